@@ -1,0 +1,101 @@
+"""The map of the program: source -> frame -> filter -> sink.
+
+A source yields the records of a log. The pipeline decodes the point clouds among them into frames, a filter gives every
+point of a frame a reason, and sinks write what comes out.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol
+
+from seaclutter_cli.cloud import Cloud
+from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record
+
+
+class Source(Protocol):
+    """A recording: one file, or several that are one stream."""
+
+    name: str
+    """Name of the recording, as it appears in tables and file names."""
+    format: str
+    """What the recording is, for people: ``MCAP``, ``ROS 1 bag``."""
+    profile: str
+    """MCAP profile of what comes out: ``ros2``, ``ros1`` or empty."""
+    compression: str | None
+    """Compression of the recording as MCAP names it (``zstd``, ``lz4``, empty for none); None if it has no say."""
+    damage: list[Damage]
+    """What could not be read; grows while the records are read."""
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """Channels known before reading, those without messages too."""
+        ...
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Messages per channel id as far as known before reading."""
+        ...
+
+    def records(self) -> Iterator[Record]:
+        """Yield everything in the recording, messages in the order of their log time; can be called again."""
+        ...
+
+    def close(self) -> None:
+        """Free what is held open."""
+        ...
+
+
+class CloudCodec(Protocol):
+    """Point clouds in one message encoding."""
+
+    def decode(self, data: Buffer) -> Cloud:
+        """Return a view on the message's points; `CloudError` if it is no valid cloud."""
+        ...
+
+    def encode(self, cloud: Cloud) -> bytes:
+        """Return the message of a cloud."""
+        ...
+
+
+class Filter(Protocol):
+    """A method that tells sea clutter from targets. Keeps state from frame to frame of one topic of one recording."""
+
+    Params: type[Any]
+    """Dataclass of the method's config keys; the filter is made from one."""
+
+    def observe(self, frame: Frame) -> None:
+        """Look at a frame in a pass before the first `step`; called only where ``needs_first_pass``."""
+        ...
+
+    @property
+    def needs_first_pass(self) -> bool:
+        """Whether all frames must be observed before the first `step`."""
+        ...
+
+    def step(self, frame: Frame) -> FilterResult:
+        """Return a reason for every point; called once a frame, in order."""
+        ...
+
+    def reset(self) -> None:
+        """Forget all state: a recording starts."""
+        ...
+
+
+class Sink(Protocol):
+    """A consumer of what comes out of the filter."""
+
+    def begin(self, source: Source) -> None:
+        """Start a recording."""
+        ...
+
+    def copy(self, record: Message | Attachment | Metadata) -> None:
+        """Take a record that no filter touches."""
+        ...
+
+    def write(self, result: FilterResult) -> None:
+        """Take a filtered frame."""
+        ...
+
+    def end(self) -> None:
+        """End the recording."""
+        ...

@@ -1,0 +1,180 @@
+"""``foxglove.PointCloud`` in protobuf and JSON.
+
+Only the parts that describe points are read; the pose and whatever newer versions add travel along untouched in
+``Cloud.extra``. The protobuf wire format is walked by hand, since a generated class would copy the points and could
+drop unknown fields.
+"""
+
+import base64
+import binascii
+import json
+import struct
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Any
+
+from seaclutter_cli.cloud import Cloud, PointField
+from seaclutter_cli.errors import CloudError
+from seaclutter_cli.records import Buffer
+
+_TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")
+_NANO = 1_000_000_000
+
+
+def _unorganised(
+    stamp_ns: int, frame_id: str, stride: int, fields: tuple[PointField, ...], data: Buffer, extra: Any
+) -> Cloud:
+    if stride <= 0 and len(data):
+        raise CloudError(f"the cloud has a point stride of {stride} bytes")
+    size = len(data) // stride if stride > 0 else 0
+    return Cloud(stamp_ns, frame_id, 1, size, fields, stride, size * stride, False, False, data, extra)
+
+
+def _field_type(number: int, name: str) -> str:
+    if not 1 <= number <= len(_TYPES):
+        raise CloudError(f"field {name!r} has the unknown type {number}")
+    return _TYPES[number - 1]
+
+
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+_FRAME_ID, _STRIDE, _FIELDS, _DATA = 2, 4, 5, 6
+_TIMESTAMP = 1
+
+
+def _varint(data: memoryview, at: int) -> tuple[int, int]:
+    value = shift = 0
+    while at < len(data) and shift < 70:
+        byte = data[at]
+        value |= (byte & 127) << shift
+        at, shift = at + 1, shift + 7
+        if byte < 128:
+            return value, at
+    raise CloudError("the message holds a broken protobuf number")
+
+
+def _walk(data: memoryview) -> Iterator[tuple[int, int, int | memoryview, memoryview]]:
+    """Yield field number, wire type, value and whole bytes of each protobuf field."""
+    at = 0
+    while at < len(data):
+        start = at
+        key, at = _varint(data, at)
+        number, wire = key >> 3, key & 7
+        value: int | memoryview
+        if wire == _VARINT:
+            value, at = _varint(data, at)
+        elif wire == _BYTES:
+            size, at = _varint(data, at)
+            value = data[at : at + size]
+            at += size
+        elif wire in (_FIXED32, _FIXED64):
+            size = 4 if wire == _FIXED32 else 8
+            value = int.from_bytes(data[at : at + size], "little")
+            at += size
+        else:
+            raise CloudError(f"the message holds protobuf wire type {wire}")
+        if at > len(data):
+            raise CloudError("the protobuf message ends early")
+        yield number, wire, value, data[start:at]
+
+
+def _packed(number: int, wire: int, value: int | Buffer) -> bytes:
+    key = bytes((number << 3 | wire,))
+    if isinstance(value, int):
+        return key + struct.pack("<I", value) if wire == _FIXED32 else key + _to_varint(value)
+    return key + _to_varint(len(value)) + value
+
+
+def _to_varint(value: int) -> bytes:
+    out = bytearray()
+    while value > 127:
+        out.append(value & 127 | 128)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+class ProtobufPointCloud:
+    """Protobuf wire format; ``Cloud.extra`` holds the bytes of the fields that are not about points."""
+
+    def decode(self, data: Buffer) -> Cloud:
+        """Return a view on the message's points; `CloudError` if the bytes are no PointCloud."""
+        stamp_ns, frame_id, stride, points = 0, "", 0, memoryview(b"")
+        fields: list[PointField] = []
+        others: list[bytes] = []
+        for number, wire, value, whole in _walk(memoryview(data)):
+            if number == _DATA and isinstance(value, memoryview):
+                points = value
+            elif number == _STRIDE and wire == _FIXED32:
+                stride = int(value)
+            elif number == _FIELDS and isinstance(value, memoryview):
+                fields.append(self._field(value))
+            else:
+                others.append(bytes(whole))
+                if number == _TIMESTAMP and isinstance(value, memoryview):
+                    parts = {key: part for key, _, part, _ in _walk(value) if isinstance(part, int)}
+                    stamp_ns = parts.get(1, 0) * _NANO + parts.get(2, 0)
+                elif number == _FRAME_ID and isinstance(value, memoryview):
+                    frame_id = bytes(value).decode("utf-8", "replace")
+        return _unorganised(stamp_ns, frame_id, stride, tuple(fields), points, b"".join(others))
+
+    def _field(self, data: memoryview) -> PointField:
+        parts = {number: value for number, _, value, _ in _walk(data)}
+        raw = parts.get(1, b"")
+        name = "" if isinstance(raw, int) else bytes(raw).decode("utf-8", "replace")
+        offset, kind = parts.get(2, 0), parts.get(3, 0)
+        if not (isinstance(offset, int) and isinstance(kind, int)):
+            raise CloudError(f"field {name!r} is described wrongly")
+        return PointField(name, offset, _field_type(kind, name))
+
+    def encode(self, cloud: Cloud) -> bytes:
+        """Return the message of a cloud."""
+        fields = [
+            _packed(1, _BYTES, field.name.encode())
+            + _packed(2, _FIXED32, field.offset)
+            + _packed(3, _VARINT, _TYPES.index(field.type) + 1)
+            for field in cloud.fields
+        ]
+        return b"".join(
+            (
+                cloud.extra or b"",
+                _packed(_STRIDE, _FIXED32, cloud.point_step),
+                *(_packed(_FIELDS, _BYTES, field) for field in fields),
+                _packed(_DATA, _BYTES, cloud.data),
+            )
+        )
+
+
+class JsonPointCloud:
+    """JSON with base64 points; ``Cloud.extra`` holds the object without its data."""
+
+    def decode(self, data: Buffer) -> Cloud:
+        """Return the cloud; `CloudError` if the bytes are no PointCloud."""
+        try:
+            message = json.loads(bytes(data))
+            points = base64.b64decode(message.pop("data"), validate=True)
+            fields = tuple(
+                PointField(str(field["name"]), int(field["offset"]), _field_type(int(field["type"]), field["name"]))
+                for field in message["fields"]
+            )
+            stride, stamp_ns = int(message["point_stride"]), _stamp_ns(message.get("timestamp"))
+        except (ValueError, LookupError, TypeError, AttributeError, binascii.Error) as error:
+            raise CloudError(f"the message is no JSON foxglove.PointCloud: {error!r}") from error
+        return _unorganised(stamp_ns, str(message.get("frame_id", "")), stride, fields, points, message)
+
+    def encode(self, cloud: Cloud) -> bytes:
+        """Return the message of a cloud."""
+        fields = [{"name": f.name, "offset": f.offset, "type": _TYPES.index(f.type) + 1} for f in cloud.fields]
+        described = {"point_stride": cloud.point_step, "fields": fields, "data": base64.b64encode(cloud.data).decode()}
+        return json.dumps({**(cloud.extra or {}), **described}).encode()
+
+
+def _stamp_ns(timestamp: Any) -> int:
+    """Read a time as Foxglove writes it in JSON: an object of seconds and nanoseconds, or RFC 3339 text."""
+    if isinstance(timestamp, dict):
+        return int(timestamp.get("sec") or 0) * _NANO + int(timestamp.get("nsec") or timestamp.get("nanos") or 0)
+    if not timestamp:
+        return 0
+    whole, _, rest = str(timestamp).removesuffix("Z").partition(".")
+    moment = datetime.fromisoformat(whole)
+    seconds = int((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp())
+    return seconds * _NANO + int(rest[:9].ljust(9, "0") or 0)

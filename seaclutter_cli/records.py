@@ -1,0 +1,84 @@
+"""What a log consists of, whatever its format: channels, messages, attachments, metadata.
+
+Times are integer nanoseconds. ``Buffer`` data are views where possible: a message of an MCAP file points into its
+decompressed chunk.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+Buffer = bytes | memoryview
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """A message definition, as MCAP stores it."""
+
+    name: str
+    encoding: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A topic as one publisher fills it. ``id`` tells channels of one log apart."""
+
+    id: int
+    topic: str
+    message_encoding: str
+    schema: Schema | None
+    metadata: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message of a log, not decoded."""
+
+    channel: Channel
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+    data: Buffer
+
+
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """A file stored inside a log."""
+
+    log_time_ns: int
+    create_time_ns: int
+    name: str
+    media_type: str
+    data: Buffer
+
+
+@dataclass(frozen=True, slots=True)
+class Metadata:
+    """Named key-value pairs stored inside a log."""
+
+    name: str
+    entries: dict[str, str]
+
+
+Record = Message | Attachment | Metadata
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """A part of the input that could not be used: where, what, and how much was left out."""
+
+    path: Path
+    offset: int | None
+    what: str
+    lost_bytes: int = 0
+    lost_messages: int | None = None
+
+    def __str__(self) -> str:
+        """Return the one line that the user reads."""
+        place = f"{self.path}" if self.offset is None else f"{self.path}: byte {self.offset}"
+        amounts = []
+        if self.lost_messages is not None:
+            amounts.append(f"{self.lost_messages} message{'' if self.lost_messages == 1 else 's'}")
+        if self.lost_bytes:
+            amounts.append(f"{self.lost_bytes} bytes")
+        return f"{place}: {self.what}; left out: {', '.join(amounts) or 'nothing'}"

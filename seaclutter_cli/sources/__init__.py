@@ -1,0 +1,1 @@
+"""Logs in every supported format, each opened as a `Source`."""
