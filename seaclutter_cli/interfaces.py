@@ -5,7 +5,7 @@ point of a frame a reason, and sinks write what comes out.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.frame import FilterResult, Frame
@@ -60,7 +60,7 @@ class CloudCodec(Protocol):
 class Filter(Protocol):
     """A method that tells sea clutter from targets. Keeps state from frame to frame of one topic of one recording."""
 
-    Params: type[Any]
+    Params: ClassVar[type[Any]]
     """Dataclass of the method's config keys; the filter is made from one."""
 
     def observe(self, frame: Frame) -> None:

@@ -1,1 +1,21 @@
-"""Placeholder of the filters package."""
+"""Filter methods: each gives every point of a frame a reason to go, or none."""
+
+from collections.abc import Mapping
+
+from seaclutter_cli.filters.global_intensity import GlobalIntensity
+from seaclutter_cli.filters.joint import Joint, RingIntensity, RingIntensityOutlier
+from seaclutter_cli.filters.nothing import Nothing
+from seaclutter_cli.filters.radius import RadiusOutlierRemoval
+from seaclutter_cli.filters.statistical import StatisticalOutlierRemoval
+from seaclutter_cli.interfaces import Filter
+
+FILTERS: Mapping[str, type[Filter]] = {
+    "joint": Joint,
+    "ring_intensity": RingIntensity,
+    "ring_intensity_outlier": RingIntensityOutlier,
+    "global_intensity": GlobalIntensity,
+    "sor": StatisticalOutlierRemoval,
+    "ror": RadiusOutlierRemoval,
+    "none": Nothing,
+}
+"""Filter methods by the name they have in a config. A new method is one line here."""

@@ -1,0 +1,152 @@
+"""Distances to nearest neighbours: exact, with duplicates, on all cores, the same for any number of them."""
+
+import os
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+try:
+    from small_gicp import KdTree as _FastTree
+except ImportError:  # no wheel for this platform
+    _FastTree = None
+
+Points = NDArray[np.float64]
+Distances = NDArray[np.float64]
+Search = Callable[[Points, int], tuple[NDArray[np.int64], Distances]]
+
+_BLOCK = 1 << 16
+_MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+
+
+def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
+    """Return each point's mean distance to its nearest other points.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 3), float64
+        Finite coordinates in metres. Equal points are neighbours of each other at distance 0.
+    neighbors : int
+        How many of the nearest other points count; at least 1, at most N - 1.
+
+    Returns
+    -------
+    ndarray, shape (N,), float64
+        Mean distance in metres.
+
+    Examples
+    --------
+    >>> mean_neighbor_distance(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), 2)
+    array([2. , 1.5, 2.5])
+    """
+
+    def reduce(distance: Distances, others: NDArray[np.int64]) -> Distances:
+        before = np.cumsum(others, axis=1) - others
+        taken = np.clip(neighbors - before, 0, others)
+        return np.asarray(np.einsum("ij,ij->i", distance, taken) / neighbors)
+
+    def reduce_distinct(distance: Distances) -> Distances:
+        return np.asarray(distance[:, 1:].sum(axis=1) / neighbors)
+
+    return _over_neighbors(points, neighbors, reduce, reduce_distinct)
+
+
+def nth_neighbor_distance(points: Points, n: int) -> Distances:
+    """Return each point's distance to its n-th nearest other point.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 3), float64
+        Finite coordinates in metres. Equal points are neighbours of each other at distance 0.
+    n : int
+        Rank of the neighbour; at least 1, at most N - 1.
+
+    Returns
+    -------
+    ndarray, shape (N,), float64
+        Distance in metres. At least n others lie within R of a point exactly where it is at most R.
+
+    Examples
+    --------
+    >>> nth_neighbor_distance(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), 2)
+    array([3., 2., 3.])
+    """
+
+    def reduce(distance: Distances, others: NDArray[np.int64]) -> Distances:
+        rank = np.argmax(np.cumsum(others, axis=1) >= n, axis=1)
+        return np.asarray(distance[np.arange(len(distance)), rank])
+
+    def reduce_distinct(distance: Distances) -> Distances:
+        return np.asarray(distance[:, n])
+
+    return _over_neighbors(points, n, reduce, reduce_distinct)
+
+
+def _over_neighbors(
+    points: Points,
+    count: int,
+    reduce: Callable[[Distances, NDArray[np.int64]], Distances],
+    reduce_distinct: Callable[[Distances], Distances],
+) -> Distances:
+    """Search the neighbours of distinct points only, since trees stall on equal ones, block by block."""
+    first, inverse, multiplicity = _distinct(points)
+    distinct = points if len(first) == len(points) else points[first]
+    search, k = _searcher(distinct), min(count + 1, len(distinct))
+    out = np.empty(len(distinct))
+    for start in range(0, len(distinct), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        index, distance = search(distinct[block], k)
+        if distinct is points:
+            out[block] = reduce_distinct(distance)
+        else:
+            others = multiplicity[index]
+            others[:, 0] -= 1  # the nearest of distinct points is the point itself
+            out[block] = reduce(distance, others)
+    return out if distinct is points else out[inverse]
+
+
+def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the index of each distinct point, which of them every point is, and how often each occurs."""
+    bits = (points + 0.0).view(np.uint64)  # -0.0 equals 0.0
+    mixed = (bits ^ (bits >> np.uint64(32))) * _MIX
+    key = mixed[:, 0] ^ (mixed[:, 1] >> np.uint64(1)) ^ (mixed[:, 2] >> np.uint64(2))
+    _, first, inverse, multiplicity = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
+    if len(first) < len(points) and not np.array_equal(points[first[inverse]], points):
+        _, first, inverse, multiplicity = np.unique(  # two points share a key
+            points + 0.0, axis=0, return_index=True, return_inverse=True, return_counts=True
+        )
+    return first, inverse.reshape(-1), multiplicity
+
+
+def _searcher(points: Points) -> Search:
+    """Return a function that finds the k nearest of ``points``, the nearest first."""
+    if _FastTree is not None:
+        threads = _threads()
+        fast = _FastTree(points, num_threads=threads)
+
+        def search(query: Points, k: int) -> tuple[NDArray[np.int64], Distances]:
+            index, squared = fast.batch_knn_search(query, k, num_threads=threads)
+            return index.view(np.int64), np.sqrt(squared)
+
+        return search
+    return scipy_searcher(points)
+
+
+def scipy_searcher(points: Points) -> Search:
+    """Return the search by scipy's tree, for platforms without the faster one."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+
+    def search(query: Points, k: int) -> tuple[NDArray[np.int64], Distances]:
+        distance, index = tree.query(query, np.arange(1, k + 1), workers=_threads())
+        return index, distance
+
+    return search
+
+
+def _threads() -> int:
+    """Count the cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

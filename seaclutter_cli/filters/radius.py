@@ -1,0 +1,79 @@
+"""Radius outlier removal (ROR)."""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from seaclutter_cli.filters.base import BaseFilter
+from seaclutter_cli.filters.neighbors import nth_neighbor_distance
+from seaclutter_cli.frame import FilterResult, Frame, Reason
+
+
+def lonely(points: NDArray[np.float64], radius_m: float, min_neighbors: int) -> NDArray[np.bool_]:
+    """Tell which points have too few others near them.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 3), float64
+        Finite coordinates in metres.
+    radius_m : float
+        Distance up to which, included, another point counts.
+    min_neighbors : int
+        Other points that are needed; at least 1.
+
+    Returns
+    -------
+    ndarray, shape (N,), bool
+        True where there are fewer.
+
+    Examples
+    --------
+    >>> lonely(np.array([[0.0, 0, 0], [0, 0.5, 0], [0, 0, 2]]), 0.5, 1)
+    array([False, False,  True])
+    """
+    if len(points) <= min_neighbors:
+        return np.ones(len(points), np.bool_)
+    # The n-th nearest lies within the radius exactly where at least n do, and costs much less to find.
+    return np.asarray(nth_neighbor_distance(np.ascontiguousarray(points), min_neighbors) > radius_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RorParams:
+    """Radius outlier removal.
+
+    Parameters
+    ----------
+    radius_m : float
+        Distance within which others count, R.
+    min_neighbors : int
+        Others that are needed, n.
+    """
+
+    radius_m: Annotated[float, Gt(0)] = 0.5
+    min_neighbors: Annotated[int, Ge(1)] = 5
+
+
+class RadiusOutlierRemoval(BaseFilter):
+    """ROR over all valid points of a frame; intensity plays no part.
+
+    Parameters
+    ----------
+    params : RorParams
+        Config keys of the method.
+    """
+
+    Params: ClassVar[type[RorParams]] = RorParams
+
+    def __init__(self, params: RorParams) -> None:
+        self.params = params
+
+    def step(self, frame: Frame) -> FilterResult:
+        """Return a reason for every point of a frame."""
+        reason = np.full(frame.size, Reason.INVALID, np.uint8)
+        valid = np.flatnonzero(frame.valid)
+        alone = lonely(frame.xyz[:, valid].T, self.params.radius_m, self.params.min_neighbors)
+        reason[valid] = np.where(alone, Reason.OUTLIER, Reason.KEPT)
+        return FilterResult(frame, reason)

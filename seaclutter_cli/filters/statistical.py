@@ -1,0 +1,85 @@
+"""Statistical outlier removal (SOR), alone and as the spatial stage of other methods."""
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+from annotated_types import Ge
+from numpy.typing import NDArray
+
+from seaclutter_cli.filters.base import BaseFilter
+from seaclutter_cli.filters.neighbors import mean_neighbor_distance
+from seaclutter_cli.frame import FilterResult, Frame, Reason
+
+ROUNDING = 1e-9
+"""Relative difference below which two distances are the same: equal spacings must not become outliers by rounding."""
+
+
+def outliers(points: NDArray[np.float64], neighbors: int, std_ratio: float) -> NDArray[np.bool_]:
+    r"""Tell which points are far from their neighbours (S0, Eq. 6 and 7).
+
+    .. math:: d_i > \lambda = \mathrm{mean}(d) + m\,\sigma(d)
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 3), float64
+        Finite coordinates in metres.
+    neighbors : int
+        Nearest other points over which :math:`d_i` is the mean distance; N - 1 if there are fewer.
+    std_ratio : float
+        Number m of sample standard deviations.
+
+    Returns
+    -------
+    ndarray, shape (N,), bool
+        True for outliers. A single point is none.
+
+    Examples
+    --------
+    >>> outliers(np.array([[0.0, 0, 0], [0, 1, 0], [1, 0, 0], [9, 9, 9]]), 2, 1.0)
+    array([False, False, False,  True])
+    """
+    if len(points) < 2:
+        return np.zeros(len(points), np.bool_)
+    distance = mean_neighbor_distance(np.ascontiguousarray(points), min(neighbors, len(points) - 1))
+    limit = distance.mean() + std_ratio * distance.std(ddof=1)
+    return np.asarray(distance > limit * (1 + ROUNDING))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SorParams:
+    """Statistical outlier removal.
+
+    Parameters
+    ----------
+    neighbors : int
+        Nearest other points, k.
+    std_ratio : float
+        Standard deviations above the mean at which a point is an outlier, m.
+    """
+
+    neighbors: Annotated[int, Ge(1)] = 30
+    std_ratio: Annotated[float, Ge(0)] = 1.0
+
+
+class StatisticalOutlierRemoval(BaseFilter):
+    """SOR over all valid points of a frame; intensity plays no part.
+
+    Parameters
+    ----------
+    params : SorParams
+        Config keys of the method.
+    """
+
+    Params: ClassVar[type[SorParams]] = SorParams
+
+    def __init__(self, params: SorParams) -> None:
+        self.params = params
+
+    def step(self, frame: Frame) -> FilterResult:
+        """Return a reason for every point of a frame."""
+        reason = np.full(frame.size, Reason.INVALID, np.uint8)
+        valid = np.flatnonzero(frame.valid)
+        outlying = outliers(frame.xyz[:, valid].T, self.params.neighbors, self.params.std_ratio)
+        reason[valid] = np.where(outlying, Reason.OUTLIER, Reason.KEPT)
+        return FilterResult(frame, reason)
