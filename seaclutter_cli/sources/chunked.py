@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from operator import attrgetter
+from typing import TypeVar
 
 from seaclutter_cli.records import Message
 
 MAX_WAITING_BYTES = 256 * 2**20
-"""Bytes of messages that may wait for their turn; beyond it, the earliest leave even if a later chunk holds earlier ones."""
+"""Bytes of messages that may wait for their turn; beyond it, the earliest leave though earlier ones may follow."""
 
 _log_time = attrgetter("log_time_ns")
 
@@ -25,7 +26,10 @@ class Chunk:
     end_ns: int
 
 
-def in_time_order(chunks: Iterable[Chunk], load: Callable[[Chunk], list[Message]]) -> Iterator[Message]:
+C = TypeVar("C", bound=Chunk)
+
+
+def in_time_order(chunks: Iterable[C], load: Callable[[C], list[Message]]) -> Iterator[Message]:
     """Yield the messages of all chunks in the order of their log time; of equal times, in the order of the file.
 
     Parameters
@@ -59,9 +63,9 @@ def _overflow(waiting: list[Message]) -> int:
     return count
 
 
-def _ahead(chunks: Iterable[Chunk], load: Callable[[Chunk], list[Message]]) -> Iterator[tuple[Chunk, list[Message]]]:
+def _ahead(chunks: Iterable[C], load: Callable[[C], list[Message]]) -> Iterator[tuple[C, list[Message]]]:
     with ThreadPoolExecutor(1, thread_name_prefix="read") as pool:
-        pending: deque[tuple[Chunk, Future[list[Message]]]] = deque()
+        pending: deque[tuple[C, Future[list[Message]]]] = deque()
         try:
             for chunk in chunks:
                 pending.append((chunk, pool.submit(load, chunk)))

@@ -1,0 +1,271 @@
+"""Writes MCAP files in chunks that other threads compress; the bytes do not depend on how many.
+
+The ``mcap`` library's writer compresses in the thread that calls it, which takes longer than all the rest of a run.
+"""
+
+import os
+import struct
+import zlib
+from collections import Counter, defaultdict, deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from threading import local
+from typing import BinaryIO
+
+import lz4.frame
+import zstandard
+from mcap import records as mcap_records
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+
+from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
+
+MAGIC = b"\x89MCAP0\r\n"
+CHUNK_SIZE = 1 << 20
+"""Bytes at which a chunk is closed, as in other writers."""
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+_thread = local()
+
+
+def _zstd(data: bytes) -> bytes:
+    if not hasattr(_thread, "zstd"):
+        _thread.zstd = zstandard.ZstdCompressor()
+    return bytes(_thread.zstd.compress(data))
+
+
+COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
+    "zstd": _zstd,
+    "lz4": lambda data: bytes(lz4.frame.compress(data)),
+    "": lambda data: data,
+}
+
+
+@dataclass(slots=True)
+class _Chunk:
+    """Messages on their way into the file."""
+
+    parts: list[Buffer] = field(default_factory=list)
+    size: int = 0
+    start_ns: int = 2**64 - 1
+    end_ns: int = 0
+    index: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
+
+    def add(self, channel: int, log_time_ns: int, record: tuple[Buffer, ...]) -> None:
+        self.index[channel] += (log_time_ns, self.size)
+        self.parts += record
+        self.size += sum(map(len, record))
+        self.start_ns = min(self.start_ns, log_time_ns)
+        self.end_ns = max(self.end_ns, log_time_ns)
+
+
+class McapWriter:
+    """Writer of one MCAP file.
+
+    Parameters
+    ----------
+    stream : BinaryIO
+        Where the file goes; only ever written to, front to back.
+    profile, library : str
+        For the file's header.
+    compression : str
+        A key of `COMPRESSIONS`.
+    """
+
+    def __init__(self, stream: BinaryIO, *, profile: str, library: str, compression: str) -> None:
+        self._stream = stream
+        self._offset = 0
+        self._compression = compression
+        self._chunk = _Chunk()
+        threads = min(4, os.cpu_count() or 1)
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="compress")
+        self._pending: deque[tuple[_Chunk, Future[tuple[int, bytes]]]] = deque()
+        self._most_pending = threads + 1
+        self._schemas: dict[Schema, int] = {}
+        self._channels: dict[int, tuple[Channel, int]] = {}
+        self._counts: Counter[int] = Counter()
+        self._start_ns, self._end_ns = 2**64 - 1, 0
+        self._indexes: dict[Opcode, bytearray] = defaultdict(bytearray)
+        self._indexed: Counter[Opcode] = Counter()
+        self._write(MAGIC)
+        self._write_record(mcap_records.Header(profile=profile, library=library))
+
+    def add_channel(self, channel: Channel) -> None:
+        """Declare a channel under its own id, before its first message."""
+        schema_id = 0
+        if channel.schema is not None:
+            schema_id = self._schemas.get(channel.schema, 0)
+            if not schema_id:
+                schema_id = self._schemas[channel.schema] = len(self._schemas) + 1
+                self._write_record(_schema_record(schema_id, channel.schema))
+        self._channels[channel.id] = channel, schema_id
+        self._write_record(_channel_record(channel, schema_id))
+
+    def write(self, channel: int, log_time_ns: int, publish_time_ns: int, sequence: int, data: Buffer) -> None:
+        """Write a message of a declared channel."""
+        size = len(data) + _MESSAGE.size - 9
+        head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, log_time_ns, publish_time_ns)
+        self._chunk.add(channel, log_time_ns, (head, data))
+        self._counts[channel] += 1
+        if self._chunk.size >= CHUNK_SIZE:
+            self._submit()
+
+    def attach(self, attachment: Attachment) -> None:
+        """Write an attachment, its data not copied."""
+        head = struct.pack("<QQ", attachment.log_time_ns, attachment.create_time_ns)
+        for text in (attachment.name, attachment.media_type):
+            head += _prefixed(text)
+        head += struct.pack("<Q", len(attachment.data))
+        crc = zlib.crc32(attachment.data, zlib.crc32(head))
+        offset, size = self._offset, len(head) + len(attachment.data) + 4
+        self._write(struct.pack("<BQ", Opcode.ATTACHMENT, size), head, attachment.data, struct.pack("<I", crc))
+        entry = mcap_records.AttachmentIndex(
+            offset=offset,
+            length=self._offset - offset,
+            log_time=attachment.log_time_ns,
+            create_time=attachment.create_time_ns,
+            data_size=len(attachment.data),
+            name=attachment.name,
+            media_type=attachment.media_type,
+        )
+        self._note(Opcode.ATTACHMENT_INDEX, entry)
+
+    def add_metadata(self, metadata: Metadata) -> None:
+        """Write a metadata record."""
+        offset = self._offset
+        self._write_record(mcap_records.Metadata(name=metadata.name, metadata=metadata.entries))
+        entry = mcap_records.MetadataIndex(offset=offset, length=self._offset - offset, name=metadata.name)
+        self._note(Opcode.METADATA_INDEX, entry)
+
+    def finish(self) -> None:
+        """Write what is pending, the summary and the footer."""
+        if self._chunk.parts:
+            self._submit()
+        while self._pending:
+            self._write_chunk(*self._pending.popleft())
+        self._pool.shutdown()
+        self._write_record(mcap_records.DataEnd(data_section_crc=0))
+        self._write_summary()
+        self._write(MAGIC)
+
+    def abort(self) -> None:
+        """Stop the threads; the file stays incomplete."""
+        self._pool.shutdown(cancel_futures=True)
+
+    def _submit(self) -> None:
+        chunk, self._chunk = self._chunk, _Chunk()
+        self._pending.append((chunk, self._pool.submit(_compress, chunk.parts, self._compression)))
+        if len(self._pending) > self._most_pending:
+            self._write_chunk(*self._pending.popleft())
+
+    def _write_chunk(self, chunk: _Chunk, compressed: Future[tuple[int, bytes]]) -> None:
+        crc, data = compressed.result()
+        offset = self._offset
+        head = struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, chunk.size, crc)
+        head += _prefixed(self._compression) + struct.pack("<Q", len(data))
+        self._write(struct.pack("<BQ", Opcode.CHUNK, len(head) + len(data)), head, data)
+        length = self._offset - offset
+        places: dict[int, int] = {}
+        for channel, entries in chunk.index.items():
+            places[channel] = self._offset
+            array = struct.pack(f"<{len(entries)}Q", *entries)
+            self._write(struct.pack("<BQHI", Opcode.MESSAGE_INDEX, len(array) + 6, channel, len(array)), array)
+        entry = mcap_records.ChunkIndex(
+            chunk_length=length,
+            chunk_start_offset=offset,
+            compression=self._compression,
+            compressed_size=len(data),
+            message_end_time=chunk.end_ns,
+            message_index_length=self._offset - offset - length,
+            message_index_offsets=places,
+            message_start_time=chunk.start_ns,
+            uncompressed_size=chunk.size,
+        )
+        self._note(Opcode.CHUNK_INDEX, entry)
+        self._start_ns, self._end_ns = min(self._start_ns, chunk.start_ns), max(self._end_ns, chunk.end_ns)
+
+    def _note(self, opcode: Opcode, entry: mcap_records.McapRecord) -> None:
+        """Keep an index entry for the summary, in the form in which it takes least memory."""
+        self._indexes[opcode] += _serialise(entry)
+        self._indexed[opcode] += 1
+
+    def _write_summary(self) -> None:
+        """Write schemas, channels, statistics and indexes, each group found through the footer."""
+        schemas = (_schema_record(number, schema) for schema, number in self._schemas.items())
+        channels = (_channel_record(channel, schema) for channel, schema in self._channels.values())
+        groups: dict[Opcode, Buffer | bytearray] = {
+            Opcode.SCHEMA: _serialise(*schemas),
+            Opcode.CHANNEL: _serialise(*channels),
+            Opcode.STATISTICS: _serialise(self._statistics()),
+            **self._indexes,
+        }
+        start, crc, offsets = self._offset, 0, []
+        for opcode, data in groups.items():
+            if data:
+                offsets.append((opcode, self._offset, len(data)))
+                crc = zlib.crc32(data, crc)
+                self._write(data)
+        offset_start = self._offset
+        data = _serialise(
+            *(
+                mcap_records.SummaryOffset(group_opcode=opcode, group_start=offset, group_length=length)
+                for opcode, offset, length in offsets
+            )
+        )
+        footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
+        crc = zlib.crc32(footer, zlib.crc32(data, crc))
+        self._write(data, footer, struct.pack("<I", crc))
+
+    def _statistics(self) -> mcap_records.Statistics:
+        count = self._counts.total()
+        return mcap_records.Statistics(
+            attachment_count=self._indexed[Opcode.ATTACHMENT_INDEX],
+            channel_count=len(self._channels),
+            channel_message_counts=dict(self._counts),
+            chunk_count=self._indexed[Opcode.CHUNK_INDEX],
+            message_count=count,
+            message_end_time=self._end_ns,
+            message_start_time=self._start_ns if count else 0,
+            metadata_count=self._indexed[Opcode.METADATA_INDEX],
+            schema_count=len(self._schemas),
+        )
+
+    def _write_record(self, record: mcap_records.McapRecord) -> None:
+        self._write(_serialise(record))
+
+    def _write(self, *parts: Buffer | bytearray) -> None:
+        for part in parts:
+            self._stream.write(part)
+            self._offset += len(part)
+
+
+def _compress(parts: list[Buffer], compression: str) -> tuple[int, bytes]:
+    data = b"".join(parts)
+    return zlib.crc32(data), COMPRESSIONS[compression](data)
+
+
+def _serialise(*records: mcap_records.McapRecord) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+def _prefixed(text: str) -> bytes:
+    raw = text.encode()
+    return struct.pack("<I", len(raw)) + raw
+
+
+def _schema_record(number: int, schema: Schema) -> mcap_records.Schema:
+    return mcap_records.Schema(id=number, name=schema.name, encoding=schema.encoding, data=schema.data)
+
+
+def _channel_record(channel: Channel, schema_id: int) -> mcap_records.Channel:
+    return mcap_records.Channel(
+        id=channel.id,
+        topic=channel.topic,
+        message_encoding=channel.message_encoding,
+        metadata=dict(channel.metadata),
+        schema_id=schema_id,
+    )
