@@ -1,6 +1,6 @@
 """One lidar frame, and what a filter says about its points."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import cached_property
 from typing import Any
@@ -160,6 +160,10 @@ class Rings:
     points: NDArray[np.int64]
     low_intensity: NDArray[np.int64]
     outliers: NDArray[np.int64]
+
+    def __add__(self, other: "Rings") -> "Rings":
+        """Return the sums, for means over frames."""
+        return Rings(*(getattr(self, item.name) + getattr(other, item.name) for item in fields(self)))
 
 
 @dataclass(frozen=True)

@@ -84,8 +84,8 @@ class Filter(Protocol):
 class Sink(Protocol):
     """A consumer of what comes out of the filter."""
 
-    def begin(self, source: Source) -> None:
-        """Start a recording."""
+    def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
+        """Start a recording of which ``clouds`` are filtered."""
         ...
 
     def copy(self, record: Message | Attachment | Metadata) -> None:

@@ -1,1 +1,78 @@
-"""Placeholder of the commands package."""
+"""The command line. Each command is a file here; it is imported when it is called, so that help comes at once."""
+
+import importlib
+import os
+import signal
+import sys
+from collections.abc import Mapping
+from types import FrameType
+from typing import Any
+
+import click
+
+from seaclutter_cli import __version__
+from seaclutter_cli.commands.options import DEBUG
+from seaclutter_cli.errors import SeaclutterError
+
+COMMANDS: Mapping[str, str] = {
+    "info": "Show what a log holds and what a filter run would need to be told.",
+    "filter": "Filter logs into drop-in MCAP files.",
+    "config": "Show and check configurations; list what is built in.",
+}
+"""Commands and their short help. A new one is a line here and a file of the same name."""
+
+
+class _LazyGroup(click.Group):
+    """Imports a command when it is needed; its short help stands in `COMMANDS`."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"seaclutter_cli.commands.{cmd_name}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except SeaclutterError as error:
+            if DEBUG in ctx.meta:
+                raise
+            click.echo(f"Error: {error}", err=True)
+            ctx.exit(error.exit_code)
+        except KeyboardInterrupt:
+            click.echo("\nInterrupted; the output of the unfinished recording was removed.", err=True)
+            ctx.exit(1)
+
+
+@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="seaclutter")
+def cli() -> None:
+    """Filter sea clutter out of recorded marine lidar logs.
+
+    Waves, wakes and spray drown ships and buoys in false alarms. seaclutter removes them from MCAP files, ROS bags and
+    folders of frames, and keeps every other topic, field and time stamp as it was.
+    """
+
+
+def _interrupt(_number: int, _stack: FrameType | None) -> None:
+    """Take a request to end like Ctrl-C, so that nothing unfinished is left behind."""
+    raise KeyboardInterrupt
+
+
+def main() -> None:
+    """Run the program."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        cli(windows_expand_args=False)  # logs are globbed here, the same on every system
+    except BrokenPipeError:
+        # The reader of a pipe has gone, as with `seaclutter info … | head`: nothing to say to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)

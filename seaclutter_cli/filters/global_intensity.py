@@ -45,7 +45,7 @@ class GlobalIntensity(BaseFilter):
     def __init__(self, params: GlobalIntensityParams) -> None:
         self.params = params
         self.needs_first_pass = params.threshold is None
-        self._zones = Zones(params, np.array([params.start_m, params.end_m]))
+        self._zones = Zones(params)
         self.reset()
 
     def reset(self) -> None:

@@ -28,10 +28,15 @@ class RingIntensityParams(ZoneParams):
     ring_width_m: Annotated[float, Gt(0)] = 15.0
     initial_thresholds: Annotated[tuple[float, ...], Len(1)] = (30, 16, 7, 4)
 
+    @property
+    def edges(self) -> NDArray[np.float64]:
+        """Edges of the rings in metres, shape (K + 1,)."""
+        return ring_edges(self.start_m, self.end_m, self.ring_width_m)
+
     def __post_init__(self) -> None:
         """Check that there is a threshold for each ring."""
         super().__post_init__()
-        rings = len(ring_edges(self.start_m, self.end_m, self.ring_width_m)) - 1
+        rings = len(self.edges) - 1
         if len(self.initial_thresholds) != rings:
             span = f"{self.start_m:g} to {self.end_m:g} m in rings of {self.ring_width_m:g} m"
             raise ValueError(f"initial_thresholds has {len(self.initial_thresholds)} values, {span} need {rings}")
@@ -82,7 +87,7 @@ class RingIntensity(BaseFilter):
 
     def __init__(self, params: RingIntensityParams) -> None:
         self.params = params
-        self._zones = Zones(params, ring_edges(params.start_m, params.end_m, params.ring_width_m))
+        self._zones = Zones(params)
         self._initial = np.asarray(params.initial_thresholds, np.float64)
 
     def step(self, frame: Frame) -> FilterResult:

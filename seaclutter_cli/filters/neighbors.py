@@ -6,6 +6,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+# OpenMP's idle threads spin otherwise, and take the cores from those that read and compress.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 try:
     from small_gicp import KdTree as _FastTree
 except ImportError:  # no wheel for this platform
@@ -16,6 +18,7 @@ Distances = NDArray[np.float64]
 Search = Callable[[Points, int], tuple[NDArray[np.int64], Distances]]
 
 _BLOCK = 1 << 16
+_FEW_POINTS = 1000
 _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 
 
@@ -121,7 +124,7 @@ def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDA
 def _searcher(points: Points) -> Search:
     """Return a function that finds the k nearest of ``points``, the nearest first."""
     if _FastTree is not None:
-        threads = _threads()
+        threads = _threads() if len(points) > _FEW_POINTS else 1
         fast = _FastTree(points, num_threads=threads)
 
         def search(query: Points, k: int) -> tuple[NDArray[np.int64], Distances]:

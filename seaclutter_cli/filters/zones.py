@@ -38,6 +38,11 @@ class ZoneParams:
     far: Rule = "keep"
     exclude_boxes: tuple[Box, ...] = ()
 
+    @property
+    def edges(self) -> NDArray[np.float64]:
+        """Edges of the rings in metres, shape (K + 1,); here of one from ``start_m`` to ``end_m``."""
+        return np.array([self.start_m, self.end_m], np.float64)
+
     def __post_init__(self) -> None:
         """Check that the limits and boxes are in order."""
         if not self.start_m < self.end_m:
@@ -60,7 +65,7 @@ def ring_edges(start_m: float, end_m: float, width_m: float) -> NDArray[np.float
     # A quotient such as 3.0000000000000004 is three rings and a rounding error.
     count = max(1, math.ceil((end_m - start_m) / width_m - 1e-9))
     if count > MAX_RINGS:
-        raise ValueError(f"{count} rings are too many, at most {MAX_RINGS} are possible: make ring_width_m larger")
+        raise ValueError(f"ring_width_m ({width_m:g}) makes {count} rings, at most {MAX_RINGS} are possible")
     return np.append(start_m + np.arange(count) * width_m, end_m)
 
 
@@ -70,14 +75,12 @@ class Zones:
     Parameters
     ----------
     params : ZoneParams
-        Limits and rules.
-    edges : ndarray, shape (K + 1,), float64
-        Ring edges in metres, rising.
+        Limits, rings and rules.
     """
 
-    def __init__(self, params: ZoneParams, edges: NDArray[np.float64]) -> None:
-        self.edges = edges
-        self.count = len(edges) - 1
+    def __init__(self, params: ZoneParams) -> None:
+        self.edges = params.edges
+        self.count = len(self.edges) - 1
         self._boxes = params.exclude_boxes
         near = Reason.NEAR if params.near == "drop" else Reason.KEPT
         far = Reason.FAR if params.far == "drop" else Reason.KEPT

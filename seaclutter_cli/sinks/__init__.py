@@ -1,1 +1,6 @@
-"""Placeholder of the sinks package."""
+"""Consumers of filtered frames: the filtered MCAP and the table of frames."""
+
+from seaclutter_cli.sinks.csv import CsvSink
+from seaclutter_cli.sinks.mcap import McapOptions, McapSink
+
+__all__ = ["CsvSink", "McapOptions", "McapSink"]

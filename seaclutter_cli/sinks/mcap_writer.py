@@ -29,13 +29,13 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 _thread = local()
 
 
-def _zstd(data: bytes) -> bytes:
+def _zstd(data: bytearray) -> bytes:
     if not hasattr(_thread, "zstd"):
         _thread.zstd = zstandard.ZstdCompressor()
     return bytes(_thread.zstd.compress(data))
 
 
-COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
+COMPRESSIONS: dict[str, Callable[[bytearray], Buffer | bytearray]] = {
     "zstd": _zstd,
     "lz4": lambda data: bytes(lz4.frame.compress(data)),
     "": lambda data: data,
@@ -44,18 +44,17 @@ COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
 
 @dataclass(slots=True)
 class _Chunk:
-    """Messages on their way into the file."""
+    """Messages on their way into the file, copied: a small view would hold a large input chunk in memory."""
 
-    parts: list[Buffer] = field(default_factory=list)
-    size: int = 0
+    data: bytearray = field(default_factory=bytearray)
     start_ns: int = 2**64 - 1
     end_ns: int = 0
     index: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
 
-    def add(self, channel: int, log_time_ns: int, record: tuple[Buffer, ...]) -> None:
-        self.index[channel] += (log_time_ns, self.size)
-        self.parts += record
-        self.size += sum(map(len, record))
+    def add(self, channel: int, log_time_ns: int, head: bytes, data: Buffer) -> None:
+        self.index[channel] += (log_time_ns, len(self.data))
+        self.data += head
+        self.data += data
         self.start_ns = min(self.start_ns, log_time_ns)
         self.end_ns = max(self.end_ns, log_time_ns)
 
@@ -80,7 +79,7 @@ class McapWriter:
         self._chunk = _Chunk()
         threads = min(4, os.cpu_count() or 1)
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix="compress")
-        self._pending: deque[tuple[_Chunk, Future[tuple[int, bytes]]]] = deque()
+        self._pending: deque[tuple[_Chunk, Future[tuple[int, Buffer | bytearray]]]] = deque()
         self._most_pending = threads + 1
         self._schemas: dict[Schema, int] = {}
         self._channels: dict[int, tuple[Channel, int]] = {}
@@ -106,9 +105,9 @@ class McapWriter:
         """Write a message of a declared channel."""
         size = len(data) + _MESSAGE.size - 9
         head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, log_time_ns, publish_time_ns)
-        self._chunk.add(channel, log_time_ns, (head, data))
+        self._chunk.add(channel, log_time_ns, head, data)
         self._counts[channel] += 1
-        if self._chunk.size >= CHUNK_SIZE:
+        if len(self._chunk.data) >= CHUNK_SIZE:
             self._submit()
 
     def attach(self, attachment: Attachment) -> None:
@@ -140,7 +139,7 @@ class McapWriter:
 
     def finish(self) -> None:
         """Write what is pending, the summary and the footer."""
-        if self._chunk.parts:
+        if self._chunk.data:
             self._submit()
         while self._pending:
             self._write_chunk(*self._pending.popleft())
@@ -155,14 +154,14 @@ class McapWriter:
 
     def _submit(self) -> None:
         chunk, self._chunk = self._chunk, _Chunk()
-        self._pending.append((chunk, self._pool.submit(_compress, chunk.parts, self._compression)))
+        self._pending.append((chunk, self._pool.submit(_compress, chunk.data, self._compression)))
         if len(self._pending) > self._most_pending:
             self._write_chunk(*self._pending.popleft())
 
-    def _write_chunk(self, chunk: _Chunk, compressed: Future[tuple[int, bytes]]) -> None:
+    def _write_chunk(self, chunk: _Chunk, compressed: Future[tuple[int, Buffer | bytearray]]) -> None:
         crc, data = compressed.result()
         offset = self._offset
-        head = struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, chunk.size, crc)
+        head = struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, len(chunk.data), crc)
         head += _prefixed(self._compression) + struct.pack("<Q", len(data))
         self._write(struct.pack("<BQ", Opcode.CHUNK, len(head) + len(data)), head, data)
         length = self._offset - offset
@@ -180,7 +179,7 @@ class McapWriter:
             message_index_length=self._offset - offset - length,
             message_index_offsets=places,
             message_start_time=chunk.start_ns,
-            uncompressed_size=chunk.size,
+            uncompressed_size=len(chunk.data),
         )
         self._note(Opcode.CHUNK_INDEX, entry)
         self._start_ns, self._end_ns = min(self._start_ns, chunk.start_ns), max(self._end_ns, chunk.end_ns)
@@ -240,8 +239,7 @@ class McapWriter:
             self._offset += len(part)
 
 
-def _compress(parts: list[Buffer], compression: str) -> tuple[int, bytes]:
-    data = b"".join(parts)
+def _compress(data: bytearray, compression: str) -> tuple[int, Buffer | bytearray]:
     return zlib.crc32(data), COMPRESSIONS[compression](data)
 
 

@@ -1,1 +1,172 @@
 """Logs in every supported format, each opened as a `Source`."""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from glob import glob
+from pathlib import Path
+
+from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.sources.bag import BagSource
+from seaclutter_cli.sources.db3 import Db3Source
+from seaclutter_cli.sources.folder import FolderSource, is_frame_folder
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from seaclutter_cli.sources.mcap import McapSource
+from seaclutter_cli.sources.rosbag2 import SplitSource, is_rosbag2_folder, open_rosbag2, split_groups
+
+_HEAD_BYTES = 16
+
+
+@dataclass(frozen=True)
+class Format:
+    """A log format that is one file.
+
+    Parameters
+    ----------
+    title : str
+        Name for people.
+    suffixes : tuple of str
+        Usual file name endings.
+    magic : bytes
+        First bytes of a file; they decide before the ending does.
+    open : callable
+        Opens a file as a source.
+    """
+
+    title: str
+    suffixes: tuple[str, ...]
+    magic: bytes
+    open: Callable[[Path], Source]
+
+
+SOURCES: Mapping[str, Format] = {
+    "mcap": Format("MCAP", (".mcap",), b"\x89MCAP0\r\n", McapSource),
+    "bag": Format("ROS 1 bag", (".bag", ".bag.active"), b"#ROSBAG V2.0\n", BagSource),
+    "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), b"SQLite format 3\0", Db3Source),
+}
+"""Formats of log files. A new one is one line here; formats of single frames are in `FRAME_READERS`."""
+
+_LOG_SUFFIXES = tuple(suffix for form in SOURCES.values() for suffix in form.suffixes)
+
+
+def open_source(path: Path, *, rate_hz: float = 10.0) -> Source:
+    """Open a recording: a log file, a rosbag2 folder, a folder of frames, or a single frame.
+
+    Parameters
+    ----------
+    path : Path
+        File or folder.
+    rate_hz : float, optional
+        Frames per second where nothing carries a time.
+
+    Raises
+    ------
+    InputError
+        If it is no recording that can be read.
+    """
+    if path.is_dir():
+        if is_rosbag2_folder(path):
+            return open_rosbag2(path, _open_file)
+        if is_frame_folder(path):
+            return FolderSource(path, rate_hz=rate_hz)
+        raise InputError(f"{path}: the folder holds no log and no frames ({_formats()} are read)")
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file or folder")
+    if path.suffix.lower() in FRAME_READERS and not _has_magic(path):
+        return FolderSource(path, rate_hz=rate_hz)
+    return _open_file(path)
+
+
+def _open_file(path: Path) -> Source:
+    head = _head(path)
+    for form in SOURCES.values():
+        if head.startswith(form.magic):
+            return form.open(path)
+    for form in SOURCES.values():
+        if path.name.lower().endswith(form.suffixes):
+            return form.open(path)
+    raise InputError(f"{path}: the format is not known ({_formats()} are read)")
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEAD_BYTES)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+
+
+def _has_magic(path: Path) -> bool:
+    return _head(path).startswith(tuple(form.magic for form in SOURCES.values()))
+
+
+def _formats() -> str:
+    frames = (suffix.removeprefix(".").upper() for suffix in FRAME_READERS)
+    return ", ".join((*(form.title for form in SOURCES.values()), *frames))
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording that the command line names: one path, or the files of a split one.
+
+    Parameters
+    ----------
+    paths : tuple of Path
+        File or folder, or several files in order.
+    """
+
+    paths: tuple[Path, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the recording."""
+        first = self.paths[0]
+        if len(self.paths) > 1:
+            return first.stem.rpartition("_")[0]
+        return first.resolve().name if first.is_dir() else first.stem
+
+    def open(self, *, rate_hz: float = 10.0) -> Source:
+        """Open the recording."""
+        if len(self.paths) > 1:
+            return SplitSource(list(self.paths), _open_file)
+        return open_source(self.paths[0], rate_hz=rate_hz)
+
+
+def find_recordings(patterns: Iterable[str]) -> list[Recording]:
+    """Expand what the command line names into recordings.
+
+    A folder that is no recording itself stands for the recordings in it. Globs are expanded here, since not every shell
+    does; a name that exists is never taken for one.
+
+    Raises
+    ------
+    UsageError
+        If a glob or a folder holds nothing.
+    """
+    found: dict[Path, Recording] = {}
+    for pattern in patterns:
+        named = Path(pattern)
+        is_glob = re.search(r"[*?\[]", pattern) and not named.exists()
+        paths = sorted(map(Path, glob(pattern, recursive=True))) if is_glob else [named]  # noqa: PTH207 - any root
+        if not paths:
+            raise UsageError(f"{pattern}: nothing fits this pattern")
+        for recording in (recording for path in paths for recording in _expand(path)):
+            found.setdefault(recording.paths[0].resolve(), recording)
+    return list(found.values())
+
+
+def _expand(path: Path) -> list[Recording]:
+    if not path.is_dir() or _is_recording(path):
+        return [Recording((path,))]
+    children = sorted(path.iterdir())
+    files = [child for child in children if child.is_file() and child.name.lower().endswith(_LOG_SUFFIXES)]
+    recordings = [Recording(tuple(group)) for group in split_groups(files)]
+    recordings += [Recording((child,)) for child in children if child.is_dir() and _is_recording(child)]
+    if not recordings:
+        raise UsageError(f"{path}: the folder holds no logs and no frames ({_formats()} are read)")
+    return recordings
+
+
+def _is_recording(folder: Path) -> bool:
+    return is_rosbag2_folder(folder) or is_frame_folder(folder)

@@ -3,9 +3,7 @@
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from mmap import ACCESS_READ, mmap
 from operator import attrgetter
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from mcap.opcode import Opcode
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.chunked import Chunk, in_time_order
+from seaclutter_cli.sources.mapped import MappedFile
 from seaclutter_cli.sources.mcap_file import (
     MAGIC,
     MESSAGE,
@@ -60,7 +59,8 @@ class McapSource:
         self.name = path.stem
         self.damage: list[Damage] = []
         self.profile = ""
-        self._data = _open(path)
+        self._file = MappedFile(path)
+        self._data = self._file.data
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._chunks: list[_McapChunk] = []
@@ -91,9 +91,8 @@ class McapSource:
         yield from in_time_order(self._chunks, self._load)
 
     def close(self) -> None:
-        """Unmap the file, unless a message still points into it."""
-        with suppress(BufferError):
-            self._data.close()
+        """Let go of the file."""
+        self._file.close()
 
     def _scan(self) -> None:
         if self._data[: len(MAGIC)] != MAGIC:
@@ -102,6 +101,7 @@ class McapSource:
             self._report(0, "the file does not begin as an MCAP file should", 0)
         summary: list[Span] | None = None
         for span in walk(self._data, self._report):
+            self._file.touched()
             if summary is not None:
                 summary.append(span)
             elif span.op == Opcode.DATA_END:
@@ -181,7 +181,7 @@ class McapSource:
         if not footer.summary_start:
             return False
         # The checksum covers all from the summary's beginning up to itself.
-        covered = memoryview(self._data)[footer.summary_start : spans[-1].end - 4]
+        covered = self._file.view[footer.summary_start : spans[-1].end - 4]
         if footer.summary_start != spans[0].offset or (
             footer.summary_crc and zlib.crc32(covered) != footer.summary_crc
         ):
@@ -231,7 +231,8 @@ class McapSource:
             return []
 
     def _unpack(self, chunk: _McapChunk) -> Buffer:
-        data, head = memoryview(self._data), chunk.head
+        data, head = self._file.view, chunk.head
+        self._file.touched(chunk.size)
         if head is None:
             return data[chunk.offset : chunk.offset + chunk.size]
         packed = data[head.data_start : head.data_end]
@@ -264,23 +265,12 @@ class McapSource:
             self._report(chunk.offset, f"messages of channel {number}, which is declared nowhere", 0, count)
 
     def _content(self, span: Span) -> memoryview:
-        return memoryview(self._data)[span.start : span.end]
+        return self._file.view[span.start : span.end]
 
     def _report(self, offset: int, what: str, lost_bytes: int, lost_messages: int | None = None) -> None:
         damage = Damage(self.path, offset, what, lost_bytes, lost_messages)
         if damage not in self.damage:  # a chunk may be read more than once
             self.damage.append(damage)
-
-
-def _open(path: Path) -> mmap:
-    try:
-        with path.open("rb") as file:
-            data = mmap(file.fileno(), 0, access=ACCESS_READ)
-    except ValueError:
-        raise InputError(f"{path}: the file is empty") from None
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
-    return data
 
 
 def _attachment(content: memoryview) -> Attachment:

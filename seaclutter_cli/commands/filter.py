@@ -1,0 +1,156 @@
+"""``seaclutter filter``: the main job."""
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from seaclutter_cli.commands.console import Progress, report_damage, warn
+from seaclutter_cli.commands.options import config_options, logs_argument, output_options, selection_options
+from seaclutter_cli.errors import InputError, SeaclutterError, UsageError
+
+if TYPE_CHECKING:
+    from seaclutter_cli.commands.outcome import Outcome
+    from seaclutter_cli.config import Config
+    from seaclutter_cli.frame import FilterResult
+    from seaclutter_cli.interfaces import Sink, Source
+    from seaclutter_cli.pipeline import Selection
+    from seaclutter_cli.sinks import McapOptions
+    from seaclutter_cli.sources import Recording
+
+_COMPRESSIONS = {"zstd": "zstd", "lz4": "lz4", "none": ""}
+
+
+@click.command(name="filter", short_help="Filter logs into drop-in MCAP files.")
+@logs_argument
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="OUT",
+    help="File for one recording, folder for several.",
+)
+@click.option("--force", is_flag=True, help="Replace existing output.")
+@config_options
+@selection_options
+@click.option("--csv", "csv_file", type=click.Path(path_type=Path), metavar="FILE", help="Also write a line a frame.")
+@click.option("--keep-raw", is_flag=True, help="Leave the raw cloud on its topic; write to TOPIC/filtered.")
+@click.option("--with-removed", is_flag=True, help="Write removed points to TOPIC/removed, with their reason.")
+@click.option("--keep-organized", is_flag=True, help="Keep the shape of organised clouds; removed points become NaN.")
+@click.option("--diagnostics/--no-diagnostics", default=True, help="Write /seaclutter/diagnostics (it is written).")
+@click.option(
+    "--compression",
+    type=click.Choice(list(_COMPRESSIONS)),
+    help="Of the output; by default that of the input, or zstd.",
+)
+@output_options
+def command(logs: tuple[str, ...], output: Path, **options: Any) -> None:
+    """Stream each frame of LOGS through the filter and write filtered MCAP files.
+
+    LOGS are MCAP files, ROS bags, rosbag2 folders, folders of frames, or globs. Every other topic, attachment and
+    metadata record is copied untouched, so the output is a drop-in for the input.
+    """
+    from seaclutter_cli.commands.outputs import plan_outputs, refuse_overwriting
+    from seaclutter_cli.sinks import CsvSink
+    from seaclutter_cli.sources import find_recordings
+
+    job = Job.of(options)
+    recordings = find_recordings(logs)
+    targets = plan_outputs(recordings, output)
+    csv_file: Path | None = options["csv_file"]
+    refuse_overwriting([*targets, *([csv_file] if csv_file else [])], recordings, force=options["force"])
+    with ExitStack() as stack:
+        rings = len(job.config.ring_edges[1:])
+        sinks = [stack.enter_context(CsvSink(csv_file, rings))] if csv_file else []
+        outcomes = [job.run(recording, target, sinks) for recording, target in zip(recordings, targets, strict=True)]
+    if options["as_json"]:
+        click.echo(json.dumps([outcome.as_dict() for outcome in outcomes], indent=2))
+    else:
+        click.echo("\n\n".join(outcome.as_text() for outcome in outcomes if not outcome.error))
+    if any(outcome.error for outcome in outcomes):
+        raise click.exceptions.Exit(1)
+    if any(outcome.damage for outcome in outcomes):
+        raise click.exceptions.Exit(3)
+
+
+@dataclass(frozen=True)
+class Job:
+    """All that is the same for every recording of a run."""
+
+    config: "Config"
+    selection: "Selection"
+    file_options: "McapOptions"
+    rate_hz: float
+    quiet: bool
+    verbose: bool
+
+    @classmethod
+    def of(cls, options: Mapping[str, Any]) -> "Job":
+        """Make a job of command-line options."""
+        from seaclutter_cli.config import load_config
+        from seaclutter_cli.pipeline import Selection
+        from seaclutter_cli.sinks import McapOptions
+
+        config = load_config(options["config_file"], method=options["method"], overrides=options["overrides"])
+        chosen = ("topics", "start_s", "end_s", "frames", "intensity_field")
+        written = ("keep_raw", "with_removed", "keep_organized", "diagnostics")
+        return cls(
+            config,
+            Selection(**{name: options[name] for name in chosen}),
+            McapOptions(
+                **{name: options[name] for name in written},
+                compression=_COMPRESSIONS.get(options["compression"]),
+                config=config.to_yaml(),
+            ),
+            *(options[name] for name in ("rate_hz", "quiet", "verbose")),
+        )
+
+    def run(self, recording: "Recording", target: Path, sinks: Sequence["Sink"]) -> "Outcome":
+        """Filter one recording; an error of its own is told and kept, so that the others are filtered all the same."""
+        from seaclutter_cli.commands.outcome import Outcome
+
+        outcome = Outcome(recording.name, target, self.config.ring_edges)
+        started = perf_counter()
+        try:
+            with closing(recording.open(rate_hz=self.rate_hz)) as source:
+                self._stream(source, outcome, sinks)
+                outcome.damage = source.damage
+                report_damage(source.damage, verbose=self.verbose)
+        except UsageError:
+            raise
+        except SeaclutterError as error:
+            outcome.error = str(error)
+            click.echo(f"Error: {error}", err=True)
+        outcome.seconds = perf_counter() - started
+        return outcome
+
+    def _stream(self, source: "Source", outcome: "Outcome", sinks: Sequence["Sink"]) -> None:
+        from seaclutter_cli.filters.fit import IntensityFit
+        from seaclutter_cli.pipeline import cloud_channels, run
+        from seaclutter_cli.sinks import McapSink
+
+        clouds = cloud_channels(source, self.selection.topics)
+        fits = {channel.topic: IntensityFit() for channel in clouds}
+        total = sum(source.counts.get(channel.id, 0) for channel in clouds)
+        progress = Progress(self.selection.frames or total or None, source.name, quiet=self.quiet)
+
+        def on_frame(result: "FilterResult") -> None:
+            progress.step()
+            self._warn(fits[result.frame.topic].add(result), result.frame.topic)
+
+        with progress, McapSink(outcome.output, self.file_options) as sink:
+            outcome.topics = run(source, self.config.make_filter, [sink, *sinks], self.selection, on_frame)
+            if not outcome.frames and source.damage:
+                raise InputError(f"{source.name}: no frame can be read; {source.damage[0]}")
+        for topic, fit in fits.items():
+            self._warn(fit.verdict(), topic)
+
+    def _warn(self, text: str | None, topic: str) -> None:
+        if text:
+            warn(f"{topic}: {text}", quiet=self.quiet)

@@ -1,0 +1,91 @@
+"""Options that several commands share."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _remember_debug(context: click.Context, _: click.Parameter, value: bool) -> None:
+    if value:
+        context.meta[DEBUG] = True
+
+
+DEBUG = "seaclutter.debug"
+"""Key in a context's ``meta`` that is set where tracebacks are wanted."""
+
+debug_option = click.option(
+    "--debug",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_remember_debug,
+    help="Show the traceback of an error.",
+)
+logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=True)
+
+
+def selection_options(command: F) -> F:
+    """Add the options that choose a part of a recording."""
+    for option in reversed(_SELECTION):
+        command = option(command)
+    return command
+
+
+_SELECTION = (
+    click.option("-t", "--topic", "topics", multiple=True, metavar="NAME", help="Point-cloud topic; repeatable."),
+    click.option("--start", "start_s", type=float, metavar="SECONDS", help="Begin here, from the recording's start."),
+    click.option("--end", "end_s", type=float, metavar="SECONDS", help="End here, from the recording's start."),
+    click.option("-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Stop after N frames of each topic."),
+    click.option("--intensity-field", metavar="NAME", help="Intensity field, where it has no usual name."),
+    click.option(
+        "--rate",
+        "rate_hz",
+        type=click.FloatRange(min=0, min_open=True),
+        default=10.0,
+        metavar="HZ",
+        show_default=True,
+        help="Frames per second where nothing carries a time.",
+    ),
+)
+
+
+def output_options(command: F) -> F:
+    """Add the options that say how much is told, and how."""
+    for option in reversed(_OUTPUT):
+        command = option(command)
+    return command
+
+
+_OUTPUT = (
+    click.option("--json", "as_json", is_flag=True, help="Print results as JSON."),
+    click.option("-q", "--quiet", is_flag=True, help="No progress, no warnings."),
+    click.option("-v", "--verbose", is_flag=True, help="Tell more."),
+    debug_option,
+)
+
+
+def config_options(command: F) -> F:
+    """Add the options that make up the configuration."""
+    for option in reversed(_CONFIG):
+        command = option(command)
+    return command
+
+
+_CONFIG = (
+    click.option(
+        "-c", "--config", "config_file", type=click.Path(path_type=Path), metavar="FILE", help="Configuration file."
+    ),
+    click.option("-m", "--method", metavar="NAME", help="Filter method, whatever the configuration says."),
+    click.option(
+        "-s",
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Set a key, as in filter.start_m=5; repeatable.",
+    ),
+)

@@ -1,0 +1,270 @@
+"""Configuration: defaults < file < command line, checked as a whole, unknown keys refused.
+
+A method's keys are the fields of its ``Params`` dataclass: their types, limits and defaults are declared there and
+nowhere else, and the comments in written configs are its docstring.
+"""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import yaml
+
+from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.filters.zones import ZoneParams
+from seaclutter_cli.interfaces import Filter
+
+DEFAULT_METHOD = "joint"
+_SECTIONS = ("filter", "evaluation")
+
+
+@dataclass(frozen=True)
+class Config:
+    """The effective configuration.
+
+    Parameters
+    ----------
+    method : str
+        Key of `FILTERS`.
+    filter : object
+        The method's ``Params``.
+    evaluation : EvaluationParams
+        Clustering and matching.
+    """
+
+    method: str
+    filter: Any
+    evaluation: EvaluationParams
+
+    def make_filter(self) -> Filter:
+        """Return a filter of the method, without state."""
+        make: Any = FILTERS[self.method]
+        method: Filter = make(self.filter)
+        return method
+
+    @property
+    def ring_edges(self) -> list[float]:
+        """Edges of the method's rings in metres; empty for methods without."""
+        return [float(edge) for edge in self.filter.edges] if isinstance(self.filter, ZoneParams) else []
+
+    def as_dict(self) -> dict[str, dict[str, Any]]:
+        """Return the configuration as it stands in a file."""
+        return {"filter": {"method": self.method, **_plain(self.filter)}, "evaluation": _plain(self.evaluation)}
+
+    def to_yaml(self, *, comments: bool = False) -> str:
+        """Return the configuration as a file's text, with a comment for every key if asked for."""
+        lines: list[str] = []
+        for section, values in self.as_dict().items():
+            said = {"method": f"one of {', '.join(FILTERS)}", **_descriptions(getattr(self, section))}
+            lines.append(f"{section}:")
+            for key, value in values.items():
+                line = f"  {key}: {_yaml_value(value)}"
+                lines.append(f"{line:<40} # {said[key]}" if comments and key in said else line)
+        return "\n".join(lines) + "\n"
+
+
+def builtin_configs() -> list[Path]:
+    """Return the configuration files that come with the program."""
+    package = Path(__file__).parent
+    folders = (package / "configs", package.parent / "configs")  # installed; in a checkout
+    return sorted(next((folder for folder in folders if folder.is_dir()), package).glob("*.yaml"))
+
+
+def find_config(name: Path) -> Path:
+    """Return a configuration file by its path, or a built-in one by its name, with or without ``.yaml``.
+
+    Raises
+    ------
+    ConfigError
+        If there is neither.
+    """
+    if name.exists():
+        return name
+    builtin = {path.stem: path for path in builtin_configs()}
+    if str(name).removesuffix(".yaml") in builtin:
+        return builtin[str(name).removesuffix(".yaml")]
+    raise ConfigError(f"{name}: there is no such file; built in are {', '.join(builtin)}")
+
+
+def load_config(path: Path | None = None, *, method: str | None = None, overrides: Sequence[str] = ()) -> Config:
+    """Return the effective configuration.
+
+    Parameters
+    ----------
+    path : Path or None
+        YAML file, or the name of a built-in one; None: defaults.
+    method : str or None
+        Method from the command line. Of the file's keys, it takes those that it has too.
+    overrides : sequence of str
+        ``section.key=value`` from the command line; values are YAML.
+
+    Raises
+    ------
+    ConfigError
+        If anything is wrong, with everything that is.
+    """
+    where = str(path) if path else "command line"
+    raw = _read(find_config(path)) if path else {}
+    config = _validate(raw, where)
+    if not method and not overrides:
+        return config
+    merged: dict[str, dict[str, Any]] = {name: dict(raw.get(name) or {}) for name in _SECTIONS}
+    if method and method != config.method:
+        _check_method(method, "command line")
+        kept = {field.name for field in fields(FILTERS[method].Params)}
+        merged["filter"] = {key: value for key, value in merged["filter"].items() if key in kept} | {"method": method}
+    for override in overrides:
+        section, key, value = _parse_override(override)
+        merged[section][key] = value
+    return _validate(merged, "command line")
+
+
+def _parse_override(text: str) -> tuple[str, str, Any]:
+    name, equals, value = text.partition("=")
+    section, dot, key = name.strip().partition(".")
+    if not (equals and dot and section in _SECTIONS):
+        raise ConfigError(f"--set {text}: write it as filter.KEY=VALUE or evaluation.KEY=VALUE")
+    try:
+        return section, key, yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"--set {text}: the value is no YAML") from error
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or 'no UTF-8 text'})") from error
+    try:
+        raw = yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - a SafeLoader
+    except yaml.YAMLError as error:
+        place = getattr(error, "problem_mark", None)
+        line = f", line {place.line + 1}" if place else ""
+        raise ConfigError(f"{path}{line}: no valid YAML ({getattr(error, 'problem', None) or error})") from error
+    if raw is None:
+        return {}
+    if not isinstance(raw, dict):
+        raise ConfigError(f"{path}: must hold the sections {' and '.join(_SECTIONS)}, holds {_kind(raw)}")
+    return raw
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """Refuses a key that occurs twice instead of taking the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT002
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for number, key in enumerate(keys):
+            if key in keys[:number]:
+                raise yaml.constructor.ConstructorError(None, None, f"key {key!r} occurs twice", node.start_mark)
+        return super().construct_mapping(node, deep)
+
+
+def _validate(raw: Mapping[str, Any], where: str) -> Config:
+    problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
+    sections: dict[str, dict[str, Any]] = {}
+    for name in _SECTIONS:
+        value = raw.get(name)
+        sections[name] = dict(value) if isinstance(value, dict) else {}
+        if value is not None and not isinstance(value, dict):
+            problems.append(f"{name}: must be a section with keys, is {_kind(value)}")
+    method = sections["filter"].pop("method", DEFAULT_METHOD)
+    if not isinstance(method, str) or method not in FILTERS:
+        problems.append(f"filter.method: unknown method {method!r}; allowed: {', '.join(FILTERS)}")
+        params = None
+    else:
+        params = _build(FILTERS[method].Params, sections["filter"], "filter", f"method {method}", problems)
+    evaluation = _build(EvaluationParams, sections["evaluation"], "evaluation", "evaluation", problems)
+    if problems:
+        raise ConfigError("\n  ".join((f"{where}: {_count(len(problems))}", *problems)))
+    return Config(method, params, evaluation)
+
+
+def _check_method(method: str, where: str) -> None:
+    if method not in FILTERS:
+        raise ConfigError(f"{where}: unknown method {method!r}; allowed: {', '.join(FILTERS)}")
+
+
+def _build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, problems: list[str]) -> Any:
+    """Make a parameter object, or add to the problems why not."""
+    known = [field.name for field in fields(kind)]
+    allowed = ", ".join(known) or "no keys"
+    problems += [f"{section}.{key}: unknown key; {owner} has: {allowed}" for key in values if key not in known]
+    given = {key: _tuples(values[key]) for key in known if key in values}
+    wrong = _type_problems(kind, given, section)
+    problems += wrong
+    if wrong:
+        return None
+    try:
+        return kind(**given)
+    except ValueError as error:  # the values do not fit together
+        problems.append(f"{section}.{error}")
+        return None
+
+
+def _type_problems(kind: type[Any], values: Mapping[str, Any], section: str) -> list[str]:
+    """Tell which values are of a wrong type or beyond their limits."""
+    from pydantic import ConfigDict, ValidationError, create_model
+
+    hints = get_type_hints(kind, include_extras=True)
+    declared: dict[str, Any] = {field.name: (hints[field.name], field.default) for field in fields(kind)}
+    config = ConfigDict(strict=True, allow_inf_nan=False)
+    try:
+        create_model(kind.__name__, __config__=config, **declared).model_validate(values)
+    except ValidationError as error:
+        return [_explain(problem, section) for problem in error.errors()]
+    return []
+
+
+def _explain(problem: Any, section: str) -> str:
+    place = ".".join((section, *(str(part) for part in problem["loc"])))
+    return f"{place}: {problem['msg'].replace('Input should', 'must')}, is {_shown(problem['input'])}"
+
+
+def _yaml_value(value: Any) -> str:
+    return str(yaml.safe_dump(value, default_flow_style=True, width=10**6)).splitlines()[0]
+
+
+def _tuples(value: Any) -> Any:
+    """Return YAML's lists as the tuples that frozen parameters hold."""
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+
+
+def _plain(params: Any) -> dict[str, Any]:
+    return {field.name: _lists(getattr(params, field.name)) for field in fields(params)}
+
+
+def _lists(value: Any) -> Any:
+    return [_lists(item) for item in value] if isinstance(value, tuple) else value
+
+
+def _shown(value: Any) -> str:
+    text = repr(_lists(value))
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _kind(value: Any) -> str:
+    return {list: "a list", dict: "a section", str: "text", bool: "a truth value"}.get(type(value), "a number")
+
+
+def _count(number: int) -> str:
+    return "1 problem" if number == 1 else f"{number} problems"
+
+
+def _descriptions(params: Any) -> dict[str, str]:
+    """Return what the docstrings of a parameter class and its bases say of each key."""
+    said: dict[str, str] = {}
+    for base in reversed(type(params).__mro__):
+        said |= _documented(base.__doc__ or "")
+    return said
+
+
+def _documented(docstring: str) -> Iterable[tuple[str, str]]:
+    found = re.findall(r"^    (\w[\w, ]*) : .*\n((?:        .*\n)+)", docstring, re.MULTILINE)
+    for names, text in found:
+        plain = re.sub(r":math:`([^`]*)`|``([^`]*)``", r"\1\2", " ".join(text.split()))
+        for name in names.split(", "):
+            yield name, plain

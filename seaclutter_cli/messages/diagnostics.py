@@ -1,0 +1,111 @@
+"""What the filter did in a frame, as a message that plotting tools read: one definition, three encodings."""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.frame import FilterResult, Reason
+from seaclutter_cli.records import Schema
+
+TYPE = "seaclutter_msgs/msg/Diagnostics"
+
+_NUMBERS = ("frame", "points_in", "points_out", *(reason.name.lower() for reason in Reason if reason))
+_ARRAYS = {
+    "thresholds": "float64",
+    "corrections": "float64",
+    "ring_points": "uint32",
+    "ring_low_intensity": "uint32",
+    "ring_outliers": "uint32",
+}
+_NANO = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """Numbers of one frame; the arrays have one value a ring and are empty for methods without rings."""
+
+    stamp_ns: int
+    topic: str
+    numbers: dict[str, int]
+    arrays: dict[str, NDArray[Any]]
+
+    @classmethod
+    def of(cls, result: FilterResult) -> "Diagnostics":
+        """Summarise a filtered frame."""
+        frame, counts = result.frame, [int(count) for count in result.counts]
+        numbers = dict(zip(_NUMBERS, (frame.index, frame.size, *counts), strict=True))
+        rings = asdict(result.rings) if result.rings else {}
+        names = ("thresholds", "corrections", "points", "low_intensity", "outliers")
+        arrays = {
+            name: np.asarray(rings.get(ring, ()), dtype)
+            for (name, dtype), ring in zip(_ARRAYS.items(), names, strict=True)
+        }
+        return cls(frame.stamp_ns, frame.topic, numbers, arrays)
+
+
+def definition() -> str:
+    """Return the ROS message definition."""
+    lines = ["builtin_interfaces/Time stamp", "string topic"]
+    lines += [f"uint32 {name}" for name in _NUMBERS]
+    lines += [f"{dtype}[] {name}" for name, dtype in _ARRAYS.items()]
+    return "\n".join(lines) + "\n"
+
+
+@cache
+def _typestore() -> Any:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg("int32 sec\nuint32 nanosec\n", "builtin_interfaces/msg/Time"))
+    store.register(get_types_from_msg(definition(), TYPE))
+    return store
+
+
+def _message(diagnostics: Diagnostics) -> Any:
+    types = _typestore().types
+    stamp = types["builtin_interfaces/msg/Time"](*divmod(diagnostics.stamp_ns, _NANO))
+    return types[TYPE](stamp, diagnostics.topic, **diagnostics.numbers, **diagnostics.arrays)
+
+
+def _cdr(diagnostics: Diagnostics) -> bytes:
+    return bytes(_typestore().serialize_cdr(_message(diagnostics), TYPE))
+
+
+def _ros1(diagnostics: Diagnostics) -> bytes:
+    return bytes(_typestore().serialize_ros1(_message(diagnostics), TYPE))
+
+
+def _json(diagnostics: Diagnostics) -> bytes:
+    seconds, nanoseconds = divmod(diagnostics.stamp_ns, _NANO)
+    arrays = {name: values.tolist() for name, values in diagnostics.arrays.items()}
+    stamp = {"sec": seconds, "nsec": nanoseconds}
+    return json.dumps({"stamp": stamp, "topic": diagnostics.topic, **diagnostics.numbers, **arrays}).encode()
+
+
+def _json_schema() -> str:
+    integer = {"type": "integer"}
+    stamp = {"type": "object", "title": "time", "properties": {"sec": integer, "nsec": integer}}
+    numbers = dict.fromkeys(_NUMBERS, integer)
+    arrays = {name: {"type": "array", "items": {"type": "number"}} for name in _ARRAYS}
+    properties = {"stamp": stamp, "topic": {"type": "string"}, **numbers, **arrays}
+    return json.dumps({"title": "seaclutter.Diagnostics", "type": "object", "properties": properties})
+
+
+@cache
+def diagnostics_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Diagnostics], bytes]]:
+    """Return message encoding, schema and serialiser that fit a log whose clouds have an encoding.
+
+    A ROS log must stay one, or its players and readers refuse it; all others get JSON.
+    """
+    if cloud_encoding in ("cdr", "ros1"):
+        version = 2 if cloud_encoding == "cdr" else 1
+        text = _typestore().generate_msgdef(TYPE, ros_version=version)[0].encode()
+        if cloud_encoding == "cdr":
+            return "cdr", Schema(TYPE, "ros2msg", text), _cdr
+        return "ros1", Schema(TYPE.replace("/msg", ""), "ros1msg", text), _ros1
+    return "json", Schema("seaclutter.Diagnostics", "jsonschema", _json_schema().encode()), _json

@@ -1,0 +1,251 @@
+"""The loop: for each frame of a source, filter it and hand the result to the sinks."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import CloudError, FieldError, InputError, UsageError
+from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
+from seaclutter_cli.interfaces import CloudCodec, Filter, Sink, Source
+from seaclutter_cli.messages import find_codec
+from seaclutter_cli.records import Channel, Damage, Message, Record
+
+_NANO = 1_000_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """Which part of a recording is worked on.
+
+    Parameters
+    ----------
+    topics : collection of str
+        Cloud topics; empty means the only one.
+    start_s, end_s : float or None
+        Seconds from the recording's start; the end is not included.
+    frames : int or None
+        Frames per topic, counted from the start of the selection.
+    intensity_field : str or None
+        Name of the intensity field; None looks for a usual one.
+    """
+
+    topics: Collection[str] = ()
+    start_s: float | None = None
+    end_s: float | None = None
+    frames: int | None = None
+    intensity_field: str | None = None
+
+
+def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel]:
+    """Return the cloud channels of the chosen topics.
+
+    Raises
+    ------
+    InputError
+        If the recording holds no point clouds.
+    UsageError
+        If a topic is not there or holds no clouds, or if there are several and none was chosen.
+    """
+    clouds = [channel for channel in source.channels if find_codec(channel)]
+    names = list(dict.fromkeys(channel.topic for channel in clouds))
+    if not names:
+        found = ", ".join(sorted({_describe(channel) for channel in source.channels})) or "no topics at all"
+        raise InputError(f"{source.name}: no point clouds that can be read; the log has {found}")
+    if not topics and len(names) > 1:
+        choices = " ".join(f"-t {name}" for name in names)
+        raise UsageError(f"{source.name}: several point-cloud topics; choose from: {choices}")
+    for topic in topics:
+        if topic not in names:
+            choices = " ".join(f"-t {name}" for name in names)
+            raise UsageError(f"{source.name}: no point-cloud topic {topic}; choose from: {choices}")
+    return [channel for channel in clouds if not topics or channel.topic in topics]
+
+
+def _describe(channel: Channel) -> str:
+    kind = channel.schema.name if channel.schema else "no schema"
+    return f"{channel.topic} ({kind}, {channel.message_encoding})"
+
+
+def read(source: Source, clouds: Sequence[Channel], selection: Selection) -> Iterator[Record | Frame]:
+    """Yield the selected records of a source, the chosen clouds among them as frames.
+
+    A message that is no valid cloud is left out and added to the source's damage. Frames count from 0 within their
+    topic, from the start of the recording whatever is selected.
+    """
+    codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
+    window = _Window(selection, {channel.topic for channel in clouds})
+    for record in source.records():
+        if not isinstance(record, Message):
+            yield record
+            continue
+        codec = codecs.get(record.channel)
+        index = window.count(record) if codec else 0
+        if window.closed:
+            return
+        if not window.contains(record):
+            continue
+        if codec is None:
+            yield record
+        elif frame := _decode(codec, record, index, source, selection.intensity_field):
+            window.taken(record)
+            yield frame
+
+
+def _decode(codec: CloudCodec, message: Message, index: int, source: Source, intensity: str | None) -> Frame | None:
+    try:
+        return Frame(codec.decode(message.data), message, index, intensity)
+    except CloudError as error:
+        _lost(source, message, index, error)
+        return None
+
+
+def _lost(source: Source, message: Message, index: int, error: Exception) -> None:
+    what = f"frame {index} of {message.channel.topic} is no valid cloud ({error})"
+    source.damage.append(Damage(Path(source.name), None, what, len(message.data), 1))
+
+
+class _Window:
+    """Keeps count of frames and tells which records are selected."""
+
+    def __init__(self, selection: Selection, topics: Collection[str]) -> None:
+        self._selection = selection
+        self._first_ns: int | None = None
+        self._index = dict.fromkeys(topics, -1)
+        self._taken = dict.fromkeys(topics, 0)
+
+    def count(self, message: Message) -> int:
+        """Return the number of a cloud message within its topic."""
+        self._index[message.channel.topic] += 1
+        return self._index[message.channel.topic]
+
+    def taken(self, message: Message) -> None:
+        """Note that a frame was selected."""
+        self._taken[message.channel.topic] += 1
+
+    @property
+    def closed(self) -> bool:
+        """Whether all topics have had their frames."""
+        frames = self._selection.frames
+        return frames is not None and bool(self._taken) and all(taken >= frames for taken in self._taken.values())
+
+    def contains(self, message: Message) -> bool:
+        """Tell whether a message is selected."""
+        if self._first_ns is None:
+            self._first_ns = message.log_time_ns
+        seconds = (message.log_time_ns - self._first_ns) / _NANO
+        start, end, frames = self._selection.start_s, self._selection.end_s, self._selection.frames
+        if (start is not None and seconds < start) or (end is not None and seconds >= end):
+            return False
+        return frames is None or self._taken.get(message.channel.topic, -1) < frames
+
+
+@dataclass
+class TopicTally:
+    """Sums over the frames of one topic.
+
+    Parameters
+    ----------
+    frames, points_in : int
+        Frames filtered and points in them.
+    counts : ndarray, shape (7,), int64
+        Points for each `Reason`; the first entry counts those kept.
+    rings : Rings or None
+        Sums over the frames, thresholds and corrections too.
+    filter_s : float
+        Seconds in the filter itself.
+    """
+
+    frames: int = 0
+    points_in: int = 0
+    counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
+    rings: Rings | None = None
+    filter_s: float = 0.0
+
+    def add(self, result: FilterResult, seconds: float) -> None:
+        """Add a frame."""
+        self.frames += 1
+        self.points_in += result.frame.size
+        self.counts += result.counts
+        self.filter_s += seconds
+        if result.rings is not None:
+            self.rings = result.rings if self.rings is None else self.rings + result.rings
+
+
+def run(
+    source: Source,
+    make_filter: Callable[[], Filter],
+    sinks: Sequence[Sink],
+    selection: Selection,
+    on_frame: Callable[[FilterResult], object] = lambda _: None,
+) -> dict[str, TopicTally]:
+    """Filter a recording into sinks, each cloud topic with a filter and state of its own.
+
+    Parameters
+    ----------
+    source : Source
+        The recording.
+    make_filter : callable
+        Makes a filter without state.
+    sinks : sequence of Sink
+        Get every record or result, in the order of log time.
+    selection : Selection
+        What is worked on; the rest does not reach the sinks.
+    on_frame : callable, optional
+        Is told of each filtered frame.
+
+    Returns
+    -------
+    dict of str to TopicTally
+        Sums for each cloud topic.
+
+    Raises
+    ------
+    FieldError
+        If the first frame of a topic lacks a field that the method needs. Later ones are damage.
+    """
+    clouds = cloud_channels(source, selection.topics)
+    filters = {channel.topic: make_filter() for channel in clouds}
+    tallies = {topic: TopicTally() for topic in filters}
+    if any(method.needs_first_pass for method in filters.values()):
+        _observe(source, clouds, selection, filters)
+    for sink in sinks:
+        sink.begin(source, clouds)
+    for record in read(source, clouds, selection):
+        if isinstance(record, Frame):
+            result = _step(filters[record.topic], record, tallies[record.topic], source)
+            if result is not None:
+                for sink in sinks:
+                    sink.write(result)
+                on_frame(result)
+        else:
+            for sink in sinks:
+                sink.copy(record)
+    for sink in sinks:
+        sink.end()
+    return tallies
+
+
+def _observe(source: Source, clouds: Sequence[Channel], selection: Selection, filters: Mapping[str, Filter]) -> None:
+    """Show all frames to filters that want to see them before they start."""
+    damage = list(source.damage)
+    for record in read(source, clouds, selection):
+        if isinstance(record, Frame):
+            filters[record.topic].observe(record)
+    source.damage[:] = damage  # what comes up while reading will come up again
+
+
+def _step(method: Filter, frame: Frame, tally: TopicTally, source: Source) -> FilterResult | None:
+    started = perf_counter()
+    try:
+        result = method.step(frame)
+    except FieldError as error:
+        if frame.index == 0:
+            raise
+        _lost(source, frame.message, frame.index, error)
+        return None
+    tally.add(result, perf_counter() - started)
+    return result

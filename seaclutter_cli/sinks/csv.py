@@ -1,0 +1,88 @@
+"""The table of a filter run: a line a frame."""
+
+import csv
+import io
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from seaclutter_cli.frame import FilterResult, Reason
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.records import Attachment, Channel, Message, Metadata
+from seaclutter_cli.sinks.atomic import AtomicFile
+
+_REASONS = (Reason.INVALID, Reason.NEAR, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.FAR, Reason.EXCLUDED)
+_COLUMNS = (
+    "recording",
+    "topic",
+    "frame",
+    "stamp_ns",
+    "points_in",
+    *(reason.name.lower() for reason in _REASONS),
+    "points_out",
+)
+
+
+class CsvSink(AbstractContextManager["CsvSink"]):
+    """Writes the frames of all recordings of a run to one table.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it appears when the context is left without an error.
+    rings : int
+        Number of rings of the method; 0 for methods without.
+
+    Notes
+    -----
+    The lines of a recording that fails midway are taken back.
+    """
+
+    def __init__(self, path: Path, rings: int) -> None:
+        self._file = AtomicFile(path)
+        numbers = range(1, rings + 1)
+        self._line((*_COLUMNS, *(f"threshold_{k}" for k in numbers), *(f"correction_{k}" for k in numbers)))
+        self._complete = self._file.stream.tell()
+        self._recording = ""
+
+    def __enter__(self) -> Self:
+        """Return the sink."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Complete the file under its name, or remove it after an error."""
+        if kind is None:
+            self._take_back()
+        self._file.__exit__(kind, error, trace)
+
+    def begin(self, source: Source, clouds: Sequence[Channel]) -> None:  # noqa: ARG002
+        """Start a recording."""
+        self._take_back()
+        self._recording = source.name
+
+    def copy(self, record: Message | Attachment | Metadata) -> None:
+        """Ignore what no filter touches."""
+
+    def write(self, result: FilterResult) -> None:
+        """Write a line."""
+        frame, counts, rings = result.frame, result.counts, result.rings
+        values = (self._recording, frame.topic, frame.index, frame.stamp_ns, frame.size)
+        states = () if rings is None else (*rings.thresholds.tolist(), *rings.corrections.tolist())
+        self._line((*values, *(counts[reason] for reason in _REASONS), counts[Reason.KEPT], *states))
+
+    def end(self) -> None:
+        """End a recording: its lines stay."""
+        self._complete = self._file.stream.tell()
+
+    def _line(self, values: Sequence[object]) -> None:
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerow(values)
+        self._file.stream.write(text.getvalue().encode())
+
+    def _take_back(self) -> None:
+        self._file.stream.seek(self._complete)
+        self._file.stream.truncate()

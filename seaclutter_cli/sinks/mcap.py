@@ -1,0 +1,191 @@
+"""The filtered MCAP: a drop-in for the input."""
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from seaclutter_cli import __version__
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.frame import FilterResult
+from seaclutter_cli.interfaces import CloudCodec, Source
+from seaclutter_cli.messages import find_codec
+from seaclutter_cli.messages.diagnostics import Diagnostics, diagnostics_format
+from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata
+from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.mcap_writer import McapWriter
+
+DIAGNOSTICS_TOPIC = "/seaclutter/diagnostics"
+
+
+@dataclass(frozen=True, kw_only=True)
+class McapOptions:
+    """What goes into the file.
+
+    Parameters
+    ----------
+    keep_raw : bool
+        The raw cloud stays on its topic, the filtered one goes to ``<topic>/filtered``.
+    with_removed : bool
+        Removed points go to ``<topic>/removed`` with their reason.
+    keep_organized : bool
+        Organised clouds keep their shape; removed points become NaN.
+    diagnostics : bool
+        One message a frame with thresholds, corrections and counts.
+    compression : str or None
+        ``zstd``, ``lz4`` or empty for none; None: as in the input, else zstd.
+    config : str
+        The effective config as text, for the file's metadata.
+    """
+
+    keep_raw: bool = False
+    with_removed: bool = False
+    keep_organized: bool = False
+    diagnostics: bool = True
+    compression: str | None = None
+    config: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Outlet:
+    """Where a cloud topic's messages go: channel ids, and the codec that makes them."""
+
+    codec: CloudCodec
+    filtered: int
+    removed: int | None
+    diagnostics: int | None
+    serialise: Callable[[Diagnostics], bytes]
+
+
+class McapSink(AbstractContextManager["McapSink"]):
+    """Writes one recording to a filtered MCAP.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it appears when the context is left without an error.
+    options : McapOptions
+        What goes into it.
+    """
+
+    def __init__(self, path: Path, options: McapOptions) -> None:
+        self._file = AtomicFile(path)
+        self._options = options
+        self._writer: McapWriter | None = None
+        self._channels: dict[Channel, int] = {}
+        self._outlets: dict[Channel, _Outlet] = {}
+
+    def __enter__(self) -> Self:
+        """Return the sink."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Complete the file under its name, or remove it after an error."""
+        if kind is not None and self._writer is not None:
+            self._writer.abort()
+        self._file.__exit__(kind, error, trace)
+
+    def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
+        """Write the header and declare all channels."""
+        compression = self._options.compression
+        if compression is None:
+            compression = "zstd" if source.compression is None else source.compression
+        library = f"seaclutter {__version__}"
+        self._writer = McapWriter(self._file.stream, profile=source.profile, library=library, compression=compression)
+        entries = {"version": __version__, "config": self._options.config}
+        self._writer.add_metadata(Metadata("seaclutter", entries))
+        taken = {channel.topic for channel in source.channels}
+        for channel in source.channels:
+            self._declare(channel)
+        for channel in clouds:
+            self._outlets[channel] = self._open_outlet(channel, taken)
+
+    def copy(self, record: Message | Attachment | Metadata) -> None:
+        """Write a record as it is."""
+        if isinstance(record, Message):
+            number = self._channels.get(record.channel)
+            if number is None:
+                number = self._declare(record.channel)
+            self._put(number, record, record.data)
+        elif isinstance(record, Attachment):
+            self._open_writer.attach(record)
+        else:
+            self._open_writer.add_metadata(record)
+
+    def write(self, result: FilterResult) -> None:
+        """Write a frame's points where they belong."""
+        message, cloud = result.frame.message, result.frame.cloud
+        outlet = self._outlets[message.channel]
+        if self._options.keep_raw:
+            self.copy(message)
+        self._put(outlet.filtered, message, self._filtered(outlet.codec, result))
+        if outlet.removed is not None:
+            gone = ~result.keep
+            removed = cloud.select(gone).with_field("reason", result.reason[gone])
+            self._put(outlet.removed, message, outlet.codec.encode(removed))
+        if outlet.diagnostics is not None:
+            self._put(outlet.diagnostics, message, outlet.serialise(Diagnostics.of(result)))
+
+    def end(self) -> None:
+        """Write the summary."""
+        self._open_writer.finish()
+
+    def _filtered(self, codec: CloudCodec, result: FilterResult) -> Buffer:
+        cloud = result.frame.cloud
+        organised = cloud.height > 1
+        if (not organised or self._options.keep_organized) and result.keep.all():
+            return result.frame.message.data
+        if organised and self._options.keep_organized:
+            return codec.encode(cloud.blank(~result.keep))
+        return codec.encode(cloud.select(result.keep))
+
+    def _open_outlet(self, channel: Channel, taken: set[str]) -> _Outlet:
+        codec = find_codec(channel)
+        if codec is None:
+            raise UsageError(f"topic {channel.topic} holds no point clouds")
+        options = self._options
+        encoding, schema, serialise = diagnostics_format(channel.message_encoding)
+        filtered, removed, diagnostics = self._channels[channel], None, None
+        if options.keep_raw:
+            filtered = self._add(replace(channel, topic=f"{channel.topic}/filtered"), taken)
+        if options.with_removed:
+            removed = self._add(replace(channel, topic=f"{channel.topic}/removed"), taken)
+        if options.diagnostics:
+            diagnostics = self._diagnostics_channel(Channel(0, DIAGNOSTICS_TOPIC, encoding, schema), taken)
+        return _Outlet(codec, filtered, removed, diagnostics, serialise)
+
+    def _diagnostics_channel(self, channel: Channel, taken: set[str]) -> int:
+        """Return the one channel for all topics; a log filtered before has one already, which stays apart."""
+        number = 2
+        while channel.topic in taken:
+            channel = replace(channel, topic=f"{DIAGNOSTICS_TOPIC}_{number}")
+            number += 1
+        if channel not in self._channels:
+            self._declare(channel)
+        return self._channels[channel]
+
+    def _add(self, channel: Channel, taken: set[str]) -> int:
+        if channel.topic in taken:
+            raise UsageError(f"topic {channel.topic} is in the log already, the filter cannot write to it")
+        return self._declare(replace(channel, metadata=()))
+
+    def _declare(self, channel: Channel) -> int:
+        """Declare a channel under its own id where that is free, else under the next."""
+        used = self._channels.values()
+        number = channel.id if channel.id and channel.id not in used else max(used, default=0) + 1
+        self._channels[channel] = number
+        self._open_writer.add_channel(replace(channel, id=number))
+        return number
+
+    def _put(self, number: int, message: Message, data: Buffer) -> None:
+        self._open_writer.write(number, message.log_time_ns, message.publish_time_ns, message.sequence, data)
+
+    @property
+    def _open_writer(self) -> McapWriter:
+        if self._writer is None:
+            raise RuntimeError("the sink has not begun")
+        return self._writer

@@ -1,0 +1,152 @@
+"""ROS 1 bags (format 2.0), healthy, unindexed, cut off or damaged."""
+
+import mmap
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.records import Channel, Damage, Message, Record
+from seaclutter_cli.sources.bag_chunks import read_index, unpack
+from seaclutter_cli.sources.bag_records import MAGIC, Op, read_record, walk
+from seaclutter_cli.sources.bag_survey import Survey, channel_of
+from seaclutter_cli.sources.chunked import Chunk, in_time_order
+
+_COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
+_ANY_TIME = (0, 2**63)
+
+
+class BagSource:
+    """A ROS 1 bag as a `Source`.
+
+    Memory holds a few unpacked chunks, and a few numbers for each chunk of the file. Messages are views of their chunk;
+    those of an uncompressed bag are views of the file.
+
+    Parameters
+    ----------
+    path : Path
+        The bag; ``.bag.active``, as a crashed recorder leaves it, is as good.
+
+    Raises
+    ------
+    InputError
+        If the file is no bag of format 2.0, or an encrypted one.
+    """
+
+    format = "ROS 1 bag"
+    profile = "ros1"
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.name.removesuffix(".active").removesuffix(".bag")
+        self._path = path
+        self._view = _open(path)
+        survey = Survey(self._view)
+        if survey.header is not None and survey.header.fields.get(b"encryptor"):
+            raise InputError(f"{path}: the bag is encrypted; decrypt it first (rosbag decrypt)")
+        self.compression = _COMPRESSIONS.get(survey.compression) if survey.compression else None
+        self.damage: list[Damage] = survey.damage(path)
+        self._channels = survey.channels
+        self._counts = survey.counts
+        self._chunks = list(survey.chunks.values())
+        self._unpack_untimed(survey)
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """Channels known before reading, those without messages too."""
+        return list(self._channels.values())
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Messages per channel id."""
+        return {channel: self._counts[channel] for channel in self._channels}
+
+    def records(self) -> Iterator[Record]:
+        """Yield the messages in the order of their log time; can be called again."""
+        return in_time_order(self._chunks, self._load)
+
+    def close(self) -> None:
+        """Free the file, once no message that points into it is left."""
+        self._view.release()
+
+    def _unpack_untimed(self, survey: Survey) -> None:
+        """Unpack the chunks where unknown channels first occur, and those of unknown times."""
+        for connection, offset in survey.first_use.items():
+            if connection not in self._channels and offset in survey.chunks:
+                self._load(survey.chunks[offset])
+        for offset, size in survey.untimed.items():
+            messages = self._load(Chunk(offset, size, *_ANY_TIME))
+            if messages:
+                times = [message.log_time_ns for message in messages]
+                self._chunks.append(Chunk(offset, size, min(times), max(times)))
+                self._counts.update(message.channel.id for message in messages)
+
+    def _load(self, chunk: Chunk) -> list[Message]:
+        """Return the messages of a chunk, and report what is wrong with it."""
+        end = chunk.offset + chunk.size
+        content, size, problem = self._content(chunk)
+        gaps: list[tuple[int, int]] = []
+        messages, strays = self._messages(content, gaps)
+        if problem is None and gaps:
+            problem = "damaged records in a chunk"
+        elif problem is None and strays:
+            problem = "messages of a connection that is described nowhere"
+        if problem is not None:
+            index = read_index(self._view, end)
+            lost_bytes = max(size - len(content), 0) + sum(stop - start for start, stop in gaps)
+            self._report(
+                chunk, problem, lost_bytes, (index.counts.total() - len(messages)) if index else strays or None
+            )
+        elif any(not chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
+            self._report(chunk, "a chunk whose messages are of other times than its index says", 0, None)
+        return messages
+
+    def _content(self, chunk: Chunk) -> tuple[memoryview, int, str | None]:
+        """Return the records of a chunk, the size that they should have, and what is wrong with them, if anything."""
+        view = self._view[: chunk.offset + chunk.size]
+        record = read_record(view, chunk.offset)
+        if record is None or record.op != Op.CHUNK:
+            return view[chunk.offset :], chunk.size, None
+        mended = record.end != len(view)
+        content, problem = unpack(self._view, record._replace(end=len(view), mended=mended))
+        return content, record.number(b"size"), problem
+
+    def _messages(self, content: memoryview, gaps: list[tuple[int, int]]) -> tuple[list[Message], int]:
+        """Return the messages of a chunk, and the number of those whose connection is unknown."""
+        messages = []
+        strays = 0
+        for record in walk(content, 0, gaps):
+            if record.op == Op.MESSAGE:
+                channel = self._channels.get(record.number(b"conn"))
+                if channel is None:
+                    strays += 1
+                    continue
+                time_ns = record.time_ns()
+                messages.append(Message(channel, time_ns, time_ns, 0, content[record.data : record.end]))
+            elif record.op == Op.CONNECTION:
+                self._channels.setdefault(record.number(b"conn"), channel_of(content, record))
+        return messages, strays
+
+    def _report(self, chunk: Chunk, what: str, lost_bytes: int, lost_messages: int | None) -> None:
+        damage = Damage(self._path, chunk.offset, what, lost_bytes, lost_messages)
+        if damage not in self.damage:
+            self.damage.append(damage)
+
+
+def _open(path: Path) -> memoryview:
+    """Map a bag into memory."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(MAGIC))
+            if start != MAGIC:
+                raise InputError(f"{path}: {_describe(start)}")
+            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+
+
+def _describe(start: bytes) -> str:
+    if not start:
+        return "the file is empty"
+    if start.startswith(b"#ROSBAG V"):
+        version = start[9:].strip().decode("utf-8", "replace")
+        return f"bags of version {version} are too old; convert it first (rosbag migrate)"
+    return "not a ROS 1 bag"

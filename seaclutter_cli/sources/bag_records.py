@@ -1,0 +1,179 @@
+"""Records of ROS 1 bags (format 2.0), in a file or in a chunk: parsing them, and finding the next one behind damage.
+
+A record is a header of ``name=value`` fields and data, each behind its length. No length is trusted: where a record
+does not end at another one, the next is searched for.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from enum import IntEnum
+from struct import Struct
+from typing import NamedTuple
+
+MAGIC = b"#ROSBAG V2.0\n"
+U32 = Struct("<I")
+U64 = Struct("<Q")
+STAMP = Struct("<II")
+
+_MAX_HEADER = 4096
+NANO = 1_000_000_000
+
+
+class Op(IntEnum):
+    """Kinds of records."""
+
+    MESSAGE = 2
+    BAG_HEADER = 3
+    INDEX = 4
+    CHUNK = 5
+    CHUNK_INFO = 6
+    CONNECTION = 7
+
+
+BETWEEN_CHUNKS = frozenset({Op.INDEX, Op.CHUNK, Op.CHUNK_INFO})
+"""Records that never stand in a chunk."""
+
+# Fields that a record must have, with their sizes; None for text.
+_REQUIRED: Mapping[bytes, tuple[Op, Mapping[bytes, int | None]]] = {
+    b"\x02": (Op.MESSAGE, {b"conn": 4, b"time": 8}),
+    b"\x03": (Op.BAG_HEADER, {b"index_pos": 8, b"conn_count": 4, b"chunk_count": 4}),
+    b"\x04": (Op.INDEX, {b"conn": 4, b"count": 4}),
+    b"\x05": (Op.CHUNK, {b"compression": None, b"size": 4}),
+    b"\x06": (Op.CHUNK_INFO, {b"chunk_pos": 8, b"start_time": 8, b"end_time": 8, b"count": 4}),
+    b"\x07": (Op.CONNECTION, {b"conn": 4, b"topic": None}),
+}
+_FIELDS = {name for _, fields in _REQUIRED.values() for name in fields} | {b"op", b"ver", b"encryptor"}
+# The start of a header: its length, and the length and name of a field.
+_START = re.compile(rb"(?=..\0\0..\0\0(?:" + b"|".join(sorted(_FIELDS)) + rb")=)", re.DOTALL)
+
+
+# The header of a message in the two orders in which recorders write it: a shortcut, as most records are such.
+_SHORTCUTS = (
+    (Struct("<21s4s9s8sI"), b"&\0\0\0\x04\0\0\0op=\x02\t\0\0\0conn=", b"\r\0\0\0time="),
+    (Struct("<13s4s17s8sI"), b"&\0\0\0\t\0\0\0conn=", b"\x04\0\0\0op=\x02\r\0\0\0time="),
+)
+
+
+class BagRecord(NamedTuple):
+    """A record: its kind, its fields, and where it starts, its data start, and it ends."""
+
+    op: Op
+    fields: dict[bytes, bytes]
+    start: int
+    data: int
+    end: int
+    mended: bool = False
+    """Whether the end is not the one that the record states."""
+
+    def number(self, name: bytes) -> int:
+        """Return a field of 4 or 8 bytes."""
+        return int.from_bytes(self.fields[name], "little")
+
+    def time_ns(self, name: bytes = b"time") -> int:
+        """Return a field that is a time, in nanoseconds."""
+        seconds, nanoseconds = STAMP.unpack(self.fields[name])
+        return int(seconds * NANO + nanoseconds)
+
+
+def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
+    r"""Return the fields of a header; None if it is no header.
+
+    Examples
+    --------
+    >>> parse_fields(b"\x04\0\0\0op=\x05")
+    {b'op': b'\x05'}
+    >>> parse_fields(b"\x04\0\0\0op") is None
+    True
+    """
+    fields = {}
+    at = 0
+    while at < len(header):
+        if at + 4 > len(header):
+            return None
+        (size,) = U32.unpack_from(header, at)
+        name, equals, value = header[at + 4 : at + 4 + size].partition(b"=")
+        at += 4 + size
+        if not equals or at > len(header):
+            return None
+        fields[name] = value
+    return fields
+
+
+def read_record(view: memoryview, at: int) -> BagRecord | None:
+    """Return the record at a place; None if there is none. Its end may lie beyond the view."""
+    if at + 46 <= len(view) and view[at] == 38:
+        for header, start, middle in _SHORTCUTS:
+            found_start, connection, found_middle, time, length = header.unpack_from(view, at)
+            if found_start == start and found_middle == middle:
+                return BagRecord(Op.MESSAGE, {b"conn": connection, b"time": time}, at, at + 46, at + 46 + length)
+    return _read_any_record(view, at)
+
+
+def _read_any_record(view: memoryview, at: int) -> BagRecord | None:
+    if at + 8 > len(view):
+        return None
+    (size,) = U32.unpack_from(view, at)
+    data = at + 8 + size
+    if size > _MAX_HEADER or data > len(view):
+        return None
+    fields = parse_fields(bytes(view[at + 4 : data - 4])) or {}
+    op, required = _REQUIRED.get(fields.get(b"op", b""), (None, {}))
+    if op is None or any(
+        name not in fields or (length is not None and len(fields[name]) != length) for name, length in required.items()
+    ):
+        return None
+    return BagRecord(op, fields, at, data, data + U32.unpack_from(view, data - 4)[0])
+
+
+def find_record(view: memoryview, at: int, ops: Collection[Op] = frozenset(Op)) -> int:
+    """Return the place of the first record of certain kinds at or behind a place; the view's end if there is none."""
+    for match in _START.finditer(view, at):
+        record = read_record(view, match.start())
+        if record is not None and record.op in ops:
+            return match.start()
+    return len(view)
+
+
+def walk(view: memoryview, at: int, gaps: list[tuple[int, int]]) -> Iterator[BagRecord]:
+    """Yield the records from a place on, one behind the other.
+
+    Parameters
+    ----------
+    view : memoryview
+        The file, or the content of a chunk.
+    at : int
+        Where to start.
+    gaps : list of tuple
+        Takes start and end of what had to be skipped; empty gaps mark records of a wrong length.
+
+    Notes
+    -----
+    The end of a chunk that states a wrong length is that of the view, or where the next record is that cannot stand in
+    a chunk. Other records that end beyond the view are gaps.
+    """
+    record = read_record(view, at)
+    while at < len(view):
+        if record is not None:
+            following = read_record(view, record.end)
+            if following is None and record.end != len(view):
+                record = _mend(view, record)
+                following = None if record is None else read_record(view, record.end)
+        if record is None:
+            resumed = find_record(view, at + 1)
+            gaps.append((at, resumed))
+            at, record = resumed, read_record(view, resumed)
+            continue
+        if record.mended and record.op != Op.CHUNK:
+            gaps.append((record.start, record.start))
+        yield record
+        at, record = record.end, following
+
+
+def _mend(view: memoryview, record: BagRecord) -> BagRecord | None:
+    """Return a record with the end where the next one starts, if its own is wrong; None if its data are not whole."""
+    if record.op == Op.CHUNK:
+        return record._replace(end=find_record(view, record.data, BETWEEN_CHUNKS), mended=True)
+    resumed = find_record(view, record.data)
+    if resumed < record.end and resumed < len(view):
+        return record._replace(end=resumed, mended=True)
+    return record if record.end < len(view) else None

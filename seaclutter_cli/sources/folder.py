@@ -1,0 +1,174 @@
+"""Folders of frames, and single frame files."""
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+from seaclutter_cli.errors import CloudError, InputError, UsageError
+from seaclutter_cli.messages import CODECS
+from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.records import Channel, Damage, Message
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from seaclutter_cli.sources.frame_files.csv import names_points
+from seaclutter_cli.sources.frame_files.stamps import from_names, from_times_beside
+
+_TYPE = "sensor_msgs/msg/PointCloud2"
+_LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "")
+_MAX_MESSAGE_BYTES = 2**32 - 2**16
+
+
+class FolderSource:
+    """A folder of frames of one format, or a single frame file, as ROS 2 point clouds on ``/points``.
+
+    Known layouts are SeePerSea (``point_clouds/*.pcd`` with ``timestamp/*.txt``) and KITTI (``velodyne/*.bin`` or
+    ``velodyne_points/data/*.bin``, with ``times.txt`` or ``timestamps.txt`` beside them); else the frames lie in the
+    folder itself. Stamps come from the file names if all are times, from the files of these layouts, else from
+    the rate, from 0.
+
+    Parameters
+    ----------
+    path : Path
+        The folder or file.
+    rate_hz : float, optional
+        Frames per second where nothing carries a time.
+
+    Raises
+    ------
+    InputError
+        If there are no frames, or frames of several formats, or the path cannot be read.
+    UsageError
+        If the rate is not positive.
+    """
+
+    profile = "ros2"
+    compression: str | None = None
+
+    def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
+        """List the frames; none is read yet."""
+        if not 0 < rate_hz < float("inf"):
+            raise UsageError(f"the rate has to be above 0 frames per second, not {rate_hz}")
+        try:
+            files = _find_frames(path)
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror}") from error
+        self.damage: list[Damage] = []
+        self._frames = self._stamped(files, rate_hz)
+        self._read = FRAME_READERS[files[0].suffix.lower()]
+        self._channel = Channel(1, "/points", "cdr", ros2_schema(_TYPE))
+        kind = files[0].suffix[1:].upper()
+        single = files == [path]
+        self.format = f"{kind} file" if single else f"folder of {kind}"
+        self.name = path.stem if single else (path if path.name not in ("", "..") else path.resolve()).name
+
+    def _stamped(self, files: list[Path], rate_hz: float) -> list[tuple[int, Path]]:
+        stamps = from_names(files)
+        if stamps is not None:
+            return sorted(zip(stamps, files, strict=True))
+        try:
+            stamps = from_times_beside(files)
+        except InputError as error:
+            self.damage.append(Damage(files[0].parent, None, f"{error}; frames are taken as {rate_hz:g} per second"))
+        period_ns = 10**9 / Fraction(str(rate_hz))
+        return list(zip(stamps or [round(index * period_ns) for index in range(len(files))], files, strict=True))
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """The only channel."""
+        return (self._channel,)
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Number of frame files, by channel id."""
+        return {self._channel.id: len(self._frames)}
+
+    def records(self) -> Iterator[Message]:
+        """Yield a message for each frame that can be read, one in memory at a time; note the others as damage."""
+        for index, (stamp_ns, file) in enumerate(self._frames):
+            try:
+                message = self._message(index, stamp_ns, file)
+            except (CloudError, OSError) as error:
+                self._note(file, error)
+            else:
+                yield message
+                del message
+
+    def _message(self, index: int, stamp_ns: int, file: Path) -> Message:
+        cloud = replace(self._read(file), stamp_ns=stamp_ns, frame_id="lidar")
+        if len(cloud.data) > _MAX_MESSAGE_BYTES:
+            raise CloudError(f"{len(cloud.data)} bytes of points are more than a PointCloud2 message can hold")
+        return Message(self._channel, stamp_ns, stamp_ns, index, CODECS[_TYPE, "cdr"].encode(cloud))
+
+    def _note(self, file: Path, error: CloudError | OSError) -> None:
+        what = str(error) if isinstance(error, CloudError) else f"cannot be read: {error.strerror}"
+        try:
+            size = file.stat().st_size
+        except OSError:
+            size = 0
+        damage = Damage(file, None, what, lost_bytes=size, lost_messages=1)
+        if damage not in self.damage:
+            self.damage.append(damage)
+
+    def close(self) -> None:
+        """Do nothing: no file stays open."""
+
+
+def is_frame_folder(path: Path) -> bool:
+    """Return whether a path is a folder with frame files in it, or in a place where SeePerSea or KITTI put them.
+
+    Looks at names, and at the first lines of CSV files where there are no others, since those may be any table. A
+    folder that cannot be listed is none.
+    """
+    try:
+        frames = [file for layout in _LAYOUTS for file in _frames_in(path / layout)]
+        return any(file.suffix.lower() != ".csv" for file in frames) or any(map(names_points, frames))
+    except OSError:
+        return False
+
+
+def _find_frames(path: Path) -> list[Path]:
+    """Return the frame files of a recording in natural order."""
+    if path.is_file():
+        if path.suffix.lower() not in FRAME_READERS:
+            raise InputError(f"{path}: no frame file; known are {', '.join(FRAME_READERS)}")
+        return [path]
+    path.stat()
+    for layout in _LAYOUTS:
+        if files := _frames_in(path / layout):
+            return sorted(_of_one_format(path, files), key=_natural)
+    raise InputError(f"{path}: no frames in it; known are {', '.join(FRAME_READERS)}")
+
+
+def _frames_in(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    with os.scandir(folder) as entries:
+        return [Path(entry.path) for entry in entries if _is_frame(entry)]
+
+
+def _is_frame(entry: os.DirEntry[str]) -> bool:
+    name = entry.name.lower()
+    known = Path(name).suffix in FRAME_READERS and not name.startswith(".") and not name.endswith("labels.csv")
+    return known and not entry.is_dir()
+
+
+def _of_one_format(path: Path, files: list[Path]) -> list[Path]:
+    by_suffix: dict[str, list[Path]] = {}
+    for file in files:
+        by_suffix.setdefault(file.suffix.lower(), []).append(file)
+    # A few CSV files beside more frames of another format are tables about them: poses, labels, results.
+    most = max(by_suffix, key=lambda suffix: len(by_suffix[suffix]))
+    if most != ".csv" and len(by_suffix.get(".csv", ())) < len(by_suffix[most]):
+        by_suffix.pop(".csv", None)
+    if len(by_suffix) > 1:
+        found = ", ".join(f"{len(files)} {suffix}" for suffix, files in sorted(by_suffix.items()))
+        raise InputError(f"{path}: frames of several formats ({found}): give each format a folder of its own")
+    return by_suffix[most]
+
+
+def _natural(file: Path) -> tuple[list[str | int], str]:
+    """Sort numbers in names by their value: frame2 before frame10."""
+    parts = re.split(r"([0-9]+)", file.name)
+    return [int(part) if index % 2 else part for index, part in enumerate(parts)], file.name

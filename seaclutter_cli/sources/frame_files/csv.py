@@ -1,0 +1,76 @@
+"""Points as lines of text: CSV with any usual separator, and the XYZ files of other tools."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.errors import CloudError
+from seaclutter_cli.sources.frame_files.guard import reading
+from seaclutter_cli.sources.frame_files.tables import column_names, is_number, parse_rows
+
+_BOM = b"\xef\xbb\xbf"
+_MAX_HEAD = 2**16
+
+
+def read_csv(path: Path) -> Cloud:
+    """Return the points of a text file, every column float64.
+
+    The first line names the columns, among them x, y and z in either case; a ``#`` before them is no part of it.
+    Without names, columns are x, y, z, intensity, ring, field_5 and so on. An empty cell is NaN.
+
+    Raises
+    ------
+    CloudError
+        If the file has no lines, or lines that do not fit; names the line.
+    """
+    with reading("CSV"):
+        content = path.read_bytes().removeprefix(_BOM)
+        names, delimiter, body, line = _head(content)
+        if delimiter is not None:
+            body, line = _fill_empty_cells(body, delimiter.encode()), line - 1
+        dtype = np.dtype([(name, "<f8") for name in names])
+        return from_array(parse_rows(body, dtype, delimiter=delimiter, first_line=line))
+
+
+def names_points(path: Path) -> bool:
+    """Return whether a text file starts like a table of points; tables of results and settings do not."""
+    with path.open("rb") as file:
+        start = file.read(_MAX_HEAD).removeprefix(_BOM)
+    try:
+        _head(start)
+    except CloudError:
+        return False
+    return True
+
+
+def _head(content: bytes) -> tuple[tuple[str, ...], str | None, bytes, int]:
+    """Return names, separator, the lines of points, and the number of the first of them."""
+    at = 0
+    for number, raw in enumerate(content.split(b"\n", 1000), 1):
+        line = raw.decode("utf-8", "replace").strip()
+        delimiter = next((mark for mark in ";,\t" if mark in line), None)
+        cells = [cell.strip(" \"'") for cell in line.lstrip("#/ ").split(delimiter)]
+        if {"x", "y", "z"} <= {cell.lower() for cell in cells}:
+            return _named(cells), delimiter, content[at + len(raw) + 1 :], number + 1
+        if any(cells) and all(is_number(cell) for cell in cells if cell):
+            return column_names(len(cells)), delimiter, content[at:], number
+        if line and not line.startswith(("#", "//")):
+            raise CloudError(f"line {number} names no columns x, y and z, and holds no numbers: {line[:60]!r}")
+        at += len(raw) + 1
+    raise CloudError("the file holds no points and no names of columns")
+
+
+def _named(cells: list[str]) -> tuple[str, ...]:
+    named = (cell or f"field_{index}" for index, cell in enumerate(cells))
+    return tuple(name.lower() if name.lower() in ("x", "y", "z") else name for name in named)
+
+
+def _fill_empty_cells(body: bytes, mark: bytes) -> bytes:
+    """Write nan where nothing stands between two separators, or between one and the end of its line."""
+    body = b"\n" + body + b"\n"
+    if not any(hint in body for hint in (mark + mark, mark + b" ", mark + b"\r", mark + b"\n", b"\n" + mark)):
+        return body
+    blank = rb" *" if mark == b"\t" else rb"[ \t]*"
+    return re.sub(rb"(?<=[\n%b])%b(?=%b)|(?<=%b)%b(?=\r?\n)" % (mark, blank, mark, mark, blank), b"nan", body)

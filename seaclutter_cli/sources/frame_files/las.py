@@ -1,0 +1,125 @@
+"""LAS and LAZ, the formats of surveying.
+
+laspy and lazrs take the sizes in a file at their word: one wrong bit costs hours or gigabytes, or ends the process.
+So the sizes are checked here before they see them.
+"""
+
+import logging
+import os
+import struct
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.errors import CloudError, MissingExtraError
+from seaclutter_cli.sources.frame_files.guard import check_size, reading
+
+_CHUNK_POINTS = 500_000
+_HEAD_BYTES = 104
+_VLR_BYTES = 54
+_LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # Point14, RGB14, RGBNIR14, WavePacket14
+_BYTE14 = 14
+_LASZIP_ITEMS_AT = 34
+# laspy logs what it then raises; without a handler of its own that would reach standard error.
+logging.getLogger("laspy").addHandler(logging.NullHandler())
+
+
+def read_las(path: Path) -> Cloud:
+    """Return the points of a LAS or LAZ file: x, y, z scaled, in float64, and every other dimension as it is.
+
+    Raises
+    ------
+    CloudError
+        If the file is no LAS, or does not hold as many points as its header says.
+    MissingExtraError
+        If laspy, or its part for LAZ, is not installed.
+    """
+    try:
+        import laspy  # an extra
+    except ImportError as error:
+        raise MissingExtraError("LAS/LAZ", "las") from error
+    with reading("LAS"), path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        _check_head(file, size)
+        # In several threads, lazrs believes a broken chunk table too.
+        with laspy.open(file, read_evlrs=False, laz_backend=laspy.LazBackend.Lazrs, closefd=False) as reader:
+            count = reader.header.point_count
+            if count and not reader.header.are_points_compressed:
+                check_size(reader.header.offset_to_point_data + count * reader.header.point_format.size, size)
+            elif count:
+                if not laspy.LazBackend.Lazrs.is_available():
+                    raise MissingExtraError("LAZ", "las")
+                _check_compressed(reader.header, file, size)
+            empty = laspy.ScaleAwarePointRecord.zeros(0, header=reader.header)
+            points = np.concatenate([_structured(part) for part in (empty, *reader.chunk_iterator(_CHUNK_POINTS))])
+        if len(points) != count:
+            raise CloudError(f"{len(points)} points where the header announces {count}")
+        return from_array(points)
+
+
+def _check_head(file: BinaryIO, size: int) -> None:
+    file.seek(0)
+    head = file.read(_HEAD_BYTES)
+    if len(head) < _HEAD_BYTES or not head.startswith(b"LASF"):
+        raise CloudError("no LAS header")
+    (vlrs,) = struct.unpack_from("<I", head, _HEAD_BYTES - 4)
+    check_size(vlrs * _VLR_BYTES, size)
+    file.seek(0)
+
+
+def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:
+    """Check the chunk table, the size of a point, and the layers of every chunk."""
+    start, point_size = header.offset_to_point_data, header.point_format.size
+    table = _find_chunk_table(file, start, size)
+    _, chunks = _unpack(file, table, "<II")
+    if chunks > min(size, header.point_count):
+        raise CloudError(f"its chunk table announces {chunks} chunks, more than points or bytes")
+    described = header.vlrs.get("LasZipVlr")
+    if not described:
+        raise CloudError("the record that describes its compression is missing")
+    items = list(struct.iter_unpack("<HHH", described[0].record_data[_LASZIP_ITEMS_AT:]))
+    widths = sum(width for _, width, _ in items)
+    if widths != point_size:
+        raise CloudError(f"compressed points are of {widths} bytes, the header says {point_size}")
+    layers = sum(width if kind == _BYTE14 else _LAYERS.get(kind, 0) for kind, width, _ in items)
+    if layers:
+        _check_layers(file, start + 8, table, point_size, layers)
+    file.seek(start)
+
+
+def _find_chunk_table(file: BinaryIO, start: int, size: int) -> int:
+    (table,) = _unpack(file, start, "<q")
+    if table <= start:  # written to something that cannot seek: then it stands at the end
+        (table,) = _unpack(file, size - 8, "<q")
+    if not start < table <= size - 8:
+        raise CloudError("its chunk table is missing: the file was cut short")
+    return int(table)
+
+
+def _check_layers(file: BinaryIO, at: int, end: int, point_size: int, layers: int) -> None:
+    """Follow the chunks of point formats 6 to 10: one point as it is, then the sizes of layers, then these."""
+    while at < end:
+        _, *sizes = _unpack(file, at + point_size, f"<{layers + 1}I")
+        at += point_size + 4 * (layers + 1) + sum(sizes)
+    if at > end:
+        raise CloudError("the sizes of its compressed layers do not fit")
+
+
+def _unpack(file: BinaryIO, at: int, layout: str) -> tuple[int, ...]:
+    file.seek(at)
+    data = file.read(struct.calcsize(layout))
+    if len(data) < struct.calcsize(layout):
+        raise CloudError("the file was cut short")
+    return struct.unpack(layout, data)
+
+
+def _structured(part: Any) -> NDArray[Any]:
+    names = [name for name in part.point_format.dimension_names if name not in ("X", "Y", "Z")]
+    columns = {name: np.asarray(part[name]) for name in ("x", "y", "z", *names)}
+    points = np.empty(len(part), [(name, column.dtype, column.shape[1:]) for name, column in columns.items()])
+    for name, column in columns.items():
+        points[name] = column
+    return points

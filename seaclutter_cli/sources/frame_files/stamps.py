@@ -1,0 +1,115 @@
+"""When frames were taken: from the names of their files, or from the files of times beside them."""
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+from seaclutter_cli.errors import InputError
+
+_NANO = 1_000_000_000
+_LIMIT_NS = 2**31 * _NANO  # ROS stamps hold signed 32-bit seconds.
+_UNITS_NS = ((10**18, 1), (10**15, 10**3), (10**12, 10**6))
+_IN_NAME = re.compile(r"(?<![\d.])([1-9]\d{18}|[1-9]\d{15}|[1-9]\d{12}|[1-9]\d{9}\.\d+)(?![\d.])", re.ASCII)
+
+
+def parse_time(text: str) -> int | None:
+    """Return a time written by a recorder in nanoseconds, exact; None if the text is no time that a stamp can hold.
+
+    Parameters
+    ----------
+    text : str
+        A number (nano-, micro- or milliseconds since 1970 if it has 19, 16 or 13 digits before the point, else
+        seconds), or date and time (UTC if no zone is given).
+
+    Examples
+    --------
+    >>> parse_time("1673400472.138016"), parse_time("1.037875e-01"), parse_time("1970-01-01 00:00:01.000000002")
+    (1673400472138016000, 103787500, 1000000002)
+    """
+    try:
+        value = Decimal(text.strip())
+    except InvalidOperation:
+        stamp_ns = _from_date(text.strip())
+    else:
+        if not (value.is_finite() and 0 <= value < 10**19):
+            return None
+        unit = next((unit for least, unit in _UNITS_NS if value >= least), _NANO)
+        stamp_ns = int(value * unit)
+    return stamp_ns if stamp_ns is not None and 0 <= stamp_ns < _LIMIT_NS else None
+
+
+def _from_date(text: str) -> int | None:
+    match = re.fullmatch(r"(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d)(?:\.(\d{1,9})\d*)?(Z|[+-]\d\d:?\d\d)?", text, re.ASCII)
+    if match is None:
+        return None
+    try:
+        moment = datetime.fromisoformat(match[1] + (match[3] or ""))
+    except ValueError:
+        return None
+    seconds = int((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp())
+    return seconds * _NANO + int((match[2] or "").ljust(9, "0"))
+
+
+def from_names(files: Sequence[Path]) -> list[int] | None:
+    """Return one stamp a file if all names hold a time in the same unit and no two are equal, else None."""
+    times = [_IN_NAME.search(file.stem) for file in files]
+    found = [match[0] for match in times if match]
+    stamps = [stamp for text in found if (stamp := parse_time(text)) is not None]
+    same_unit = len({len(text.partition(".")[0]) for text in found}) == 1
+    return stamps if same_unit and len(set(stamps)) == len(files) else None
+
+
+def from_times_beside(files: Sequence[Path]) -> list[int] | None:
+    """Return one stamp a file from what SeePerSea and KITTI put beside their frames; None if there is nothing.
+
+    Raises
+    ------
+    InputError
+        If there are times and they do not fit the frames.
+    """
+    folder = files[0].parent
+    if folder.name == "point_clouds" and (folder.parent / "timestamp").is_dir():
+        stamps = [_in_file(folder.parent / "timestamp" / f"{file.stem}.txt") for file in files]
+    elif folder.name in ("velodyne", "data") and (times := _times_file(folder.parent)) is not None:
+        stamps = _lines_for(files, times)
+    else:
+        return None
+    late = next((index for index in range(1, len(stamps)) if stamps[index] <= stamps[index - 1]), None)
+    if late is not None:
+        raise InputError(f"the time of frame {files[late].name} is not after the one before it")
+    return stamps
+
+
+def _times_file(folder: Path) -> Path | None:
+    return next((path for name in ("times.txt", "timestamps.txt") if (path := folder / name).is_file()), None)
+
+
+def _in_file(path: Path) -> int:
+    text = _text(path)
+    stamp_ns = next((stamp for part in (text, *text.split()) if (stamp := parse_time(part)) is not None), None)
+    if stamp_ns is None:
+        raise InputError(f"{path}: no time in it")
+    return stamp_ns
+
+
+def _lines_for(files: Sequence[Path], times: Path) -> list[int]:
+    """Take line by line, or, where KITTI left frames out, the lines that the frame numbers say."""
+    lines = _text(times).splitlines()
+    if len(lines) != len(files):
+        numbers = [int(file.stem) if re.fullmatch("[0-9]{1,18}", file.stem) else len(lines) for file in files]
+        if max(numbers) >= len(lines):
+            raise InputError(f"{times}: {len(lines)} times for {len(files)} frames")
+        lines = [lines[number] for number in numbers]
+    stamps = [parse_time(line) for line in lines]
+    if None in stamps:
+        raise InputError(f"{times}: {lines[stamps.index(None)][:40]!r} is no time")
+    return [stamp for stamp in stamps if stamp is not None]
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text("utf-8", "replace").strip()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error

@@ -1,0 +1,104 @@
+"""What a cloud topic holds: sizes, fields, extents of intensity and range, and what sensor it may come from."""
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from seaclutter_cli.cloud import PointField
+from seaclutter_cli.errors import FieldError
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.sensors import guess_sensors
+
+_RING_NAMES = ("ring", "channel", "line", "laser_id")
+_NANO = 1_000_000_000
+
+
+@dataclass
+class TopicSurvey:
+    """Sums over the frames of one topic; grows by four bytes a frame."""
+
+    frames: int = 0
+    invalid: int = 0
+    fields: Sequence[PointField] = ()
+    shape: tuple[int, int] = (0, 0)
+    frame_id: str = ""
+    intensity_name: str | None = None
+    problem: str | None = None
+    intensity: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
+    range_m: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
+    stamps_ns: list[int] = field(default_factory=list)
+    _sizes: "array[int]" = field(default_factory=lambda: array("L"))
+    _rings: set[int] = field(default_factory=set)
+
+    def add(self, frame: Frame) -> None:
+        """Add a frame."""
+        cloud = frame.cloud
+        self.frames += 1
+        self._sizes.append(frame.size)
+        self.fields, self.shape, self.frame_id = cloud.fields, (cloud.height, cloud.width), cloud.frame_id
+        self.stamps_ns = [self.stamps_ns[0] if self.stamps_ns else frame.stamp_ns, frame.stamp_ns]
+        try:
+            self.intensity_name = frame.intensity_name
+            valid = frame.valid
+            self.invalid += frame.size - int(np.count_nonzero(valid))
+            _extend(self.range_m, frame.range_m[valid])
+            if self.intensity_name is not None:
+                _extend(self.intensity, frame.intensity[valid])
+        except FieldError as error:
+            self.problem = str(error)
+        name = next((name for name in _RING_NAMES if name in (cloud.dtype.names or ())), None)
+        if name and len(self._rings) <= 256:
+            self._rings.update(np.unique(cloud.points[name]).tolist())
+
+    @property
+    def points(self) -> int:
+        """Points in all frames."""
+        return sum(self._sizes)
+
+    def sizes(self) -> tuple[int, float, int]:
+        """Return the least, median and greatest number of points in a frame."""
+        return (min(self._sizes), median(self._sizes), max(self._sizes)) if self._sizes else (0, 0, 0)
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Frames per second by their stamps; None for less than two."""
+        if self.frames < 2 or self.stamps_ns[1] <= self.stamps_ns[0]:
+            return None
+        return (self.frames - 1) * _NANO / (self.stamps_ns[1] - self.stamps_ns[0])
+
+    @property
+    def sensors(self) -> list[str]:
+        """Sensors that the topic could come from."""
+        names = [item.name for item in self.fields]
+        return guess_sensors(names, len(self._rings) or None, round(self.sizes()[1]))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the survey as JSON holds it."""
+        least, middle, most = self.sizes()
+        return {
+            "frames": self.frames,
+            "rate_hz": None if self.rate_hz is None else round(self.rate_hz, 3),
+            "frame_id": self.frame_id,
+            "shape": list(self.shape),
+            "points": {"min": least, "median": middle, "max": most},
+            "fields": [{"name": f.name, "type": f.type, "offset": f.offset, "count": f.count} for f in self.fields],
+            "intensity_field": self.intensity_name,
+            "intensity": _limits(self.intensity),
+            "range_m": _limits(self.range_m),
+            "invalid_share": self.invalid / self.points if self.points else None,
+            "sensors": self.sensors,
+            "problem": self.problem,
+        }
+
+
+def _extend(limits: list[float], values: np.ndarray[Any, np.dtype[np.float64]]) -> None:
+    if len(values):
+        limits[:] = min(limits[0], float(values.min())), max(limits[1], float(values.max()))
+
+
+def _limits(limits: Sequence[float]) -> list[float] | None:
+    return list(limits) if limits[0] <= limits[1] else None
