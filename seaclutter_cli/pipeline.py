@@ -244,7 +244,7 @@ def _step(method: Filter, frame: Frame, tally: TopicTally, source: Source) -> Fi
         result = method.step(frame)
     except FieldError as error:
         if frame.index == 0:
-            raise
+            raise FieldError(f"{source.name}, {frame.topic}: {error}") from error
         _lost(source, frame.message, frame.index, error)
         return None
     tally.add(result, perf_counter() - started)

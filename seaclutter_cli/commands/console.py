@@ -8,6 +8,8 @@ from typing import Any, Self
 
 import click
 
+from seaclutter_cli.commands.options import DEBUG
+from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.records import Damage
 
 _LINE_SECONDS = 10.0
@@ -57,6 +59,13 @@ class Progress:
             self._next += _LINE_SECONDS
             of = f" of {self._total}" if self._total else ""
             click.echo(f"{self._title}: {self._count}{of} frames", err=True)
+
+
+def fail(error: SeaclutterError) -> None:
+    """Print an error and go on; with ``--debug``, raise it."""
+    if DEBUG in click.get_current_context().meta:
+        raise error
+    click.echo(f"Error: {error}", err=True)
 
 
 def warn(text: str, *, quiet: bool = False) -> None:

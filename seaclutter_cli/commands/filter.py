@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.console import Progress, report_damage, warn
+from seaclutter_cli.commands.console import Progress, fail, report_damage, warn
 from seaclutter_cli.commands.options import config_options, logs_argument, output_options, selection_options
 from seaclutter_cli.errors import InputError, SeaclutterError, UsageError
 
@@ -43,7 +43,7 @@ _COMPRESSIONS = {"zstd": "zstd", "lz4": "lz4", "none": ""}
 @click.option("--keep-raw", is_flag=True, help="Leave the raw cloud on its topic; write to TOPIC/filtered.")
 @click.option("--with-removed", is_flag=True, help="Write removed points to TOPIC/removed, with their reason.")
 @click.option("--keep-organized", is_flag=True, help="Keep the shape of organised clouds; removed points become NaN.")
-@click.option("--diagnostics/--no-diagnostics", default=True, help="Write /seaclutter/diagnostics (it is written).")
+@click.option("--diagnostics/--no-diagnostics", default=True, help="Write /seaclutter/diagnostics, or leave it out.")
 @click.option(
     "--compression",
     type=click.Choice(list(_COMPRESSIONS)),
@@ -71,8 +71,8 @@ def command(logs: tuple[str, ...], output: Path, **options: Any) -> None:
         outcomes = [job.run(recording, target, sinks) for recording, target in zip(recordings, targets, strict=True)]
     if options["as_json"]:
         click.echo(json.dumps([outcome.as_dict() for outcome in outcomes], indent=2))
-    else:
-        click.echo("\n\n".join(outcome.as_text() for outcome in outcomes if not outcome.error))
+    elif done := [outcome.as_text() for outcome in outcomes if not outcome.error]:
+        click.echo("\n\n".join(done))
     if any(outcome.error for outcome in outcomes):
         raise click.exceptions.Exit(1)
     if any(outcome.damage for outcome in outcomes):
@@ -126,7 +126,7 @@ class Job:
             raise
         except SeaclutterError as error:
             outcome.error = str(error)
-            click.echo(f"Error: {error}", err=True)
+            fail(error)
         outcome.seconds = perf_counter() - started
         return outcome
 

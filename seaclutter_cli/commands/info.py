@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.console import Progress, report_damage, share, table
+from seaclutter_cli.commands.console import Progress, fail, report_damage, share, table
 from seaclutter_cli.commands.options import logs_argument, output_options, selection_options
 from seaclutter_cli.errors import SeaclutterError
 
@@ -42,8 +42,8 @@ def command(logs: tuple[str, ...], **options: Any) -> None:
     contents = [_look(recording, selection, options) for recording in find_recordings(logs)]
     if options["as_json"]:
         click.echo(json.dumps([content.as_dict() for content in contents], indent=2))
-    else:
-        click.echo("\n\n".join(content.as_text() for content in contents if not content.error))
+    elif read := [content.as_text() for content in contents if not content.error]:
+        click.echo("\n\n".join(read))
     if any(content.error for content in contents):
         raise click.exceptions.Exit(1)
     if any(content.damage for content in contents):
@@ -153,7 +153,7 @@ def _look(recording: "Recording", selection: "Selection", options: Mapping[str, 
             report_damage(source.damage, verbose=options["verbose"])
     except SeaclutterError as error:
         content.error = str(error)
-        click.echo(f"Error: {error}", err=True)
+        fail(error)
     return content
 
 

@@ -138,8 +138,8 @@ class Joint(RingIntensity):
 
     References
     ----------
-    .. [1] Li Zhengyu, Wang Hongdong, Wei Shengzhe, Lou Jiankun (2023). "Joint intensity-space filtering method for
-       maritime lidar". Chinese Journal of Lasers. doi:10.3788/CJL221207
+    .. [1] Li Zhengyu, Wang Hongdong, Wei Shengzhe, Lou Jiankun (2023). "Marine Lidar Intensity-Space
+       Combined Filtering Method". Chinese Journal of Lasers. doi:10.3788/CJL221207
     """
 
     Params: ClassVar[type[ZoneParams]] = JointParams
@@ -183,7 +183,9 @@ class Joint(RingIntensity):
 
 
 class RingIntensityOutlier(Joint):
-    """Ring thresholds and outliers without correction (S0, steps 2 and 3): every frame is a first frame.
+    """Ring thresholds and outliers without correction (S0, steps 2 and 3).
+
+    Every frame is a first frame to it.
 
     Parameters
     ----------

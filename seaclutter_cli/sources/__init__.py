@@ -71,8 +71,6 @@ def open_source(path: Path, *, rate_hz: float = 10.0) -> Source:
         if is_frame_folder(path):
             return FolderSource(path, rate_hz=rate_hz)
         raise InputError(f"{path}: the folder holds no log and no frames ({_formats()} are read)")
-    if not path.exists():
-        raise InputError(f"{path}: there is no such file or folder")
     if path.suffix.lower() in FRAME_READERS and not _has_magic(path):
         return FolderSource(path, rate_hz=rate_hz)
     return _open_file(path)
@@ -142,7 +140,7 @@ def find_recordings(patterns: Iterable[str]) -> list[Recording]:
     Raises
     ------
     UsageError
-        If a glob or a folder holds nothing.
+        If a glob or a folder holds nothing, or a path does not exist.
     """
     found: dict[Path, Recording] = {}
     for pattern in patterns:
@@ -151,16 +149,20 @@ def find_recordings(patterns: Iterable[str]) -> list[Recording]:
         paths = sorted(map(Path, glob(pattern, recursive=True))) if is_glob else [named]  # noqa: PTH207 - any root
         if not paths:
             raise UsageError(f"{pattern}: nothing fits this pattern")
+        if not paths[0].exists():
+            raise UsageError(f"{pattern}: there is no such file or folder")
         for recording in (recording for path in paths for recording in _expand(path)):
             found.setdefault(recording.paths[0].resolve(), recording)
     return list(found.values())
 
 
 def _expand(path: Path) -> list[Recording]:
-    if not path.is_dir() or _is_recording(path):
+    if not path.is_dir() or is_rosbag2_folder(path):
         return [Recording((path,))]
     children = sorted(path.iterdir())
     files = [child for child in children if child.is_file() and child.name.lower().endswith(_LOG_SUFFIXES)]
+    if not files and is_frame_folder(path):
+        return [Recording((path,))]
     recordings = [Recording(tuple(group)) for group in split_groups(files)]
     recordings += [Recording((child,)) for child in children if child.is_dir() and _is_recording(child)]
     if not recordings:

@@ -46,6 +46,7 @@ class BagSource:
         self.damage: list[Damage] = survey.damage(path)
         self._channels = survey.channels
         self._counts = survey.counts
+        self._announced = survey.announced
         self._chunks = list(survey.chunks.values())
         self._unpack_untimed(survey)
 
@@ -61,7 +62,11 @@ class BagSource:
 
     def records(self) -> Iterator[Record]:
         """Yield the messages in the order of their log time; can be called again."""
-        return in_time_order(self._chunks, self._load)
+        read = 0
+        for message in in_time_order(self._chunks, self._load):
+            read += 1
+            yield message
+        self._compare(read)
 
     def close(self) -> None:
         """Free the file, once no message that points into it is left."""
@@ -96,7 +101,7 @@ class BagSource:
                 chunk, problem, lost_bytes, (index.counts.total() - len(messages)) if index else strays or None
             )
         elif any(not chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
-            self._report(chunk, "a chunk whose messages are of other times than its index says", 0, None)
+            self._report(chunk.offset, "a chunk whose messages are of other times than its index says", 0, None)
         return messages
 
     def _content(self, chunk: Chunk) -> tuple[memoryview, int, str | None]:
@@ -125,8 +130,15 @@ class BagSource:
                 self._channels.setdefault(record.number(b"conn"), channel_of(content, record))
         return messages, strays
 
-    def _report(self, chunk: Chunk, what: str, lost_bytes: int, lost_messages: int | None) -> None:
-        damage = Damage(self._path, chunk.offset, what, lost_bytes, lost_messages)
+    def _compare(self, read: int) -> None:
+        """Report messages that the index announces, and that are neither read nor reported as lost."""
+        known = sum(damage.lost_messages or 0 for damage in self.damage)
+        if self._announced is not None and self._announced > read + known:
+            what = f"the index announces {self._announced} messages, {read} could be read"
+            self._report(None, what, 0, self._announced - read - known)
+
+    def _report(self, offset: int | None, what: str, lost_bytes: int, lost_messages: int | None) -> None:
+        damage = Damage(self._path, offset, what, lost_bytes, lost_messages)
         if damage not in self.damage:
             self.damage.append(damage)
 

@@ -148,8 +148,8 @@ def walk(view: memoryview, at: int, gaps: list[tuple[int, int]]) -> Iterator[Bag
 
     Notes
     -----
-    The end of a chunk that states a wrong length is that of the view, or where the next record is that cannot stand in
-    a chunk. Other records that end beyond the view are gaps.
+    A record that states a length beyond the next record, or beyond the view, ends there; if it is not followed by a
+    record either, it is a gap. Chunks end only at records that cannot stand in a chunk, or with the view.
     """
     record = read_record(view, at)
     while at < len(view):
@@ -170,9 +170,10 @@ def walk(view: memoryview, at: int, gaps: list[tuple[int, int]]) -> Iterator[Bag
 
 
 def _mend(view: memoryview, record: BagRecord) -> BagRecord | None:
-    """Return a record with the end where the next one starts, if its own is wrong; None if its data are not whole."""
+    """Return a record with the end where the next one starts, if its own is behind it; None if its data are not whole."""
     if record.op == Op.CHUNK:
-        return record._replace(end=find_record(view, record.data, BETWEEN_CHUNKS), mended=True)
+        resumed = find_record(view, record.data, BETWEEN_CHUNKS)
+        return record._replace(end=resumed, mended=True) if resumed < record.end else record
     resumed = find_record(view, record.data)
     if resumed < record.end and resumed < len(view):
         return record._replace(end=resumed, mended=True)

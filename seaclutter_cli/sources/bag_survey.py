@@ -10,7 +10,7 @@ from seaclutter_cli.sources.bag_records import MAGIC, BagRecord, Op, parse_field
 from seaclutter_cli.sources.chunked import Chunk
 
 _COUNT = Struct("<II")
-_LOOSE_BYTES = 4 * 2**20
+_RUN_BYTES = 4 * 2**20
 
 
 def channel_of(view: memoryview, record: BagRecord) -> Channel:
@@ -50,6 +50,8 @@ class Survey:
         By connection id, the offset of a chunk that holds messages of it.
     counts : Counter
         Messages per connection id, those of untimed chunks left out.
+    announced : int or None
+        Number of messages by the index at the end of the bag; None if there is no complete one.
     """
 
     def __init__(self, view: memoryview) -> None:
@@ -60,12 +62,12 @@ class Survey:
         self.untimed: dict[int, int] = {}
         self.first_use: dict[int, int] = {}
         self.counts: Counter[int] = Counter()
+        self.announced: int | None = None
         self._view = view
         self._gaps: list[tuple[int, int]] = []
         self._seen: Counter[Op] = Counter()
-        self._missing: list[tuple[int, int]] = []
-        self._recovered: Counter[int] = Counter()
-        self._loose: Chunk | None = None
+        self._infos: dict[int, int] = {}
+        self._runs: list[tuple[int, int]] = []
         take = {
             Op.MESSAGE: self._take_message,
             Op.BAG_HEADER: self._take_header,
@@ -77,6 +79,9 @@ class Survey:
             self._seen[record.op] += 1
             if record.op in take:
                 take[record.op](record)
+        self._settle_runs()
+        if self.header is not None and self._infos and not self._index_incomplete(self.header):
+            self.announced = sum(self._infos.values())
 
     def _take_header(self, record: BagRecord) -> None:
         self.header = self.header or record
@@ -102,14 +107,13 @@ class Survey:
         counts: Counter[int] = Counter()
         for connection, count in _COUNT.iter_unpack(entries[: len(entries) // _COUNT.size * _COUNT.size]):
             counts[connection] += count
+        self._infos[offset] = counts.total()
         if offset in self.untimed and counts:
             self.chunks[offset] = Chunk(offset, self.untimed.pop(offset), start_ns, end_ns)
             self._count(offset, counts)
-        elif offset in self.chunks:
-            if (self.chunks[offset].start_ns, self.chunks[offset].end_ns) != (start_ns, end_ns):
-                self._distrust(self.chunks.pop(offset))
-        else:
-            self._missing.append((offset, counts.total()))
+        chunk = self.chunks.get(offset)
+        if chunk is not None and (chunk.start_ns, chunk.end_ns) != (start_ns, end_ns):
+            self._distrust(self.chunks.pop(offset))
 
     def _count(self, offset: int, counts: Counter[int]) -> None:
         self.counts += counts
@@ -125,19 +129,23 @@ class Survey:
 
     def _take_message(self, record: BagRecord) -> None:
         """Append a message outside of chunks to the run before it, or start a run."""
-        time_ns, connection = record.time_ns(), record.number(b"conn")
-        run = self._loose
-        if run is None or run.offset + run.size != record.start or run.size > _LOOSE_BYTES:
-            run = Chunk(record.start, 0, time_ns, time_ns)
-        size = record.end - run.offset
-        self._loose = Chunk(run.offset, size, min(run.start_ns, time_ns), max(run.end_ns, time_ns))
-        self.chunks[run.offset] = self._loose
-        self._count(run.offset, Counter({connection: 1}))
-        self._recovered[len(self._gaps)] += 1
+        start, end = self._runs.pop() if self._runs else (record.start, record.start)
+        if end != record.start or end - start > _RUN_BYTES:
+            self._runs.append((start, end))
+            start = record.start
+        self._runs.append((start, record.end))
+
+    def _settle_runs(self) -> None:
+        """Keep the messages outside of chunks, unless they are what compressed data happen to contain of them."""
+        if self.compression in {None, b"none"}:
+            self.untimed |= {start: end - start for start, end in self._runs}
+        else:
+            self._gaps += self._runs
+            self._runs = []
 
     def damage(self, path: Path) -> list[Damage]:
         """Return what is wrong with the bag as far as that shows without unpacking its chunks."""
-        found = [self._gap(path, number, *gap) for number, gap in enumerate(self._gaps, 1)]
+        found = [self._gap(path, *gap) for gap in _joined(self._gaps)]
         size = len(self._view)
         if self.header is None:
             return found or [Damage(path, len(MAGIC), "the bag is cut off before its first record")]
@@ -157,13 +165,22 @@ class Survey:
         connections, infos = self._seen[Op.CONNECTION], self._seen[Op.CHUNK_INFO]
         return connections < header.number(b"conn_count") or infos < header.number(b"chunk_count")
 
-    def _gap(self, path: Path, number: int, start: int, end: int) -> Damage:
-        """Describe a gap; number counts from 1."""
-        lost = sum(count for offset, count in self._missing if start <= offset < end) - self._recovered[number]
+    def _gap(self, path: Path, start: int, end: int) -> Damage:
+        lost = 0 if self._runs else sum(count for offset, count in self._infos.items() if start <= offset < end)
         if start == end:
             what = "a record of wrong length"
         elif end == len(self._view):
             what = "damaged or cut off; nothing readable follows"
         else:
             what = f"damaged; reading resumed at byte {end}"
-        return Damage(path, start, what, end - start, max(lost, 0) or None)
+        return Damage(path, start, what, end - start, lost or None)
+
+
+def _joined(gaps: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return gaps in order, those that touch as one."""
+    joined: list[tuple[int, int]] = []
+    for start, end in sorted(gaps):
+        if joined and joined[-1][1] == start:
+            start, _ = joined.pop()
+        joined.append((start, end))
+    return joined

@@ -118,12 +118,12 @@ class FolderSource:
 def is_frame_folder(path: Path) -> bool:
     """Return whether a path is a folder with frame files in it, or in a place where SeePerSea or KITTI put them.
 
-    Looks at names, and at the first lines of CSV files where there are no others, since those may be any table. A
-    folder that cannot be listed is none.
+    Looks at names, and at the first lines of CSV files, since those may be any table. A folder that cannot be listed
+    is none.
     """
     try:
-        frames = [file for layout in _LAYOUTS for file in _frames_in(path / layout)]
-        return any(file.suffix.lower() != ".csv" for file in frames) or any(map(names_points, frames))
+        frames = (file for layout in _LAYOUTS for file in _frames_in(path / layout))
+        return any(file.suffix.lower() != ".csv" or names_points(file) for file in frames)
     except OSError:
         return False
 
@@ -136,16 +136,15 @@ def _find_frames(path: Path) -> list[Path]:
         return [path]
     path.stat()
     for layout in _LAYOUTS:
-        if files := _frames_in(path / layout):
+        if files := list(_frames_in(path / layout)):
             return sorted(_of_one_format(path, files), key=_natural)
     raise InputError(f"{path}: no frames in it; known are {', '.join(FRAME_READERS)}")
 
 
-def _frames_in(folder: Path) -> list[Path]:
-    if not folder.is_dir():
-        return []
-    with os.scandir(folder) as entries:
-        return [Path(entry.path) for entry in entries if _is_frame(entry)]
+def _frames_in(folder: Path) -> Iterator[Path]:
+    if folder.is_dir():
+        with os.scandir(folder) as entries:
+            yield from (Path(entry.path) for entry in entries if _is_frame(entry))
 
 
 def _is_frame(entry: os.DirEntry[str]) -> bool:

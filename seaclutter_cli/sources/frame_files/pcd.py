@@ -19,7 +19,7 @@ _DATA_LINE = re.compile(rb"^DATA[ \t]+(\w+)[ \t]*\r?(?:\n|\Z)", re.MULTILINE)
 _MAX_HEADER = 2**16
 _MAX_POINT_BYTES = 2**16
 _MAX_RATIO = 100  # LZF makes at most 264 bytes of 3.
-_PADDING = "_"
+_GAP = "_ "  # No field can have a space in its name.
 _BYTES_HEADER = (
     "VERSION 0.7\nFIELDS byte\nSIZE 1\nTYPE U\nCOUNT 1\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\nDATA binary_compressed\n"
 )
@@ -43,7 +43,7 @@ def read_pcd(path: Path) -> Cloud:
         points = np.empty(0, dtype)
         if height * width:
             points = _decode(content, match, dtype, height * width)
-        kept = [name for name in dtype.names or () if not name.startswith(_PADDING)]
+        kept = [name for name in dtype.names or () if not name.startswith(_GAP)]
         return from_array(points if len(kept) == len(dtype.names or ()) else points[kept], height=max(height, 1))
 
 
@@ -62,7 +62,7 @@ def _layout(header: dict[str, list[str]]) -> np.dtype[np.void]:
         if size not in _SIZES.get(kind, ()) or int(count) < 1:
             raise CloudError(f"field {name!r} has the impossible type {kind}{size} x {count}")
         shape = (int(count),) if int(count) > 1 else ()
-        layout.append((name + str(index) if name == _PADDING else name, f"<{kind.lower()}{size}", shape))
+        layout.append((f"{_GAP}{index}" if name == "_" else name, f"<{kind.lower()}{size}", shape))
     dtype = np.dtype(layout)
     if dtype.itemsize > _MAX_POINT_BYTES:
         raise CloudError(f"the PCD header announces points of {dtype.itemsize} bytes")

@@ -13,6 +13,8 @@ _LIMIT_NS = 2**31 * _NANO  # ROS stamps hold signed 32-bit seconds.
 _UNITS_NS = ((10**18, 1), (10**15, 10**3), (10**12, 10**6))
 _IN_NAME = re.compile(r"(?<![\d.])([1-9]\d{18}|[1-9]\d{15}|[1-9]\d{12}|[1-9]\d{9}\.\d+)(?![\d.])", re.ASCII)
 
+_SECONDS_AND_NANOSECONDS = re.compile(r"(?<![\d.])([1-9]\d{9})[^\d.]+(\d{1,9})(?![\d.])", re.ASCII)
+
 
 def parse_time(text: str) -> int | None:
     """Return a time written by a recorder in nanoseconds, exact; None if the text is no time that a stamp can hold.
@@ -88,6 +90,8 @@ def _times_file(folder: Path) -> Path | None:
 
 def _in_file(path: Path) -> int:
     text = _text(path)
+    if pair := _SECONDS_AND_NANOSECONDS.search(text):
+        text = f"{pair[1]}.{pair[2]:0>9}"
     stamp_ns = next((stamp for part in (text, *text.split()) if (stamp := parse_time(part)) is not None), None)
     if stamp_ns is None:
         raise InputError(f"{path}: no time in it")

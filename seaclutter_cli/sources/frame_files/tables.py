@@ -67,13 +67,13 @@ def parse_rows(
     try:
         return np.loadtxt(io.BytesIO(body), dtype, delimiter=delimiter, ndmin=1, max_rows=max_rows)
     except ValueError as error:
-        fault = _first_fault(body, np.zeros(1, dtype), delimiter, first_line)
+        fault = _first_fault(body, dtype, delimiter, first_line)
         raise CloudError(fault or " ".join(str(error).split())) from error
 
 
-def _first_fault(body: bytes, sample: NDArray[Any], delimiter: str | None, first_line: int) -> str | None:
+def _first_fault(body: bytes, dtype: np.dtype[np.void], delimiter: str | None, first_line: int) -> str | None:
     """Find the line that does not fit; slow, but only run on what is known to be broken."""
-    columns = len(np.atleast_1d(np.array(sample.tolist()[0], object)).ravel())
+    columns = sum(int(np.prod(dtype[name].shape, dtype=int)) for name in dtype.names or ())
     for number, raw in enumerate(body.decode("latin-1").split("\n"), first_line):
         line = raw.partition("#")[0].strip()
         cells = line.split(delimiter) if line else []

@@ -1,0 +1,93 @@
+"""Synthetic logs to measure with: RS-LiDAR-32 frames of 57,600 points of 26 bytes, an IMU and transforms.
+
+They are written with the ``mcap`` library and are not meant to look like the sea: what counts for speed is how many
+points there are, how well their bytes compress, and how many of them come through the intensity thresholds.
+"""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.messages import CODECS
+from seaclutter_cli.messages.definitions import ros2_schema
+
+BEAMS, COLUMNS = 32, 1800
+POINTS = BEAMS * COLUMNS
+START_NS = 1_700_000_000_000_000_000
+PERIOD_NS = 100_000_000
+
+POINT = np.dtype(
+    {
+        "names": ["x", "y", "z", "intensity", "ring", "timestamp"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<u2", "<f8"],
+        "offsets": [0, 4, 8, 12, 16, 18],
+        "itemsize": 26,
+    }
+)
+SHARES = {"sea": 0.03, "harbour": 0.40}
+"""Share of a frame's points that lie in the rings above threshold: a day at sea, a harbour."""
+
+EXTENTS = (((1.0, 70.5), 10.5), ((9.5, 150.0), 69.5))
+"""Least and greatest range of points near and far, and of those in the rings, in metres."""
+
+
+def frame(number: int, share: float) -> NDArray[np.void]:
+    """Return a frame: 10 % no return, 5 % own vessel, 15 % beyond the rings, the rest in them, ``share`` bright."""
+    rng = np.random.default_rng(number)
+    azimuth = np.repeat(np.arange(COLUMNS) * np.radians(0.2), BEAMS)
+    elevation = np.tile(np.radians(np.linspace(-16, 15, BEAMS)), COLUMNS)
+    kind = np.random.default_rng(1).permutation(POINTS) / POINTS
+    low, high = (np.select([kind < 0.15, kind < 0.30], near_far, ring) for near_far, ring in EXTENTS)
+    range_m = low + (high - low) * np.random.default_rng(0).random(POINTS) + rng.normal(0, 0.02, POINTS)
+    points = np.zeros(POINTS, POINT)
+    points["x"] = range_m * np.cos(elevation) * np.cos(azimuth)
+    points["y"] = range_m * np.cos(elevation) * np.sin(azimuth)
+    points["z"] = range_m * np.sin(elevation)
+    points["intensity"] = np.where(kind >= 1 - share, rng.integers(60, 256, POINTS), rng.integers(0, 4, POINTS))
+    points["ring"] = np.tile(np.arange(BEAMS), COLUMNS)
+    points["timestamp"] = (START_NS + number * PERIOD_NS) / 1e9 + azimuth / (20 * np.pi)
+    for axis in "xyz":
+        points[axis][kind < 0.10] = np.nan
+    return points
+
+
+def write_log(path: Path, frames: int, share: float) -> None:
+    """Write a log, unless it is there already."""
+    if path.exists():
+        return
+    codec = CODECS["sensor_msgs/msg/PointCloud2", "cdr"]
+    part = path.with_suffix(".part")
+    with part.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2")
+        channels = {}
+        for topic, kind in (("/points", "PointCloud2"), ("/imu", "Imu")):
+            schema = ros2_schema(f"sensor_msgs/msg/{kind}")
+            number = writer.register_schema(schema.name, schema.encoding, schema.data)
+            channels[topic] = writer.register_channel(topic, "cdr", number)
+        for number in range(frames):
+            stamp = START_NS + number * PERIOD_NS
+            cloud = from_array(frame(number, share), stamp_ns=stamp)
+            writer.add_message(channels["/points"], stamp, codec.encode(cloud), stamp, number)
+            for tick in range(10):
+                time_ns = stamp + tick * PERIOD_NS // 10
+                imu = b"\0\1\0\0" + struct.pack("<II", *divmod(time_ns, 10**9)) + bytes(308)
+                writer.add_message(channels["/imu"], time_ns, imu, time_ns, number * 10 + tick)
+        writer.finish()
+    part.rename(path)
+
+
+def share_above_threshold(share: float) -> float:
+    """Return the share that the ring thresholds really let through in the first frame's rings."""
+    from seaclutter_cli.frame import Frame
+    from seaclutter_cli.records import Channel, Message
+
+    method = FILTERS["ring_intensity"]
+    message = Message(Channel(1, "/points", "cdr", None), 0, 0, 0, b"")
+    rings = method(method.Params()).step(Frame(from_array(frame(0, share)), message, 0)).rings
+    return float((rings.points - rings.low_intensity).sum() / POINTS)

@@ -1,0 +1,67 @@
+"""Help: there for every command, quick, and true to the README."""
+
+import subprocess
+import sys
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.commands import COMMANDS, cli
+from tests.paths import ROOT
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def walk(group, path=()):
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        yield (*path, name), command
+        if isinstance(command, click.Group):
+            yield from walk(command, (*path, name))
+
+
+ALL = list(walk(cli))
+PATHS = [path for path, _ in ALL]
+
+
+@pytest.mark.parametrize(("path", "command"), ALL, ids=map("-".join, PATHS))
+def test_every_command_and_option_has_help(path, command):
+    assert command.help
+    for parameter in command.params:
+        if isinstance(parameter, click.Option):
+            assert parameter.help, parameter.name
+    result = CliRunner().invoke(cli, [*path, "--help"], terminal_width=80)
+    assert result.exit_code == 0
+    assert all(len(line) <= 80 for line in result.output.splitlines())
+
+
+@pytest.mark.parametrize("path", PATHS, ids="-".join)
+def test_every_command_is_in_the_readme(path):
+    assert f"seaclutter {' '.join(path)}" in README
+
+
+def test_the_short_help_is_the_commands_own():
+    for path, command in ALL:
+        if len(path) == 1:
+            assert command.get_short_help_str(200) == COMMANDS[path[0]]
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["filter", "--help"], ["info", "--help"]])
+def test_help_does_not_import_what_takes_time(arguments):
+    code = (
+        "import sys; sys.argv = ['seaclutter', *%r]\n"
+        "from seaclutter_cli.commands import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "print(*(name for name in ('numpy', 'scipy', 'pydantic', 'mcap', 'rosbags') if name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code % arguments], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == ""
+
+
+def test_python_m_runs_the_program():
+    command = [sys.executable, "-m", "seaclutter_cli", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("seaclutter, version ")

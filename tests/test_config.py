@@ -1,0 +1,162 @@
+"""Configuration: everything wrong is told at once, and what is right comes out as it went in."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+import yaml
+
+from seaclutter_cli.config import builtin_configs, find_config, load_config
+from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.filters import FILTERS
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load_text(text, **options):
+        path = tmp_path / "config.yaml"
+        path.write_text(text)
+        return load_config(path, **options)
+
+    return load_text
+
+
+def problems(load, text, **options):
+    with pytest.raises(ConfigError) as caught:
+        load(text, **options)
+    return str(caught.value).splitlines()
+
+
+def test_defaults_are_those_of_the_paper():
+    assert load_config().as_dict() == {
+        "filter": {
+            "method": "joint",
+            "start_m": 10.0,
+            "end_m": 70.0,
+            "near": "drop",
+            "far": "keep",
+            "exclude_boxes": [],
+            "ring_width_m": 15.0,
+            "initial_thresholds": [30, 16, 7, 4],
+            "max_neighbors": 30,
+            "neighbor_fraction": 0.1,
+            "std_ratio": 1.0,
+            "update_weight": 0.6,
+        },
+        "evaluation": {
+            "cluster_tolerance_m": 1.5,
+            "min_cluster_points": 5,
+            "box_margin_m": 0.5,
+            "min_visible_points": 5,
+        },
+    }
+
+
+@pytest.mark.parametrize("method", FILTERS)
+@pytest.mark.parametrize("comments", [False, True])
+def test_a_written_config_is_read_back(load, method, comments):
+    config = load_config(method=method)
+    assert load(config.to_yaml(comments=comments)) == config
+
+
+@pytest.mark.parametrize("method", FILTERS)
+def test_every_key_is_documented(method):
+    config = load_config(method=method)
+    lines = config.to_yaml(comments=True).splitlines()
+    for field in fields(config.filter):
+        assert any(line.strip().startswith(f"{field.name}:") and " # " in line for line in lines)
+
+
+def test_file_beats_default_and_command_line_beats_file(load):
+    text = "filter: {start_m: 5, end_m: 65}\n"
+    assert load(text).filter.start_m == 5
+    config = load(text, overrides=["filter.start_m=2.5", "filter.end_m=62.5", "evaluation.box_margin_m=1"])
+    assert (config.filter.start_m, config.filter.end_m, config.evaluation.box_margin_m) == (2.5, 62.5, 1)
+
+
+def test_another_method_takes_the_keys_it_has_too(load):
+    config = load("filter: {start_m: 5, end_m: 65, update_weight: 0.5}\n", method="global_intensity")
+    assert config.method == "global_intensity"
+    assert config.filter.start_m == 5
+
+
+def test_all_problems_are_told_at_once(load, tmp_path):
+    text = """
+    filter: {start_m: -3, end_m: x, colour: red, update_weight: 1.5, near: maybe, initial_thresholds: [1, a]}
+    evaluation: {min_cluster_points: 2.5}
+    fliter: {}
+    """
+    lines = problems(load, text)
+    assert lines[0] == f"{tmp_path / 'config.yaml'}: 8 problems"
+    told = " ".join(lines[1:])
+    for key in (
+        "fliter: unknown section",
+        "filter.colour: unknown key",
+        "filter.start_m: must be greater",
+        "filter.end_m: must be a valid number",
+        "filter.update_weight: must be less",
+        "filter.near: must be 'drop' or 'keep'",
+        "filter.initial_thresholds.1: must be a valid number",
+        "evaluation.min_cluster_points: must be a valid integer",
+    ):
+        assert key in told
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("filter: {ring_width_m: 20}", "initial_thresholds has 4 values, 10 to 70 m in rings of 20 m need 3"),
+        ("filter: {start_m: 80}", "end_m (70) must be greater than start_m (80)"),
+        ("filter: {ring_width_m: 0.001}", "makes 60000 rings, at most 250"),
+        ("filter: {exclude_boxes: [[2, 1, 0, 1, 0, 1]]}", "in box 1 a minimum is greater"),
+        ("filter: {exclude_boxes: [[1, 2, 3]]}", "exclude_boxes.0.3"),
+        ("filter: {method: magic}", "unknown method 'magic'; allowed: joint"),
+        ("filter: {method: sor, update_weight: 0.5}", "unknown key; method sor has: neighbors, std_ratio"),
+        ("filter: {start_m: true}", "must be a valid number, is True"),
+        ("filter: {start_m: '5'}", "must be a valid number, is '5'"),
+        ("filter: {start_m: .nan}", "must be a finite number"),
+        ("filter: {end_m: .inf}", "must be a finite number"),
+        ("filter: {initial_thresholds: []}", "initial_thresholds"),
+        ("filter: {start_m: 1, start_m: 2}", "'start_m' occurs twice"),
+        ("filter: 3", "must be a section"),
+        ("- 1", "must hold the sections"),
+        ("a: [", "no valid YAML"),
+    ],
+)
+def test_one_problem(load, text, said):
+    assert said in " ".join(problems(load, text))
+
+
+@pytest.mark.parametrize("override", ["start_m=1", "filter.start_m", "paint.colour=3", "filter.start_m=[1"])
+def test_an_override_that_is_none(override):
+    with pytest.raises(ConfigError, match="--set"):
+        load_config(overrides=[override])
+
+
+def test_an_unreadable_file(tmp_path):
+    with pytest.raises(ConfigError, match="there is no such file; built in are"):
+        load_config(tmp_path / "none.yaml")
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_config(tmp_path / "binary.yaml")
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_config(tmp_path)
+
+
+def test_an_empty_file_is_all_defaults(load):
+    assert load("") == load_config() == load("# nothing\nfilter:\n")
+
+
+@pytest.mark.parametrize("path", builtin_configs(), ids=lambda path: path.stem)
+def test_built_in_configs_are_valid_and_found_by_name(path):
+    assert find_config(Path(path.stem)) == find_config(Path(path.name)) == path
+    assert load_config(path).method in FILTERS
+
+
+def test_the_built_in_config_of_the_papers_sensor_is_the_default():
+    assert load_config(Path("rs-lidar-32")).filter == load_config().filter
+
+
+def test_yaml_output_is_plain_yaml():
+    config = load_config()
+    assert yaml.safe_load(config.to_yaml()) == config.as_dict()

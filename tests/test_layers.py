@@ -1,0 +1,68 @@
+"""Who may import whom: data goes one way, and each part can be read knowing only those below it."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
+
+BASE = {"errors", "records", "cloud", "frame", "interfaces"}
+ALLOWED = {
+    "errors": set(),
+    "records": {"errors"},
+    "cloud": {"errors", "records"},
+    "frame": {"errors", "records", "cloud"},
+    "interfaces": BASE,
+    "messages": BASE,
+    "sensors": BASE,
+    "filters": BASE,
+    "sources": BASE | {"messages", "sensors"},
+    "sinks": BASE | {"messages"},
+    "evaluation": BASE,
+    "pipeline": BASE | {"messages"},
+    "survey": BASE | {"sensors"},
+    "config": BASE | {"filters", "evaluation"},
+    "commands": None,
+}
+"""Parts of the package, and the other parts each may import; None: all."""
+
+
+def part_of(path):
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imported_parts(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "absolute imports only"
+            if node.module == "seaclutter_cli":
+                yield from (alias.name for alias in node.names)
+            else:
+                names = [node.module]
+                yield from (name.split(".")[1] for name in names if name.startswith("seaclutter_cli."))
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+            assert not any(name.startswith("seaclutter_cli") for name in names), "import names from modules"
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_module_imports_only_what_its_part_may(path):
+    part = part_of(path)
+    if part in ("__init__", "__main__"):
+        return
+    assert part in ALLOWED, f"{part} has no rule: add one"
+    allowed = ALLOWED[part]
+    found = set(imported_parts(ast.parse(path.read_text()))) - {part, "__version__"}
+    assert allowed is None or found <= allowed
+
+
+def test_the_rule_has_no_part_that_is_gone():
+    parts = {part_of(path) for path in PACKAGE.rglob("*.py")}
+    assert set(ALLOWED) <= parts
+
+
+def test_nothing_imports_the_commands():
+    for path in PACKAGE.rglob("*.py"):
+        if part_of(path) not in ("commands", "__main__"):
+            assert "commands" not in set(imported_parts(ast.parse(path.read_text())))
