@@ -83,9 +83,9 @@ def read(source: Source, clouds: Sequence[Channel], selection: Selection) -> Ite
             yield record
             continue
         codec = codecs.get(record.channel)
-        index = window.count(record) if codec else 0
-        if window.closed:
+        if codec and window.closed:
             return
+        index = window.count(record) if codec else 0
         if not window.contains(record):
             continue
         if codec is None:
@@ -128,7 +128,7 @@ class _Window:
 
     @property
     def closed(self) -> bool:
-        """Whether all topics have had their frames."""
+        """Whether all topics have had their frames, so that the next one ends the selection."""
         frames = self._selection.frames
         return frames is not None and bool(self._taken) and all(taken >= frames for taken in self._taken.values())
 

@@ -5,7 +5,7 @@ import numpy as np
 from seaclutter_cli.frame import FilterResult
 
 _FRAMES = 20
-_LEAST_POINTS = 1000
+_LEAST_POINTS = 200
 
 
 class IntensityFit:
@@ -22,9 +22,11 @@ class IntensityFit:
             return None
         intensity = result.frame.intensity[result.frame.valid]
         self._least, self._most = min(self._least, intensity.min()), max(self._most, intensity.max())
-        self._points += int(result.rings.points.sum())
-        self._low += int(result.rings.low_intensity.sum())
-        self._thresholds = result.rings.thresholds
+        given = result.rings.corrections == 0  # a corrected threshold has been fitted to the log already
+        self._points += int(result.rings.points[given].sum())
+        self._low += int(result.rings.low_intensity[given].sum())
+        if self._frames == 0:
+            self._thresholds = result.rings.thresholds
         self._frames += 1
         return self.verdict() if self._frames >= _FRAMES else None
 

@@ -1,0 +1,46 @@
+"""``seaclutter config``: what it prints is what it takes."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.commands import cli
+from seaclutter_cli.config import load_config
+from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.sensors import SENSORS
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(cli, ["config", *map(str, arguments)])
+
+
+@pytest.mark.parametrize("method", FILTERS)
+def test_what_show_prints_is_a_config(tmp_path, method):
+    file = tmp_path / "shown.yaml"
+    file.write_text(invoke("show", "-m", method).stdout)
+    assert load_config(file) == load_config(method=method)
+    assert invoke("check", file).exit_code == 0
+    assert json.loads(invoke("show", "-m", method, "--json").stdout) == load_config(method=method).as_dict()
+
+
+def test_check_tells_of_every_file(tmp_path):
+    (tmp_path / "good.yaml").write_text("filter: {far: drop}\n")
+    (tmp_path / "bad.yaml").write_text("filter: {colour: red}\n")
+    (tmp_path / "worse.yaml").write_text("filter: [")
+    result = invoke("check", *(tmp_path / f"{name}.yaml" for name in ("bad", "good", "worse")))
+    assert result.exit_code == 2
+    assert "good.yaml: valid, method joint" in result.stdout
+    assert "colour" in result.stderr
+    assert "worse.yaml, line 1: no valid YAML" in result.stderr
+
+
+def test_sensors_lists_what_is_built_in():
+    text = invoke("sensors").stdout
+    listed = json.loads(invoke("sensors", "--json").stdout)
+    for name in (*SENSORS, *FILTERS):
+        assert name in text
+    assert set(listed["sensors"]) == set(SENSORS)
+    assert set(listed["methods"]) == set(FILTERS)
+    assert "snow.yaml" in listed["configs"]
+    assert all(len(line) <= 100 for line in text.splitlines())

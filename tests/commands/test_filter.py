@@ -1,0 +1,268 @@
+"""``seaclutter filter`` from the outside: summaries, selections, several recordings, what it refuses."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.commands import cli
+from seaclutter_cli.messages import CODECS
+from seaclutter_cli.messages.definitions import ros2_schema
+from tests.paths import ROOT, SAMPLE
+
+TYPE = "sensor_msgs/msg/PointCloud2"
+POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
+SECOND_NS = 10**9
+
+
+def points(number, size=300, top=255):
+    rng = np.random.default_rng(number)
+    cloud = np.zeros(size, POINT)
+    cloud["x"], cloud["y"] = rng.uniform(-65, 65, (2, size))
+    cloud["intensity"] = rng.uniform(0, top, size)
+    return cloud
+
+
+def write_log(path, topics=("/points",), frames=5, make=points):
+    """Write a log of one frame a second on each topic, and a string topic beside."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        schema = ros2_schema(TYPE)
+        number = writer.register_schema(schema.name, schema.encoding, schema.data)
+        channels = [writer.register_channel(topic, "cdr", number) for topic in topics]
+        note = writer.register_channel("/note", "json", writer.register_schema("note", "jsonschema", b"{}"))
+        for index in range(frames):
+            stamp = (100 + index) * SECOND_NS
+            for place, channel in enumerate(channels):
+                data = CODECS[TYPE, "cdr"].encode(from_array(make(index + 100 * place), stamp_ns=stamp))
+                writer.add_message(channel, stamp, data, stamp, index)
+            writer.add_message(note, stamp, b"{}", stamp, index)
+        writer.finish()
+    return path
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(cli, ["filter", *map(str, arguments)])
+
+
+def messages(path, topic):
+    with path.open("rb") as stream:
+        return [message for _, _, message in make_reader(stream, validate_crcs=True).iter_messages(topics=[topic])]
+
+
+@pytest.fixture
+def log(tmp_path):
+    return write_log(tmp_path / "log.mcap")
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out.mcap"
+
+
+def test_the_sample_as_the_readme_shows_it(out):
+    result = invoke(SAMPLE, "-c", "snow", "-o", out)
+    assert result.exit_code == 0
+    shown = (ROOT / "README.md").read_text(encoding="utf-8")
+    lines = result.stdout.splitlines()
+    assert len(lines) == 11
+    for line in lines[1:-1]:
+        assert line in shown
+    assert len(messages(out, "/points")) == 3
+
+
+def test_the_summary_is_the_table_of_frames_summed_up(log, out, tmp_path):
+    result = invoke(log, "-o", out, "--csv", tmp_path / "frames.csv", "--json")
+    (outcome,) = json.loads(result.stdout)
+    topic = outcome["topics"]["/points"]
+    with (tmp_path / "frames.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert topic["frames"] == len(rows) == 5
+    for column in ("points_in", "points_out", "invalid", "near", "low_intensity", "outlier", "far", "excluded"):
+        assert topic[column] == sum(int(row[column]) for row in rows)
+    assert sum(ring["low_intensity"] for ring in topic["rings"]) == topic["low_intensity"]
+    assert topic["rings"][0]["mean_threshold"] == pytest.approx(np.mean([float(row["threshold_1"]) for row in rows]))
+    assert [int(row["frame"]) for row in rows] == [0, 1, 2, 3, 4]
+    assert int(rows[0]["stamp_ns"]) == 100 * SECOND_NS
+
+
+@pytest.mark.parametrize(
+    ("options", "frames", "notes"),
+    [
+        ((), [0, 1, 2, 3, 4], 5),
+        (("--start", "2"), [2, 3, 4], 3),
+        (("--end", "2"), [0, 1], 2),
+        (("--start", "1", "--end", "3.5"), [1, 2, 3], 3),
+        (("-n", "2"), [0, 1], 2),
+        (("--start", "1", "-n", "2"), [1, 2], 2),
+        (("--start", "100"), [], 0),
+    ],
+)
+def test_a_part_of_a_recording(log, out, tmp_path, options, frames, notes):
+    table = tmp_path / "frames.csv"
+    result = invoke(log, "-o", out, "--csv", table, *options)
+    assert result.exit_code == 0, result.output
+    with table.open() as stream:
+        assert [int(row["frame"]) for row in csv.DictReader(stream)] == frames
+    assert len(messages(out, "/points")) == len(frames)
+    assert len(messages(out, "/note")) == notes
+
+
+def test_two_lidars_have_a_state_each(tmp_path):
+    both = write_log(tmp_path / "both.mcap", ("/port", "/starboard"))
+    result = invoke(both, "-o", tmp_path / "x.mcap")
+    assert result.exit_code == 2
+    assert "choose from: -t /port -t /starboard" in result.stderr
+    assert not (tmp_path / "x.mcap").exists()
+    result = invoke(both, "-o", tmp_path / "together.mcap", "-t", "/port", "-t", "/starboard")
+    assert result.exit_code == 0
+    for topic in ("/port", "/starboard"):
+        alone = tmp_path / f"{topic[1:]}.mcap"
+        assert invoke(both, "-o", alone, "-t", topic).exit_code == 0
+        ours, theirs = (messages(path, topic) for path in (tmp_path / "together.mcap", alone))
+        assert [message.data for message in ours] == [message.data for message in theirs]
+
+
+def test_several_recordings_go_into_a_folder(tmp_path):
+    (tmp_path / "logs").mkdir()
+    for name in ("b", "a"):
+        write_log(tmp_path / "logs" / f"{name}.mcap")
+    result = invoke(tmp_path / "logs", "-o", tmp_path / "out", "--csv", tmp_path / "all.csv")
+    assert result.exit_code == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.mcap", "b.mcap"]
+    with (tmp_path / "all.csv").open() as stream:
+        assert [row["recording"] for row in csv.DictReader(stream)] == ["a"] * 5 + ["b"] * 5
+
+
+def test_one_bad_recording_does_not_stop_the_others(tmp_path):
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    write_log(logs / "a.mcap")
+    (logs / "b.mcap").write_bytes(b"no log at all")
+    write_log(logs / "c.mcap")
+    result = invoke(logs, "-o", tmp_path / "out", "--csv", tmp_path / "all.csv")
+    assert result.exit_code == 1
+    assert "b.mcap" in result.stderr
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.mcap", "c.mcap"]
+    with (tmp_path / "all.csv").open() as stream:
+        assert {row["recording"] for row in csv.DictReader(stream)} == {"a", "c"}
+
+
+def test_globs_are_expanded_here_and_names_that_exist_are_not(tmp_path):
+    odd = write_log(tmp_path / "log [1] ä.mcap")
+    assert invoke(odd, "-o", tmp_path / "odd.mcap").exit_code == 0
+    assert invoke(tmp_path / "log*.mcap", "-o", tmp_path / "star.mcap").exit_code == 0
+    assert (tmp_path / "odd.mcap").read_bytes() == (tmp_path / "star.mcap").read_bytes()
+
+
+def test_an_existing_folder_takes_a_single_recording(log, tmp_path):
+    (tmp_path / "out").mkdir()
+    assert invoke(log, "-o", tmp_path / "out").exit_code == 0
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["log.mcap"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (("none.mcap", "-o", "x.mcap"), 2, "none.mcap: there is no such file or folder"),
+        (("no*.mcap", "-o", "x.mcap"), 2, "no*.mcap: nothing fits this pattern"),
+        (("notes.txt", "-o", "x.mcap"), 1, "notes.txt: the format is not known"),
+        (("empty.mcap", "-o", "x.mcap"), 1, "empty.mcap: the file is empty"),
+        (("hollow", "-o", "x.mcap"), 2, "hollow: the folder holds no logs"),
+        (("log.mcap",), 2, "Missing option '-o'"),
+        (("log.mcap", "-o", "log.mcap", "--force"), 2, "is part of the input"),
+        (("log.mcap", "-o", "old.mcap"), 2, "old.mcap: exists already; --force replaces it"),
+        (("log.mcap", "-o", "x.mcap", "--csv", "old.csv"), 2, "old.csv: exists already"),
+        (("log.mcap", "log2.mcap", "-o", "old.mcap"), 2, "is a file, 2 recordings need a folder"),
+        (("log.mcap", "sub/log.mcap", "-o", "dir"), 2, "would both become"),
+        (("log.mcap", "-o", "x.mcap", "-t", "/note"), 2, "no point-cloud topic /note; choose from: -t /points"),
+        (("log.mcap", "-o", "x.mcap", "--intensity-field", "power"), 1, "no field 'power'; the cloud has x, y, z"),
+        (("log.mcap", "-o", "x.mcap", "-m", "magic"), 2, "unknown method 'magic'"),
+        (("log.mcap", "-o", "x.mcap", "-s", "filter.end_m=5"), 2, "end_m (5) must be greater"),
+        (("log.mcap", "-o", "x.mcap", "-n", "0"), 2, "-n"),
+        (("plain.mcap", "-o", "x.mcap"), 1, "no intensity field; the cloud has x, y, z"),
+        (("cloudless.mcap", "-o", "x.mcap"), 1, "no point clouds that can be read; the log has /note"),
+    ],
+)
+def test_what_is_refused(tmp_path, monkeypatch, arguments, status, said):
+    monkeypatch.chdir(tmp_path)
+    for name in ("log", "log2", "sub/log"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        write_log(tmp_path / f"{name}.mcap")
+    write_log(tmp_path / "plain.mcap", make=lambda number: points(number)[["x", "y", "z"]])
+    write_log(tmp_path / "cloudless.mcap", topics=())
+    (tmp_path / "notes.txt").write_text("hello")
+    (tmp_path / "hollow").mkdir()
+    for name in ("empty.mcap", "old.mcap", "old.csv"):
+        (tmp_path / name).write_bytes(b"")
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    result = invoke(*arguments)
+    assert (result.exit_code, said in result.stderr) == (status, True), result.stderr
+    assert isinstance(result.exception, SystemExit)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+
+
+def test_methods_without_intensity_need_no_such_field(tmp_path):
+    log = write_log(tmp_path / "plain.mcap", make=lambda number: points(number)[["x", "y", "z"]])
+    for method in ("sor", "ror", "none"):
+        assert invoke(log, "-o", tmp_path / f"{method}.mcap", "-m", method).exit_code == 0
+
+
+def test_a_log_without_frames_is_no_error(tmp_path, out):
+    log = write_log(tmp_path / "none.mcap", frames=0)
+    result = invoke(log, "-o", out)
+    assert result.exit_code == 0
+    assert "0 frames" in result.stdout
+    with out.open("rb") as stream:
+        channels = make_reader(stream).get_summary().channels.values()
+    assert {"/points", "/note", "/seaclutter/diagnostics"} <= {channel.topic for channel in channels}
+
+
+@pytest.mark.parametrize(
+    ("top", "thresholds", "warned"),
+    [
+        (1, "[30,16,7,4]", "no point can pass: intensities are 0"),
+        (255, "[30,16,7,4]", None),
+        (255, "[0,0,0,0]", "no point is weaker than its threshold"),
+        (1, "[0.5,0.4,0.3,0.2]", None),
+    ],
+)
+def test_thresholds_that_cannot_fit_are_warned_of(tmp_path, out, top, thresholds, warned):
+    log = write_log(tmp_path / "log.mcap", make=lambda number: points(number, top=top))
+    result = invoke(log, "-o", out, "-s", f"filter.initial_thresholds={thresholds}")
+    assert result.exit_code == 0
+    assert (warned in result.stderr and "calibrate" in result.stderr) if warned else "Warning" not in result.stderr
+    assert result.stderr.count("Warning") == bool(warned)
+    assert "Warning" not in invoke(log, "-o", out, "--force", "-q").stderr
+
+
+def test_debug_shows_the_traceback(tmp_path):
+    command = [sys.executable, "-m", "seaclutter_cli", "filter", str(tmp_path / "no.mcap"), "-o", "x.mcap"]
+    plain = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert (plain.returncode, plain.stderr.count("\n")) == (2, 1)
+    debug = subprocess.run([*command, "--debug"], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert "Traceback" in debug.stderr
+    assert "UsageError" in debug.stderr
+
+
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="permissions do not bind here")
+def test_a_folder_that_may_not_be_written(log, tmp_path):
+    locked = tmp_path / "locked"
+    locked.mkdir(mode=0o500)
+    result = invoke(log, "-o", locked / "x.mcap")
+    assert result.exit_code == 1
+    assert "cannot be written" in result.stderr
+
+
+def test_summaries_fit_a_terminal_of_80_columns(log, out):
+    lines = invoke(log, "-o", out).stdout.splitlines()
+    assert all(len(line) <= 80 for line in lines[1:])
