@@ -125,6 +125,8 @@ class Frame:
         """Whether a point is a return, shape (N,): finite coordinates and intensity, not exactly at the origin."""
         range_m = self.range_m
         valid = range_m > 0
+        near_zero = np.flatnonzero(range_m == 0)
+        valid[near_zero] = self.xyz[:, near_zero].any(axis=0)  # a square can be 0 where a coordinate is not
         if not np.isfinite(range_m).all():
             valid &= np.isfinite(self.xyz).all(axis=0)
         if self.intensity_name is not None:

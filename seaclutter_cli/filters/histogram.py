@@ -41,7 +41,7 @@ class IntensityHistogram:
         Returns
         -------
         float
-            A whole number if all intensities are; else the upper edge of a bin. 0 where nothing was counted.
+            A whole number if all intensities are; else the upper edge of a bin. 0 if nothing was counted.
 
         Examples
         --------
@@ -53,9 +53,10 @@ class IntensityHistogram:
         counts = self._whole if self._bins is None else self._bins
         below = np.cumsum(counts)
         needed = np.ceil(filter_rate * below[-1] - 1e-9)
-        if needed <= 0:
+        if below[-1] == 0:
             return 0.0
-        last = int(np.searchsorted(below, needed))
+        # Up to which value, included, points are to go; for a rate of 0, up to before the least.
+        last = int(np.searchsorted(below, max(needed, 1))) - (needed <= 0)
         return float(last + 1) if self._bins is None else _upper_edge(last)
 
 
@@ -66,7 +67,8 @@ def _all_whole(intensity: NDArray[np.float64]) -> bool:
 
 
 def _bin(intensity: NDArray[np.float64]) -> NDArray[np.int64]:
-    bits = (intensity.astype(np.float32) + np.float32(0)).view(np.uint32).astype(np.int64)
+    limit = np.finfo(np.float32).max
+    bits = (np.clip(intensity, -limit, limit).astype(np.float32) + np.float32(0)).view(np.uint32).astype(np.int64)
     ordered = np.where(bits >> 31, 0xFFFFFFFF - bits, bits | 0x80000000)
     return ordered >> (32 - _FLOAT_BITS)
 

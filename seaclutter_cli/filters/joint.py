@@ -95,7 +95,7 @@ class RingIntensity(BaseFilter):
         none = np.zeros(self._zones.count)
         zone, reason, low = self._threshold(frame, self._initial)
         tally = self._zones.tally
-        rings = Rings(self._initial, none, tally(zone), tally(zone[low]), none.astype(np.int64))
+        rings = Rings(self._initial.copy(), none, tally(zone), tally(zone[low]), none.astype(np.int64))
         return FilterResult(frame, reason, rings)
 
     def _threshold(
@@ -178,7 +178,8 @@ class Joint(RingIntensity):
 
     def _outliers(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell the outliers among one ring's points, shape (n_k, 3) (Eq. 6 and 7)."""
-        neighbors = max(1, min(self.params.max_neighbors, int(self.params.neighbor_fraction * len(points))))
+        share = int(self.params.neighbor_fraction * len(points) + 1e-9)  # 0.29 of 100 are 29, in floats a bit less
+        neighbors = max(1, min(self.params.max_neighbors, share))
         return outliers(points, neighbors, self.params.std_ratio)
 
 

@@ -17,7 +17,7 @@ Points = NDArray[np.float64]
 Distances = NDArray[np.float64]
 Search = Callable[[Points, int], tuple[NDArray[np.int64], Distances]]
 
-_BLOCK = 1 << 16
+_BLOCK_DISTANCES = 1 << 21
 _FEW_POINTS = 1000
 _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 
@@ -96,8 +96,9 @@ def _over_neighbors(
     distinct = points if len(first) == len(points) else points[first]
     search, k = _searcher(distinct), min(count + 1, len(distinct))
     out = np.empty(len(distinct))
-    for start in range(0, len(distinct), _BLOCK):
-        block = slice(start, start + _BLOCK)
+    size = max(1, _BLOCK_DISTANCES // k)
+    for start in range(0, len(distinct), size):
+        block = slice(start, start + size)
         index, distance = search(distinct[block], k)
         if distinct is points:
             out[block] = reduce_distinct(distance)

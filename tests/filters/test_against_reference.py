@@ -1,0 +1,171 @@
+"""Every filter gives each point the reason that the plain loops of `reference` give it."""
+
+import math
+from contextlib import closing
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.filters import FILTERS, neighbors
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.pipeline import Selection, cloud_channels, read
+from seaclutter_cli.sources import open_source
+from tests.filters.frames import frame_of, make_frame, sea_frame, take
+from tests.filters.reference import REFERENCES, distances_to_others, points_of
+from tests.paths import SAMPLE, shared
+
+RING_METHODS = {"joint", "ring_intensity", "ring_intensity_outlier"}
+OTHER_RINGS = [
+    {"end_m": 62.0},
+    {"start_m": 14.5, "end_m": 24.5, "ring_width_m": 2.5},
+    {"near": "keep", "far": "drop", "exclude_boxes": [(-20, 20, 0, 30, -3, 0), (30, 60, -60, 60, -5, 5)]},
+    {"start_m": 0.0, "end_m": 120.0, "ring_width_m": 120.0, "initial_thresholds": (9.5,)},
+]
+OTHER_OUTLIERS = [
+    {"max_neighbors": 5, "neighbor_fraction": 0.5, "std_ratio": 0.3},
+    {"max_neighbors": 1, "initial_thresholds": (0, 0, 0, 0), "std_ratio": 2.5},
+]
+PARAMS = {
+    "joint": [{}, *OTHER_RINGS, *OTHER_OUTLIERS, {"update_weight": 0.2}, {"update_weight": 1.0, "std_ratio": 0.0}],
+    "ring_intensity_outlier": [{}, *OTHER_RINGS, *OTHER_OUTLIERS],
+    "ring_intensity": [{}, *OTHER_RINGS],
+    "global_intensity": [
+        {},
+        {"filter_rate": 0.9, "near": "keep", "far": "drop"},
+        {"filter_rate": 0.55, "exclude_boxes": [(-30, 30, 0, 30, -3, 0)]},
+        {"threshold": 7.5, "start_m": 20.0, "end_m": 61.5},
+    ],
+    "sor": [{}, {"neighbors": 4, "std_ratio": 0.5}, {"neighbors": 1, "std_ratio": 0.0}],
+    "ror": [{}, {"radius_m": 2.0, "min_neighbors": 12}, {"radius_m": 0.125, "min_neighbors": 1}],
+}
+CASES = [(name, params) for name in FILTERS for params in PARAMS.get(name, [{}])]
+
+
+def assert_same(name, params, frames):
+    """Compare filter and reference over the frames of a recording."""
+    made = FILTERS[name].Params(**params)
+    program, reference = FILTERS[name](made), REFERENCES[name](made)
+    if program.needs_first_pass:
+        for frame in frames:
+            program.observe(frame)
+            reference.observe(frame)
+    for frame in frames:
+        result, expected = program.step(frame), reference.step(frame)
+        differing = np.flatnonzero(result.reason != np.array(expected.reason, np.uint8))
+        assert not len(differing), [
+            (frame.index, int(i), points_of(frame)[i], int(result.reason[i]), expected.reason[i]) for i in differing[:5]
+        ]
+        assert_same_rings(result.rings, expected.rings, 1 / 8000 if name == "global_intensity" else 1e-9)
+
+
+def assert_same_rings(rings, expected, tolerance):
+    """Compare what is told of the rings; rounding apart, and bins of fractional intensities."""
+    assert (rings is None) == (expected is None)
+    if expected is None:
+        return
+    np.testing.assert_allclose(rings.thresholds, expected.thresholds, rtol=tolerance)
+    np.testing.assert_allclose(rings.corrections, expected.corrections, rtol=1e-9)
+    np.testing.assert_array_equal(rings.points, expected.points)
+    np.testing.assert_array_equal(rings.low_intensity, expected.low_intensity)
+    np.testing.assert_array_equal(rings.outliers, expected.outliers)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_every_method_has_a_reference(name):
+    assert name in REFERENCES, f"write the plain loops of {name!r} in reference.py"
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("name", "params"), CASES)
+def test_random_sea(name, params, seed):
+    assert_same(name, params, [sea_frame(seed, index=index) for index in range(3)])
+
+
+@pytest.mark.parametrize(
+    ("intensities", "scale"), [("u1", 1), ("u2", 100), ("i2", 1), ("f8", 1)], ids=["u1", "u2", "i2", "f8"]
+)
+@pytest.mark.parametrize("name", FILTERS)
+def test_types_of_the_fields(name, intensities, scale):
+    thresholds = tuple(scale * value for value in (30, 16, 7, 4))
+    params = {"initial_thresholds": thresholds} if name in RING_METHODS else {}
+    frames = [sea_frame(5, index=i, coordinates="f8", intensities=intensities, scale=scale) for i in range(3)]
+    assert_same(name, params, frames)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in FILTERS if name not in {"none", "ring_intensity", "global_intensity"}]
+)
+def test_slower_search_for_neighbors(name, monkeypatch):
+    """What runs where there is no wheel of the faster one."""
+    monkeypatch.setattr(neighbors, "_FastTree", None)
+    assert_same(name, {}, [sea_frame(6, index=index) for index in range(3)])
+    assert_same(name, {}, sample_frames(200)[:1])
+
+
+@pytest.mark.parametrize("name", ["joint", "sor", "ror"])
+def test_many_frames(name):
+    """A correction that goes wrong anywhere spoils all frames that follow."""
+    assert_same(name, {}, [sea_frame(9, size=120, index=index, intensities="u1") for index in range(25)])
+
+
+# Coordinates in quarters of a metre make duplicates, equal distances, and ranges that lie on the edges of the rings.
+COORDINATES = st.one_of(
+    st.integers(-64, 64).map(lambda quarters: quarters / 4),
+    st.sampled_from([0.0, 10.0, 25.0, 40.0, 55.0, 70.0, 71.0, math.nextafter(25.0, 0), math.nan, math.inf]),
+)
+INTENSITIES = st.one_of(st.integers(0, 40), st.sampled_from([4.0, 7.0, 16.0, 30.0, math.nan, -math.inf]))
+POINTS = st.lists(st.tuples(COORDINATES, COORDINATES, COORDINATES, INTENSITIES), max_size=40)
+
+
+@pytest.mark.parametrize(("name", "params"), CASES)
+@settings(max_examples=25, deadline=None)
+@given(recording=st.lists(POINTS, min_size=1, max_size=4))
+def test_any_points(name, params, recording):
+    arrays = [np.array(points, float).reshape(-1, 4) for points in recording]
+    assert_same(name, params, [make_frame(a[:, :3], a[:, 3], index=i) for i, a in enumerate(arrays)])
+
+
+def sample_frames(step):
+    """Return the frames of the sample log, of every ``step``-th point."""
+    if not SAMPLE.exists():
+        pytest.skip("the sample log is not in this checkout")
+    with closing(open_source(SAMPLE)) as source:
+        records = read(source, cloud_channels(source), Selection())
+        return [take(frame, slice(None, None, step)) for frame in records if isinstance(frame, Frame)]
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_sample_log(name):
+    """Falling snow, thinned out, with the config for it."""
+    rings = {"start_m": 0.0, "end_m": 60.0, "initial_thresholds": (1, 1, 1, 1), "near": "keep"}
+    assert_same(name, rings if name in RING_METHODS else {}, sample_frames(90))
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_snow_in_a_sector(name):
+    """The density is that of the sensor, duplicates included."""
+    frames = []
+    for path in sorted((shared("wads-36") / "velodyne").glob("*.bin"))[-3:]:
+        x, y, z, intensity = np.fromfile(path, "<f4").reshape(-1, 4).T
+        sector = np.abs(np.arctan2(y, x) - 0.5) < 0.025
+        xyz = np.column_stack([x, y, z])[sector]
+        frames.append(make_frame(xyz, intensity[sector], index=len(frames), coordinates="f4", intensities="f4"))
+    assert_same(name, {"initial_thresholds": (2, 2, 2, 2)} if name in RING_METHODS else {}, frames)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_frame_of_a_vlp16(name):
+    pypcd4 = pytest.importorskip("pypcd4")
+    points = pypcd4.PointCloud.from_path(next((shared("nebula") / "vlp16").glob("*.pcd"))).pc_data[::6]
+    rings = {"start_m": 1.0, "end_m": 17.0, "ring_width_m": 4.0}
+    assert_same(name, rings if name in RING_METHODS else {}, [frame_of(from_array(points))])
+
+
+def test_both_ways_of_the_reference_to_measure_agree(monkeypatch):
+    points = [point for point in points_of(sea_frame(1)) if not point.invalid]
+    slow = list(distances_to_others(points[:300]))
+    monkeypatch.setattr("tests.filters.reference.MANY", 0)
+    np.testing.assert_allclose(list(distances_to_others(points[:300])), slow, rtol=1e-14, atol=1e-300)

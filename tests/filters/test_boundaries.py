@@ -1,0 +1,579 @@
+"""Cases at the edges of every rule, worked out by hand; the plain loops of `reference` must pass them too."""
+
+import math
+import time
+from collections import Counter
+from functools import cache
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.errors import FieldError
+from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.filters import neighbors as neighbor_search
+from seaclutter_cli.frame import Reason
+from tests.filters.frames import make_frame, on_axis
+from tests.filters.reference import REFERENCES, outliers_of, points_of
+
+KEPT, INVALID, NEAR, LOW, OUTLIER, FAR, EXCLUDED = range(7)
+
+RING_METHODS = ["ring_intensity", "ring_intensity_outlier", "joint"]
+INTENSITY_METHODS = [*RING_METHODS, "global_intensity"]
+NEIGHBOR_METHODS = ["ring_intensity_outlier", "joint", "sor", "ror"]
+
+
+@pytest.fixture(params=["program", "reference"])
+def make(request):
+    """Return a function that makes a filter, of the program or of the reference, from a name and params."""
+
+    def made(name, **params):
+        method = FILTERS[name]
+        params = method.Params(**params)
+        return method(params) if request.param == "program" else REFERENCES[name](params)
+
+    return made
+
+
+def reasons(method, *frames):
+    """Return the reasons in the last of the frames."""
+    for frame in frames:
+        result = method.step(frame)
+    return [int(reason) for reason in result.reason]
+
+
+def below(number):
+    return math.nextafter(number, -math.inf)
+
+
+def lone(*distances):
+    """Return the ranges of 11 points, 1/8 m apart from 20 m on, and of one more at each distance beyond the last."""
+    row = 20 + np.arange(11) / 8
+    return np.concatenate([row, row[-1] + np.array(distances, float)])
+
+
+@cache
+def cloud_where_the_number_matters(size, neighbors):
+    """Return random points, with those that are outliers by ``neighbors`` and by no other number."""
+    others = {neighbors + 1, max(neighbors - 1, 1)} - {neighbors}
+    for seed in range(100):
+        cloud = np.random.default_rng(seed).normal((17, 0, 0), (1, 2, 1), (size, 3))
+        points = points_of(make_frame(cloud))
+        outliers = outliers_of(points, neighbors, 1)
+        if all(outliers != outliers_of(points, other, 1) for other in others):
+            return cloud, outliers
+    raise AssertionError("no such points")
+
+
+def test_reasons_have_the_numbers_of_removed_clouds():
+    names = ("KEPT", "INVALID", "NEAR", "LOW_INTENSITY", "OUTLIER", "FAR", "EXCLUDED")
+    assert [(reason.name, reason.value) for reason in Reason] == list(zip(names, range(7), strict=True))
+
+
+class TestParams:
+    @pytest.mark.parametrize("name", RING_METHODS)
+    def test_defaults_of_rings(self, name):
+        params = FILTERS[name].Params()
+        assert (params.start_m, params.end_m, params.ring_width_m) == (10, 70, 15)
+        assert tuple(params.initial_thresholds) == (30, 16, 7, 4)
+        assert (params.near, params.far) == ("drop", "keep")
+        assert len(params.exclude_boxes) == 0
+
+    @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint"])
+    def test_defaults_of_outliers(self, name):
+        params = FILTERS[name].Params()
+        assert (params.max_neighbors, params.neighbor_fraction, params.std_ratio) == (30, 0.1, 1)
+
+    def test_defaults_of_single_methods(self):
+        assert FILTERS["joint"].Params().update_weight == 0.6
+        assert (FILTERS["sor"].Params().neighbors, FILTERS["sor"].Params().std_ratio) == (30, 1)
+        assert (FILTERS["ror"].Params().radius_m, FILTERS["ror"].Params().min_neighbors) == (0.5, 5)
+        params = FILTERS["global_intensity"].Params()
+        assert (params.start_m, params.end_m, params.threshold, params.filter_rate) == (10, 70, None, 0.8)
+        assert (params.near, params.far, len(params.exclude_boxes)) == ("drop", "keep", 0)
+
+    @pytest.mark.parametrize("name", RING_METHODS)
+    @pytest.mark.parametrize(
+        ("rings", "params"),
+        [
+            (4, {}),
+            (4, {"end_m": 55.5}),
+            (3, {"end_m": 55.0}),
+            (1, {"end_m": 11.0}),
+            (2, {"end_m": 25.0000001}),
+            (6, {"start_m": 0.2, "end_m": 0.8, "ring_width_m": 0.1}),
+            (3, {"start_m": 1.1, "end_m": 4.4, "ring_width_m": 1.1}),
+        ],
+    )
+    def test_one_threshold_a_ring(self, name, rings, params):
+        """Also where (0.8 - 0.2) / 0.1 is a bit more than 6 in floating point."""
+        assert FILTERS[name].Params(initial_thresholds=(5,) * rings, **params)
+        for wrong in (rings - 1, rings + 1):
+            with pytest.raises(ValueError, match="initial_thresholds"):
+                FILTERS[name].Params(initial_thresholds=(5,) * wrong, **params)
+
+
+class TestRings:
+    @pytest.mark.parametrize("name", RING_METHODS)
+    @pytest.mark.parametrize(
+        ("range_m", "ring", "reason"),
+        [
+            (below(10), None, NEAR),
+            (10, 0, KEPT),
+            (below(25), 0, KEPT),
+            (25, 1, KEPT),
+            (below(40), 1, KEPT),
+            (40, 2, KEPT),
+            (below(55), 2, KEPT),
+            (55, 3, KEPT),
+            (below(70), 3, KEPT),
+            (70, None, KEPT),
+            (71, None, KEPT),
+        ],
+    )
+    def test_edges_belong_to_the_ring_behind(self, make, name, range_m, ring, reason):
+        result = make(name).step(on_axis(range_m))
+        assert list(result.reason) == [reason]
+        assert list(result.rings.points) == [int(k == ring) for k in range(4)]
+
+    def test_an_edge_in_single_precision(self, make):
+        ranges = [np.nextafter(np.float32(25), np.float32(0)), 25]
+        result = make("ring_intensity").step(on_axis(ranges, coordinates="f4"))
+        assert list(result.rings.points) == [1, 1, 0, 0]
+
+    def test_range_has_three_dimensions(self, make):
+        result = make("ring_intensity").step(make_frame([[15, 20, 0], [0, -15, 20], [-24, 0, -7], [12, 16, -15]], 99))
+        assert list(result.rings.points) == [0, 4, 0, 0]
+
+    @pytest.mark.parametrize(("range_m", "points"), [(55, [0, 0, 0, 1]), (below(62), [0, 0, 0, 1]), (62, [0, 0, 0, 0])])
+    def test_last_ring_is_cut_at_the_end(self, make, range_m, points):
+        result = make("ring_intensity", end_m=62.0, far="drop").step(on_axis(range_m))
+        assert list(result.rings.points) == points
+        assert list(result.reason) == [KEPT if sum(points) else FAR]
+
+    def test_every_point_has_a_ring_whatever_the_width(self, make):
+        edges = 10 + np.arange(100) * 0.3
+        ranges = np.concatenate([np.nextafter(edges, 0), edges, np.nextafter(edges, 99)])
+        ranges = ranges[(ranges >= 10) & (ranges < 40)]
+        method = make("ring_intensity", end_m=40.0, ring_width_m=0.3, initial_thresholds=(0,) * 100)
+        assert sum(method.step(on_axis(ranges)).rings.points) == len(ranges)
+
+    @pytest.mark.parametrize("name", INTENSITY_METHODS)
+    def test_near_and_far_can_be_kept_or_dropped(self, make, name):
+        frame = on_axis([5, 80], 0)
+        threshold = {"threshold": 10.0} if name == "global_intensity" else {}
+        assert reasons(make(name, **threshold), frame) == [NEAR, KEPT]
+        assert reasons(make(name, near="keep", far="drop", **threshold), frame) == [KEPT, FAR]
+
+    @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint"])
+    def test_points_of_other_rings_are_no_neighbors(self, make, name):
+        """The last point of the first ring has company just beyond the edge, which does not help it."""
+        result = make(name).step(on_axis([*lone(), 24.875, 25.0, 25.125]))
+        assert list(result.reason) == [KEPT] * 11 + [OUTLIER] + [KEPT] * 2
+        assert list(result.rings.points) == [12, 2, 0, 0]
+
+    @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint"])
+    def test_points_that_were_removed_or_lie_in_no_ring_are_no_neighbors(self, make, name):
+        ranges = [9.875, 10, *lone(), lone(2)[-1], lone(2)[-1] + 0.125]
+        method = make(name, std_ratio=0.0, near="keep")
+        assert reasons(method, on_axis(ranges, [99] * 14 + [29])) == [KEPT, OUTLIER, *[KEPT] * 11, OUTLIER, LOW]
+
+
+class TestExcluded:
+    BOX = (20.0, 24.0, -1.0, 1.0, -2.0, 0.5)
+
+    @pytest.mark.parametrize("name", INTENSITY_METHODS)
+    def test_edges_belong_to_the_box(self, make, name):
+        corners = [[x, y, z] for x in self.BOX[:2] for y in self.BOX[2:4] for z in self.BOX[4:]]
+        outside = [[below(20), 0, 0], [24.000001, 0, 0], [22, -1.000001, 0], [22, 0, 0.500001], [22, 0, -2.000001]]
+        threshold = {"threshold": 10.0} if name == "global_intensity" else {}
+        method = make(name, exclude_boxes=[self.BOX], **threshold)
+        assert reasons(method, make_frame(corners + outside, 0)) == [EXCLUDED] * 8 + [LOW] * 5
+
+    @pytest.mark.parametrize("name", INTENSITY_METHODS)
+    def test_comes_after_invalid_and_before_all_else(self, make, name):
+        """The boxes hold points that are near, far, dark, without a return and not a number."""
+        xyz = [[5, 0, 0], [80, 0, 0], [22, 0, 0], [0, 0, 0], [5, math.nan, 0], [5, 0, 0], [6, 6, 6]]
+        intensity = [50, 50, 0, 50, 50, math.nan, 50]
+        threshold = {"threshold": 10.0} if name == "global_intensity" else {}
+        boxes = [(-10, 30, -5, 5, -5, 5), (70, 90, -5, 5, -5, 5)]
+        method = make(name, exclude_boxes=boxes, far="drop", **threshold)
+        expected = [EXCLUDED, EXCLUDED, EXCLUDED, INVALID, INVALID, INVALID, KEPT]
+        assert reasons(method, make_frame(xyz, intensity)) == expected
+
+    def test_excluded_points_are_in_no_ring_and_no_neighbors(self, make):
+        frame = on_axis(np.concatenate([lone(2), lone(2)[-1:] + 1 / 8]))
+        end = lone(2)[-1]
+        assert reasons(make("joint"), frame)[-2:] == [KEPT, KEPT]
+        result = make("joint", exclude_boxes=[(end + 0.1, 30, -1, 1, -1, 1)]).step(frame)
+        assert list(result.reason[-2:]) == [OUTLIER, EXCLUDED]
+        assert list(result.rings.points) == [12, 0, 0, 0]
+
+
+class TestIntensity:
+    @pytest.mark.parametrize("name", RING_METHODS)
+    def test_equal_to_the_threshold_is_kept(self, make, name):
+        ranges, limits = [12, 30, 45, 60], [30, 16, 7, 4]
+        assert reasons(make(name), on_axis(ranges, limits)) == [KEPT] * 4
+        assert reasons(make(name), on_axis(ranges, [below(limit) for limit in limits])) == [LOW] * 4
+
+    @pytest.mark.parametrize("name", RING_METHODS)
+    @pytest.mark.parametrize(("intensity", "reason"), [(30, KEPT), (29, LOW)])
+    def test_all_equal(self, make, name, intensity, reason):
+        angles = np.arange(36) * math.pi / 18
+        circle = np.column_stack([20 * np.cos(angles), 20 * np.sin(angles), np.zeros(36)])
+        result = make(name).step(make_frame(circle, intensity))
+        assert list(result.reason) == [reason] * 36
+        assert list(result.rings.low_intensity) == [36 * (reason == LOW), 0, 0, 0]
+
+
+class TestNeighbors:
+    """The number of neighbours, n, follows from the number of points that the thresholds leave in the ring."""
+
+    @pytest.mark.parametrize(
+        ("size", "neighbors"), [(3, 1), (9, 1), (10, 1), (19, 1), (20, 2), (29, 2), (299, 29), (300, 30), (301, 30)]
+    )
+    @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint"])
+    def test_how_many(self, make, name, size, neighbors):
+        bright, outliers = cloud_where_the_number_matters(size, neighbors)
+        frame = make_frame(np.concatenate([bright, bright + 0.01]), [31] * size + [29] * size)
+        expected = [OUTLIER if index in outliers else KEPT for index in range(size)] + [LOW] * size
+        assert reasons(make(name), frame) == expected
+
+    def test_the_share_is_exact(self, make):
+        """0.29 of 100 points are 29, though a bit less in floating point."""
+        cloud, outliers = cloud_where_the_number_matters(100, 29)
+        found = np.flatnonzero(reasons(make("joint", neighbor_fraction=0.29), make_frame(cloud, 99)))
+        assert found.tolist() == outliers
+
+    @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint", "sor"])
+    def test_one_point_stays(self, make, name):
+        assert reasons(make(name), on_axis(20)) == [KEPT]
+
+    @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint", "sor"])
+    def test_two_points_stay(self, make, name):
+        """Their distances are the same one."""
+        assert reasons(make(name), make_frame([[20, 0.1, 0.2], [11.3, 3.3, 0.7]], 100)) == [KEPT, KEPT]
+
+    def test_sor_with_too_few_others_uses_all(self, make):
+        """Mean distances 8/3, 2, 2 and 4: mean 2.67, deviation 0.94."""
+        frame = on_axis([20, 21, 22, 25], None)
+        assert reasons(make("sor"), frame) == [KEPT, KEPT, KEPT, OUTLIER]
+        assert reasons(make("sor", neighbors=3), frame) == reasons(make("sor", neighbors=1000), frame)
+
+    @pytest.mark.parametrize("unit", [1, 0.1, 0.7, 1e-3])
+    @pytest.mark.parametrize(("last", "reason"), [(6, KEPT), (6 * (1 + 1e-7), OUTLIER)])
+    @pytest.mark.parametrize("name", ["joint", "sor"])
+    def test_a_distance_equal_to_the_limit_stays(self, make, name, last, reason, unit):
+        """Pairs with gaps of 1, 4, 5 and 6: mean 4, deviation 2, so 6 is the limit and not beyond it."""
+        gaps = np.repeat([1, 4, 5, last], 2)
+        xyz = np.zeros((8, 3))
+        xyz[:, 1] = np.tile([0, 1], 4) * gaps
+        xyz[:, 0] = np.repeat(np.arange(4), 2) * 10
+        params = {"neighbors": 1} if name == "sor" else {"ring_width_m": 60.0, "initial_thresholds": (0,)}
+        frame = make_frame(xyz * unit + [25, 0, 0], 9)
+        assert reasons(make(name, **params), frame) == [KEPT] * 6 + [reason] * 2
+
+    @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint", "sor"])
+    def test_an_evenly_spaced_row_stays(self, make, name):
+        params = {"neighbors": 1} if name == "sor" else {}
+        frame = on_axis(20 + 0.1 * np.arange(19), 100)
+        assert reasons(make(name, **params), frame) == [KEPT] * 19
+
+    @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint", "sor"])
+    def test_an_evenly_spaced_circle_stays(self, make, name):
+        angles = np.arange(720) * math.pi / 360
+        circle = np.column_stack([20 * np.cos(angles), 20 * np.sin(angles), np.full(720, -1.7)])
+        assert reasons(make(name), make_frame(circle, 100)) == [KEPT] * 720
+
+    @pytest.mark.parametrize("ratio", [0.0, 1.0])
+    def test_ends_of_a_row_are_farther_from_their_neighbors(self, make, ratio):
+        """With two neighbours the ends have a mean distance of 1.5, all others of 1."""
+        assert reasons(make("sor", neighbors=2, std_ratio=ratio), on_axis(20 + np.arange(9))) == [
+            OUTLIER,
+            *[KEPT] * 7,
+            OUTLIER,
+        ]
+
+    @pytest.mark.parametrize(("distance", "reason"), [(0.5, KEPT), (math.nextafter(0.5, 1), OUTLIER)])
+    def test_ror_counts_points_at_the_radius(self, make, distance, reason):
+        assert reasons(make("ror", min_neighbors=1), make_frame([[0, 1, 0], [0, 1, distance]])) == [reason] * 2
+
+    def test_ror_measures_in_three_dimensions(self, make):
+        method = make("ror", radius_m=0.875, min_neighbors=1)
+        assert reasons(method, make_frame([[1, 1, 1], [1.25, 1.375, 1.75]])) == [KEPT, KEPT]
+        assert reasons(method, make_frame([[1, 1, 1], [1.25, 1.375, 1.751]])) == [OUTLIER, OUTLIER]
+
+    @pytest.mark.parametrize(("others", "reason"), [(4, OUTLIER), (5, KEPT)])
+    def test_ror_counts_others_only(self, make, others, reason):
+        assert reasons(make("ror"), on_axis([1.0] * (others + 1), None)) == [reason] * (others + 1)
+
+    @pytest.mark.parametrize("offset", [2**20, 2**24])
+    @pytest.mark.parametrize("name", ["sor", "ror"])
+    def test_coordinates_of_a_map_lose_no_precision(self, make, name, offset):
+        """Eastings and northings are large, the distances between the points are not."""
+        grid = np.random.default_rng(3).integers(-3000, 3000, (200, 3)) / 1024
+        params = {"radius_m": 1.0} if name == "ror" else {}
+        near, far = make_frame(grid), make_frame(grid + np.array([offset, 4 * offset, 0]))
+        assert reasons(make(name, **params), near) == reasons(make(name, **params), far)
+        assert set(reasons(make(name, **params), near)) == {KEPT, OUTLIER}
+
+    @pytest.mark.parametrize("name", ["sor", "ror"])
+    def test_the_largest_coordinates_of_single_precision(self, make, name):
+        params = {"min_neighbors": 4} if name == "ror" else {}
+        frame = on_axis([*lone(), 3.4e38], None, coordinates="f4")
+        assert reasons(make(name, **params), frame) == [KEPT] * 11 + [OUTLIER]
+
+    @pytest.mark.parametrize("search", ["fast", "slow"])
+    @pytest.mark.parametrize("name", NEIGHBOR_METHODS)
+    @pytest.mark.parametrize("places", [1, 2, 200])
+    def test_many_equal_points_take_no_time(self, monkeypatch, name, places, search):
+        """A search tree cannot split them: without care the time grows with the square of their number."""
+        if search == "slow":
+            monkeypatch.setattr(neighbor_search, "_FastTree", None)
+        xyz = np.random.default_rng(1).normal((20, 0, 0), 0.5, (places, 3)).repeat(60_000 // places, axis=0)
+        frame = make_frame(xyz, 100)
+        method = FILTERS[name](FILTERS[name].Params())
+        start = time.perf_counter()
+        assert Counter(reasons(method, frame)) == {KEPT: 60_000}
+        assert time.perf_counter() - start < 5
+
+    @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint", "sor"])
+    def test_duplicates_are_neighbors_at_no_distance(self, make, name):
+        """Two single points beside ten in one place are outliers, two that share a place are not."""
+        params = {"neighbors": 1} if name == "sor" else {}
+        assert reasons(make(name, **params), on_axis([20.0] * 10 + [21.0, 22.0])) == [KEPT] * 10 + [OUTLIER] * 2
+        assert reasons(make(name, **params), on_axis([20.0] * 10 + [22.0, 22.0])) == [KEPT] * 12
+
+
+class TestInvalid:
+    @pytest.mark.parametrize("name", [*RING_METHODS, "sor", "ror"])
+    @pytest.mark.parametrize(
+        "point", [(0, 0, 0), (-0.0, 0, -0.0), (math.nan, 1, 1), (20, math.inf, 1), (20, 0, -math.inf)]
+    )
+    def test_points_without_a_place(self, make, name, point):
+        result = make(name).step(make_frame([point] * 3, 100))
+        assert list(result.reason) == [INVALID] * 3
+        assert result.rings is None or sum(result.rings.points) == 0
+
+    @pytest.mark.parametrize("name", [*RING_METHODS, "sor", "ror"])
+    @pytest.mark.parametrize("intensity", [math.nan, math.inf, -math.inf])
+    def test_points_without_an_intensity(self, make, name, intensity):
+        result = make(name).step(on_axis([20, 21, 5, 80], intensity))
+        assert list(result.reason) == [INVALID] * 4
+
+    @pytest.mark.parametrize("name", ["sor", "ror"])
+    def test_invalid_points_are_no_neighbors(self, make, name):
+        xyz = np.zeros((40, 3))
+        xyz[20:, 0] = math.nan
+        frame = make_frame(np.concatenate([xyz, [[0.1, 0, 0], [0.2, 0, 0]]]))
+        kept = KEPT if name == "sor" else OUTLIER
+        assert reasons(make(name), frame) == [INVALID] * 40 + [kept] * 2
+
+    def test_a_tiny_place_is_a_place(self, make):
+        """Its square is 0 in double precision."""
+        assert reasons(make("ring_intensity"), make_frame([[1e-200, 0, 0]], 100)) == [NEAR]
+
+    def test_a_huge_place_is_far(self, make):
+        """Its square is infinite in double precision."""
+        assert reasons(make("ring_intensity", far="drop"), make_frame([[1e200, 0, 0]], 100)) == [FAR]
+
+    def test_none_keeps_them(self, make):
+        assert (
+            reasons(make("none"), make_frame([[0, 0, 0], [math.nan, 0, 0], [1, 1, 1]], [1, 1, math.nan])) == [KEPT] * 3
+        )
+
+    @pytest.mark.parametrize("name", INTENSITY_METHODS)
+    def test_a_cloud_without_intensity(self, name):
+        threshold = {"threshold": 5.0} if name == "global_intensity" else {}
+        method = FILTERS[name](FILTERS[name].Params(**threshold))
+        with pytest.raises(FieldError, match="intensity"):
+            method.step(on_axis([20, 30], None))
+
+    @pytest.mark.parametrize("name", ["sor", "ror", "none"])
+    def test_methods_that_need_no_intensity(self, name):
+        method = FILTERS[name](FILTERS[name].Params())
+        assert reasons(method, on_axis([20.0] * 9, None)) == [KEPT] * 9
+
+
+class TestCorrection:
+    """In a row of 11 points 1/8 m apart and one 2 m further, the last is an outlier."""
+
+    SEA = on_axis(lone(2), [40] * 11 + [100])
+    CALM = on_axis(lone(), 40)
+
+    def test_worked_example(self, make):
+        method = make("joint")
+        first = method.step(self.SEA)
+        assert list(first.reason) == [KEPT] * 11 + [OUTLIER]
+        assert list(first.rings.thresholds) == [30, 16, 7, 4]
+        assert list(first.rings.corrections) == [0, 0, 0, 0]
+        assert list(first.rings.points) == [12, 0, 0, 0]
+        assert list(first.rings.outliers) == [1, 0, 0, 0]
+        # One outlier of 100 gives 100 / 2, which lifts the threshold by 0.4 of the way from 30 to 50.
+        second = method.step(on_axis(lone()[:4], [38, 37, 39, 30]))
+        assert list(second.rings.corrections) == pytest.approx([50, 0, 0, 0])
+        assert list(second.rings.thresholds) == pytest.approx([38, 16, 7, 4])
+        assert list(second.reason) == [KEPT, LOW, KEPT, LOW]
+        assert list(second.rings.low_intensity) == [2, 0, 0, 0]
+
+    def test_divides_by_one_more_than_the_outliers(self, make):
+        method = make("joint", update_weight=0.2)
+        first = method.step(on_axis(lone(1.5, 3), [40] * 11 + [100, 50]))
+        assert list(first.reason) == [KEPT] * 11 + [OUTLIER] * 2
+        # Two outliers give (100 + 50) / 3, which lifts the threshold by 0.8 of the way from 30 to 50.
+        assert list(method.step(self.CALM).rings.thresholds) == pytest.approx([46, 16, 7, 4])
+
+    def test_dark_points_are_no_sample(self, make):
+        method = make("joint")
+        method.step(on_axis([*lone(2), 24.5], [40] * 11 + [100, 29]))
+        assert list(method.step(self.CALM).rings.corrections) == [50, 0, 0, 0]
+
+    def test_returns_to_zero_without_outliers(self, make):
+        method = make("joint")
+        method.step(self.SEA)
+        assert list(method.step(self.CALM).rings.thresholds) == pytest.approx([38, 16, 7, 4])
+        result = method.step(self.CALM)
+        assert list(result.rings.thresholds) == [30, 16, 7, 4]
+        assert list(result.rings.corrections) == [0, 0, 0, 0]
+
+    @pytest.mark.parametrize(
+        "frame",
+        [on_axis([]), on_axis([20, 21, 22], 1), on_axis([20, 21], math.nan), on_axis([5, 80])],
+        ids=["no points", "all removed", "all invalid", "none in a ring"],
+    )
+    def test_returns_to_zero_when_nothing_is_left(self, make, frame):
+        method = make("joint")
+        method.step(self.SEA)
+        assert method.step(frame).rings.thresholds[0] == pytest.approx(38)
+        assert list(method.step(self.CALM).rings.thresholds) == [30, 16, 7, 4]
+
+    def test_does_not_add_up(self, make):
+        """The correction comes from the last frame alone, whatever the one before was."""
+        method = make("joint")
+        for _ in range(5):
+            result = method.step(self.SEA)
+        assert list(result.rings.corrections) == [50, 0, 0, 0]
+        assert list(result.rings.thresholds) == pytest.approx([38, 16, 7, 4])
+
+    def test_each_ring_has_its_own(self, make):
+        method = make("joint")
+        method.step(on_axis([*lone(2), *lone(2) + 22], [40] * 11 + [100] + [16] * 11 + [20]))
+        assert list(method.step(self.CALM).rings.corrections) == [50, 0, 10, 0]
+
+    def test_reset_forgets(self, make):
+        method = make("joint")
+        method.step(self.SEA)
+        method.reset()
+        assert list(method.step(self.SEA).rings.corrections) == [0, 0, 0, 0]
+
+    def test_a_weight_of_one_leaves_the_initial_thresholds(self, make):
+        still, plain = make("joint", update_weight=1.0), make("ring_intensity_outlier")
+        for frame in (self.SEA, self.SEA, self.CALM):
+            result, expected = still.step(frame), plain.step(frame)
+            assert list(result.reason) == list(expected.reason)
+            assert list(result.rings.thresholds) == [30, 16, 7, 4]
+            assert list(expected.rings.corrections) == [0, 0, 0, 0]
+
+    def test_without_correction(self, make):
+        for name in ("ring_intensity", "ring_intensity_outlier"):
+            method = make(name)
+            method.step(self.SEA)
+            assert list(method.step(self.SEA).rings.thresholds) == [30, 16, 7, 4]
+
+    def test_ring_intensity_finds_no_outliers(self, make):
+        result = make("ring_intensity").step(self.SEA)
+        assert list(result.reason) == [KEPT] * 12
+        assert list(result.rings.outliers) == [0, 0, 0, 0]
+
+
+class TestGlobalIntensity:
+    @staticmethod
+    def first_pass(method, *frames):
+        for frame in frames:
+            method.observe(frame)
+        return method
+
+    @pytest.mark.parametrize("name", FILTERS)
+    def test_who_needs_a_first_pass(self, name):
+        assert FILTERS[name](FILTERS[name].Params()).needs_first_pass is (name == "global_intensity")
+
+    def test_a_given_threshold_needs_no_first_pass(self):
+        method = FILTERS["global_intensity"](FILTERS["global_intensity"].Params(threshold=5.0))
+        assert method.needs_first_pass is False
+        assert reasons(method, on_axis([10, 20, 60], [below(5), 5, 6])) == [LOW, KEPT, KEPT]
+
+    @pytest.mark.parametrize(
+        ("rate", "intensity", "low"),
+        [
+            (0.8, range(10), 8),
+            (0.8, [5] * 8 + [9, 9], 8),
+            (0.8, [5] * 7 + [9] * 3, 10),
+            (0.8, [5] * 10, 10),
+            (0.9, range(10), 9),
+            (0.81, range(10), 9),
+            (0.55, range(100), 55),
+            (0.07, range(100), 7),
+            (1.0, range(10), 10),
+            (0.8, [value + 0.25 for value in range(10)], 8),
+            (0.8, [0.1] * 8 + [0.1001] * 2, 8),
+            (0.8, [1e-3] * 7 + [1.0] * 3, 10),
+            (0.8, [-3, -2, -1, 0, 1], 4),
+            (0.8, [0, 10, 1000, 30000, 65535], 4),
+        ],
+    )
+    def test_smallest_threshold_that_removes_the_share(self, make, rate, intensity, low):
+        """Also where 0.55 * 100 is a bit more than 55 in floating point."""
+        frame = on_axis(np.linspace(10, 69, len(intensity)), list(intensity))
+        method = self.first_pass(make("global_intensity", filter_rate=rate), frame)
+        assert reasons(method, frame) == [LOW] * low + [KEPT] * (len(intensity) - low)
+
+    @pytest.mark.parametrize("scale", [1e-3, 1, 300])
+    def test_fractional_intensities_are_told_apart_to_an_eight_thousandth(self, scale):
+        """Their distribution is kept in bins: the share is reached, and not by more than a bin."""
+        intensity = scale * np.random.default_rng(1).uniform(0.1, 1, 50_000)
+        frame = on_axis(np.full(50_000, 20), intensity)
+        method = self.first_pass(FILTERS["global_intensity"](FILTERS["global_intensity"].Params()), frame)
+        exact = np.sort(intensity)[39_999]
+        assert method.step(frame).counts[LOW] >= 40_000
+        assert exact < method.step(frame).rings.thresholds[0] <= exact * (1 + 1 / 8000)
+
+    def test_fractions_may_come_late(self, make):
+        """What was counted before them still counts."""
+        whole, fractional = on_axis([20] * 8, [1, 2, 3, 4, 5, 6, 7, 8]), on_axis([20] * 2, [9.5, 10.5])
+        method = self.first_pass(make("global_intensity"), whole, fractional)
+        assert reasons(method, whole) == [LOW] * 8
+        assert reasons(method, fractional) == [KEPT] * 2
+
+    def test_whole_intensities_have_a_whole_threshold(self, make):
+        """Of 0 to 9 and a rate of 0.8, it is 8: 7.5, in a frame that was not in the first pass, is below."""
+        method = self.first_pass(make("global_intensity"), on_axis([20] * 10, range(10)))
+        assert reasons(method, on_axis([20, 20, 20], [7.5, below(8), 8])) == [LOW, LOW, KEPT]
+
+    def test_only_points_that_it_applies_to_count(self, make):
+        """Left out: before 10 m, from 70 m on, own structure, and points that are invalid."""
+        xyz = [[x, 0, 0] for x in (10, 20, 30, 40, below(70), below(10), 70, 5, 80, 0)] + [
+            [20, 5, 0],
+            [20, math.nan, 0],
+        ]
+        intensity = [1, 2, 3, 4, 5] + [200] * 7
+        frame = make_frame([*xyz, [20, 0, 0]], [*intensity, math.nan])
+        method = make("global_intensity", exclude_boxes=[(19, 21, 4, 6, -1, 1)])
+        expected = [LOW] * 4 + [KEPT, NEAR, KEPT, NEAR, KEPT, INVALID, EXCLUDED, INVALID, INVALID]
+        assert reasons(self.first_pass(method, frame), frame) == expected
+
+    def test_one_threshold_a_recording(self, make):
+        dark, bright = on_axis([20] * 8, 1), on_axis([20] * 2, 50)
+        method = self.first_pass(make("global_intensity"), bright, dark)
+        assert reasons(method, dark) == [LOW] * 8
+        assert reasons(method, bright) == [KEPT] * 2
+
+    def test_reset_forgets(self, make):
+        method = self.first_pass(make("global_intensity"), on_axis([20] * 10, 200))
+        method.reset()
+        self.first_pass(method, on_axis([20] * 10, range(10)))
+        assert reasons(method, on_axis([20] * 2, [7, 8])) == [LOW, KEPT]
+
+    @pytest.mark.parametrize("frame", [on_axis([]), on_axis([5, 80]), on_axis([20], math.nan)])
+    def test_nothing_to_learn_from(self, make, frame):
+        method = self.first_pass(make("global_intensity"), frame)
+        assert LOW not in reasons(method, frame)

@@ -1,0 +1,213 @@
+"""What every filter promises, whatever its method; a new one is tested here as soon as it is in `FILTERS`."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.filters import FILTERS, neighbors
+from seaclutter_cli.frame import Reason
+from tests.filters.frames import big_endian, frame_of, make_frame, organised, sea_frame, take
+
+KEEPS_INVALID = {"none"}
+RINGS = {"joint": 4, "ring_intensity": 4, "ring_intensity_outlier": 4, "global_intensity": 1}
+
+pytestmark = pytest.mark.parametrize("name", FILTERS)
+
+
+def make(name, **params):
+    return FILTERS[name](FILTERS[name].Params(**params))
+
+
+def run(method, frames):
+    """Return the results of a recording, after a first pass where one is needed."""
+    if method.needs_first_pass:
+        for frame in frames:
+            method.observe(frame)
+    return [method.step(frame) for frame in frames]
+
+
+def reasons(method, frames):
+    return [result.reason.tolist() for result in run(method, frames)]
+
+
+def sea(seed=2, count=3, **kwargs):
+    return [sea_frame(seed, index=index, **kwargs) for index in range(count)]
+
+
+def test_params_are_frozen_and_have_defaults(name):
+    params = FILTERS[name].Params()
+    assert dataclasses.is_dataclass(params)
+    assert params == FILTERS[name].Params()
+    for field in dataclasses.fields(params):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(params, field.name, None)
+
+
+def test_one_reason_a_point(name):
+    for frame, result in zip(sea(), run(make(name), sea()), strict=True):
+        assert result.reason.shape == (frame.size,)
+        assert result.reason.dtype == np.uint8
+        assert set(result.reason.tolist()) <= set(Reason)
+        assert result.counts.sum() == frame.size
+
+
+def test_the_result_holds_the_frame_it_was_given(name):
+    frames = sea()
+    assert all(result.frame is frame for frame, result in zip(frames, run(make(name), frames), strict=True))
+
+
+def test_results_stay_as_they_are(name):
+    """The next frame must not write into what an earlier one returned."""
+    frames = sea()
+    method = make(name)
+    earlier = run(method, frames)
+    copies = [result.reason.copy() for result in earlier]
+    rings = [dataclasses.astuple(result.rings) if result.rings else () for result in earlier]
+    rings = [[values.copy() for values in one] for one in rings]
+    run(method, sea(seed=3))
+    for result, reason, values in zip(earlier, copies, rings, strict=True):
+        np.testing.assert_array_equal(result.reason, reason)
+        np.testing.assert_array_equal(dataclasses.astuple(result.rings) if result.rings else [], values)
+
+
+def test_rings_add_up(name):
+    for result in run(make(name), sea()):
+        assert (result.rings is not None) == (name in RINGS)
+        if result.rings is None:
+            continue
+        assert {values.shape for values in dataclasses.astuple(result.rings)} == {(RINGS[name],)}
+        assert [values.dtype for values in dataclasses.astuple(result.rings)] == ["f8", "f8", "i8", "i8", "i8"]
+        inside = result.frame.valid & (result.frame.range_m >= 10) & (result.frame.range_m < 70)
+        assert result.rings.points.sum() == inside.sum()
+        assert result.rings.low_intensity.sum() == result.counts[Reason.LOW_INTENSITY]
+        assert result.rings.outliers.sum() == result.counts[Reason.OUTLIER]
+
+
+def test_equal_filters_give_equal_results(name):
+    assert reasons(make(name), sea()) == reasons(make(name), sea())
+
+
+def test_reset_is_like_new(name):
+    method = make(name)
+    run(method, sea(seed=7))
+    method.reset()
+    assert reasons(method, sea()) == reasons(make(name), sea())
+
+
+def test_two_filters_share_no_state(name):
+    """As with two topics of one recording, frame by frame in turn."""
+    first, second = make(name), make(name)
+    for frame, other in zip(sea(), sea(seed=7), strict=True):
+        if first.needs_first_pass:
+            first.observe(frame)
+            second.observe(other)
+    both = [(first.step(a).reason.tolist(), second.step(b)) for a, b in zip(sea(), sea(seed=7), strict=True)]
+    assert [reason for reason, _ in both] == reasons(make(name), sea())
+
+
+def test_the_bytes_of_the_cloud_stay(name):
+    frames = sea()
+    before = [bytes(frame.cloud.data) for frame in frames]
+    run(make(name), frames)
+    assert [bytes(frame.cloud.data) for frame in frames] == before
+
+
+@pytest.mark.parametrize("size", [0, 1])
+def test_hardly_a_point(name, size):
+    frame = make_frame(np.full((size, 3), 20.0), 100)
+    (result,) = run(make(name, **({"threshold": 5.0} if name == "global_intensity" else {})), [frame])
+    assert result.reason.shape == (size,)
+    assert result.reason.dtype == np.uint8
+
+
+def test_no_points_and_no_fields_but_those_needed(name):
+    frames = [make_frame([], [], index=0), *sea(), make_frame([], [], index=4)]
+    assert [len(reason) for reason in reasons(make(name), frames)] == [frame.size for frame in frames]
+
+
+@pytest.mark.parametrize("bad", [math.nan, 0.0], ids=["nan", "zero"])
+def test_no_point_is_valid(name, bad):
+    frame = make_frame(np.full((50, 3), bad), 100)
+    expected = Reason.KEPT if name in KEEPS_INVALID else Reason.INVALID
+    assert reasons(make(name), [frame]) == [[expected] * 50]
+
+
+def test_exactly_the_invalid_points_are_called_so(name):
+    for result in run(make(name), sea()):
+        invalid = np.zeros(result.frame.size, bool) if name in KEEPS_INVALID else ~result.frame.valid
+        np.testing.assert_array_equal(result.reason == Reason.INVALID, invalid)
+
+
+@pytest.mark.parametrize("layout", [big_endian, lambda frame: organised(frame, height=4, padding=7)])
+def test_layout_of_the_bytes_does_not_matter(name, layout):
+    frames = sea(intensities="u1", size=400)
+    assert {frame.size % 4 for frame in frames} == {0}
+    assert reasons(make(name), [layout(frame) for frame in frames]) == reasons(make(name), frames)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_order_of_the_points_does_not_matter(name, seed):
+    frames = sea(seed, 2, size=200, intensities="u1")
+    rng = np.random.default_rng(seed)
+    orders = [rng.permutation(frame.size) for frame in frames]
+    shuffled = reasons(make(name), [take(frame, order) for frame, order in zip(frames, orders, strict=True)])
+    expected = [np.array(r)[order].tolist() for r, order in zip(reasons(make(name), frames), orders, strict=True)]
+    assert shuffled == expected
+
+
+def moved(frame, xyz_of):
+    """Return the frame with other coordinates, made from x, y and z."""
+    points = frame.cloud.points.copy()
+    for axis, values in zip("xyz", xyz_of(*(frame.cloud.points[axis] for axis in "xyz")), strict=True):
+        points[axis] = values
+    return frame_of(from_array(points), frame.index)
+
+
+@pytest.mark.parametrize("factor", [0.25, 8.0])
+def test_unit_of_length_does_not_matter(name, factor):
+    """Config keys that end in ``_m`` are lengths; a factor that is a power of two leaves all digits as they are."""
+    params = {
+        field.name: factor * getattr(FILTERS[name].Params(), field.name)
+        for field in dataclasses.fields(FILTERS[name].Params)
+        if field.name.endswith("_m")
+    }
+    scaled = [moved(frame, lambda x, y, z: (factor * x, factor * y, factor * z)) for frame in sea(coordinates="f8")]
+    assert reasons(make(name, **params), scaled) == reasons(make(name), sea(coordinates="f8"))
+
+
+@pytest.mark.parametrize("factor", [0.5, 4.0])
+def test_unit_of_intensity_does_not_matter(name, factor):
+    fields = {field.name for field in dataclasses.fields(FILTERS[name].Params)}
+    params = {}
+    if "initial_thresholds" in fields:
+        params["initial_thresholds"] = tuple(factor * value for value in FILTERS[name].Params().initial_thresholds)
+    scaled = sea()
+    for index, frame in enumerate(scaled):
+        points = frame.cloud.points.copy()
+        points["intensity"] *= factor
+        scaled[index] = frame_of(from_array(points), index)
+    assert reasons(make(name, **params), scaled) == reasons(make(name), sea())
+
+
+@pytest.mark.parametrize(
+    "turn",
+    [lambda x, y, z: (-y, x, z), lambda x, y, z: (x, -y, z), lambda x, y, z: (x, y, -z)],
+    ids=["quarter turn", "port for starboard", "upside down"],
+)
+def test_heading_does_not_matter(name, turn):
+    assert reasons(make(name), [moved(frame, turn) for frame in sea()]) == reasons(make(name), sea())
+
+
+def test_number_of_threads_does_not_matter(name, monkeypatch):
+    frames = sea(seed=4, count=2, size=20_000)
+    found = []
+    for threads in (1, 2, 3):
+        monkeypatch.setattr(neighbors, "_threads", lambda count=threads: count)
+        found.append(reasons(make(name), frames))
+    assert found[0] == found[1] == found[2]
