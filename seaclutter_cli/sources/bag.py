@@ -1,6 +1,5 @@
 """ROS 1 bags (format 2.0), healthy, unindexed, cut off or damaged."""
 
-import mmap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from seaclutter_cli.sources.bag_chunks import read_index, unpack
 from seaclutter_cli.sources.bag_records import MAGIC, Op, read_record, walk
 from seaclutter_cli.sources.bag_survey import Survey, channel_of
 from seaclutter_cli.sources.chunked import Chunk, in_time_order
+from seaclutter_cli.sources.mapped import MappedFile
 
 _COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
 _ANY_TIME = (0, 2**63)
@@ -18,8 +18,8 @@ _ANY_TIME = (0, 2**63)
 class BagSource:
     """A ROS 1 bag as a `Source`.
 
-    Memory holds a few unpacked chunks, and a few numbers for each chunk of the file. Messages are views of their chunk;
-    those of an uncompressed bag are views of the file.
+    Memory holds a few unpacked chunks, and a few numbers for each chunk of the file. Messages are views of their chunk,
+    or of the file if that is not compressed.
 
     Parameters
     ----------
@@ -37,13 +37,26 @@ class BagSource:
 
     def __init__(self, path: Path) -> None:
         self.name = path.name.removesuffix(".active").removesuffix(".bag")
+        self.damage: list[Damage] = []
+        self._reported: set[Damage] = set()
         self._path = path
-        self._view = _open(path)
-        survey = Survey(self._view)
+        self._file = MappedFile(path)
+        self._view = self._file.view
+        try:
+            self._read_survey()
+        except BaseException:
+            self.close()
+            raise
+
+    def _read_survey(self) -> None:
+        start = bytes(self._view[: len(MAGIC)])
+        if start != MAGIC:
+            raise InputError(f"{self._path}: {_describe(start)}")
+        survey = Survey(self._view, self._file.touched)
         if survey.header is not None and survey.header.fields.get(b"encryptor"):
-            raise InputError(f"{path}: the bag is encrypted; decrypt it first (rosbag decrypt)")
+            raise InputError(f"{self._path}: the bag is encrypted; decrypt it first (rosbag decrypt)")
         self.compression = _COMPRESSIONS.get(survey.compression) if survey.compression else None
-        self.damage: list[Damage] = survey.damage(path)
+        self.damage += survey.damage(self._path)
         self._channels = survey.channels
         self._counts = survey.counts
         self._announced = survey.announced
@@ -69,8 +82,8 @@ class BagSource:
         self._compare(read)
 
     def close(self) -> None:
-        """Free the file, once no message that points into it is left."""
-        self._view.release()
+        """Let go of the file."""
+        self._file.close()
 
     def _unpack_untimed(self, survey: Survey) -> None:
         """Unpack the chunks where unknown channels first occur, and those of unknown times."""
@@ -87,6 +100,7 @@ class BagSource:
     def _load(self, chunk: Chunk) -> list[Message]:
         """Return the messages of a chunk, and report what is wrong with it."""
         end = chunk.offset + chunk.size
+        self._file.touched(chunk.size)
         content, size, problem = self._content(chunk)
         gaps: list[tuple[int, int]] = []
         messages, strays = self._messages(content, gaps)
@@ -97,9 +111,8 @@ class BagSource:
         if problem is not None:
             index = read_index(self._view, end)
             lost_bytes = max(size - len(content), 0) + sum(stop - start for start, stop in gaps)
-            self._report(
-                chunk, problem, lost_bytes, (index.counts.total() - len(messages)) if index else strays or None
-            )
+            lost = index.counts.total() - len(messages) if index else strays
+            self._report(chunk.offset, problem, lost_bytes, lost if lost > 0 else None)
         elif any(not chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
             self._report(chunk.offset, "a chunk whose messages are of other times than its index says", 0, None)
         return messages
@@ -139,26 +152,15 @@ class BagSource:
 
     def _report(self, offset: int | None, what: str, lost_bytes: int, lost_messages: int | None) -> None:
         damage = Damage(self._path, offset, what, lost_bytes, lost_messages)
-        if damage not in self.damage:
+        if damage not in self._reported:
+            self._reported.add(damage)
             self.damage.append(damage)
 
 
-def _open(path: Path) -> memoryview:
-    """Map a bag into memory."""
-    try:
-        with path.open("rb") as file:
-            start = file.read(len(MAGIC))
-            if start != MAGIC:
-                raise InputError(f"{path}: {_describe(start)}")
-            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
-
-
 def _describe(start: bytes) -> str:
-    if not start:
-        return "the file is empty"
+    if MAGIC.startswith(start):
+        return "the bag is cut off in its first line"
     if start.startswith(b"#ROSBAG V"):
         version = start[9:].strip().decode("utf-8", "replace")
-        return f"bags of version {version} are too old; convert it first (rosbag migrate)"
+        return f"a bag of version {version}; only 2.0 can be read, so convert it first (rosbag reindex)"
     return "not a ROS 1 bag"

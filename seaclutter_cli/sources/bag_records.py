@@ -43,8 +43,8 @@ _REQUIRED: Mapping[bytes, tuple[Op, Mapping[bytes, int | None]]] = {
     b"\x07": (Op.CONNECTION, {b"conn": 4, b"topic": None}),
 }
 _FIELDS = {name for _, fields in _REQUIRED.values() for name in fields} | {b"op", b"ver", b"encryptor"}
-# The start of a header: its length, and the length and name of a field.
-_START = re.compile(rb"(?=..\0\0..\0\0(?:" + b"|".join(sorted(_FIELDS)) + rb")=)", re.DOTALL)
+# What follows the length of a header and that of its first field, 8 bytes in all.
+_NAME = re.compile(rb"(?:" + b"|".join(sorted(_FIELDS)) + rb")=")
 
 
 # The header of a message in the two orders in which recorders write it: a shortcut, as most records are such.
@@ -127,10 +127,10 @@ def _read_any_record(view: memoryview, at: int) -> BagRecord | None:
 
 def find_record(view: memoryview, at: int, ops: Collection[Op] = frozenset(Op)) -> int:
     """Return the place of the first record of certain kinds at or behind a place; the view's end if there is none."""
-    for match in _START.finditer(view, at):
-        record = read_record(view, match.start())
+    for match in _NAME.finditer(view, at + 8):
+        record = read_record(view, match.start() - 8)
         if record is not None and record.op in ops:
-            return match.start()
+            return record.start
     return len(view)
 
 
@@ -170,7 +170,7 @@ def walk(view: memoryview, at: int, gaps: list[tuple[int, int]]) -> Iterator[Bag
 
 
 def _mend(view: memoryview, record: BagRecord) -> BagRecord | None:
-    """Return a record with the end where the next one starts, if its own is behind it; None if its data are not whole."""
+    """Return a record that ends where the next one starts, if its own end is behind it; None if it is not whole."""
     if record.op == Op.CHUNK:
         resumed = find_record(view, record.data, BETWEEN_CHUNKS)
         return record._replace(end=resumed, mended=True) if resumed < record.end else record

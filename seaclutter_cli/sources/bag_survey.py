@@ -1,6 +1,7 @@
 """What a ROS 1 bag holds, found by hopping over its records without unpacking a chunk."""
 
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from struct import Struct
 
@@ -33,6 +34,8 @@ class Survey:
     ----------
     view : memoryview
         The whole bag.
+    touched : callable
+        Called whenever a place of it was read.
 
     Attributes
     ----------
@@ -54,7 +57,7 @@ class Survey:
         Number of messages by the index at the end of the bag; None if there is no complete one.
     """
 
-    def __init__(self, view: memoryview) -> None:
+    def __init__(self, view: memoryview, touched: Callable[[], None]) -> None:
         self.header: BagRecord | None = None
         self.compression: bytes | None = None
         self.channels: dict[int, Channel] = {}
@@ -76,6 +79,7 @@ class Survey:
             Op.CONNECTION: self._take_connection,
         }
         for record in walk(view, len(MAGIC), self._gaps):
+            touched()
             self._seen[record.op] += 1
             if record.op in take:
                 take[record.op](record)
@@ -180,7 +184,6 @@ def _joined(gaps: list[tuple[int, int]]) -> list[tuple[int, int]]:
     """Return gaps in order, those that touch as one."""
     joined: list[tuple[int, int]] = []
     for start, end in sorted(gaps):
-        if joined and joined[-1][1] == start:
-            start, _ = joined.pop()
-        joined.append((start, end))
+        touches = joined and joined[-1][1] == start
+        joined.append((joined.pop()[0] if touches else start, end))
     return joined

@@ -9,7 +9,8 @@ from typing import Any
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, Record, Schema
-from seaclutter_cli.sources.db3_file import BROKEN, open_database, read_rows
+from seaclutter_cli.sources.db3_file import open_database, read_rows
+from seaclutter_cli.sources.db3_salvage import BROKEN
 from seaclutter_cli.sources.zstd_data import unpack_file, unpack_message
 
 # Optional columns of topics, and what rosbag2's MCAP storage calls them.
@@ -108,6 +109,8 @@ class Db3Source:
         return None if unpacked is None else Message(channel, time_ns, time_ns, 0, unpacked)
 
     def _report(self, what: str, lost_messages: int | None) -> None:
+        if lost_messages is None:
+            what += "; how many messages are lost cannot be told"
         self.damage.append(Damage(self._path, None, what, lost_messages=lost_messages))
 
     def _read_channels(self) -> dict[int, Channel]:
@@ -119,8 +122,9 @@ class Db3Source:
         extra = [column for column in _METADATA if column in columns]
         definitions = self._read_definitions()
         channels = {}
-        rows = self._db.execute(f"SELECT {', '.join(('id, name, type, serialization_format', *extra))} FROM topics")  # noqa: S608
-        for number, topic, typename, encoding, *values in rows:
+        rows = self._db.execute(f"SELECT {', '.join(('rowid, name, type, serialization_format', *extra))} FROM topics")  # noqa: S608
+        for number, *texts in rows:
+            topic, typename, encoding, *values = map(str, texts)
             schema = self._schema(topic, _full_name(typename), definitions)
             metadata = tuple((_METADATA[name], text) for name, text in zip(extra, values, strict=True) if text)
             channels[number] = Channel(number, topic, encoding, schema, metadata)
@@ -128,21 +132,19 @@ class Db3Source:
 
     def _read_definitions(self) -> dict[str, Schema]:
         """Return the message definitions in the file; there are some since ROS 2 Iron."""
-        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY id"
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY rowid"
         try:
             rows = self._db.execute(query).fetchall()
         except BROKEN:
             return {}
-        return {name: Schema(name, encoding, text.encode()) for name, encoding, text in rows if text}
+        return {row[0]: Schema(row[0], row[1], row[2].encode()) for row in rows if all(map(_is_text, row))}
 
     def _schema(self, topic: str, typename: str, definitions: dict[str, Schema]) -> Schema:
         if typename in definitions:
             return definitions[typename]
-        from rosbags.typesys import TypesysError  # 0.1 s that recordings with definitions do not need
-
         try:
             return ros2_schema(typename)
-        except (KeyError, TypesysError):
+        except KeyError:
             self.warnings.append(f"{topic}: the definition of {typename} is not known, so the output will lack it")
             return Schema(typename, "ros2msg", b"")
 
@@ -151,3 +153,7 @@ def _full_name(typename: str) -> str:
     """Return a type name in its present form; the first ROS 2 versions left out ``msg``."""
     package, slash, name = typename.partition("/")
     return f"{package}/msg/{name}" if slash and "/" not in name else typename
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and value != ""

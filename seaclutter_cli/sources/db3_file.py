@@ -1,10 +1,8 @@
 """Opening sqlite3 files without writing to them, and reading the messages of damaged ones."""
 
 import sqlite3
-import sys
-from array import array
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -14,15 +12,13 @@ from typing import Any
 
 import numpy as np
 
-BROKEN = (sqlite3.Error, MemoryError, OverflowError)
-"""What sqlite3 raises over a damaged file."""
+from seaclutter_cli.sources.db3_salvage import BROKEN, find_rows
 
 Row = tuple[int, Any, Any, Any]
 """Number, time in nanoseconds, topic and data of a message; but for the number, of any type in a damaged file."""
 
-_COLUMNS = "id, timestamp, topic_id, data FROM messages"
-_TIMES = "SELECT id, timestamp FROM messages NOT INDEXED"
-_MAX_MISSES = 100_000
+_COLUMNS = "rowid, timestamp, topic_id, data FROM messages"
+_PROBE = "SELECT count(*) FROM sqlite_master"
 
 
 def open_database(path: Path, stack: ExitStack) -> sqlite3.Connection:
@@ -57,7 +53,14 @@ def _connect(path: Path, options: str, stack: ExitStack) -> sqlite3.Connection:
     database = sqlite3.connect(f"{path.absolute().as_uri()}?{options}", uri=True, check_same_thread=False)
     stack.callback(database.close)
     database.text_factory = lambda text: text.decode("utf-8", "replace")
-    database.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    try:
+        database.execute(_PROBE).fetchone()
+    except sqlite3.DatabaseError as error:
+        if error.sqlite_errorcode != sqlite3.SQLITE_CORRUPT:
+            raise
+        # The way to make sqlite3 open a file that is shorter than it should be.
+        database.execute("PRAGMA writable_schema=ON")
+        database.execute(_PROBE).fetchone()
     return database
 
 
@@ -73,95 +76,48 @@ def read_rows(database: sqlite3.Connection, report: Callable[[str, int | None], 
 
     Notes
     -----
-    Rows come through the index over their times. Where that breaks, the rest is looked up row by row.
+    Rows come through the index over their times. Where that breaks, the rest is looked up row by row; what came already
+    is remembered in a bit a row.
     """
     seen: defaultdict[int, int] = defaultdict(int)
     try:
         for row in _in_time_order(database):
-            seen[row[0] >> 10] |= 1 << (row[0] & 1023)
+            block, bit = row[0] >> 10, 1 << (row[0] & 1023)
+            if seen[block] & bit:
+                raise sqlite3.DatabaseError("the index names a message twice")
+            seen[block] |= bit
             yield row
     except BROKEN as error:
         yield from _salvage(database, seen, partial(report, f"the database is damaged ({error})"))
 
 
 def _in_time_order(database: sqlite3.Connection) -> Iterator[Row]:
-    query = f"SELECT {_COLUMNS} ORDER BY timestamp, id"
+    query = f"SELECT {_COLUMNS} ORDER BY timestamp, rowid"
     if not any("TEMP B-TREE" in row[3] for row in database.execute(f"EXPLAIN QUERY PLAN {query}")):
         return database.execute(query)
     # No index over the times: sort the numbers only, since sorting rows would copy all data to a temporary file.
-    numbers = database.execute("SELECT id FROM messages ORDER BY timestamp, id")
+    numbers = database.execute("SELECT rowid FROM messages ORDER BY timestamp, rowid")
     return (row for (number,) in numbers for row in _row(database, number))
 
 
 def _row(database: sqlite3.Connection, number: int) -> sqlite3.Cursor:
-    return database.execute(f"SELECT {_COLUMNS} WHERE id = ?", (number,))
+    return database.execute(f"SELECT {_COLUMNS} WHERE rowid = ?", (number,))
 
 
 def _salvage(
     database: sqlite3.Connection, seen: defaultdict[int, int], report: Callable[[int | None], None]
 ) -> Iterator[Row]:
     """Yield the rows that are not seen yet and can be read, in the order of their times."""
-    times, numbers = array("q"), array("q")
-    for number, time_ns in _listing(database):
-        if not seen.get(number >> 10, 0) >> (number & 1023) & 1:
-            times.append(time_ns)
-            numbers.append(number)
-    read = len(numbers) + sum(bits.bit_count() for bits in seen.values())
-    lost = max(_expected(database, numbers) - read, 0)
+    rows = find_rows(database)
+    lost = 0
     try:
-        for place in np.lexsort((numbers, times)):
+        for place in np.lexsort((rows.numbers, rows.times)):
+            number = rows.numbers[place]
+            if seen.get(number >> 10, 0) & 1 << (number & 1023):
+                continue
             try:
-                yield from _row(database, numbers[place]).fetchall()
+                yield from _row(database, number).fetchall()
             except BROKEN:
                 lost += 1
     finally:
-        report(lost)
-
-
-def _expected(database: sqlite3.Connection, readable: Sequence[int]) -> int:
-    """Return how many messages there should be: by the index over their times, else by their numbers."""
-    with suppress(*BROKEN):
-        query = "SELECT count(*) FROM messages INDEXED BY timestamp_idx WHERE timestamp IS NOT NULL"
-        (count,) = database.execute(query).fetchone()
-        return int(count)
-    return max(readable, default=0)
-
-
-def _listing(database: sqlite3.Connection) -> Iterator[tuple[int, int]]:
-    """Yield number and time of every row that can be reached: from both ends, and between them one by one."""
-    last = 0
-    for last, time_ns in _scan(database, "ASC"):
-        yield last, time_ns
-    first = None
-    for number, time_ns in _scan(database, "DESC"):
-        if number <= last:
-            return
-        first = number
-        yield number, time_ns
-    misses = 0
-    for number in range(last + 1, first or sys.maxsize):
-        found = _time(database, number)
-        if found is not None:
-            yield number, found
-        misses = 0 if found is not None else misses + 1
-        if misses > _MAX_MISSES:
-            return
-
-
-def _scan(database: sqlite3.Connection, order: str) -> Iterator[tuple[int, int]]:
-    """Yield number and time of the rows from one end until something is broken."""
-    last = None
-    with suppress(*BROKEN):
-        for number, time_ns in database.execute(f"{_TIMES} ORDER BY id {order}"):
-            if last is not None and (number > last) != (order == "ASC"):
-                return
-            last = number
-            if isinstance(time_ns, int):
-                yield number, time_ns
-
-
-def _time(database: sqlite3.Connection, number: int) -> int | None:
-    with suppress(*BROKEN):
-        for _, time_ns in database.execute(f"{_TIMES} WHERE id = ?", (number,)):
-            return time_ns if isinstance(time_ns, int) else None
-    return None
+        report(None if rows.missing is None else rows.missing + lost)

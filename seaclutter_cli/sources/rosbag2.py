@@ -121,7 +121,10 @@ def _number(file: Path) -> int:
 
 def _storage_files(folder: Path) -> list[Path]:
     """Return the storage files of a folder in natural order; of a file packed and unpacked, only the latter."""
-    files = [file for file in folder.iterdir() if _STORAGE.fullmatch(file.name) and file.is_file()]
+    try:
+        files = [file for file in folder.iterdir() if _STORAGE.fullmatch(file.name) and file.is_file()]
+    except OSError as error:
+        raise InputError(f"{folder}: {error.strerror}") from error
     unpacked = {file for file in files if file.suffix.lower() != ".zstd"}
     return sorted((file for file in files if file in unpacked or file.with_suffix("") not in unpacked), key=_natural)
 

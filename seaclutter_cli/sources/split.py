@@ -55,7 +55,7 @@ class SplitSource:
         expected: tuple[Path, int] | None = None,
         packed_messages: bool = False,
     ) -> None:
-        self.name = name or files[0].name.split(".")[0].removesuffix("_0")
+        self.name = name or Path(files[0].name.removesuffix(".zstd").removesuffix(".active")).stem.removesuffix("_0")
         self.damage = list(damage)
         self.warnings: list[str] = []
         self._open_file = open_file
@@ -83,7 +83,7 @@ class SplitSource:
                 self._relabel(file, channel)
             self.warnings += [text for text in getattr(source, "warnings", ()) if text not in self.warnings]
         if not self._relabelled:
-            raise InputError("; ".join(map(str, self.damage)))
+            raise InputError("; ".join(f"{damage.path}: {damage.what}" for damage in self.damage))
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -96,7 +96,8 @@ class SplitSource:
         counts: Counter[int] = Counter()
         for file, channels in self._relabelled.items():
             for channel, count in self._source(file).counts.items():
-                counts[channels[channel].id] += count
+                if channel in channels:
+                    counts[channels[channel].id] += count
         return dict(counts)
 
     def records(self) -> Iterator[Record]:

@@ -1,6 +1,7 @@
 """The two ways in which rosbag2 compresses besides its storage: message by message, and whole files."""
 
 from pathlib import Path
+from typing import BinaryIO
 
 import zstandard
 
@@ -14,6 +15,7 @@ MAX_MESSAGE_BYTES = 2**30
 """Bytes that a message may unpack to."""
 
 _MAX_RATIO = 256
+_PIECE = 4096
 
 
 def unpack_message(data: Buffer) -> Buffer | None:
@@ -44,22 +46,24 @@ def unpack_file(path: Path, folder: Path) -> tuple[Path, Damage | None]:
         If it cannot be read, or the unpacked file does not fit on the disk.
     """
     target = folder / path.stem
-    problem = None
     try:
         with path.open("rb") as packed, target.open("wb") as unpacked:
-            size = zstandard.frame_content_size(packed.read(18))
-            packed.seek(0)
-            try:
-                zstandard.ZstdDecompressor().copy_stream(packed, unpacked)
-            except zstandard.ZstdError as error:
-                problem = f"the compressed file is damaged ({error})"
-            written = unpacked.tell()
-    except zstandard.ZstdError:
-        raise InputError(f"{path}: not a zstd file") from None
+            problem = _copy_unpacked(packed, unpacked)
     except OSError as error:
         raise InputError(f"{path}: cannot be unpacked: {error.strerror}") from error
-    if problem is None and written < size:
-        problem = "the compressed file is cut off"
-    if problem is None:
-        return target, None
-    return target, Damage(path, None, problem, max(size - written, 0))
+    return target, None if problem is None else Damage(path, None, problem)
+
+
+def _copy_unpacked(packed: BinaryIO, unpacked: BinaryIO) -> str | None:
+    """Unpack as much as is whole, and return what is wrong with the rest."""
+    frame = None
+    try:
+        while piece := packed.read(_PIECE):
+            while piece:
+                if frame is None or frame.eof:
+                    frame = zstandard.ZstdDecompressor().decompressobj()
+                unpacked.write(frame.decompress(piece))
+                piece = frame.unused_data if frame.eof else b""
+    except zstandard.ZstdError as error:
+        return f"the compressed file is damaged ({error})"
+    return None if frame is not None and frame.eof else "the compressed file is cut off"
