@@ -1,6 +1,6 @@
 """A point cloud as a view on message bytes, and what can be done with it without decoding it."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -14,6 +14,7 @@ from seaclutter_cli.records import Buffer
 FIELD_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 """Point field types that every supported message encoding knows, as numpy codes."""
 
+_MAX_POINT_BYTES = 10_000_000
 _FALLBACK = {"b1": "u1", "f2": "f4", "i8": "f8", "u8": "f8"}
 
 
@@ -26,17 +27,22 @@ class PointField:
     type: str
     count: int = 1
 
+    @property
+    def end(self) -> int:
+        """Byte behind the field; a count of 0, as old drivers write it, means one value."""
+        return self.offset + int(self.type[1]) * max(self.count, 1)
+
 
 @lru_cache(maxsize=256)
 def point_dtype(fields: tuple[PointField, ...], point_step: int, big_endian: bool) -> np.dtype[np.void]:
     """Return the structured dtype of one point.
 
-    Names that occur twice get a number, since a dtype needs distinct ones.
+    A name that occurs twice gets an underscore, since a dtype needs distinct ones.
 
     Raises
     ------
     CloudError
-        If a field does not fit into the point.
+        If a field does not fit into the point, or the point is beyond all measure.
 
     Examples
     --------
@@ -44,19 +50,23 @@ def point_dtype(fields: tuple[PointField, ...], point_step: int, big_endian: boo
     8
     """
     order = ">" if big_endian else "<"
-    names: list[str] = []
+    if not 0 <= point_step <= _MAX_POINT_BYTES:
+        raise CloudError(f"points of {point_step} bytes are none that can be read")
+    names: dict[str, None] = {}
     formats: list[Any] = []
     for field in fields:
-        name = field.name or "unnamed"
-        while name in names:
-            name += "_"
-        names.append(name)
-        base = np.dtype(order + field.type)
-        formats.append((base, (field.count,)) if field.count > 1 else base)
-        if field.offset + base.itemsize * max(field.count, 1) > point_step:
+        if not 0 <= field.offset < field.end <= point_step:
             raise CloudError(f"field {field.name!r} ends beyond the point of {point_step} bytes")
+        names[_free_name(field.name or "unnamed", names)] = None
+        formats.append((order + field.type, (field.count,)) if field.count > 1 else order + field.type)
     offsets = [field.offset for field in fields]
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": point_step})
+    return np.dtype({"names": list(names), "formats": formats, "offsets": offsets, "itemsize": point_step})
+
+
+def _free_name(name: str, taken: Collection[str]) -> str:
+    while name in taken:
+        name += "_"
+    return name
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,17 +107,16 @@ class Cloud:
 
     def __post_init__(self) -> None:
         """Check that the layout fits the data."""
-        if self.size == 0:
-            return
-        if self.point_step <= 0:
+        if self.size and self.point_step <= 0:
             raise CloudError(f"a cloud of {self.size} points has a point step of {self.point_step}")
-        if self.row_step < self.width * self.point_step:
+        if self._pitch < self.width * self.point_step:
             raise CloudError(
                 f"a row of {self.row_step} bytes cannot hold {self.width} points of {self.point_step} bytes"
             )
-        needed = (self.height - 1) * self.row_step + self.width * self.point_step
+        needed = (self.height - 1) * self._pitch + self.width * self.point_step if self.size else 0
         if len(self.data) < needed:
             raise CloudError(f"{self.size} points need {needed} bytes, the message has {len(self.data)}")
+        _ = self.dtype
 
     @property
     def size(self) -> int:
@@ -116,8 +125,14 @@ class Cloud:
 
     @property
     def dtype(self) -> np.dtype[np.void]:
-        """Structured dtype of one point."""
-        return point_dtype(self.fields, self.point_step, self.big_endian)
+        """Structured dtype of one point. Clouds without points may have no point step, but fields all the same."""
+        step = self.point_step if self.size else max((self.point_step, *(field.end for field in self.fields)))
+        return point_dtype(self.fields, step, self.big_endian)
+
+    @property
+    def _pitch(self) -> int:
+        """Bytes from row to row; a row step of a single row, or one that was left out, says nothing."""
+        return self.row_step if self.height > 1 and self.row_step else self.width * self.point_step
 
     @property
     def points(self) -> NDArray[Any]:
@@ -127,16 +142,21 @@ class Cloud:
     def _as(self, dtype: np.dtype[Any]) -> NDArray[Any]:
         if self.size == 0:
             return np.empty(0, dtype)
-        if self.height == 1 or self.row_step == self.width * self.point_step:
+        if self._pitch == self.width * self.point_step:
             return np.frombuffer(self.data, dtype, self.size)
-        strides = (self.row_step, self.point_step)
-        return np.ndarray((self.height, self.width), dtype, self.data, strides=strides).reshape(-1)
+        return self._rows(dtype, self.data).reshape(-1)
+
+    def _rows(self, dtype: np.dtype[Any], data: Buffer | bytearray) -> NDArray[Any]:
+        return np.ndarray((self.height, self.width), dtype, data, strides=(self._pitch, self.point_step))
+
+    @property
+    def _opaque(self) -> np.dtype[np.void]:
+        """Dtype of a point as so many bytes, which copies several times faster than a structured one."""
+        return np.dtype((np.void, self.dtype.itemsize))
 
     def select(self, keep: NDArray[np.bool_]) -> "Cloud":
         """Return an unorganised cloud of the points where ``keep``, shape (N,), is true, in their order."""
-        # Opaque items copy several times faster than structured ones.
-        points = np.take(self._as(np.dtype((np.void, max(self.point_step, 1)))), np.flatnonzero(keep))
-        return _unorganised(self, points)
+        return self._unorganised(np.take(self._as(self._opaque), np.flatnonzero(keep)), self.fields)
 
     def blank(self, removed: NDArray[np.bool_]) -> "Cloud":
         """Return the cloud with its shape kept and NaN coordinates where ``removed``, shape (N,), is true.
@@ -144,34 +164,34 @@ class Cloud:
         Raises
         ------
         FieldError
-            If the coordinates are not floating-point numbers.
+            If the cloud lacks a coordinate, or one is no floating-point number.
         """
-        data = bytearray(self.data)
-        strides = (self.row_step, self.point_step)
-        points: NDArray[Any] = np.ndarray((self.height, self.width), self.dtype, data, strides=strides)
         for axis in "xyz":
-            if points.dtype[axis].kind != "f":
+            if axis not in _names(self.dtype) or self.dtype[axis].kind != "f":
                 raise FieldError(f"field {axis!r} is no floating-point number, so an organised cloud cannot hold NaN")
-            points[axis][removed.reshape(points.shape)] = np.nan
-        return replace(self, data=bytes(data), dense=False)
+        data = bytearray(self.data)
+        if self.size:
+            points = self._rows(self.dtype, data)
+            for axis in "xyz":
+                np.copyto(points[axis], np.nan, where=removed.reshape(points.shape))
+        return replace(self, data=memoryview(data), dense=False)
 
     def with_field(self, name: str, values: NDArray[Any]) -> "Cloud":
-        """Return an unorganised cloud with one more field behind the others; values of shape (N,)."""
-        values = np.asarray(values)
-        field = PointField(name, self.point_step, _field_type(values.dtype))
-        step = self.point_step + values.dtype.itemsize
-        points = np.empty((self.size, step), np.uint8)
-        points[:, : self.point_step] = (
-            self._as(np.dtype((np.void, self.point_step))).view(np.uint8).reshape(self.size, -1)
-        )
-        tail = np.ascontiguousarray(values.astype(values.dtype.newbyteorder(">" if self.big_endian else "<")))
-        points[:, self.point_step :] = tail.view(np.uint8).reshape(self.size, -1)
-        return _unorganised(replace(self, fields=(*self.fields, field), point_step=step, height=0), points)
+        """Return an unorganised cloud with one more field behind the others; values of shape (N,).
 
+        A name that is taken gets an underscore.
+        """
+        kind, opaque = _field_type(values.dtype), self._opaque
+        field = PointField(_free_name(name, [field.name for field in self.fields]), opaque.itemsize, kind)
+        order = ">" if self.big_endian else "<"
+        points = np.empty(self.size, [("point", opaque), ("value", order + kind)])
+        points["point"] = self._as(opaque)
+        points["value"] = values
+        return self._unorganised(points, (*self.fields, field))
 
-def _unorganised(cloud: Cloud, points: NDArray[Any]) -> Cloud:
-    data = points.reshape(-1).view(np.uint8).data
-    return replace(cloud, height=1, width=len(points), row_step=len(data), data=data)
+    def _unorganised(self, points: NDArray[Any], fields: tuple[PointField, ...]) -> "Cloud":
+        step, data = points.dtype.itemsize, points.view(np.uint8).data
+        return replace(self, height=1, width=len(points), fields=fields, point_step=step, row_step=len(data), data=data)
 
 
 def _field_type(dtype: np.dtype[Any]) -> str:
@@ -212,9 +232,8 @@ def from_array(points: NDArray[Any], *, stamp_ns: int = 0, frame_id: str = "lida
     )
     data = np.ascontiguousarray(points.astype(packed, copy=False))
     width = len(points) // height if height else 0
-    buffer = data.view(np.uint8).data if data.size else b""
     step = packed.itemsize
-    return Cloud(stamp_ns, frame_id, height, width, fields, step, width * step, False, False, buffer)
+    return Cloud(stamp_ns, frame_id, height, width, fields, step, width * step, False, False, data.view(np.uint8).data)
 
 
 def _names(dtype: np.dtype[Any]) -> Iterable[str]:

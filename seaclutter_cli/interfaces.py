@@ -25,6 +25,8 @@ class Source(Protocol):
     """Compression of the recording as MCAP names it (``zstd``, ``lz4``, empty for none); None if it has no say."""
     damage: list[Damage]
     """What could not be read; grows while the records are read."""
+    warnings: list[str]
+    """What the user should know besides; nothing is lost."""
 
     @property
     def channels(self) -> Sequence[Channel]:

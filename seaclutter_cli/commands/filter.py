@@ -136,6 +136,11 @@ class Job:
         from seaclutter_cli.sinks import McapSink
 
         clouds = cloud_channels(source, self.selection.topics)
+        for text in source.warnings:
+            warn(text, quiet=self.quiet)
+        if self.verbose:
+            topics = ", ".join(channel.topic for channel in clouds)
+            click.echo(f"{source.name}: {source.format}, method {self.config.method} on {topics}", err=True)
         fits = {channel.topic: IntensityFit() for channel in clouds}
         total = sum(source.counts.get(channel.id, 0) for channel in clouds)
         progress = Progress(self.selection.frames or total or None, source.name, quiet=self.quiet)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.console import Progress, fail, report_damage, share, table
+from seaclutter_cli.commands.console import Progress, fail, report_damage, share, table, warn
 from seaclutter_cli.commands.options import logs_argument, output_options, selection_options
 from seaclutter_cli.errors import SeaclutterError
 
@@ -165,6 +165,8 @@ def _read(source: "Source", content: Content, selection: "Selection", *, quiet: 
     from seaclutter_cli.survey import TopicSurvey
 
     content.format, content.channels = source.format, source.channels
+    for text in source.warnings:
+        warn(text, quiet=quiet)
     clouds = [c for c in source.channels if find_codec(c) and (not selection.topics or c.topic in selection.topics)]
     surveys = {channel.topic: TopicSurvey() for channel in clouds}
     content.clouds = surveys

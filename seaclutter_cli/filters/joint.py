@@ -160,8 +160,7 @@ class Joint(RingIntensity):
 
         found = np.zeros(self._zones.count, np.int64)
         following = np.zeros(self._zones.count)
-        for k in range(self._zones.count):
-            members = np.flatnonzero((zone == k + 1) & ~low)
+        for k, members in enumerate(self._zones.members(zone, ~low)):
             outlying = members[self._outliers(frame.xyz[:, members].T)]
             reason[outlying] = Reason.OUTLIER
             found[k] = len(outlying)

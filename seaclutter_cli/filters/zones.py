@@ -98,6 +98,12 @@ class Zones:
         zone[~frame.valid] = self.count + 3
         return zone, self._reason[zone]
 
+    def members(self, zone: NDArray[np.uint8], keep: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+        """Return the indices of each ring's points that are kept."""
+        in_rings = np.flatnonzero(keep & (zone >= 1) & (zone <= self.count))
+        ring = zone[in_rings]
+        return [in_rings[ring == k] for k in range(1, self.count + 1)]
+
     def per_point(self, values: NDArray[np.float64], zone: NDArray[np.uint8]) -> NDArray[np.float64]:
         """Return each point's ring value, shape (N,); minus infinity for points in no ring."""
         outside = [-np.inf]

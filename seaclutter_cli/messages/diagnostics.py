@@ -66,18 +66,22 @@ def _typestore() -> Any:
     return store
 
 
-def _message(diagnostics: Diagnostics) -> Any:
+def _message(diagnostics: Diagnostics, least_s: int, most_s: int) -> Any:
+    """Return the message as the type store knows it; a stamp that no ROS time can hold becomes the nearest one."""
     types = _typestore().types
-    stamp = types["builtin_interfaces/msg/Time"](*divmod(diagnostics.stamp_ns, _NANO))
+    seconds, nanoseconds = divmod(diagnostics.stamp_ns, _NANO)
+    seconds = min(max(seconds, least_s), most_s)
+    signed = seconds - 2**32 if seconds >= 2**31 else seconds
+    stamp = types["builtin_interfaces/msg/Time"](signed, nanoseconds)
     return types[TYPE](stamp, diagnostics.topic, **diagnostics.numbers, **diagnostics.arrays)
 
 
 def _cdr(diagnostics: Diagnostics) -> bytes:
-    return bytes(_typestore().serialize_cdr(_message(diagnostics), TYPE))
+    return bytes(_typestore().serialize_cdr(_message(diagnostics, -(2**31), 2**31 - 1), TYPE))
 
 
 def _ros1(diagnostics: Diagnostics) -> bytes:
-    return bytes(_typestore().serialize_ros1(_message(diagnostics), TYPE))
+    return bytes(_typestore().serialize_ros1(_message(diagnostics, 0, 2**32 - 1), TYPE))
 
 
 def _json(diagnostics: Diagnostics) -> bytes:

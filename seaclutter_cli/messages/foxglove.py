@@ -6,11 +6,11 @@ drop unknown fields.
 """
 
 import base64
-import binascii
 import json
+import re
 import struct
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from seaclutter_cli.cloud import Cloud, PointField
@@ -19,6 +19,7 @@ from seaclutter_cli.records import Buffer
 
 _TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")
 _NANO = 1_000_000_000
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def _unorganised(
@@ -36,6 +37,7 @@ def _field_type(number: int, name: str) -> str:
     return _TYPES[number - 1]
 
 
+_MASK = 2**64 - 1
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _FRAME_ID, _STRIDE, _FIELDS, _DATA = 2, 4, 5, 6
 _TIMESTAMP = 1
@@ -48,7 +50,7 @@ def _varint(data: memoryview, at: int) -> tuple[int, int]:
         value |= (byte & 127) << shift
         at, shift = at + 1, shift + 7
         if byte < 128:
-            return value, at
+            return value & _MASK, at
     raise CloudError("the message holds a broken protobuf number")
 
 
@@ -75,6 +77,10 @@ def _walk(data: memoryview) -> Iterator[tuple[int, int, int | memoryview, memory
         if at > len(data):
             raise CloudError("the protobuf message ends early")
         yield number, wire, value, data[start:at]
+
+
+def _signed(value: int) -> int:
+    return value - 2**64 if value >> 63 else value
 
 
 def _packed(number: int, wire: int, value: int | Buffer) -> bytes:
@@ -111,7 +117,7 @@ class ProtobufPointCloud:
             else:
                 others.append(bytes(whole))
                 if number == _TIMESTAMP and isinstance(value, memoryview):
-                    parts = {key: part for key, _, part, _ in _walk(value) if isinstance(part, int)}
+                    parts = {key: _signed(part) for key, _, part, _ in _walk(value) if isinstance(part, int)}
                     stamp_ns = parts.get(1, 0) * _NANO + parts.get(2, 0)
                 elif number == _FRAME_ID and isinstance(value, memoryview):
                     frame_id = bytes(value).decode("utf-8", "replace")
@@ -120,7 +126,7 @@ class ProtobufPointCloud:
     def _field(self, data: memoryview) -> PointField:
         parts = {number: value for number, _, value, _ in _walk(data)}
         raw = parts.get(1, b"")
-        name = "" if isinstance(raw, int) else bytes(raw).decode("utf-8", "replace")
+        name = "" if isinstance(raw, int) else bytes(raw).decode(errors="surrogateescape")
         offset, kind = parts.get(2, 0), parts.get(3, 0)
         if not (isinstance(offset, int) and isinstance(kind, int)):
             raise CloudError(f"field {name!r} is described wrongly")
@@ -129,7 +135,7 @@ class ProtobufPointCloud:
     def encode(self, cloud: Cloud) -> bytes:
         """Return the message of a cloud."""
         fields = [
-            _packed(1, _BYTES, field.name.encode())
+            _packed(1, _BYTES, field.name.encode(errors="surrogateescape"))
             + _packed(2, _FIXED32, field.offset)
             + _packed(3, _VARINT, _TYPES.index(field.type) + 1)
             for field in cloud.fields
@@ -142,6 +148,10 @@ class ProtobufPointCloud:
                 _packed(_DATA, _BYTES, cloud.data),
             )
         )
+
+
+# What wrong types, missing keys, numbers beyond all measure and nesting without end come to.
+_BAD_JSON = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
 
 
 class JsonPointCloud:
@@ -157,7 +167,7 @@ class JsonPointCloud:
                 for field in message["fields"]
             )
             stride, stamp_ns = int(message["point_stride"]), _stamp_ns(message.get("timestamp"))
-        except (ValueError, LookupError, TypeError, AttributeError, binascii.Error) as error:
+        except _BAD_JSON as error:
             raise CloudError(f"the message is no JSON foxglove.PointCloud: {error!r}") from error
         return _unorganised(stamp_ns, str(message.get("frame_id", "")), stride, fields, points, message)
 
@@ -174,7 +184,6 @@ def _stamp_ns(timestamp: Any) -> int:
         return int(timestamp.get("sec") or 0) * _NANO + int(timestamp.get("nsec") or timestamp.get("nanos") or 0)
     if not timestamp:
         return 0
-    whole, _, rest = str(timestamp).removesuffix("Z").partition(".")
-    moment = datetime.fromisoformat(whole)
-    seconds = int((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp())
-    return seconds * _NANO + int(rest[:9].ljust(9, "0") or 0)
+    whole, fraction, zone = re.findall(r"^(.*?)(?:\.(\d+))?(Z|[+-]\d\d:\d\d)?$", str(timestamp))[0]
+    seconds = (datetime.fromisoformat(whole + (zone or "Z")) - _EPOCH) // timedelta(seconds=1)
+    return seconds * _NANO + int(fraction[:9].ljust(9, "0"))

@@ -40,7 +40,7 @@ class _Cursor:
 
     def text(self) -> str:
         raw = bytes(self.blob())
-        return (raw[:-1] if self._terminated else raw).decode("utf-8", "replace")
+        return (raw[:-1] if self._terminated else raw).decode(errors="surrogateescape")
 
 
 def _decode(read: _Cursor, *, with_sequence: bool) -> Cloud:
@@ -67,6 +67,15 @@ def _field(read: _Cursor) -> PointField:
     return PointField(name, offset, FIELD_TYPES[datatype - 1], count)
 
 
+def _split(stamp_ns: int, least: int, most: int) -> tuple[int, int]:
+    """Return seconds and nanoseconds; a broken clock's message may hold up to four seconds of the latter."""
+    seconds = min(max(stamp_ns // _NANO, least), most)
+    nanoseconds = stamp_ns - seconds * _NANO
+    if not 0 <= nanoseconds < 2**32:
+        raise CloudError(f"a stamp of {stamp_ns} ns does not fit into a ROS header")
+    return seconds, nanoseconds
+
+
 class _Writer:
     """Collects the parts of a message; the counterpart of `_Cursor`."""
 
@@ -82,7 +91,7 @@ class _Writer:
         self.raw(bytes(padding) + struct.pack("<" + code, value))
 
     def text(self, value: str) -> None:
-        raw = value.encode() + (b"\0" if self._terminated else b"")
+        raw = value.encode(errors="surrogateescape") + (b"\0" if self._terminated else b"")
         self.number("I", len(raw))
         self.raw(raw)
 
@@ -97,7 +106,7 @@ class _Writer:
 def _encode(write: _Writer, cloud: Cloud, *, with_sequence: bool) -> None:
     if with_sequence:
         write.number("I", cloud.extra or 0)
-    seconds, nanoseconds = divmod(cloud.stamp_ns, _NANO)
+    seconds, nanoseconds = _split(cloud.stamp_ns, *((0, 2**32 - 1) if with_sequence else (-(2**31), 2**31 - 1)))
     write.number("I" if with_sequence else "i", seconds)
     write.number("I", nanoseconds)
     write.text(cloud.frame_id)

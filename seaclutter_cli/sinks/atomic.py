@@ -1,13 +1,28 @@
 """Output files that exist under their name only when they are complete."""
 
 import errno
+import io
 import os
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Self
+from typing import Any, BinaryIO, Self, cast
 
 from seaclutter_cli.errors import OutputError
+
+
+class _PartFile(io.FileIO):
+    """The unfinished file: its errors name the target, and are told from those of other files."""
+
+    def __init__(self, part: Path, target: Path) -> None:
+        super().__init__(part, "wb")
+        self._target = target
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            raise OutputError(_explain(self._target, error)) from error
 
 
 class AtomicFile(AbstractContextManager["AtomicFile"]):
@@ -16,7 +31,7 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
     Parameters
     ----------
     path : Path
-        Target; its folder is made if need be.
+        Target; its folder is made if need be. A link stays one: the file that it names is written.
 
     Raises
     ------
@@ -26,10 +41,14 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._part = path.with_name(f".{path.name}.{os.getpid()}.part")
+        self._target = Path(os.path.realpath(path))
+        # A name may be as long as the file system allows, and this one is longer.
+        self._part = self._target.with_name(f".{self._target.name[-60:]}.{os.getpid()}.part")
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self.stream: BinaryIO = self._part.open("wb")
+            if self._target.exists() and not self._target.is_file():
+                raise OutputError(f"{path}: is no regular file, so it cannot be replaced")
+            self._target.parent.mkdir(parents=True, exist_ok=True)
+            self.stream = cast("BinaryIO", io.BufferedWriter(_PartFile(self._part, path)))
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
 
@@ -41,20 +60,23 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Rename the file to its target, or remove it after an error."""
-        try:
-            self.stream.close()
-            if kind is None:
-                self._part.replace(self.path)
-        except OSError as failure:
-            self._discard()
-            raise OutputError(_explain(self.path, failure)) from failure
         if kind is not None:
             self._discard()
-        if isinstance(error, OSError):
-            raise OutputError(_explain(self.path, error)) from error
+            return
+        try:
+            self.stream.close()
+            self._part.replace(self._target)
+        except BaseException as failure:
+            self._discard()
+            if isinstance(failure, OSError):
+                raise OutputError(_explain(self.path, failure)) from failure
+            raise
 
     def _discard(self) -> None:
-        self._part.unlink(missing_ok=True)
+        with suppress(OSError, OutputError):
+            self.stream.close()
+        with suppress(OSError):
+            self._part.unlink(missing_ok=True)
 
 
 def _explain(path: Path, error: OSError) -> str:

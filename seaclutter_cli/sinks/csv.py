@@ -42,6 +42,7 @@ class CsvSink(AbstractContextManager["CsvSink"]):
 
     def __init__(self, path: Path, rings: int) -> None:
         self._file = AtomicFile(path)
+        self._states = 2 * rings
         numbers = range(1, rings + 1)
         self._line((*_COLUMNS, *(f"threshold_{k}" for k in numbers), *(f"correction_{k}" for k in numbers)))
         self._complete = self._file.stream.tell()
@@ -71,7 +72,7 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         """Write a line."""
         frame, counts, rings = result.frame, result.counts, result.rings
         values = (self._recording, frame.topic, frame.index, frame.stamp_ns, frame.size)
-        states = () if rings is None else (*rings.thresholds.tolist(), *rings.corrections.tolist())
+        states = [""] * self._states if rings is None else [*rings.thresholds.tolist(), *rings.corrections.tolist()]
         self._line((*values, *(counts[reason] for reason in _REASONS), counts[Reason.KEPT], *states))
 
     def end(self) -> None:
@@ -81,7 +82,8 @@ class CsvSink(AbstractContextManager["CsvSink"]):
     def _line(self, values: Sequence[object]) -> None:
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerow(values)
-        self._file.stream.write(text.getvalue().encode())
+        # File names need not be UTF-8; their bytes come out as they are.
+        self._file.stream.write(text.getvalue().encode(errors="surrogateescape"))
 
     def _take_back(self) -> None:
         self._file.stream.seek(self._complete)

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Self
 
 from seaclutter_cli import __version__
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import CloudCodec, Source
 from seaclutter_cli.messages import find_codec
@@ -18,6 +18,9 @@ from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.sinks.mcap_writer import McapWriter
 
 DIAGNOSTICS_TOPIC = "/seaclutter/diagnostics"
+
+_NEW = -1
+_MAX_CHANNELS = 2**16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +78,7 @@ class McapSink(AbstractContextManager["McapSink"]):
         self._options = options
         self._writer: McapWriter | None = None
         self._channels: dict[Channel, int] = {}
+        self._used: set[int] = set()
         self._outlets: dict[Channel, _Outlet] = {}
 
     def __enter__(self) -> Self:
@@ -155,7 +159,7 @@ class McapSink(AbstractContextManager["McapSink"]):
         if options.with_removed:
             removed = self._add(replace(channel, topic=f"{channel.topic}/removed"), taken)
         if options.diagnostics:
-            diagnostics = self._diagnostics_channel(Channel(0, DIAGNOSTICS_TOPIC, encoding, schema), taken)
+            diagnostics = self._diagnostics_channel(Channel(_NEW, DIAGNOSTICS_TOPIC, encoding, schema), taken)
         return _Outlet(codec, filtered, removed, diagnostics, serialise)
 
     def _diagnostics_channel(self, channel: Channel, taken: set[str]) -> int:
@@ -171,12 +175,16 @@ class McapSink(AbstractContextManager["McapSink"]):
     def _add(self, channel: Channel, taken: set[str]) -> int:
         if channel.topic in taken:
             raise UsageError(f"topic {channel.topic} is in the log already, the filter cannot write to it")
-        return self._declare(replace(channel, metadata=()))
+        return self._declare(replace(channel, id=_NEW, metadata=()))
 
     def _declare(self, channel: Channel) -> int:
-        """Declare a channel under its own id where that is free, else under the next."""
-        used = self._channels.values()
-        number = channel.id if channel.id and channel.id not in used else max(used, default=0) + 1
+        """Declare a channel under its own id where that is free, else under the lowest that is."""
+        number: int | None = channel.id
+        if number not in range(_MAX_CHANNELS) or number in self._used:
+            number = next((free for free in range(1, _MAX_CHANNELS) if free not in self._used), None)
+        if number is None:
+            raise OutputError(f"topic {channel.topic}: an MCAP file cannot hold so many channels")
+        self._used.add(number)
         self._channels[channel] = number
         self._open_writer.add_channel(replace(channel, id=number))
         return number

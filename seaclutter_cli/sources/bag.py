@@ -38,6 +38,7 @@ class BagSource:
     def __init__(self, path: Path) -> None:
         self.name = path.name.removesuffix(".active").removesuffix(".bag")
         self.damage: list[Damage] = []
+        self.warnings: list[str] = []
         self._reported: set[Damage] = set()
         self._path = path
         self._file = MappedFile(path)

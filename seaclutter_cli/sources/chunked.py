@@ -1,10 +1,10 @@
 """Reading logs that store messages in chunks: in time order, ahead of the consumer, in bounded memory."""
 
-from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from heapq import heappop, heappush, heapreplace
 from operator import attrgetter
 from typing import TypeVar
 
@@ -12,6 +12,9 @@ from seaclutter_cli.records import Message
 
 MAX_WAITING_BYTES = 256 * 2**20
 """Bytes of messages that may wait for their turn; beyond it, the earliest leave though earlier ones may follow."""
+
+_OBJECT_BYTES = 300
+_NEVER = 2**64
 
 _log_time = attrgetter("log_time_ns")
 
@@ -37,30 +40,89 @@ def in_time_order(chunks: Iterable[C], load: Callable[[C], list[Message]]) -> It
     chunks : iterable of Chunk
         In any order.
     load : callable
-        Returns the messages of a chunk. Runs in another thread, one chunk after the other, at most two chunks ahead.
+        Returns the messages of a chunk in the order of the file. Runs in another thread, one chunk after the other, at
+        most two chunks ahead.
 
     Notes
     -----
     Chunks rarely overlap in time by more than their neighbours. Where they do (a file regrouped by topic), at most
     `MAX_WAITING_BYTES` wait, and what is above it leaves early.
     """
-    waiting: list[Message] = []
+    waiting = _Waiting()
     for chunk, messages in _ahead(sorted(chunks, key=attrgetter("start_ns", "offset")), load):
-        ready = bisect_left(waiting, chunk.start_ns, key=_log_time)
-        ready = max(ready, _overflow(waiting))
-        yield from waiting[:ready]
-        waiting = sorted((*waiting[ready:], *messages), key=_log_time)
-    yield from waiting
+        yield from waiting.before(chunk.start_ns)
+        waiting.add(chunk, messages)
+        if waiting.size > MAX_WAITING_BYTES:
+            waiting.compact()
+        while waiting.size > MAX_WAITING_BYTES:
+            yield waiting.pop(compact=True)
+    yield from waiting.before(_NEVER)
 
 
-def _overflow(waiting: list[Message]) -> int:
-    """Count the earliest messages that have to leave for the rest to fit into the bound."""
-    excess = sum(len(message.data) for message in waiting) - MAX_WAITING_BYTES
-    count = 0
-    while excess > 0:
-        excess -= len(waiting[count].data)
-        count += 1
-    return count
+class _Run:
+    """The messages of a chunk that wait, the next one last; all of the chunk stays in memory until they have left."""
+
+    def __init__(self, messages: list[Message]) -> None:
+        self.messages = sorted(messages, key=_log_time)
+        self.messages.reverse()
+        self.size = sum(map(_size, messages))
+        self._held = len(messages)
+
+    def compact(self) -> int:
+        """Let go of the chunk if less than half of it still waits; return how many bytes that frees."""
+        if 2 * len(self.messages) > self._held:
+            return 0
+        before = self.size
+        self.messages = [replace(message, data=bytes(message.data)) for message in self.messages]
+        self.size, self._held = sum(map(_size, self.messages)), len(self.messages)
+        return before - self.size
+
+
+class _Waiting:
+    """Messages of several chunks that wait for their turn."""
+
+    def __init__(self) -> None:
+        self.size = 0
+        self._heap: list[tuple[int, int, int, _Run]] = []
+        self._added = 0
+
+    def add(self, chunk: Chunk, messages: list[Message]) -> None:
+        """Take in the messages of a chunk."""
+        if messages:
+            run = _Run(messages)
+            self.size += run.size
+            self._added += 1
+            heappush(self._heap, (run.messages[-1].log_time_ns, chunk.offset, self._added, run))
+
+    def before(self, time_ns: int) -> Iterator[Message]:
+        """Yield the messages before a time."""
+        heap = self._heap
+        while heap and heap[0][0] < time_ns:
+            messages = heap[0][-1].messages
+            while len(heap) == 1 and len(messages) > 1 and messages[-2].log_time_ns < time_ns:
+                yield messages.pop()  # as most of them do: nothing else waits
+            yield self.pop()
+
+    def pop(self, *, compact: bool = False) -> Message:
+        """Return the next message; make its chunk smaller if memory is short."""
+        _, offset, number, run = self._heap[0]
+        message = run.messages.pop()
+        if not run.messages:
+            heappop(self._heap)
+            self.size -= run.size
+            return message
+        if compact:
+            self.size -= run.compact()
+        heapreplace(self._heap, (run.messages[-1].log_time_ns, offset, number, run))
+        return message
+
+    def compact(self) -> None:
+        """Let go of chunks of which little is left."""
+        self.size -= sum(run.compact() for *_, run in self._heap)
+
+
+def _size(message: Message) -> int:
+    return len(message.data) + _OBJECT_BYTES
 
 
 def _ahead(chunks: Iterable[C], load: Callable[[C], list[Message]]) -> Iterator[tuple[C, list[Message]]]:

@@ -55,6 +55,7 @@ class FolderSource:
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}") from error
         self.damage: list[Damage] = []
+        self.warnings: list[str] = []
         self._frames = self._stamped(files, rate_hz)
         self._read = FRAME_READERS[files[0].suffix.lower()]
         self._channel = Channel(1, "/points", "cdr", ros2_schema(_TYPE))
@@ -70,7 +71,7 @@ class FolderSource:
         try:
             stamps = from_times_beside(files)
         except InputError as error:
-            self.damage.append(Damage(files[0].parent, None, f"{error}; frames are taken as {rate_hz:g} per second"))
+            self.warnings.append(f"{error}; frames are taken as {rate_hz:g} per second")
         period_ns = 10**9 / Fraction(str(rate_hz))
         return list(zip(stamps or [round(index * period_ns) for index in range(len(files))], files, strict=True))
 

@@ -1,6 +1,8 @@
 """Files mapped into memory, of which only a bounded part is resident at a time."""
 
 import mmap
+import os
+import stat
 from contextlib import suppress
 from pathlib import Path
 
@@ -27,9 +29,12 @@ class MappedFile:
     def __init__(self, path: Path) -> None:
         try:
             with path.open("rb") as file:
+                status = os.fstat(file.fileno())
+                if not stat.S_ISREG(status.st_mode):
+                    raise InputError(f"{path}: not a file on a disk; a log is read from several places at once")
+                if not status.st_size:
+                    raise InputError(f"{path}: the file is empty")
                 self.data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        except ValueError:
-            raise InputError(f"{path}: the file is empty") from None
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}") from error
         self.view = memoryview(self.data)

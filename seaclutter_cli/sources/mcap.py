@@ -2,40 +2,34 @@
 
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from operator import attrgetter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from mcap import records as mcap_records
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record, Schema
-from seaclutter_cli.sources.chunked import Chunk, in_time_order
+from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record
+from seaclutter_cli.sources.chunked import in_time_order
 from seaclutter_cli.sources.mapped import MappedFile
 from seaclutter_cli.sources.mcap_file import (
+    COMPRESSIONS,
     MAGIC,
     MESSAGE,
-    RECORD,
     BrokenRecordError,
-    ChunkHead,
-    Span,
+    name_of,
     parse,
+    salvage,
+    split,
     unpack,
-    unpack_cut,
     walk,
 )
+from seaclutter_cli.sources.mcap_survey import Declarations, McapChunk, Survey, Trust
 
-_LOOSE_BYTES = 4 * 2**20
-
-
-@dataclass(frozen=True, slots=True)
-class _McapChunk(Chunk):
-    """A chunk record, or a run of messages that stand outside chunks (``head`` is None)."""
-
-    head: ChunkHead | None
-    messages: int = 0
+R = TypeVar("R")
 
 
 class McapSource:
@@ -50,6 +44,10 @@ class McapSource:
     ------
     InputError
         If the file is no MCAP, or nothing in it can be read.
+
+    Notes
+    -----
+    Memory holds a few unpacked chunks, and a few numbers for each chunk of the file.
     """
 
     format = "MCAP"
@@ -58,237 +56,237 @@ class McapSource:
         self.path = path
         self.name = path.stem
         self.damage: list[Damage] = []
-        self.profile = ""
+        self.warnings: list[str] = []
+        self._reported: set[Damage] = set()
         self._file = MappedFile(path)
-        self._data = self._file.data
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
-        self._chunks: list[_McapChunk] = []
-        self._counts: Counter[int] = Counter()
-        self._first: dict[int, int] = {}
-        self._extras: list[Attachment | Metadata] = []
+        self._view = self._file.view
+        self._declared = Declarations(self._report)
         try:
-            self._scan()
+            self._open()
         except BaseException:
             self.close()
             raise
-        heads = [chunk.head for chunk in self._chunks if chunk.head]
-        self.compression = heads[0].compression if heads else None
+
+    def _open(self) -> None:
+        if self._view[: len(MAGIC)] != MAGIC:
+            if self.path.suffix.lower() != ".mcap":
+                raise InputError(f"{self.path}: not an MCAP file")
+            self._report(0, "the file does not begin as an MCAP file should", 0)
+        found = Survey(self._file, self._declared, self._report)
+        self.profile = found.profile
+        self._chunks, self._extras, self._tail = found.chunks, found.extras, found.tail
+        self._counts, self._first = found.counts, found.first
+        if not (self._chunks or self._extras or self._tail or self._declared.all()):
+            raise InputError(f"{self.path}: nothing in this MCAP file can be read")
+        used = (chunk.head.compression for chunk in self._chunks if chunk.head)
+        self.compression = next((name for name in used if name in COMPRESSIONS), None)
+        trust = self._trust_in_tail(found.end)
+        found.declare(self._tail, trust)
+        self._declares_channels = trust == Trust.SUMMARY and any(span.op == Opcode.CHANNEL for span in self._tail)
+        self._statistics: mcap_records.Statistics | None = None
+        if self._is_closed and trust > Trust.BROKEN:
+            self._check_chunk_index()
+            self._statistics = next(iter(self._summary(Opcode.STATISTICS, mcap_records.Statistics.read)), None)
+        self._inspect_chunks()
+        self._declared.report_lacking_schemas()
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """Channels in the order of their ids."""
-        return [self._channels[number] for number in sorted(self._channels)]
+        """Channels in the order of their numbers."""
+        return self._declared.all()
 
     @property
     def counts(self) -> dict[int, int]:
-        """Messages per channel id, from the index that follows each chunk."""
-        return dict(self._counts)
+        """Messages per channel number, from the statistics, else from the index behind each chunk."""
+        return dict(self._statistics.channel_message_counts if self._statistics else self._counts)
 
     def records(self) -> Iterator[Record]:
-        """Yield metadata and attachments, then the messages in the order of their log time."""
+        """Yield metadata and attachments, then the messages in the order of their log time; can be called again."""
+        self._reported = set(self.damage)
         yield from self._extras
-        yield from in_time_order(self._chunks, self._load)
+        found = 0
+        for message in in_time_order(self._chunks, self._load):
+            yield message
+            found += 1
+        self._check_statistics(found)
 
     def close(self) -> None:
         """Let go of the file."""
         self._file.close()
 
-    def _scan(self) -> None:
-        if self._data[: len(MAGIC)] != MAGIC:
-            if self.path.suffix.lower() != ".mcap":
-                raise InputError(f"{self.path}: not an MCAP file")
-            self._report(0, "the file does not begin as an MCAP file should", 0)
-        summary: list[Span] | None = None
-        for span in walk(self._data, self._report):
-            self._file.touched()
-            if summary is not None:
-                summary.append(span)
-            elif span.op == Opcode.DATA_END:
-                summary = []
-            else:
-                self._data_record(span)
-        if not (self._chunks or self._extras or self._channels or summary):
-            raise InputError(f"{self.path}: nothing in this MCAP file can be read")
-        if summary is None or not self._read_summary(summary):
-            self._discover_channels()
+    @property
+    def _is_closed(self) -> bool:
+        return bool(self._tail) and self._tail[-1].op == Opcode.FOOTER
 
-    def _data_record(self, span: Span) -> None:
-        content = self._content(span)
-        try:
-            if span.op == Opcode.CHUNK:
-                head = ChunkHead.read(self._data, span)
-                size = span.end - span.offset
-                self._chunks.append(_McapChunk(span.offset, size, head.start_ns, head.end_ns, head))
-            elif span.op == Opcode.MESSAGE_INDEX and self._chunks:
-                self._count(int.from_bytes(content[:2], "little"), (len(content) - 6) // 16)
-            elif span.op == Opcode.MESSAGE:
-                self._loose_message(span)
-            elif span.op == Opcode.HEADER:
-                self.profile = parse(mcap_records.Header.read, content).profile
-            elif span.op in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._declare(span.op, content)
-            elif span.op == Opcode.METADATA:
-                record = parse(mcap_records.Metadata.read, content)
-                self._extras.append(Metadata(record.name, dict(record.metadata)))
-            elif span.op == Opcode.ATTACHMENT:
-                self._extras.append(_attachment(content))
-        except BrokenRecordError as error:
-            self._report(span.offset, f"broken {_name(span.op)}{f' ({error})' if str(error) else ''}", len(content))
+    def _trust_in_tail(self, end: int) -> Trust:
+        """Return how far the summary is to be believed, and report what is wrong with the end of the file."""
+        if not self._is_closed:
+            self._report(len(self._view), "the recording was not closed: the file has no footer", 0)
+            return Trust.UNCHECKED
+        if self._view[end : end + len(MAGIC)] != MAGIC:
+            self._report(end, "the file does not end as an MCAP file should", 0)
+        first, last = self._tail[0], self._tail[-1]
+        footer = parse(mcap_records.Footer.read, self._view[last.start : last.end])
+        if footer.summary_start == (0 if len(self._tail) == 1 else first.offset):
+            # The checksum covers all from the summary's beginning up to itself.
+            crc = zlib.crc32(self._view[first.offset : last.end - 4])
+            if footer.summary_crc in (0, crc):
+                return Trust.SUMMARY if footer.summary_crc else Trust.UNCHECKED
+        self._report(first.offset, "the index at the end is broken; the log was read without it", 0)
+        return Trust.BROKEN
 
-    def _loose_message(self, span: Span) -> None:
-        """Add a message outside chunks to the run before it, or begin a run."""
-        channel, _, log_time, _ = MESSAGE.unpack_from(self._data, span.start)
-        last = self._chunks[-1] if self._chunks else None
-        if last and last.head is None and last.offset + last.size == span.offset and last.size < _LOOSE_BYTES:
-            self._chunks[-1] = replace(
-                last,
-                size=span.end - last.offset,
-                start_ns=min(last.start_ns, log_time),
-                end_ns=max(last.end_ns, log_time),
-            )
-        else:
-            self._chunks.append(_McapChunk(span.offset, span.end - span.offset, log_time, log_time, None))
-        self._count(channel, 1)
-
-    def _count(self, channel: int, messages: int) -> None:
-        """Note that the last chunk holds messages of a channel."""
-        self._chunks[-1] = replace(self._chunks[-1], messages=self._chunks[-1].messages + messages)
-        self._counts[channel] += messages
-        self._first.setdefault(channel, len(self._chunks) - 1)
-
-    def _declare(self, op: int, content: Buffer) -> None:
-        """Take note of a schema or channel."""
-        if op == Opcode.SCHEMA:
-            schema = parse(mcap_records.Schema.read, content)
-            self._schemas[schema.id] = Schema(schema.name, schema.encoding, schema.data)
-            return
-        channel = parse(mcap_records.Channel.read, content)
-        if channel.schema_id and channel.schema_id not in self._schemas:
-            raise BrokenRecordError(f"topic {channel.topic} has schema {channel.schema_id}, which is nowhere")
-        metadata = tuple(channel.metadata.items())
-        schema = self._schemas.get(channel.schema_id)
-        self._channels[channel.id] = Channel(channel.id, channel.topic, channel.message_encoding, schema, metadata)
-
-    def _read_summary(self, spans: Sequence[Span]) -> bool:
-        """Read schemas and channels from the summary and check the rest of it; return whether it was of use."""
-        if not spans or spans[-1].op != Opcode.FOOTER:
-            self._report(len(self._data), "the recording was not closed: the file has no footer", 0)
-            return False
-        if len(self._data) - spans[-1].end != len(MAGIC):
-            self._report(spans[-1].end, "the file does not end as an MCAP file should", len(self._data) - spans[-1].end)
-        footer = parse(mcap_records.Footer.read, self._content(spans[-1]))
-        if not footer.summary_start:
-            return False
-        # The checksum covers all from the summary's beginning up to itself.
-        covered = self._file.view[footer.summary_start : spans[-1].end - 4]
-        if footer.summary_start != spans[0].offset or (
-            footer.summary_crc and zlib.crc32(covered) != footer.summary_crc
-        ):
-            self._report(spans[0].offset, "the index at the end is broken; the log was read without it", 0)
-            return False
-        for span in spans:
-            if span.op in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._declare(span.op, self._content(span))
-        self._check_index([span for span in spans if span.op == Opcode.CHUNK_INDEX])
-        self._check_statistics([span for span in spans if span.op == Opcode.STATISTICS])
-        return any(span.op == Opcode.CHANNEL for span in spans)
-
-    def _check_index(self, spans: Sequence[Span]) -> None:
-        entries = [parse(mcap_records.ChunkIndex.read, self._content(span)) for span in spans]
-        indexed = {(entry.chunk_start_offset, entry.message_start_time, entry.message_end_time) for entry in entries}
-        for chunk in self._chunks:
-            if chunk.head and entries and (chunk.offset, chunk.start_ns, chunk.end_ns) not in indexed:
-                self._report(
-                    chunk.offset, "the index at the end does not fit this chunk; the log was read without it", 0
-                )
-        if len(entries) > sum(chunk.head is not None for chunk in self._chunks) and not self.damage:
-            self._report(spans[0].offset, "the index at the end names chunks that are not there", 0)
-
-    def _check_statistics(self, spans: Sequence[Span]) -> None:
-        if not spans or not all(chunk.messages for chunk in self._chunks):
-            return
-        expected = parse(mcap_records.Statistics.read, self._content(spans[0])).message_count
-        missing = expected - self._counts.total()
-        if missing > 0:
-            self._report(spans[0].offset, f"{missing} of {expected} messages are nowhere in the file", 0, missing)
-        elif missing:
-            self._report(spans[0].offset, f"the file holds {-missing} messages more than its statistics say", 0)
-
-    def _discover_channels(self) -> None:
-        """Look for channels inside the chunks: where their first message is, then wherever they may be."""
-        for chunk in [self._chunks[number] for number in self._first.values()]:
-            self._load(chunk)
-        for chunk in self._chunks:
-            if not chunk.messages or not self._counts.keys() <= self._channels.keys():
-                self._load(chunk)
-
-    def _load(self, chunk: _McapChunk) -> list[Message]:
-        try:
-            return sorted(self._messages(chunk, self._unpack(chunk)), key=attrgetter("log_time_ns"))
-        except BrokenRecordError as error:
-            self._report(chunk.offset, f"the chunk {error}", chunk.size, chunk.messages or None)
-            return []
-
-    def _unpack(self, chunk: _McapChunk) -> Buffer:
-        data, head = self._file.view, chunk.head
-        self._file.touched(chunk.size)
-        if head is None:
-            return data[chunk.offset : chunk.offset + chunk.size]
-        packed = data[head.data_start : head.data_end]
-        if head.data_end <= len(data):
-            return unpack(head, packed)
-        records = unpack_cut(head, packed)
-        self._report(chunk.offset, "the file ends inside this chunk, its end is missing", head.data_end - len(data))
+    def _summary(self, op: Opcode, read: Callable[[ReadDataStream], R]) -> list[R]:
+        """Return the records of a kind in the summary."""
+        records = []
+        for span in self._tail:
+            if span.op == op:
+                try:
+                    records.append(parse(read, self._view[span.start : span.end]))
+                except BrokenRecordError as error:
+                    self._report(span.offset, f"broken {name_of(op)} ({error})", span.end - span.start)
         return records
 
-    def _messages(self, chunk: _McapChunk, records: Buffer) -> Iterator[Message]:
-        """Yield the messages of unpacked records; declare the channels among them."""
-        view, at, strangers = memoryview(records), 0, Counter[int]()
-        while at + RECORD.size <= len(view):
-            op, size = RECORD.unpack_from(view, at)
-            start, at = at + RECORD.size, at + RECORD.size + size
-            if at > len(view):
-                break
-            if op == Opcode.MESSAGE and size >= MESSAGE.size:
+    def _check_chunk_index(self) -> None:
+        """Compare the index with the chunks; the times of those that it knows otherwise are suspect."""
+        entries = self._summary(Opcode.CHUNK_INDEX, mcap_records.ChunkIndex.read)
+        if not entries:
+            return
+        indexed = {(entry.chunk_start_offset, entry.message_start_time, entry.message_end_time) for entry in entries}
+        known = {chunk.offset for chunk in self._chunks}
+        wrong = [
+            number
+            for number, chunk in enumerate(self._chunks)
+            if chunk.head and (chunk.offset, chunk.start_ns, chunk.end_ns) not in indexed
+        ]
+        for number in wrong:
+            self._chunks[number] = replace(self._chunks[number], suspect=True)
+        if wrong:
+            what = f"the index at the end does not fit {len(wrong)} of {len(known)} chunks; the log was read without it"
+            self._report(self._chunks[wrong[0]].offset, what, 0)
+        absent = sum(entry.chunk_start_offset not in known for entry in entries)
+        if absent and not wrong and not self.damage:
+            place = next(span.offset for span in self._tail if span.op == Opcode.CHUNK_INDEX)
+            self._report(place, f"the index at the end names {absent} chunks that are not there", 0)
+
+    def _check_statistics(self, found: int) -> None:
+        """Compare what was found, or is known to be lost, with the statistics."""
+        if self._statistics is None:
+            return
+        place = next(span.offset for span in self._tail if span.op == Opcode.STATISTICS)
+        expected = self._statistics.message_count
+        missing = expected - found - sum(item.lost_messages or 0 for item in self.damage)
+        extras = self._statistics.attachment_count + self._statistics.metadata_count
+        if missing > 0:
+            self._report(place, f"{missing} of {expected} messages are nowhere in the file", 0, missing)
+        elif found > expected:
+            self._report(place, f"the file holds {found - expected} messages more than its statistics say", 0)
+        elif extras > len(self._extras) and not self.damage:
+            what = f"{extras - len(self._extras)} of {extras} attachments and metadata records are nowhere in the file"
+            self._report(place, what, 0)
+
+    def _inspect_chunks(self) -> None:
+        """Load chunks that declare channels, if the summary does not, and those of which too little is known."""
+        wanted = self._declared.lacking(self._first) if self._declares_channels else self._first
+        for number in sorted({self._first[channel] for channel in wanted}):
+            self._load(replace(self._chunks[number], suspect=True))
+        for number, chunk in enumerate(self._chunks):
+            if chunk.suspect or not (chunk.messages or self._declares_channels):
+                self._inspect(number)
+        for chunk in self._chunks:
+            if not self._declared.lacking(self._first):
+                return
+            self._load(replace(chunk, suspect=True))
+
+    def _inspect(self, number: int) -> None:
+        """Find out what a chunk really holds."""
+        chunk = replace(self._chunks[number], suspect=True)
+        messages = self._load(chunk)
+        further = chunk.messages + chunk.further - len(messages)
+        if chunk.further and further > 0:
+            self._report(chunk.offset, "the chunk that followed this one is not there", 0, further)
+        if not chunk.messages:
+            self._counts.update(message.channel.id for message in messages)
+        times_ns = [message.log_time_ns for message in messages] or [chunk.start_ns, chunk.end_ns]
+        start_ns, end_ns = min(times_ns), max(times_ns)
+        if not chunk.start_ns <= start_ns <= end_ns <= chunk.end_ns:
+            self._report(chunk.offset, "the messages of this chunk are of other times than it says", 0)
+        count = max(chunk.messages, len(messages))
+        self._chunks[number] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=count, suspect=False)
+
+    def _load(self, chunk: McapChunk) -> list[Message]:
+        """Return the messages of a chunk in the order of the file, and report what is wrong with it."""
+        try:
+            records = self._unpack(chunk)
+        except BrokenRecordError as error:
+            self._report(chunk.offset, f"the chunk {error}", chunk.size, chunk.messages or None)
+            self._salvage_declarations(chunk)
+            return []
+        gaps: list[int] = []
+        strangers = Counter[int]()
+        messages = list(self._messages(chunk, records, gaps, strangers))
+        lost = max(chunk.messages - len(messages) - strangers.total(), 0)
+        if self._is_cut(chunk):
+            missing = max(chunk.head.size - len(records), 0) if chunk.head else 0
+            self._report(chunk.offset, "the file ends inside this chunk", missing + sum(gaps))
+        elif gaps or (lost and not self._is_verified(chunk)):
+            self._report(chunk.offset, "broken records inside the chunk", sum(gaps), lost or None)
+        elif lost and not chunk.suspect:
+            self._report(chunk.offset, f"the index behind this chunk names {lost} messages that are not in it", 0)
+        if not chunk.suspect:
+            self._check_messages(chunk, messages, strangers)
+        return messages
+
+    def _check_messages(self, chunk: McapChunk, messages: Sequence[Message], strangers: Counter[int]) -> None:
+        """Report what is wrong with messages once all channels and times are known."""
+        for number, count in strangers.items():
+            self._report(chunk.offset, f"messages of channel {number}, which is declared nowhere", 0, count)
+        if not all(chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
+            self._report(chunk.offset, "the messages of this chunk are of other times than it says", 0)
+
+    def _salvage_declarations(self, chunk: McapChunk) -> None:
+        """Take note of the channels in a broken chunk: the rest of a log without a summary depends on them."""
+        if chunk.head is not None and not self._declares_channels:
+            records = memoryview(salvage(chunk.head, self._view[chunk.head.data_start : chunk.head.data_end]))
+            for op, _, start, end, _ in walk(records, lambda *_: None):
+                self._declared.add(op, records[start:end], chunk.offset, Trust.BROKEN)
+
+    def _unpack(self, chunk: McapChunk) -> Buffer:
+        """Return the records of a chunk; those of an uncompressed one are a view of the file."""
+        head = chunk.head
+        self._file.touched(chunk.size)
+        if head is None:
+            return self._view[chunk.offset : chunk.offset + chunk.size]
+        packed = self._view[head.data_start : head.data_end]
+        return salvage(head, packed) if self._is_cut(chunk) else unpack(head, packed)
+
+    def _is_cut(self, chunk: McapChunk) -> bool:
+        return chunk.offset + chunk.size > len(self._view)
+
+    def _is_verified(self, chunk: McapChunk) -> bool:
+        """Tell whether a chunk that could be unpacked holds what was written."""
+        return chunk.head is not None and chunk.head.crc != 0 and not self._is_cut(chunk)
+
+    def _messages(
+        self, chunk: McapChunk, unpacked: Buffer, gaps: list[int], strangers: Counter[int]
+    ) -> Iterator[Message]:
+        """Yield the messages among unpacked records, and take note of the channels."""
+        view = memoryview(unpacked)
+        verified = self._is_verified(chunk)
+        trust = Trust.CHUNK if verified else Trust.UNCHECKED
+        records = split(view, lambda _, __, size: gaps.append(size), trusted=verified or chunk.head is None)
+        for op, start, end in records:
+            if op == Opcode.MESSAGE and end - start >= MESSAGE.size:
                 number, sequence, log_time, publish_time = MESSAGE.unpack_from(view, start)
-                channel = self._channels.get(number)
+                channel = self._declared.get(number)
                 if channel is None:
                     strangers[number] += 1
                 else:
-                    yield Message(channel, log_time, publish_time, sequence, view[start + MESSAGE.size : at])
-            elif op in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._declare(op, view[start:at])
-        if at != len(view) and not (chunk.head and chunk.head.data_end > len(self._data)):
-            self._report(chunk.offset, "the chunk's last records are broken", max(len(view) - at, 0))
-        for number, count in strangers.items():
-            self._report(chunk.offset, f"messages of channel {number}, which is declared nowhere", 0, count)
-
-    def _content(self, span: Span) -> memoryview:
-        return self._file.view[span.start : span.end]
+                    yield Message(channel, log_time, publish_time, sequence, view[start + MESSAGE.size : end])
+            else:
+                self._declared.add(op, view[start:end], chunk.offset, trust)
 
     def _report(self, offset: int, what: str, lost_bytes: int, lost_messages: int | None = None) -> None:
         damage = Damage(self.path, offset, what, lost_bytes, lost_messages)
-        if damage not in self.damage:  # a chunk may be read more than once
+        if damage not in self._reported:  # a chunk may be read more than once
+            self._reported.add(damage)
             self.damage.append(damage)
-
-
-def _attachment(content: memoryview) -> Attachment:
-    """Read an attachment without copying its data."""
-    if zlib.crc32(content[:-4]) != int.from_bytes(content[-4:], "little") != 0:
-        raise BrokenRecordError("its checksum is wrong")
-    at = 16
-    strings: list[str] = []
-    for _ in range(2):
-        size = int.from_bytes(content[at : at + 4], "little")
-        strings.append(bytes(content[at + 4 : at + 4 + size]).decode("utf-8", "replace"))
-        at += 4 + size
-    size = int.from_bytes(content[at : at + 8], "little")
-    if at + 8 + size != len(content) - 4:
-        raise BrokenRecordError("its sizes do not fit together")
-    log_time, create_time = (int.from_bytes(content[i : i + 8], "little") for i in (0, 8))
-    return Attachment(log_time, create_time, strings[0], strings[1], content[at + 8 : at + 8 + size])
-
-
-def _name(op: int) -> str:
-    return Opcode(op).name.lower().replace("_", " ")

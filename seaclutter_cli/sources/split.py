@@ -81,7 +81,7 @@ class SplitSource:
             self._relabelled[file] = {}
             for channel in source.channels:
                 self._relabel(file, channel)
-            self.warnings += [text for text in getattr(source, "warnings", ()) if text not in self.warnings]
+            self.warnings += [text for text in source.warnings if text not in self.warnings]
         if not self._relabelled:
             raise InputError("; ".join(f"{damage.path}: {damage.what}" for damage in self.damage))
 

@@ -1,0 +1,128 @@
+"""Diagnostics in every encoding, read by libraries that are not ours."""
+
+import json
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
+from seaclutter_cli.messages.diagnostics import Diagnostics, diagnostics_format
+from seaclutter_cli.records import Channel, Message
+
+NUMBERS = {
+    "frame": 12,
+    "points_in": 28,
+    "points_out": 7,
+    "invalid": 1,
+    "near": 2,
+    "low_intensity": 3,
+    "outlier": 4,
+    "far": 5,
+    "excluded": 6,
+}
+ARRAYS = {
+    "thresholds": [30.0, 16.1],
+    "corrections": [0.0, 1 / 3],
+    "ring_points": [9, 2**32 - 1],
+    "ring_low_intensity": [3, 0],
+    "ring_outliers": [2, 2],
+}
+
+
+def result_of(stamp_ns, *, rings=True, log_time_ns=5, topic="/points"):
+    """Return a frame of which 7 points are kept and 1, 2, … 6 removed for each reason."""
+    reason = np.repeat(np.arange(7), [7, 1, 2, 3, 4, 5, 6]).astype(np.uint8)
+    cloud = from_array(np.zeros(28, [("x", "f4")]), stamp_ns=stamp_ns)
+    frame = Frame(cloud, Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), 12)
+    values = (np.array(ARRAYS[name]) for name in ARRAYS)
+    return FilterResult(frame, reason, Rings(*values) if rings else None)
+
+
+def decode(encoding, schema, data):
+    """Return the message by its own definition alone."""
+    if encoding == "json":
+        return json.loads(data)
+    store = get_typestore(Stores.EMPTY)
+    name = schema.name.replace("seaclutter_msgs/Diag", "seaclutter_msgs/msg/Diag")
+    types = get_types_from_msg(schema.data.decode(), name)
+    if encoding == "ros1":
+        types = {**get_typestore(Stores.ROS1_NOETIC).fielddefs, **types}
+    store.register(types)
+    message = (store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1)(data, name)
+    stamp = {"sec": message.stamp.sec, "nsec": message.stamp.nanosec}
+    arrays = {name: getattr(message, name).tolist() for name in ARRAYS}
+    return {
+        "stamp": stamp,
+        "topic": message.topic,
+        **{name: getattr(message, name) for name in NUMBERS},
+        **arrays,
+    }
+
+
+ENCODINGS = pytest.mark.parametrize(
+    ("cloud_encoding", "encoding", "name", "schema_encoding"),
+    [
+        ("cdr", "cdr", "seaclutter_msgs/msg/Diagnostics", "ros2msg"),
+        ("ros1", "ros1", "seaclutter_msgs/Diagnostics", "ros1msg"),
+        ("protobuf", "json", "seaclutter.Diagnostics", "jsonschema"),
+        ("json", "json", "seaclutter.Diagnostics", "jsonschema"),
+    ],
+)
+
+
+@ENCODINGS
+def test_numbers(cloud_encoding, encoding, name, schema_encoding):
+    made, schema, serialise = diagnostics_format(cloud_encoding)
+    assert (made, schema.name, schema.encoding) == (encoding, name, schema_encoding)
+    message = decode(encoding, schema, serialise(Diagnostics.of(result_of(3_000_000_004))))
+    assert message == {"stamp": {"sec": 3, "nsec": 4}, "topic": "/points", **NUMBERS, **ARRAYS}
+
+
+@ENCODINGS
+def test_methods_without_rings_have_empty_arrays(cloud_encoding, encoding, name, schema_encoding):
+    _, schema, serialise = diagnostics_format(cloud_encoding)
+    message = decode(encoding, schema, serialise(Diagnostics.of(result_of(1, rings=False, topic="/låser"))))
+    assert [message[name] for name in ARRAYS] == [[]] * 5
+    assert message["topic"] == "/låser"
+    assert {key: message[key] for key in NUMBERS} == NUMBERS
+
+
+@ENCODINGS
+def test_without_a_header_stamp_it_is_the_log_time(cloud_encoding, encoding, name, schema_encoding):
+    _, schema, serialise = diagnostics_format(cloud_encoding)
+    result = result_of(0, log_time_ns=7 * 10**9 + 8)
+    assert decode(encoding, schema, serialise(Diagnostics.of(result)))["stamp"] == {"sec": 7, "nsec": 8}
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "cdr", "ros1", "exact"),
+    [
+        (-1_500_000_000, (-2, 500_000_000), (0, 500_000_000), (-2, 500_000_000)),
+        (2**31 * 10**9 + 9, (2**31 - 1, 9), (2**31, 9), (2**31, 9)),
+        (2**64 - 1, (2**31 - 1, 709_551_615), (2**32 - 1, 709_551_615), (18_446_744_073, 709_551_615)),
+        (-(2**63), (-(2**31), 145_224_192), (0, 145_224_192), (-9_223_372_037, 145_224_192)),
+    ],
+)
+def test_a_stamp_that_does_not_fit_becomes_the_nearest_second(stamp_ns, cdr, ros1, exact):
+    for encoding, expected in (("cdr", cdr), ("ros1", ros1), ("json", exact)):
+        _, schema, serialise = diagnostics_format(encoding)
+        stamp = decode(encoding, schema, serialise(Diagnostics.of(result_of(stamp_ns))))["stamp"]
+        seconds = stamp["sec"] % 2**32 if encoding == "ros1" else stamp["sec"]
+        assert (seconds, stamp["nsec"]) == expected
+
+
+def test_the_json_schema_describes_every_key():
+    _, schema, serialise = diagnostics_format("protobuf")
+    described = json.loads(schema.data)["properties"]
+    message = json.loads(serialise(Diagnostics.of(result_of(1))))
+    kinds = {dict: "object", str: "string", int: "integer", list: "array"}
+    assert {key: kinds[type(value)] for key, value in message.items()} == {
+        key: value["type"] for key, value in described.items()
+    }
+    assert described["stamp"]["title"] == "time", "what Foxglove takes for a time"
+
+
+def test_every_reason_has_its_number():
+    assert {reason.name.lower() for reason in Reason if reason} < NUMBERS.keys()

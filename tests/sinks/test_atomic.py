@@ -1,0 +1,159 @@
+"""A file is under its name when it is complete, and not before; nothing is left of one that failed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from seaclutter_cli.errors import OutputError
+from seaclutter_cli.sinks.atomic import AtomicFile
+from tests.logs import cloud_log
+from tests.paths import ROOT
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="names, links and signals are other things there")
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_appears_when_complete(tmp_path):
+    target = tmp_path / "new" / "folder" / "out.bin"
+    with AtomicFile(target) as file:
+        file.stream.write(b"some")
+        file.stream.flush()
+        assert not target.exists()
+        assert len(names(target.parent)) == 1, "beside the target, so that it can be renamed"
+        file.stream.write(b" bytes")
+    assert target.read_bytes() == b"some bytes"
+    assert names(target.parent) == ["out.bin"]
+
+
+def test_replaces_what_was_there_at_the_end_only(tmp_path):
+    target = tmp_path / "out.bin"
+    target.write_bytes(b"old")
+    with AtomicFile(target) as file:
+        file.stream.write(b"new")
+        assert target.read_bytes() == b"old"
+    assert target.read_bytes() == b"new"
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit, MemoryError, OSError, BrokenPipeError])
+def test_an_error_leaves_all_as_it_was(tmp_path, error):
+    target = tmp_path / "out.bin"
+    target.write_bytes(b"old")
+    with pytest.raises(error):
+        write(target, b"new" * 100_000, error)
+    assert target.read_bytes() == b"old"
+    assert names(tmp_path) == ["out.bin"]
+
+
+def write(target, data, error=None):
+    with AtomicFile(target) as file:
+        file.stream.write(data)
+        if error:
+            raise error
+
+
+def part_of(target):
+    """Return the name of the unfinished file."""
+    return target.with_name(f".{target.name}.{os.getpid()}.part")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize("size", [1, 10**6])
+def test_a_full_disk(tmp_path, size):
+    """A large write fails at once, a small one when the file is closed."""
+    target = tmp_path / "out.bin"
+    part_of(target).symlink_to("/dev/full")
+    with pytest.raises(OutputError, match=f"^{target}: the disk is full; nothing was left behind$"):
+        write(target, bytes(size))
+    assert names(tmp_path) == []
+
+
+def test_a_file_that_grows_too_large(tmp_path):
+    resource = pytest.importorskip("resource", reason="there are no such limits here")
+    target = tmp_path / "out.bin"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10**6, before[1]))
+    try:
+        with pytest.raises(OutputError, match=f"^{target}: writing failed .File too large.; nothing"):
+            write(target, bytes(2 * 10**6))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert names(tmp_path) == []
+
+
+def test_an_error_of_the_run_is_told_rather_than_one_of_closing(tmp_path):
+    target = tmp_path / "out.bin"
+    if Path("/dev/full").exists():
+        part_of(target).symlink_to("/dev/full")
+    with pytest.raises(KeyboardInterrupt):
+        write(target, b"a byte that is not in the file yet", KeyboardInterrupt)
+    assert names(tmp_path) == []
+
+
+@POSIX
+def test_where_nothing_can_be_written(tmp_path):
+    (tmp_path / "file").write_bytes(b"")
+    (tmp_path / "folder" / "full").mkdir(parents=True)
+    for target, said in (
+        (tmp_path / "file" / "out.bin", r"cannot be written \(.*\)"),
+        (tmp_path / ("n" * 300), r"cannot be written \(File name too long\)"),
+        (tmp_path / "folder", "is no regular file, so it cannot be replaced"),
+        (Path(os.devnull), "is no regular file, so it cannot be replaced"),
+    ):
+        with pytest.raises(OutputError, match=said):
+            AtomicFile(target)
+    assert names(tmp_path) == ["file", "folder"]
+
+
+def test_a_target_that_becomes_a_folder_meanwhile(tmp_path):
+    target = tmp_path / "out.bin"
+    with pytest.raises(OutputError, match="writing failed"), AtomicFile(target):
+        (target / "full").mkdir(parents=True)
+    assert names(tmp_path) == ["out.bin"]
+
+
+@POSIX
+def test_a_link_stays_one(tmp_path):
+    real, link = tmp_path / "disk" / "real.bin", tmp_path / "link.bin"
+    link.symlink_to(real)
+    for content in (b"first", b"second"):
+        with AtomicFile(link) as file:
+            file.stream.write(content)
+        assert link.is_symlink()
+        assert real.read_bytes() == content
+    assert names(real.parent) == ["real.bin"]
+
+
+@POSIX
+def test_a_name_as_long_as_can_be(tmp_path):
+    target = tmp_path / ("ö" * 125 + ".mcap")
+    with AtomicFile(target) as file:
+        file.stream.write(b"some")
+    assert target.read_bytes() == b"some"
+
+
+@POSIX
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGKILL", None)])
+def test_an_interrupted_run_has_no_output(tmp_path, end):
+    log = cloud_log(tmp_path / "in.mcap", frames=3000, points=400)
+    target = tmp_path / "out" / "out.mcap"
+    program = [sys.executable, "-m", "seaclutter_cli", "filter", str(log), "-o", str(target), "--force"]
+    run = subprocess.Popen([*program, "-m", "sor"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=ROOT)
+    deadline = time.monotonic() + 60
+    while not list(target.parent.glob(".out.mcap.*.part")) and run.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    run.send_signal(end)
+    _, told = run.communicate(timeout=60)
+    assert not target.exists()
+    if end != signal.SIGKILL:
+        # Python ends by SIGINT after all where KeyboardInterrupt came while a class was made.
+        assert run.returncode in (1, -signal.SIGINT)
+        assert b"Interrupted" in told
+        assert names(target.parent) == []

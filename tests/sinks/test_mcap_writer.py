@@ -1,0 +1,255 @@
+"""The writer's files against the mcap library: index, statistics, checksums, and the same bytes every time."""
+
+import io
+import os
+import struct
+import subprocess
+import sys
+import threading
+import zlib
+
+import lz4.frame
+import pytest
+import zstandard
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap import records as mcap_records
+from mcap.reader import NonSeekingReader, SeekingReader
+from mcap.stream_reader import CRCValidationError, StreamReader
+
+from seaclutter_cli.records import Attachment, Channel, Metadata, Schema
+from seaclutter_cli.sinks import mcap_writer
+from seaclutter_cli.sinks.mcap_writer import COMPRESSIONS, McapWriter
+from tests.logs import cloud_log, records_of
+from tests.paths import ROOT
+from tests.sinks.runs import filter_log
+
+NOTE = Schema("note", "jsonschema", b"{}")
+ALL = pytest.mark.parametrize("compression", COMPRESSIONS)
+
+
+def written(things, compression="zstd", chunk_size=1000):
+    """Write messages ``(channel, log_time, publish_time, sequence, data)``, attachments, metadata; return the file."""
+    stream = io.BytesIO()
+    before, mcap_writer.CHUNK_SIZE = mcap_writer.CHUNK_SIZE, chunk_size
+    try:
+        writer = McapWriter(stream, profile="ros2", library="tests", compression=compression)
+        for number, schema in ((1, NOTE), (2, NOTE), (3, None), (40_000, Schema("other", "ros2msg", b"int8 a\n"))):
+            writer.add_channel(Channel(number, f"/{number}", "json", schema, (("key", "Ü"),)))
+        for thing in things:
+            add = {tuple: lambda it: writer.write(*it), Attachment: writer.attach, Metadata: writer.add_metadata}
+            add[type(thing)](thing)
+        writer.finish()
+    finally:
+        mcap_writer.CHUNK_SIZE = before
+    return stream.getvalue()
+
+
+def messages(reader, **options):
+    found = reader.iter_messages(**options)
+    return [(m.channel_id, m.log_time, m.publish_time, m.sequence, m.data) for _, _, m in found]
+
+
+TIMES = st.one_of(st.integers(0, 2**64 - 1), st.integers(0, 5))
+MESSAGES = st.tuples(
+    st.sampled_from([1, 2, 3, 40_000]), TIMES, TIMES, st.integers(0, 2**32 - 1), st.binary(max_size=400)
+)
+EXTRAS = st.one_of(
+    st.builds(Attachment, TIMES, TIMES, st.text(max_size=9), st.just("text/plain"), st.binary(max_size=300)),
+    st.builds(Metadata, st.text(max_size=9), st.dictionaries(st.text(max_size=5), st.text(max_size=5), max_size=3)),
+)
+
+
+@ALL
+@settings(max_examples=60, deadline=None)
+@given(things=st.lists(st.one_of(MESSAGES, MESSAGES, EXTRAS), max_size=25))
+def test_what_goes_in_comes_out(compression, things):
+    data = written(things, compression)
+    expected = [thing for thing in things if isinstance(thing, tuple)]
+    for kind in (SeekingReader, NonSeekingReader):
+        reader = kind(io.BytesIO(data), validate_crcs=True)
+        by_time = sorted(expected, key=lambda message: message[1])
+        assert messages(reader) == by_time
+    reader = SeekingReader(io.BytesIO(data), validate_crcs=True)
+    attachments = [(a.log_time, a.create_time, a.name, a.media_type, a.data) for a in reader.iter_attachments()]
+    fields = ("log_time_ns", "create_time_ns", "name", "media_type", "data")
+    given_attachments = [thing for thing in things if isinstance(thing, Attachment)]
+    assert attachments == [tuple(getattr(thing, name) for name in fields) for thing in given_attachments]
+    given_metadata = [(thing.name, thing.entries) for thing in things if isinstance(thing, Metadata)]
+    assert [(record.name, record.metadata) for record in reader.iter_metadata()] == given_metadata
+    check_summary(reader.get_summary(), expected, len(given_attachments), len(given_metadata))
+
+
+def check_summary(summary, expected, attachments, metadata):
+    statistics = summary.statistics
+    numbers = [message[0] for message in expected]
+    assert statistics.message_count == len(expected)
+    assert statistics.channel_message_counts == {number: numbers.count(number) for number in set(numbers)}
+    assert (statistics.attachment_count, statistics.metadata_count) == (attachments, metadata)
+    assert (statistics.channel_count, statistics.schema_count) == (4, 2)
+    assert statistics.chunk_count == len(summary.chunk_indexes)
+    times = [message[1] for message in expected] or [0]
+    assert (statistics.message_start_time, statistics.message_end_time) == (min(times), max(times))
+    assert {number: channel.topic for number, channel in summary.channels.items()} == {
+        number: f"/{number}" for number in (1, 2, 3, 40_000)
+    }
+    assert {channel.metadata["key"] for channel in summary.channels.values()} == {"Ü"}
+    assert summary.channels[3].schema_id == 0
+    assert summary.channels[1].schema_id == summary.channels[2].schema_id != 0
+
+
+@pytest.mark.filterwarnings("ignore:.*deprecated")
+@ALL
+def test_the_index_finds_every_message(compression):
+    things = [(1 + k % 2, 1000 - k * 7 % 500, k, k, bytes(k % 90)) for k in range(300)]
+    data = written(things, compression)
+    reader = SeekingReader(io.BytesIO(data), validate_crcs=True)
+    assert len(reader.get_summary().chunk_indexes) > 5
+    for start, end in ((600, 700), (None, 520), (990, None)):
+        chosen = [t for t in things if t[0] == 2 and (start or 0) <= t[1] < (end or 2**63)]
+        found = messages(reader, topics=["/2"], start_time=start, end_time=end)
+        assert found == sorted(chosen, key=lambda message: message[1])
+
+
+@ALL
+def test_message_indexes_point_at_their_messages(compression):
+    things = [(1 + k % 3, k * 5, k, k, bytes(k % 90)) for k in range(200)]
+    data = written(things, compression)
+    index = SeekingReader(io.BytesIO(data)).get_summary().chunk_indexes
+    chunks = [record for record in StreamReader(io.BytesIO(data), emit_chunks=True).records if is_chunk(record)]
+    by_offset = {piece.offset: piece for piece in records_of(data)}
+    found = 0
+    for entry, chunk in zip(index, chunks, strict=True):
+        assert by_offset[entry.chunk_start_offset].op == 6
+        assert entry.chunk_length == 9 + len(by_offset[entry.chunk_start_offset].content)
+        raw = unpacked(chunk)
+        assert zlib.crc32(raw) == chunk.uncompressed_crc
+        for channel, offset in entry.message_index_offsets.items():
+            number, size = struct.unpack_from("<HI", by_offset[offset].content)
+            assert (number, by_offset[offset].op) == (channel, 7)
+            for at in range(6, 6 + size, 16):
+                time_ns, place = struct.unpack_from("<QQ", by_offset[offset].content, at)
+                op, _, written_channel, _, log_time_ns = struct.unpack_from("<BQHIQ", raw, place)
+                assert (op, written_channel, log_time_ns) == (5, channel, time_ns)
+                found += 1
+    assert found == len(things)
+
+
+def is_chunk(record):
+    return isinstance(record, mcap_records.Chunk)
+
+
+def unpacked(chunk):
+    unpack = {"zstd": zstandard.decompress, "lz4": lz4.frame.decompress, "": bytes}[chunk.compression]
+    raw = unpack(chunk.data)
+    assert len(raw) == chunk.uncompressed_size
+    return raw
+
+
+def test_checksums_guard_chunks_attachments_and_the_summary():
+    things = [(1, k, k, k, bytes(range(200))) for k in range(9)]
+    things.append(Attachment(1, 2, "a", "b", b"attached"))
+    data = written(things, "")
+    pieces = records_of(data)
+    for op, back in ((6, 1), (9, 6), (11, 3)):
+        piece = next(piece for piece in pieces if piece.op == op)
+        at = piece.end - back
+        broken = data[:at] + bytes((data[at] ^ 1,)) + data[at + 1 :]
+        assert checksums(broken) == [piece.op != op for op in (6, 9, 11)]
+    assert checksums(data) == [True, True, True]
+
+
+def checksums(data):
+    """Tell which checksums fit, of those of the chunk, of the attachment and of the summary."""
+    try:
+        messages(SeekingReader(io.BytesIO(data), validate_crcs=True))
+        sound = [True]
+    except CRCValidationError:
+        sound = [False]
+    pieces = records_of(data)
+    attachment = next(piece.content for piece in pieces if piece.op == 9)
+    sound.append(zlib.crc32(attachment[:-4]) == int.from_bytes(attachment[-4:], "little"))
+    start = next(piece.end for piece in pieces if piece.op == 15)
+    covered = data[start : pieces[-1].offset + 9 + 16]
+    return [*sound, zlib.crc32(covered) == int.from_bytes(pieces[-1].content[16:], "little")]
+
+
+def test_a_file_without_messages():
+    reader = SeekingReader(io.BytesIO(written([])), validate_crcs=True)
+    assert messages(reader) == []
+    check_summary(reader.get_summary(), [], 0, 0)
+
+
+def test_a_chunk_is_as_large_as_asked_and_holds_what_does_not_fit():
+    things = [(1, k, k, k, bytes(300)) for k in range(20)] + [(1, 20, 0, 0, bytes(5000))]
+    chunks = SeekingReader(io.BytesIO(written(things, ""))).get_summary().chunk_indexes
+    assert [chunk.uncompressed_size for chunk in chunks] == [4 * 331] * 5 + [5031]
+
+
+@ALL
+@pytest.mark.parametrize("threads", [1, 2, 4, 64, None])
+def test_bytes_do_not_depend_on_the_number_of_threads(monkeypatch, compression, threads):
+    things = [(1 + k % 2, k, k, k, bytes(k * j % 256 for j in range(500))) for k in range(100)]
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    expected = written(things, compression)
+    monkeypatch.setattr(os, "cpu_count", lambda: threads)
+    assert written(things, compression) == expected
+
+
+def test_little_is_pending_and_no_thread_stays():
+    before = threading.active_count()
+    stream = io.BytesIO()
+    writer = McapWriter(stream, profile="", library="", compression="zstd")
+    writer.add_channel(Channel(1, "/a", "json", None))
+    noise = os.urandom(2**20)
+    for k in range(12):
+        writer.write(1, k, k, k, noise)
+        assert len(stream.getvalue()) >= (k - 5) * 2**20
+    writer.abort()
+    assert threading.active_count() == before
+
+
+class FullStream(io.BytesIO):
+    def write(self, data):
+        if self.tell() > 10_000:
+            raise OSError(28, "No space left on device")
+        return super().write(data)
+
+
+def fill(writer):
+    for k in range(100):
+        writer.write(1, k, k, k, bytes(2**20))
+
+
+def test_a_full_disk_stops_the_threads_too():
+    before = threading.active_count()
+    writer = McapWriter(FullStream(), profile="", library="", compression="")
+    writer.add_channel(Channel(1, "/a", "json", None))
+    with pytest.raises(OSError, match="No space left"):
+        fill(writer)
+    writer.abort()
+    assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("method", ["joint", "sor"])
+def test_filtering_twice_gives_the_same_bytes(tmp_path, monkeypatch, method):
+    log = cloud_log(tmp_path / "in.mcap", points=2000)
+    files = []
+    for number, threads in enumerate((2, 1, 4)):
+        monkeypatch.setattr(os, "cpu_count", lambda threads=threads: threads)
+        files.append(tmp_path / f"{number}.mcap")
+        filter_log(log, files[-1], method=method, with_removed=True)
+    assert files[0].read_bytes() == files[1].read_bytes() == files[2].read_bytes()
+
+
+def test_bytes_do_not_depend_on_openmp_or_hashes(tmp_path):
+    log = cloud_log(tmp_path / "in.mcap", points=3000, topics=["/bow", "/stern"])
+    found = set()
+    for number, threads in enumerate(("1", "4")):
+        out = tmp_path / f"{number}.mcap"
+        environment = {**os.environ, "OMP_NUM_THREADS": threads, "PYTHONHASHSEED": threads}
+        options = ["-t", "/bow", "-t", "/stern", "--with-removed", "--keep-raw", "-q", "--csv", str(out) + ".csv"]
+        program = [sys.executable, "-m", "seaclutter_cli", "filter", str(log), "-o", str(out), *options]
+        subprocess.run(program, check=True, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
+        found.add((out.read_bytes(), (tmp_path / f"{number}.mcap.csv").read_bytes()))
+    assert len(found) == 1
