@@ -102,6 +102,17 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     return "\n".join(lines)
 
 
+def count(frames: int) -> str:
+    """Return a number of frames in words.
+
+    Examples
+    --------
+    >>> count(1), count(2)
+    ('1 frame', '2 frames')
+    """
+    return f"{frames:,} frame{'' if frames == 1 else 's'}"
+
+
 def share(part: float, whole: float) -> str:
     """Return a percentage; a dash of nothing.
 

@@ -1,6 +1,7 @@
 """``seaclutter info``: what a log holds."""
 
 import json
+import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
@@ -137,7 +138,11 @@ def _describe(topic: str, survey: "TopicSurvey") -> str:
         ("range", f"{_span(survey.range_m).strip() or 'none'} m"),
         ("sensor", f"like {' or '.join(survey.sensors)}" if survey.sensors else "not recognised"),
     ]
-    return "\n".join((topic, *(f"  {name:<10} {text}" for name, text in rows)))
+    return "\n".join((topic, *(_wrap(f"  {name:<10} {text}") for name, text in rows)))
+
+
+def _wrap(line: str) -> str:
+    return textwrap.fill(line, 79, subsequent_indent=" " * 13, break_on_hyphens=False, break_long_words=False)
 
 
 def _span(limits: Sequence[float]) -> str:

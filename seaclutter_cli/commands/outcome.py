@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from seaclutter_cli.commands.console import share, table
+from seaclutter_cli.commands.console import count, share, table
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage
@@ -61,7 +61,7 @@ class Outcome:
         """Return the outcome as people read it."""
         pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames else ""
         topics = [_as_text(topic, tally, self.edges) for topic, tally in self.topics.items()]
-        last = f"{self.frames} frames in {self.seconds:.1f} s{pace}"
+        last = f"{count(self.frames)} in {self.seconds:.1f} s{pace}"
         return "\n".join((f"{self.recording} -> {self.output}", *topics, last))
 
 
@@ -96,7 +96,7 @@ def _rings(tally: TopicTally, edges: Sequence[float]) -> list[dict[str, float]]:
 def _as_text(topic: str, tally: TopicTally, edges: Sequence[float]) -> str:
     kept = int(tally.counts[Reason.KEPT])
     size = tally.points_in
-    blocks = [f"{topic}: {tally.frames} frames, {size:,} points in, {kept:,} out ({share(kept, size)})"]
+    blocks = [f"{topic}: {count(tally.frames)}, {size:,} points in, {kept:,} out ({share(kept, size)})"]
     removed = [(r.name.lower().replace("_", " "), int(tally.counts[r])) for r in Reason if r and tally.counts[r]]
     if removed:
         rows = [(name, f"{count:,}", share(count, size)) for name, count in removed]

@@ -80,12 +80,13 @@ class McapSource:
             raise InputError(f"{self.path}: nothing in this MCAP file can be read")
         used = (chunk.head.compression for chunk in self._chunks if chunk.head)
         self.compression = next((name for name in used if name in COMPRESSIONS), None)
-        trust = self._trust_in_tail(found.end)
+        trust, in_place = self._trust_in_tail(found.end)
         found.declare(self._tail, trust)
         self._declares_channels = trust == Trust.SUMMARY and any(span.op == Opcode.CHANNEL for span in self._tail)
         self._statistics: mcap_records.Statistics | None = None
-        if self._is_closed and trust > Trust.BROKEN:
+        if in_place:
             self._check_chunk_index()
+        if self._is_closed and trust > Trust.BROKEN:
             self._statistics = next(iter(self._summary(Opcode.STATISTICS, mcap_records.Statistics.read)), None)
         self._inspect_chunks()
         self._declared.report_lacking_schemas()
@@ -118,22 +119,24 @@ class McapSource:
     def _is_closed(self) -> bool:
         return bool(self._tail) and self._tail[-1].op == Opcode.FOOTER
 
-    def _trust_in_tail(self, end: int) -> Trust:
-        """Return how far the summary is to be believed, and report what is wrong with the end of the file."""
+    def _trust_in_tail(self, end: int) -> tuple[Trust, bool]:
+        """Return how far the summary is to be believed, and whether its places are; report what is wrong."""
         if not self._is_closed:
             self._report(len(self._view), "the recording was not closed: the file has no footer", 0)
-            return Trust.UNCHECKED
+            return Trust.UNCHECKED, False
         if self._view[end : end + len(MAGIC)] != MAGIC:
             self._report(end, "the file does not end as an MCAP file should", 0)
         first, last = self._tail[0], self._tail[-1]
         footer = parse(mcap_records.Footer.read, self._view[last.start : last.end])
-        if footer.summary_start == (0 if len(self._tail) == 1 else first.offset):
-            # The checksum covers all from the summary's beginning up to itself.
-            crc = zlib.crc32(self._view[first.offset : last.end - 4])
-            if footer.summary_crc in (0, crc):
-                return Trust.SUMMARY if footer.summary_crc else Trust.UNCHECKED
-        self._report(first.offset, "the index at the end is broken; the log was read without it", 0)
-        return Trust.BROKEN
+        in_place = footer.summary_start == (0 if len(self._tail) == 1 else first.offset)
+        # The checksum covers all from the summary's beginning up to itself.
+        if footer.summary_crc == zlib.crc32(self._view[first.offset : last.end - 4]):
+            trust = Trust.SUMMARY
+        else:
+            trust = Trust.UNCHECKED if in_place and not footer.summary_crc else Trust.BROKEN
+        if not in_place or trust == Trust.BROKEN:
+            self._report(first.offset, "the index at the end is broken; the log was read without it", 0)
+        return trust, in_place and trust > Trust.BROKEN
 
     def _summary(self, op: Opcode, read: Callable[[ReadDataStream], R]) -> list[R]:
         """Return the records of a kind in the summary."""

@@ -129,7 +129,7 @@ def walk(data: Buffer, report: Gap, at: int = 0, touched: Callable[[int], object
     walker = _Walker(data, report, touched)
     while not walker.is_end(at):
         span = walker.record(at)
-        if span is None or not walker.joins(span.end):
+        if span is None or not walker.is_plausible(span):
             span = walker.mend(at, span)
         elif span.op != data[at]:
             report(at, f"broken opcode of this {name_of(span.op)}", 0)
@@ -170,8 +170,14 @@ class _Walker:
             return span is not None
         return self.joins(span.end, depth - 1)
 
+    def is_plausible(self, span: Span) -> bool:
+        """Tell whether a record joins what follows. A private one may hold anything, but hardly other records."""
+        if span.op >= _PRIVATE and self.anchor(span.start, span.end, outside=True) < span.end:
+            return False
+        return self.joins(span.end)
+
     def mend(self, at: int, span: Span | None) -> Span | None:
-        """Return a record that does not join what follows as it should have been written; None if it is broken.
+        """Return a record that is not plausible as it should have been written; None if it is broken.
 
         Either it is broken or what follows it; the former, if another record begins before it ends.
         """
@@ -182,8 +188,8 @@ class _Walker:
             if end < len(data) and self.joins(end) and self.anchor(at + 1, end, outside=True) == end:
                 self._report(at, f"broken size of this {name_of(op)}", 0)
                 return Span(op, at, start, end, True)
-        if span is None:
-            return None
+        if span is None or (span.op == Opcode.CHUNK and _is_sound_chunk(data, span)):
+            return span
         end = self.anchor(at + 1, min(span.end, len(data)), outside=span.op == Opcode.CHUNK)
         if end < min(span.end, len(data)):
             if span.op != Opcode.CHUNK:
@@ -221,10 +227,20 @@ def _record(data: Buffer, at: int) -> Span | None:
     for kind in _LARGE if op == Opcode.MESSAGE or op >= _PRIVATE else _MENDED:
         if _extent(data, kind, start, filled=True) == end:
             return Span(kind, at, start, end, True)
-    if op == 0 or end > len(data) or (extent > end and op != Opcode.CHUNK):
+    if not (op in _LAYOUTS or op >= _PRIVATE) or end > len(data) or (extent > end and op != Opcode.CHUNK):
         return None
-    # Later versions of the format may add to a record; those that are not of the format may hold anything.
+    # Later versions of the format may add to a record; private records may hold anything.
     return None if known and end - extent > _MOST_GROWTH else Span(op, at, start, end, False)
+
+
+def _is_sound_chunk(data: Buffer, span: Span) -> bool:
+    """Tell whether a chunk's checksum is right."""
+    try:
+        head = ChunkHead.read(data, span)
+        unpack(head, memoryview(data)[head.data_start : head.data_end])
+    except BrokenRecordError:
+        return False
+    return head.crc != 0
 
 
 def _extent(data: Buffer, op: int, at: int, *, filled: bool = False) -> int:
@@ -250,10 +266,10 @@ def name_of(op: int) -> str:
 
     Examples
     --------
-    >>> name_of(7), name_of(99)
-    ('message index', 'record of kind 99')
+    >>> name_of(7)
+    'message index'
     """
-    return Opcode(op).name.lower().replace("_", " ") if op in _LAYOUTS else f"record of kind {op}"
+    return Opcode(op).name.lower().replace("_", " ")
 
 
 def split(records: Buffer, report: Gap, *, trusted: bool) -> Iterator[tuple[int, int, int]]:

@@ -27,7 +27,6 @@ from seaclutter_cli.sources.mcap_file import (
 
 _LOOSE_BYTES = 4 * 2**20
 _PIECE = 4 * 2**20
-_PRIVATE = 0x80
 _END_OPS = (
     Opcode.SCHEMA,
     Opcode.CHANNEL,
@@ -238,8 +237,6 @@ class Survey:
             self._chunk(span)
         elif span.op == Opcode.MESSAGE:
             self._loose_message(span)
-        elif Opcode.DATA_END < span.op < _PRIVATE:
-            self._report(span.offset, f"a {name_of(span.op)}, which is not known", span.end - span.start)
         else:
             self._extra(span)
 
