@@ -84,8 +84,9 @@ class Frame:
         """
         points = self.cloud.points
         xyz = np.empty((3, len(points)))
-        for row, axis in enumerate("xyz"):
-            xyz[row] = _column(points, axis)
+        with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+            for row, axis in enumerate("xyz"):
+                xyz[row] = _column(points, axis)
         return xyz
 
     @cached_property
@@ -118,7 +119,8 @@ class Frame:
         if self.intensity_name is None:
             names = ", ".join(self.cloud.dtype.names or ()) or "no fields"
             raise FieldError(f"no intensity field; the cloud has {names}: name one with --intensity-field")
-        return _column(self.cloud.points, self.intensity_name).astype(np.float64)
+        with np.errstate(invalid="ignore"):
+            return _column(self.cloud.points, self.intensity_name).astype(np.float64)
 
     @cached_property
     def valid(self) -> NDArray[np.bool_]:

@@ -15,6 +15,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Channel, Damage, Message, Record
 
 _NANO = 1_000_000_000
+_HOPELESS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,6 +158,8 @@ class TopicTally:
         Sums over the frames, thresholds and corrections too.
     filter_s : float
         Seconds in the filter itself.
+    unfit : list of FieldError
+        Why the first frames could not be filtered, for want of a field.
     """
 
     frames: int = 0
@@ -164,6 +167,7 @@ class TopicTally:
     counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
     rings: Rings | None = None
     filter_s: float = 0.0
+    unfit: list[FieldError] = field(default_factory=list)
 
     def add(self, result: FilterResult, seconds: float) -> None:
         """Add a frame."""
@@ -205,7 +209,7 @@ def run(
     Raises
     ------
     FieldError
-        If the first frame of a topic lacks a field that the method needs. Later ones are damage.
+        If the frames of a topic lack a field that the method needs. Where only some do, those are damage.
     """
     clouds = cloud_channels(source, selection.topics)
     filters = {channel.topic: make_filter() for channel in clouds}
@@ -224,9 +228,17 @@ def run(
         else:
             for sink in sinks:
                 sink.copy(record)
+    for topic, tally in tallies.items():
+        _require_fields(source, topic, tally)
     for sink in sinks:
         sink.end()
     return tallies
+
+
+def _require_fields(source: Source, topic: str, tally: TopicTally) -> None:
+    """Raise `FieldError` if not one frame had the fields that the method needs."""
+    if tally.unfit and not tally.frames:
+        raise FieldError(f"{source.name}, {topic}: {tally.unfit[0]}") from tally.unfit[0]
 
 
 def _observe(source: Source, clouds: Sequence[Channel], selection: Selection, filters: Mapping[str, Filter]) -> None:
@@ -243,8 +255,10 @@ def _step(method: Filter, frame: Frame, tally: TopicTally, source: Source) -> Fi
     try:
         result = method.step(frame)
     except FieldError as error:
-        if frame.index == 0:
-            raise FieldError(f"{source.name}, {frame.topic}: {error}") from error
+        if not tally.frames:
+            tally.unfit.append(error)
+        if len(tally.unfit) == _HOPELESS:
+            _require_fields(source, frame.topic, tally)
         _lost(source, frame.message, frame.index, error)
         return None
     tally.add(result, perf_counter() - started)

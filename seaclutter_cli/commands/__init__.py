@@ -1,6 +1,7 @@
 """The command line. Each command is a file here; it is imported when it is called, so that help comes at once."""
 
 import importlib
+import io
 import os
 import signal
 import sys
@@ -70,6 +71,9 @@ def _interrupt(_number: int, _stack: FrameType | None) -> None:
 def main() -> None:
     """Run the program."""
     signal.signal(signal.SIGTERM, _interrupt)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files and topics need not be valid text
     try:
         cli(windows_expand_args=False)  # logs are globbed here, the same on every system
     except BrokenPipeError:

@@ -56,9 +56,11 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Complete the file under its name, or remove it after an error."""
-        if kind is None:
+        if kind is not None:
+            self._file.__exit__(kind, error, trace)
+            return
+        with self._file:
             self._take_back()
-        self._file.__exit__(kind, error, trace)
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:  # noqa: ARG002
         """Start a recording."""

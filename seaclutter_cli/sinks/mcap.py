@@ -175,7 +175,8 @@ class McapSink(AbstractContextManager["McapSink"]):
     def _add(self, channel: Channel, taken: set[str]) -> int:
         if channel.topic in taken:
             raise UsageError(f"topic {channel.topic} is in the log already, the filter cannot write to it")
-        return self._declare(replace(channel, id=_NEW, metadata=()))
+        kept = tuple(pair for pair in channel.metadata if pair[0] != "topic")  # quality of service, latching
+        return self._declare(replace(channel, id=_NEW, metadata=kept))
 
     def _declare(self, channel: Channel) -> int:
         """Declare a channel under its own id where that is free, else under the lowest that is."""

@@ -211,6 +211,21 @@ def test_what_is_refused(tmp_path, monkeypatch, arguments, status, said):
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
 
 
+@pytest.mark.parametrize(("bad", "status"), [({0}, 3), ({0, 3}, 3), ({4}, 3), ({0, 1, 2, 3, 4}, 1)])
+def test_frames_that_lack_a_field_are_left_out_unless_all_do(tmp_path, out, bad, status):
+    def make(number):
+        cloud = points(number)
+        return cloud[["x", "y", "z"]] if number in bad else cloud
+
+    result = invoke(write_log(tmp_path / "log.mcap", make=make), "-o", out)
+    assert result.exit_code == status
+    assert "no intensity field" in result.stderr
+    if status == 3:
+        assert len(messages(out, "/points")) == 5 - len(bad)
+    else:
+        assert not out.exists()
+
+
 def test_methods_without_intensity_need_no_such_field(tmp_path):
     log = write_log(tmp_path / "plain.mcap", make=lambda number: points(number)[["x", "y", "z"]])
     for method in ("sor", "ror", "none"):

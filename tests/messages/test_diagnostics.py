@@ -126,3 +126,11 @@ def test_the_json_schema_describes_every_key():
 
 def test_every_reason_has_its_number():
     assert {reason.name.lower() for reason in Reason if reason} < NUMBERS.keys()
+
+
+def test_definitions_are_those_of_their_ros_version():
+    ros1, ros2 = (diagnostics_format(encoding)[1].data.decode().splitlines() for encoding in ("ros1", "cdr"))
+    assert ros1[0] == "time stamp"
+    assert ros2[0] == "builtin_interfaces/Time stamp"
+    assert "MSG: builtin_interfaces/Time" in ros2
+    assert ros1[1:] == ros2[1 : len(ros1)]

@@ -1,14 +1,17 @@
 """The table of frames, read with the csv module."""
 
 import csv
-from contextlib import closing
+import os
+from contextlib import closing, suppress
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.config import load_config
+from seaclutter_cli.errors import OutputError
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import FilterResult, Frame, Rings
 from seaclutter_cli.pipeline import Selection, run
@@ -122,6 +125,24 @@ def test_an_error_leaves_no_file(tmp_path):
     with pytest.raises(ZeroDivisionError), CsvSink(tmp_path / "frames.csv", 0):
         raise ZeroDivisionError
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize("lines", [0, 1, 1000])
+def test_a_full_disk_leaves_no_file(tmp_path, lines):
+    (tmp_path / f".frames.csv.{os.getpid()}.part").symlink_to("/dev/full")
+    with pytest.raises(OutputError, match="the disk is full; nothing was left behind"):
+        write_lines(CsvSink(tmp_path / "frames.csv", 0), lines)
+    assert not list(tmp_path.iterdir())
+
+
+def write_lines(sink, lines):
+    with sink:
+        if lines:
+            with suppress(OutputError):  # the run goes on with the next recording
+                sink.begin(FakeSource(()), [])
+                for index in range(lines):
+                    sink.write(result_of(index))
 
 
 def test_what_no_filter_touches_is_no_line(tmp_path):

@@ -1,5 +1,6 @@
 """The filtered MCAP is a drop-in for its input."""
 
+import threading
 from contextlib import closing
 from dataclasses import replace
 
@@ -260,3 +261,21 @@ def test_nothing_is_left_where_a_run_fails(tmp_path, out):
     with pytest.raises(UsageError), closing(open_source(log)) as source, McapSink(out, McapOptions()) as sink:
         sink.begin(source, source.channels)  # one of which holds no clouds
     assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OutputError])
+def test_no_thread_is_left_where_a_run_fails(tmp_path, out, error):
+    before = threading.active_count()
+    channel = Channel(1, "/a", "json", None)
+    with pytest.raises(error):
+        write_and_fail(out, channel, error)
+    assert threading.active_count() == before
+    assert list(tmp_path.iterdir()) == []
+
+
+def write_and_fail(path, channel, error):
+    with McapSink(path, McapOptions()) as sink:
+        sink.begin(FakeSource((channel,)), [])
+        for k in range(4):
+            sink.copy(Message(channel, k, k, k, bytes(2**20)))
+        raise error

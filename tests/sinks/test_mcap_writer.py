@@ -135,6 +135,24 @@ def test_message_indexes_point_at_their_messages(compression):
     assert found == len(things)
 
 
+@ALL
+def test_lengths_in_the_index_are_those_of_the_records(compression):
+    things = [(1 + k % 3, k, k, k, bytes(k % 90)) for k in range(200)]
+    things[50:50] = [Attachment(1, 2, "a", "b", b"attached"), Metadata("m", {"key": "value"})]
+    data = written(things, compression)
+    summary = SeekingReader(io.BytesIO(data)).get_summary()
+    pieces = records_of(data)
+    ends = {piece.offset: piece.end for piece in pieces}
+    for entry in (*summary.attachment_indexes, *summary.metadata_indexes):
+        assert entry.offset + entry.length == ends[entry.offset]
+    for entry in summary.chunk_indexes:
+        end = entry.chunk_start_offset + entry.chunk_length
+        assert end == ends[entry.chunk_start_offset]
+        behind = [piece.op for piece in pieces if end <= piece.offset < end + entry.message_index_length]
+        assert behind == [7] * len(entry.message_index_offsets)
+        assert end + entry.message_index_length in ends
+
+
 def is_chunk(record):
     return isinstance(record, mcap_records.Chunk)
 
