@@ -171,9 +171,11 @@ class _Walker:
         return self.joins(span.end, depth - 1)
 
     def is_plausible(self, span: Span) -> bool:
-        """Tell whether a record joins what follows. A private one may hold anything, but hardly other records."""
-        if span.op >= _PRIVATE and self.anchor(span.start, span.end, outside=True) < span.end:
-            return False
+        """Tell whether a record joins what follows, and does not seem to hold others where there should be none."""
+        if not span.sure and span.op != Opcode.MESSAGE:
+            known = span.op < _PRIVATE
+            if self.anchor(span.start, span.end, outside=known) < span.end:
+                return False
         return self.joins(span.end)
 
     def mend(self, at: int, span: Span | None) -> Span | None:
@@ -188,15 +190,18 @@ class _Walker:
             if end < len(data) and self.joins(end) and self.anchor(at + 1, end, outside=True) == end:
                 self._report(at, f"broken size of this {name_of(op)}", 0)
                 return Span(op, at, start, end, True)
-        if span is None or (span.op == Opcode.CHUNK and _is_sound_chunk(data, span)):
-            return span
+        if span is None:
+            return None
         end = self.anchor(at + 1, min(span.end, len(data)), outside=span.op == Opcode.CHUNK)
-        if end < min(span.end, len(data)):
-            if span.op != Opcode.CHUNK:
-                return None
-            self._report(at, "bytes are missing inside this chunk", 0)
-            return span._replace(end=end, sure=False)
-        return span
+        if end == min(span.end, len(data)):
+            return span
+        if span.op != Opcode.CHUNK:
+            return None
+        cut = span._replace(end=end, sure=False)
+        if _is_sound_chunk(data, span) and not _is_sound_chunk(data, cut):
+            return span
+        self._report(at, "bytes are missing inside this chunk", 0)
+        return cut
 
     def anchor(self, start: int, stop: int, *, outside: bool = False) -> int:
         """Return the first place where a record begins that joins what follows; if ``outside``, one of no chunk."""
@@ -206,6 +211,8 @@ class _Walker:
             for match in _CANDIDATE.finditer(self._data, at, min(end + RECORD.size, len(self._data))):
                 span = self.record(match.start())
                 if span is None or match.start() >= end or (outside and span.op in _INSIDE):
+                    continue
+                if span.op != match[0][0] or not (span.sure or span.op == Opcode.MESSAGE):
                     continue
                 whole = span.end <= len(self._data) and self.joins(span.end)
                 if whole or (span.sure and span.op == Opcode.CHUNK):
@@ -234,13 +241,13 @@ def _record(data: Buffer, at: int) -> Span | None:
 
 
 def _is_sound_chunk(data: Buffer, span: Span) -> bool:
-    """Tell whether a chunk's checksum is right."""
+    """Tell whether a chunk holds what it should."""
     try:
         head = ChunkHead.read(data, span)
         unpack(head, memoryview(data)[head.data_start : head.data_end])
     except BrokenRecordError:
         return False
-    return head.crc != 0
+    return head.crc != 0 or head.compression != ""
 
 
 def _extent(data: Buffer, op: int, at: int, *, filled: bool = False) -> int:
@@ -261,15 +268,21 @@ def _extent(data: Buffer, op: int, at: int, *, filled: bool = False) -> int:
     return at if inside or not filled else _ENDLESS
 
 
+def is_other(data: Buffer, span: Span) -> bool:
+    """Tell whether a record fits to the byte what another kind of record consists of."""
+    kinds = (op for op, parts in _LAYOUTS.items() if op != span.op and not all(isinstance(part, int) for part in parts))
+    return any(_extent(data, op, span.start) == span.end for op in kinds)
+
+
 def name_of(op: int) -> str:
     """Return what people call a record.
 
     Examples
     --------
-    >>> name_of(7)
-    'message index'
+    >>> name_of(7), name_of(200)
+    ('message index', 'record of kind 200')
     """
-    return Opcode(op).name.lower().replace("_", " ")
+    return Opcode(op).name.lower().replace("_", " ") if op in _LAYOUTS else f"record of kind {op}"
 
 
 def split(records: Buffer, report: Gap, *, trusted: bool) -> Iterator[tuple[int, int, int]]:

@@ -20,6 +20,7 @@ from seaclutter_cli.sources.mcap_file import (
     BrokenRecordError,
     ChunkHead,
     Span,
+    is_other,
     name_of,
     parse,
     walk,
@@ -198,7 +199,7 @@ class Survey:
         self._view = file.view
         self._declarations = declarations
         self._report = report
-        self._follows_chunk = self._follows_gap = False
+        self._follows_chunk = self._follows_gap = self._follows_odd = False
         self._orphans = self._orphans_at = self._loose_streak = 0
         self._run()
 
@@ -219,6 +220,11 @@ class Survey:
             self._declarations.add(span.op, self._view[span.start : span.end], span.offset, trust)
 
     def _take(self, span: Span) -> None:
+        is_out_of_place = span.op == Opcode.MESSAGE and (self._follows_chunk or self._follows_odd)
+        self._follows_odd = span.op == Opcode.DATA_END
+        if is_out_of_place and is_other(self._view, span):
+            self._report(span.offset, "broken opcode of a record that is not needed", 0)
+            return
         if span.op in _END_OPS:
             self.tail.append(span)
             return
@@ -226,9 +232,6 @@ class Survey:
         self.tail.clear()
         if span.op == Opcode.MESSAGE_INDEX:
             self._message_index(span)
-            return
-        if span.op == Opcode.MESSAGE and self._follows_chunk and self._is_index(span):
-            self._report(span.offset, "broken message index", span.end - span.start)
             return
         self._report_orphans()
         self._follows_chunk, self._follows_gap = span.op == Opcode.CHUNK, False
@@ -308,12 +311,14 @@ class Survey:
 
     def _gap(self, offset: int, what: str, lost_bytes: int) -> None:
         """Report broken bytes; the chunk of an index that follows them is not known."""
-        if self.tail and self.tail[-1].op == Opcode.FOOTER and self._view[offset : offset + len(MAGIC)] == MAGIC:
+        is_behind = self.tail and self.tail[-1].op == Opcode.FOOTER and lost_bytes > len(MAGIC)
+        if is_behind and self._view[offset : offset + len(MAGIC)] == MAGIC:
             what, offset, lost_bytes = "bytes behind the end of the recording", offset + 8, lost_bytes - len(MAGIC)
         self._report(offset, what, lost_bytes)
         if self._follows_chunk:
             self.chunks[-1] = replace(self.chunks[-1], suspect=True)
-        self._follows_chunk, self._follows_gap = False, self._follows_chunk
+        if lost_bytes:
+            self._follows_chunk, self._follows_gap, self._follows_odd = False, self._follows_chunk, True
 
     def _report_orphans(self) -> None:
         """Report the messages of a chunk that is lost though its index is there, but for those found all the same."""
