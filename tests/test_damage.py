@@ -1,0 +1,552 @@
+"""Damaged logs through the whole command: what is readable is filtered, the loss is told, nothing half-done stays."""
+
+import csv
+import io
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.opcode import Opcode
+from mcap.reader import NonSeekingReader, make_reader
+from mcap.records import Footer
+
+from seaclutter_cli.commands import cli
+from tests.logs import (
+    LAYOUTS,
+    MAGIC,
+    PERIOD_NS,
+    START_NS,
+    Entry,
+    Layout,
+    Topic,
+    cloud_log,
+    cloud_message,
+    cloud_messages,
+    cloud_topic,
+    join,
+    records_of,
+    sea_points,
+    write_log,
+)
+
+FRAMES = 6
+DAMAGED = re.compile(r"Damaged: (?P<place>.+?): (?P<what>.+); left out: (?P<amount>nothing|.*\d+ (messages?|bytes))")
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """Logs of six frames, each in a chunk of its own, as bytes."""
+    path = tmp_path_factory.mktemp("logs") / "log.mcap"
+    return {name: cloud_log(path, layout, frames=FRAMES).read_bytes() for name, layout in LAYOUTS.items()}
+
+
+class Outcome:
+    """What became of a run of ``filter``, after a look at what holds for every run."""
+
+    def __init__(self, folder, data, *options):
+        self.log, out, table = folder / "log.mcap", folder / "out.mcap", folder / "frames.csv"
+        if data is not None:
+            self.log.write_bytes(data)
+        arguments = ["filter", self.log, "-o", out, "--csv", table, "--force", *options]
+        result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
+        self.code, self.stderr = result.exit_code, result.stderr
+        assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
+        assert "Traceback" not in result.output
+        assert self.code in (0, 1, 3), result.output
+        assert [path.name for path in folder.iterdir() if path.name.endswith(".part")] == []
+        assert out.exists() == (self.code != 1)
+        assert len([line for line in self.stderr.splitlines() if line.startswith("Error: ")]) == (self.code == 1)
+        self.damage = [line for line in self.stderr.splitlines() if line.startswith("Damaged: ")]
+        assert bool(self.damage) == (self.code == 3)
+        for line in self.damage:
+            assert DAMAGED.fullmatch(line), line
+        self.rows, self.messages = [], {}
+        if self.code != 1:
+            with table.open() as stream:
+                self.rows = list(csv.DictReader(stream))
+            self.messages = read_whole(out)
+            out.unlink()
+        table.unlink(missing_ok=True)
+        assert len(self.messages.get("/points", ())) == len(self.rows)
+
+    @property
+    def frames(self):
+        """Numbers of the frames that were filtered."""
+        return [int(row["frame"]) for row in self.rows]
+
+    @property
+    def points(self):
+        """Points that went into the filter, a frame."""
+        return [int(row["points_in"]) for row in self.rows]
+
+    @property
+    def sequences(self):
+        """Sequence numbers of the frames that were filtered, from 0."""
+        return [message.sequence - 100 for message in self.messages["/points"]]
+
+
+def read_whole(path):
+    """Read a file with the library, from front to back and by its index, checksums and all."""
+    data = path.read_bytes()
+    front = list(NonSeekingReader(io.BytesIO(data), validate_crcs=True).iter_messages())
+    indexed = list(make_reader(io.BytesIO(data), validate_crcs=True).iter_messages())
+    assert [message for *_, message in front] == [message for *_, message in indexed]
+    topics = {}
+    for _, channel, message in front:
+        topics.setdefault(channel.topic, []).append(message)
+    return topics
+
+
+def chunks(data):
+    """Return the chunks that hold a frame."""
+    return [piece for piece in records_of(data) if piece.op == Opcode.CHUNK and len(piece.content) > 3000]
+
+
+def flip(data, at):
+    return data[:at] + bytes((data[at] ^ 0xFF,)) + data[at + 1 :]
+
+
+def test_sound_logs(tmp_path, logs):
+    outcomes = {name: Outcome(tmp_path, data) for name, data in logs.items()}
+    for outcome in outcomes.values():
+        assert outcome.code == 0
+        assert outcome.frames == outcome.sequences == list(range(FRAMES))
+        assert outcome.rows == outcomes["zstd"].rows
+        assert sum(int(row["low_intensity"]) for row in outcome.rows)
+        assert sum(int(row["outlier"]) for row in outcome.rows)
+
+
+@pytest.mark.parametrize("name", ["zstd", "lz4", "none", "no summary"])
+def test_a_flipped_byte_in_a_chunk(tmp_path, logs, name):
+    chunk = chunks(logs[name])[2]
+    outcome = Outcome(tmp_path, flip(logs[name], chunk.end - 1000))
+    assert outcome.code == 3
+    assert outcome.sequences == [0, 1, 3, 4, 5]
+    (line,) = outcome.damage
+    assert line.startswith(f"Damaged: {outcome.log}: byte {chunk.offset}: the chunk ")
+    assert line.endswith(f"left out: 3 messages, {chunk.end - chunk.offset} bytes")
+
+
+def test_two_flipped_bytes(tmp_path, logs):
+    first, second = chunks(logs["zstd"])[1:4:2]
+    outcome = Outcome(tmp_path, flip(flip(logs["zstd"], first.end - 1000), second.end - 1000))
+    assert outcome.sequences == [0, 2, 4, 5]
+    assert [f"byte {chunk.offset}:" in line for chunk, line in zip((first, second), outcome.damage, strict=True)]
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_cut_anywhere(tmp_path, logs, name):
+    data = logs[name]
+    ends = [piece.end for piece in records_of(data) if len(piece.content) > 3000]
+    for size in [*range(3, len(data), len(data) // 14), len(data) - 1]:
+        outcome = Outcome(tmp_path, data[:size])
+        frames = sum(end <= size for end in ends)
+        if len(ends) == FRAMES:
+            # A frame that is whole in a chunk that is cut is filtered, too.
+            assert len(outcome.frames) in (frames, frames + 1)
+            assert outcome.sequences == list(range(len(outcome.frames))) if outcome.rows else outcome.code == 1
+        assert outcome.code == (3 if outcome.rows else 1)
+
+
+def reassembled(data, *, change=lambda pieces: pieces, **footer):
+    """Return a log with changed records and a changed footer."""
+    pieces = change(records_of(data))
+    content = pieces.pop().content
+    values = dict(
+        zip(("summary_start", "summary_offset_start", "summary_crc"), struct.unpack("<QQI", content), strict=True)
+    )
+    return join(*pieces, Footer(**{**values, **footer}))
+
+
+def lying(data, op, at, change):
+    """Return a log whose record of the summary has one number changed, and no checksum that would tell."""
+
+    def apply(pieces):
+        number = next(number for number, piece in enumerate(pieces) if piece.op == op)
+        content = bytearray(pieces[number].content)
+        struct.pack_into("<Q", content, at, struct.unpack_from("<Q", content, at)[0] + change)
+        pieces[number] = pieces[number]._replace(content=bytes(content))
+        return pieces
+
+    return reassembled(data, change=apply, summary_crc=0)
+
+
+def before(data, op):
+    """Return the part of a log before the first record of a kind."""
+    return data[: next(piece.offset for piece in records_of(data) if piece.op == op)]
+
+
+HARMLESS = {
+    "no footer": (lambda data: before(data, Opcode.FOOTER), "the recording was not closed"),
+    "no summary": (lambda data: before(data, Opcode.STATISTICS), "the recording was not closed"),
+    "no end": (lambda data: data[: -len(MAGIC)], "does not end as an MCAP file should"),
+    "half an end": (lambda data: data[:-3], "does not end as an MCAP file should"),
+    "wrong checksum of the index": (lambda data: flip(data, len(data) - 9), "the index at the end is broken"),
+    "index of a wrong place": (lambda data: reassembled(data, summary_start=77), "the index at the end is broken"),
+    "wrong times in the index": (lambda data: lying(data, Opcode.CHUNK_INDEX, 0, 10**9), "does not fit 1 of 7 chunks"),
+    "wrong places in the index": (lambda data: lying(data, Opcode.CHUNK_INDEX, 16, 7), "does not fit 1 of 7 chunks"),
+    "places beyond the file": (lambda data: lying(data, Opcode.CHUNK_INDEX, 16, 2**62), "does not fit 1 of 7 chunks"),
+    "too many messages announced": (lambda data: lying(data, Opcode.STATISTICS, 0, 5), "5 of 23 messages are nowhere"),
+    "too few messages announced": (lambda data: lying(data, Opcode.STATISTICS, 0, -5), "5 messages more than"),
+    "zeros behind the end": (lambda data: data + bytes(1000), "bytes behind the end of the recording"),
+    "text behind the end": (lambda data: data + b"#!/bin/sh\n" * 9, "bytes behind the end of the recording"),
+    "another log behind the end": (lambda data: data * 2, "bytes behind the end of the recording"),
+    "garbage in the middle": (
+        lambda data: data[: chunks(data)[2].offset] + b"\xb7" * 700 + data[chunks(data)[2].offset :],
+        "broken bytes between records; left out: 700 bytes",
+    ),
+    "a broken beginning": (lambda data: flip(data, 3), "does not begin as an MCAP file should"),
+    "no beginning": (lambda data: data[chunks(data)[0].offset - 5 :], "does not begin as an MCAP file should"),
+}
+
+
+@pytest.mark.parametrize("kind", HARMLESS)
+def test_damage_that_costs_no_frame(tmp_path, logs, kind):
+    change, said = HARMLESS[kind]
+    outcome = Outcome(tmp_path, change(logs["zstd"]))
+    assert outcome.code == 3
+    assert outcome.sequences == list(range(FRAMES))
+    assert said in outcome.stderr
+    assert f"Damaged: {outcome.log}: byte " in outcome.stderr
+
+
+@pytest.mark.parametrize("name", ["zstd", "none", "unchunked"])
+def test_a_tail_of_zeros(tmp_path, logs, name):
+    end = [piece.end for piece in records_of(logs[name]) if len(piece.content) > 3000][3]
+    path = tmp_path / "log.mcap"
+    path.write_bytes(logs[name][:end])
+    os.truncate(path, 50_000_000)
+    began = time.monotonic()
+    outcome = Outcome(tmp_path, None)
+    assert time.monotonic() - began < 10
+    assert outcome.sequences == [0, 1, 2, 3]
+    assert f"byte {end}: no record can be read from here on; left out: {50_000_000 - end} bytes" in outcome.stderr
+
+
+def header_only(data):
+    return data[: records_of(data)[0].end]
+
+
+def all_broken(data):
+    for chunk in chunks(data):
+        data = flip(data, chunk.end - 1000)
+    return data
+
+
+UNREADABLE = {
+    "nothing": (lambda _: b"", "the file is empty"),
+    "random bytes": (lambda _: np.random.default_rng(1).bytes(5000), "nothing in this MCAP file can be read"),
+    "zeros": (lambda _: bytes(100_000), "nothing in this MCAP file can be read"),
+    "a beginning": (lambda _: MAGIC, "nothing in this MCAP file can be read"),
+    "a header": (header_only, "nothing in this MCAP file can be read"),
+    "broken frames": (all_broken, "no frame can be read; "),
+    "an end": (lambda data: data[-300:], "no point clouds that can be read"),
+}
+
+
+@pytest.mark.parametrize("kind", UNREADABLE)
+def test_logs_in_which_nothing_can_be_read(tmp_path, logs, kind):
+    change, said = UNREADABLE[kind]
+    outcome = Outcome(tmp_path, change(logs["zstd"]))
+    assert outcome.code == 1
+    assert said in outcome.stderr
+    assert "log" in outcome.stderr
+    assert len([line for line in outcome.stderr.splitlines() if line.startswith("Error: ")]) == 1
+
+
+def log_of(path, messages, *, topic=None, layout=LAYOUTS["zstd"]):
+    topic = topic or cloud_topic("/points")
+    entries = [Entry(topic.name, START_NS + n * PERIOD_NS, data, sequence=100 + n) for n, data in enumerate(messages)]
+    return write_log(path, [topic], entries, layout).read_bytes()
+
+
+def wrong_message(**changes):
+    return cloud_message("ros2", sea_points(300), START_NS, **changes)
+
+
+def long_field():
+    """Return a message whose last field ends beyond its point."""
+    points = sea_points(300)
+    return cloud_message("ros2", points, START_NS, point_step=25, row_step=25 * 300)
+
+
+INVALID = {
+    "empty": lambda: b"",
+    "no CDR": lambda: b"\x07\x07\x07\x07" * 100,
+    "cut in the points": lambda: wrong_message()[:-2000],
+    "cut in the header": lambda: wrong_message()[:30],
+    "a field beyond the point": long_field,
+    "huge width": lambda: wrong_message(width=2**32 - 1),
+    "huge height": lambda: wrong_message(height=2**32 - 1),
+    "huge width and height": lambda: wrong_message(width=2**32 - 1, height=2**32 - 1, row_step=2**32 - 1),
+    "no point step": lambda: wrong_message(point_step=0, row_step=0),
+    "huge point step": lambda: wrong_message(point_step=2**32 - 1, row_step=2**32 - 1),
+    "no fields": lambda: wrong_message(fields=[]),
+    "no data": lambda: wrong_message(data=np.empty(0, np.uint8)),
+}
+
+
+@pytest.mark.parametrize("place", [0, 2, FRAMES - 1])
+@pytest.mark.parametrize("kind", INVALID)
+def test_a_message_that_is_no_valid_cloud(tmp_path, kind, place):
+    sound = cloud_messages("ros2", FRAMES, 200)
+    messages = [*sound[:place], INVALID[kind](), *sound[place + 1 :]]
+    if kind == "no fields" and place == 0:
+        pytest.skip("the log as a whole is taken for one without coordinates")
+    outcome = Outcome(tmp_path, log_of(tmp_path / "log.mcap", messages))
+    assert outcome.code == 3
+    expected = [number for number in range(FRAMES) if number != place]
+    assert outcome.frames == outcome.sequences == expected
+    assert outcome.points == [200] * (FRAMES - 1)
+    (line,) = outcome.damage
+    assert f"frame {place} of /points" in line
+    assert f"left out: 1 message, {len(messages[place])} bytes" in line or not messages[place]
+
+
+@pytest.mark.parametrize("kind", ["empty", "cut in the points", "huge width"])
+def test_no_message_is_a_valid_cloud(tmp_path, kind):
+    outcome = Outcome(tmp_path, log_of(tmp_path / "log.mcap", [INVALID[kind]()] * 3))
+    assert outcome.code == 1
+    assert "no frame can be read" in outcome.stderr
+
+
+def test_clouds_that_the_method_cannot_use(tmp_path):
+    points = sea_points(50)
+    for fields, said in (
+        (["x", "y", "z", "ring"], "no intensity field; the cloud has x, y, z, ring"),
+        (["x", "y", "intensity"], "no field 'z'"),
+    ):
+        data = log_of(
+            tmp_path / "log.mcap",
+            [cloud_message("ros2", np.ascontiguousarray(points[fields].astype(_packed(points, fields))), START_NS)],
+        )
+        outcome = Outcome(tmp_path, data)
+        assert outcome.code == 1
+        assert said in outcome.stderr
+
+
+def _packed(points, fields):
+    return np.dtype([(name, points.dtype[name]) for name in fields])
+
+
+def test_an_intensity_of_several_values(tmp_path):
+    points = np.zeros(30, [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
+    message = bytearray(cloud_message("ros2", points, START_NS))
+    at = message.index(b"intensity\0")
+    struct.pack_into("<I", message, at - at % 4 + 20, 2)  # the count of the field
+    outcome = Outcome(tmp_path, log_of(tmp_path / "log.mcap", [bytes(message)]))
+    assert outcome.code == 1
+
+
+def test_a_log_without_clouds(tmp_path):
+    outcome = Outcome(tmp_path, log_of(tmp_path / "log.mcap", [b"x"], topic=Topic("/notes")))
+    assert outcome.code == 1
+    assert "no point clouds that can be read; the log has /notes (test/msg/Note, cdr)" in outcome.stderr
+
+
+def test_info_tells_of_damage_too(tmp_path, logs):
+    path = tmp_path / "log.mcap"
+    path.write_bytes(flip(logs["zstd"], chunks(logs["zstd"])[2].end - 1000))
+    result = CliRunner().invoke(cli, ["info", str(path)])
+    assert result.exit_code == 3
+    assert f"Damaged: {path}: byte " in result.stderr
+    path.write_bytes(b"no log")
+    result = CliRunner().invoke(cli, ["info", str(path)])
+    assert (result.exit_code, result.stdout.strip()) == (1, "")
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(list(LAYOUTS)),
+    st.lists(
+        st.tuples(st.sampled_from("cfid"), st.floats(0, 1), st.binary(min_size=1, max_size=40)), min_size=1, max_size=4
+    ),
+)
+def test_any_damage(tmp_path_factory, logs, name, steps):
+    data = logs[name]
+    for kind, place, noise in steps:
+        at = round(place * len(data))
+        if kind == "c":
+            data = data[:at]
+        elif kind == "f":
+            data = data[:at] + noise + data[at + len(noise) :]
+        elif kind == "i":
+            data = data[:at] + noise + data[at:]
+        else:
+            data = data[:at] + data[at + len(noise) :]
+    outcome = Outcome(tmp_path_factory.mktemp("any"), data)
+    if LAYOUTS[name].chunked and LAYOUTS[name].crcs and outcome.code == 0:
+        assert outcome.sequences == list(range(FRAMES))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.binary(max_size=2000), st.sampled_from((b"", MAGIC)))
+def test_any_bytes(tmp_path_factory, data, start):
+    assert Outcome(tmp_path_factory.mktemp("any"), start + data).code in (1, 3)
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 250), st.integers(0, 255)), min_size=1, max_size=4))
+def test_any_message(tmp_path_factory, changes):
+    """The message of one frame is damaged where it is described, inside a sound chunk."""
+    folder = tmp_path_factory.mktemp("any")
+    sound = cloud_messages("ros2", 3, 20)
+    message = bytearray(sound[1])
+    for at, value in changes:
+        message[at] = value
+    outcome = Outcome(folder, log_of(folder / "log.mcap", [sound[0], bytes(message), sound[2]]))
+    assert outcome.code in (0, 3)
+    assert [frame for frame in outcome.frames if frame != 1] == [0, 2]
+
+
+def names_in(folder):
+    return sorted(path.name for path in folder.rglob("*"))
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Mount a disk of 64 kB, where that is allowed."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder]
+    if sys.platform != "linux" or subprocess.run(command, capture_output=True, check=False).returncode:
+        pytest.skip("no right to mount a small disk")
+    yield folder
+    subprocess.run(["umount", folder], check=True)
+
+
+def test_a_full_disk(tmp_path, small_disk):
+    log = cloud_log(tmp_path / "log.mcap", LAYOUTS["none"], frames=30)
+    result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(small_disk / "out.mcap")])
+    assert result.exit_code == 1
+    assert (
+        result.stderr.splitlines()[-1] == f"Error: {small_disk / 'out.mcap'}: the disk is full; nothing was left behind"
+    )
+    assert names_in(small_disk) == []
+
+
+def test_a_disk_that_is_full_for_the_table(tmp_path, small_disk):
+    log = cloud_log(tmp_path / "log.mcap", frames=3)
+    (small_disk / "filling").write_bytes(bytes(64 * 1024))
+    result = CliRunner().invoke(
+        cli, ["filter", str(log), "-o", str(tmp_path / "out.mcap"), "--csv", str(small_disk / "frames.csv")]
+    )
+    assert result.exit_code == 1
+    assert f"{small_disk / 'frames.csv'}: the disk is full; nothing was left behind" in result.stderr
+    assert names_in(small_disk) == ["filling"]
+    assert not [name for name in names_in(tmp_path) if name.endswith(".part")]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full")  # noqa: PTH110
+def test_a_full_device(tmp_path, logs):
+    log, folder = tmp_path / "log.mcap", tmp_path / "out"
+    log.write_bytes(logs["zstd"])
+    folder.mkdir()
+    (folder / f".out.mcap.{os.getpid()}.part").symlink_to("/dev/full")
+    result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(folder / "out.mcap")])
+    assert result.exit_code == 1
+    assert result.stderr == f"Error: {folder / 'out.mcap'}: the disk is full; nothing was left behind\n"
+    assert names_in(folder) == []
+
+
+_LIMITED = """
+import resource, sys
+from seaclutter_cli.commands import main
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+main()
+"""
+
+
+def test_a_file_that_may_not_grow(tmp_path, logs):
+    pytest.importorskip("resource")
+    log, folder = tmp_path / "log.mcap", tmp_path / "out"
+    log.write_bytes(logs["none"])
+    command = [sys.executable, "-c", _LIMITED, "filter", log, "-o", folder / "out.mcap"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert run.returncode == 1
+    assert run.stderr == f"Error: {folder / 'out.mcap'}: writing failed (File too large); nothing was left behind\n"
+    assert names_in(folder) == []
+
+
+@pytest.fixture(scope="module")
+def long_log(tmp_path_factory):
+    messages = cloud_messages("ros2", 10, 3000) * 100
+    path = tmp_path_factory.mktemp("long") / "log.mcap"
+    log_of(path, messages, layout=Layout("lz4", chunk_size=2**20))
+    return path
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_an_interrupted_run(tmp_path, long_log, name):
+    folder = tmp_path / "out"
+    options = ("-o", folder / "out.mcap", "--csv", folder / "frames.csv")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-m", "seaclutter_cli", "filter", long_log, *options]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        patience = time.monotonic() + 20
+        while not any(path.stat().st_size > 100_000 for path in folder.glob(".out.mcap*")):
+            assert process.poll() is None, "it ended before it could be interrupted"
+            assert time.monotonic() < patience
+            time.sleep(0.01)
+        process.send_signal(getattr(signal, name))
+        _, stderr = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert "Interrupted; the output of the unfinished recording was removed." in stderr
+    assert "Traceback" not in stderr
+    assert names_in(folder) == []
+
+
+def test_output_that_is_there_already(tmp_path, logs):
+    log, out = tmp_path / "log.mcap", tmp_path / "out.mcap"
+    log.write_bytes(logs["zstd"])
+    out.write_bytes(b"precious")
+    refused = CliRunner().invoke(cli, ["filter", str(log), "-o", str(out)])
+    assert refused.exit_code == 2
+    assert "exists already; --force replaces it" in refused.stderr
+    assert out.read_bytes() == b"precious"
+    assert CliRunner().invoke(cli, ["filter", str(log), "-o", str(out), "--force"]).exit_code == 0
+    assert len(read_whole(out)["/points"]) == FRAMES
+
+
+def test_output_that_is_kept_when_its_replacement_fails(tmp_path, logs):
+    log, out = tmp_path / "log.mcap", tmp_path / "out.mcap"
+    log.write_bytes(all_broken(logs["zstd"]))
+    out.write_bytes(b"precious")
+    assert CliRunner().invoke(cli, ["filter", str(log), "-o", str(out), "--force"]).exit_code == 1
+    assert out.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("force", [(), ("--force",)])
+def test_output_that_is_the_input(tmp_path, logs, force):
+    log = tmp_path / "log.mcap"
+    log.write_bytes(logs["zstd"])
+    (tmp_path / "link.mcap").symlink_to(log)
+    for out in (log, tmp_path / ".." / tmp_path.name / "log.mcap", tmp_path / "link.mcap"):
+        result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(out), *force])
+        assert result.exit_code == 2
+        assert "is part of the input" in result.stderr
+    assert log.read_bytes() == logs["zstd"]
+
+
+def test_one_broken_log_among_others(tmp_path, logs):
+    for name, data in (("a", logs["zstd"]), ("b", b"no log"), ("c", logs["zstd"][:20000])):
+        (tmp_path / f"{name}.mcap").write_bytes(data)
+    out = tmp_path / "out"
+    result = CliRunner().invoke(cli, ["filter", *(str(tmp_path / f"{name}.mcap") for name in "abc"), "-o", str(out)])
+    assert result.exit_code == 1
+    assert f"Error: {tmp_path / 'b.mcap'}: nothing in this MCAP file can be read" in result.stderr
+    assert f"Damaged: {tmp_path / 'c.mcap'}: byte" in result.stderr
+    assert names_in(out) == ["a.mcap", "c.mcap"]
+    assert len(read_whole(out / "a.mcap")["/points"]) == FRAMES
