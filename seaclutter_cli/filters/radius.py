@@ -7,9 +7,8 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.base import BaseFilter
+from seaclutter_cli.filters.base import SpatialFilter
 from seaclutter_cli.filters.neighbors import nth_neighbor_distance
-from seaclutter_cli.frame import FilterResult, Frame, Reason
 
 
 def lonely(points: NDArray[np.float64], radius_m: float, min_neighbors: int) -> NDArray[np.bool_]:
@@ -56,8 +55,8 @@ class RorParams:
     min_neighbors: Annotated[int, Ge(1)] = 5
 
 
-class RadiusOutlierRemoval(BaseFilter):
-    """ROR over all valid points of a frame; intensity plays no part.
+class RadiusOutlierRemoval(SpatialFilter):
+    """Radius outlier removal (ROR) over all valid points of a frame.
 
     Parameters
     ----------
@@ -70,10 +69,6 @@ class RadiusOutlierRemoval(BaseFilter):
     def __init__(self, params: RorParams) -> None:
         self.params = params
 
-    def step(self, frame: Frame) -> FilterResult:
-        """Return a reason for every point of a frame."""
-        reason = np.full(frame.size, Reason.INVALID, np.uint8)
-        valid = np.flatnonzero(frame.valid)
-        alone = lonely(frame.xyz[:, valid].T, self.params.radius_m, self.params.min_neighbors)
-        reason[valid] = np.where(alone, Reason.OUTLIER, Reason.KEPT)
-        return FilterResult(frame, reason)
+    def outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which of some points, shape (N, 3), are outliers."""
+        return lonely(points, self.params.radius_m, self.params.min_neighbors)

@@ -7,9 +7,8 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.base import BaseFilter
+from seaclutter_cli.filters.base import SpatialFilter
 from seaclutter_cli.filters.neighbors import mean_neighbor_distance
-from seaclutter_cli.frame import FilterResult, Frame, Reason
 
 ROUNDING = 1e-9
 """Relative difference below which two distances are the same: equal spacings must not become outliers by rounding."""
@@ -62,8 +61,8 @@ class SorParams:
     std_ratio: Annotated[float, Ge(0)] = 1.0
 
 
-class StatisticalOutlierRemoval(BaseFilter):
-    """SOR over all valid points of a frame; intensity plays no part.
+class StatisticalOutlierRemoval(SpatialFilter):
+    """Statistical outlier removal (SOR) over all valid points of a frame.
 
     Parameters
     ----------
@@ -76,10 +75,6 @@ class StatisticalOutlierRemoval(BaseFilter):
     def __init__(self, params: SorParams) -> None:
         self.params = params
 
-    def step(self, frame: Frame) -> FilterResult:
-        """Return a reason for every point of a frame."""
-        reason = np.full(frame.size, Reason.INVALID, np.uint8)
-        valid = np.flatnonzero(frame.valid)
-        outlying = outliers(frame.xyz[:, valid].T, self.params.neighbors, self.params.std_ratio)
-        reason[valid] = np.where(outlying, Reason.OUTLIER, Reason.KEPT)
-        return FilterResult(frame, reason)
+    def outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which of some points, shape (N, 3), are outliers."""
+        return outliers(points, self.params.neighbors, self.params.std_ratio)
