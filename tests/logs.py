@@ -20,7 +20,6 @@ import numpy as np
 import zstandard
 from mcap import records as mcap_records
 from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
 from mcap.records import McapRecord
 from mcap.writer import CompressionType, IndexType, Writer
 
@@ -29,6 +28,7 @@ from seaclutter_cli.messages.definitions import ros2_schema
 START_NS = 1_700_000_000 * 10**9
 PERIOD_NS = 100_000_000
 MAGIC = b"\x89MCAP0\r\n"
+HEADER = mcap_records.Header("ros2", "by hand")
 POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f8")])
 """A point as RoboSense drivers write it: packed, with an unaligned time."""
 
@@ -124,28 +124,20 @@ def write_log(
 ) -> Path:
     """Write a log of any messages."""
     with path.open("wb") as stream:
-        _write(stream, topics, entries, layout, extras, profile)
+        _write(layout.writer(stream), topics, entries, extras, profile)
     return path
 
 
-def log_bytes(
-    topics: Sequence[Topic], entries: Iterable[Entry], layout: Layout = Layout(), *, extras: Sequence[Extra] = ()
-) -> bytes:
+def log_bytes(topics: Sequence[Topic], entries: Iterable[Entry], layout: Layout, extras: Sequence[Extra]) -> bytes:
     """Return a log of any messages."""
     stream = BytesIO()
-    _write(stream, topics, entries, layout, extras, "ros2")
+    _write(layout.writer(stream), topics, entries, extras, "ros2")
     return stream.getvalue()
 
 
 def _write(
-    stream: BinaryIO,
-    topics: Sequence[Topic],
-    entries: Iterable[Entry],
-    layout: Layout,
-    extras: Sequence[Extra],
-    profile: str,
+    writer: Writer, topics: Sequence[Topic], entries: Iterable[Entry], extras: Sequence[Extra], profile: str
 ) -> None:
-    writer = layout.writer(stream)
     writer.start(profile)
     channels, schemas = {}, {None: 0}
     for topic in topics:
@@ -203,7 +195,6 @@ def cloud_log(
 
 def cloud_topic(name: str, kind: str = "ros2") -> Topic:
     """Return a topic of point clouds of one of the `CLOUD_KINDS`."""
-    schema: tuple[str, str, bytes]
     if kind == "ros2":
         whole = ros2_schema("sensor_msgs/msg/PointCloud2")
         return Topic(name, "cdr", (whole.name, whole.encoding, whole.data))
@@ -405,7 +396,3 @@ def chunk_of(*parts: McapRecord | bytes, compression: str = "zstd", **changes: A
 def sound_end() -> tuple[McapRecord, McapRecord]:
     """Return the records that close a file without a summary."""
     return mcap_records.DataEnd(0), mcap_records.Footer(0, 0, 0)
-
-
-HEADER = mcap_records.Header("ros2", "by hand")
-CHUNK, MESSAGE, MESSAGE_INDEX = Opcode.CHUNK, Opcode.MESSAGE, Opcode.MESSAGE_INDEX

@@ -209,7 +209,8 @@ class Survey:
             self._file.touched()
             self.end = span.end
             self._take(span)
-            if span.op == Opcode.FOOTER and self._view[span.end : span.end + 2 * len(MAGIC)] == 2 * MAGIC:
+            is_closed = span.op == Opcode.FOOTER and bool(self.chunks or self.extras)
+            if is_closed and self._view[span.end : span.end + 2 * len(MAGIC)] == 2 * MAGIC:
                 self._gap(span.end, "", len(self._view) - span.end)  # another file
                 break
         self._report_orphans()
@@ -221,7 +222,6 @@ class Survey:
 
     def _take(self, span: Span) -> None:
         is_out_of_place = span.op == Opcode.MESSAGE and (self._follows_chunk or self._follows_odd)
-        self._follows_odd = span.op == Opcode.DATA_END
         if is_out_of_place and is_other(self._view, span):
             self._report(span.offset, "broken opcode of a record that is not needed", 0)
             return
@@ -235,6 +235,7 @@ class Survey:
             return
         self._report_orphans()
         self._follows_chunk, self._follows_gap = span.op == Opcode.CHUNK, False
+        self._follows_odd = span.op == Opcode.DATA_END
         self._loose_streak = self._loose_streak + 1 if span.op == Opcode.MESSAGE else 0
         if span.op == Opcode.CHUNK:
             self._chunk(span)
