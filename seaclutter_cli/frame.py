@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud
-from seaclutter_cli.errors import FieldError
+from seaclutter_cli.errors import FieldError, printable
 from seaclutter_cli.records import Message
 
 INTENSITY_NAMES = (
@@ -102,7 +102,7 @@ class Frame:
         names = self.cloud.dtype.names or ()
         if self.intensity_field is not None:
             if self.intensity_field not in names:
-                raise FieldError(f"no field {self.intensity_field!r}; the cloud has {', '.join(names) or 'no fields'}")
+                raise FieldError(f"no field {self.intensity_field!r}; the cloud has {_listed(names)}")
             return self.intensity_field
         folded = {name.lower(): name for name in reversed(names)}
         return next((folded[usual] for usual in INTENSITY_NAMES if usual in folded), None)
@@ -117,7 +117,7 @@ class Frame:
             If the cloud has no intensity field, or one that is no number.
         """
         if self.intensity_name is None:
-            names = ", ".join(self.cloud.dtype.names or ()) or "no fields"
+            names = _listed(self.cloud.dtype.names)
             raise FieldError(f"no intensity field; the cloud has {names}: name one with --intensity-field")
         with np.errstate(invalid="ignore"):
             return _column(self.cloud.points, self.intensity_name).astype(np.float64)
@@ -136,10 +136,13 @@ class Frame:
         return valid
 
 
+def _listed(names: tuple[str, ...] | None) -> str:
+    return printable(", ".join(names or ())) or "no fields"
+
+
 def _column(points: NDArray[Any], name: str) -> NDArray[Any]:
     if name not in (points.dtype.names or ()):
-        found = ", ".join(points.dtype.names or ()) or "no fields"
-        raise FieldError(f"no field {name!r}; the cloud has {found}")
+        raise FieldError(f"no field {name!r}; the cloud has {_listed(points.dtype.names)}")
     if points.dtype[name].shape:
         raise FieldError(f"field {name!r} holds {points.dtype[name].shape[0]} values a point, one is needed")
     return points[name]

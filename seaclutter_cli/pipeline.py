@@ -1,6 +1,7 @@
 """The loop: for each frame of a source, filter it and hand the result to the sinks."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -246,7 +247,8 @@ def _observe(source: Source, clouds: Sequence[Channel], selection: Selection, fi
     damage = list(source.damage)
     for record in read(source, clouds, selection):
         if isinstance(record, Frame):
-            filters[record.topic].observe(record)
+            with suppress(FieldError):  # `step` will say so
+                filters[record.topic].observe(record)
     source.damage[:] = damage  # what comes up while reading will come up again
 
 

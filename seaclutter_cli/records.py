@@ -7,6 +7,8 @@ decompressed chunk.
 from dataclasses import dataclass
 from pathlib import Path
 
+from seaclutter_cli.errors import printable
+
 Buffer = bytes | memoryview
 
 
@@ -81,4 +83,4 @@ class Damage:
             amounts.append(f"{self.lost_messages} message{'' if self.lost_messages == 1 else 's'}")
         if self.lost_bytes:
             amounts.append(f"{self.lost_bytes} bytes")
-        return f"{place}: {self.what}; left out: {', '.join(amounts) or 'nothing'}"
+        return printable(f"{place}: {self.what}; left out: {', '.join(amounts) or 'nothing'}")

@@ -66,7 +66,8 @@ class Outcome:
         assert out.exists() == (self.code != 1)
         assert len([line for line in self.stderr.splitlines() if line.startswith("Error: ")]) == (self.code == 1)
         self.damage = [line for line in self.stderr.splitlines() if line.startswith("Damaged: ")]
-        assert bool(self.damage) == (self.code == 3)
+        assert self.damage or self.code != 3
+        assert not self.damage or self.code != 0
         for line in self.damage:
             assert DAMAGED.fullmatch(line), line
         self.rows, self.messages = [], {}
@@ -345,6 +346,19 @@ def test_an_intensity_of_several_values(tmp_path):
     struct.pack_into("<I", message, at - at % 4 + 20, 2)  # the count of the field
     outcome = Outcome(tmp_path, log_of(tmp_path / "log.mcap", [bytes(message)]))
     assert outcome.code == 1
+
+
+@pytest.mark.parametrize("method", ["joint", "global_intensity", "sor"])
+@pytest.mark.parametrize("name", [b"inten\nity", b"inten\xffity", b"inte\x1b[3my", b"\0\0\0\0\0\0\0\0\0"])
+def test_a_frame_whose_intensity_has_a_name_that_cannot_be_shown(tmp_path, method, name):
+    messages = cloud_messages("ros2", FRAMES, 50)
+    messages[3] = messages[3].replace(b"intensity", name)
+    outcome = Outcome(tmp_path, log_of(tmp_path / "log.mcap", messages), "-m", method)
+    assert outcome.frames == [number for number in range(FRAMES) if number != 3 or method == "sor"]
+    assert all(line.isprintable() for line in outcome.damage)
+    result = CliRunner().invoke(cli, ["info", str(outcome.log)])
+    assert result.exit_code in (0, 3)
+    assert all(line.isprintable() for line in result.stdout.splitlines())
 
 
 def test_a_log_without_clouds(tmp_path):

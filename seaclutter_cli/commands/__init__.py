@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 from seaclutter_cli import __version__
+from seaclutter_cli.commands.console import show_error
 from seaclutter_cli.commands.options import DEBUG
 from seaclutter_cli.errors import SeaclutterError
 
@@ -46,7 +47,7 @@ class _LazyGroup(click.Group):
         except SeaclutterError as error:
             if DEBUG in ctx.meta:
                 raise
-            click.echo(f"Error: {error}", err=True)
+            show_error(error)
             ctx.exit(error.exit_code)
         except KeyboardInterrupt:
             click.echo("\nInterrupted; the output of the unfinished recording was removed.", err=True)

@@ -9,7 +9,7 @@ from typing import Any, Self
 import click
 
 from seaclutter_cli.commands.options import DEBUG
-from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.errors import SeaclutterError, printable
 from seaclutter_cli.records import Damage
 
 _LINE_SECONDS = 10.0
@@ -65,13 +65,18 @@ def fail(error: SeaclutterError) -> None:
     """Print an error and go on; with ``--debug``, raise it."""
     if DEBUG in click.get_current_context().meta:
         raise error
-    click.echo(f"Error: {error}", err=True)
+    show_error(error)
+
+
+def show_error(error: SeaclutterError) -> None:
+    """Print an error; what it quotes from a file cannot steer the terminal."""
+    click.echo("Error: " + "\n".join(printable(line) for line in str(error).split("\n")), err=True)
 
 
 def warn(text: str, *, quiet: bool = False) -> None:
     """Print a warning."""
     if not quiet:
-        click.echo(f"Warning: {text}", err=True)
+        click.echo(f"Warning: {printable(text)}", err=True)
 
 
 def report_damage(damage: Sequence[Damage], *, verbose: bool) -> None:
@@ -93,7 +98,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     10-25 m    1200
     25-40 m       7
     """
-    cells = [[str(cell) for cell in row] for row in (head, *rows)]
+    cells = [[printable(str(cell)) for cell in row] for row in (head, *rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(head))]
     lines = []
     for first, *rest in cells:

@@ -12,7 +12,7 @@ import click
 
 from seaclutter_cli.commands.console import Progress, fail, report_damage, warn
 from seaclutter_cli.commands.options import config_options, logs_argument, output_options, selection_options
-from seaclutter_cli.errors import InputError, SeaclutterError, UsageError
+from seaclutter_cli.errors import InputError, SeaclutterError, UsageError, printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.commands.outcome import Outcome
@@ -140,7 +140,7 @@ class Job:
             warn(text, quiet=self.quiet)
         if self.verbose:
             topics = ", ".join(channel.topic for channel in clouds)
-            click.echo(f"{source.name}: {source.format}, method {self.config.method} on {topics}", err=True)
+            click.echo(f"{source.name}: {source.format}, method {self.config.method} on {printable(topics)}", err=True)
         fits = {channel.topic: IntensityFit() for channel in clouds}
         total = sum(source.counts.get(channel.id, 0) for channel in clouds)
         progress = Progress(self.selection.frames or total or None, source.name, quiet=self.quiet)

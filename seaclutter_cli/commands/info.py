@@ -13,7 +13,7 @@ import click
 
 from seaclutter_cli.commands.console import Progress, fail, report_damage, share, table, warn
 from seaclutter_cli.commands.options import logs_argument, output_options, selection_options
-from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.errors import SeaclutterError, printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.interfaces import Source
@@ -102,7 +102,7 @@ class Content:
         rows = {c.topic: (c.topic, self.messages[c.topic], c.schema.name if c.schema else "-") for c in self.channels}
         lines.append(table(("topic", "messages", "type"), list(rows.values())))
         lines += [_describe(topic, survey) for topic, survey in self.clouds.items()]
-        lines += self.needs()
+        lines += [printable(need) for need in self.needs()]
         return "\n".join(lines)
 
     def needs(self) -> list[str]:
@@ -138,11 +138,13 @@ def _describe(topic: str, survey: "TopicSurvey") -> str:
         ("range", f"{_span(survey.range_m).strip() or 'none'} m"),
         ("sensor", f"like {' or '.join(survey.sensors)}" if survey.sensors else "not recognised"),
     ]
-    return "\n".join((topic, *(_wrap(f"  {name:<10} {text}") for name, text in rows)))
+    return "\n".join((printable(topic), *(_wrap(f"  {name:<10} {text}") for name, text in rows)))
 
 
 def _wrap(line: str) -> str:
-    return textwrap.fill(line, 79, subsequent_indent=" " * 13, break_on_hyphens=False, break_long_words=False)
+    return textwrap.fill(
+        printable(line), 79, subsequent_indent=" " * 13, break_on_hyphens=False, break_long_words=False
+    )
 
 
 def _span(limits: Sequence[float]) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.commands.console import count, share, table
+from seaclutter_cli.errors import printable
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage
@@ -96,7 +97,7 @@ def _rings(tally: TopicTally, edges: Sequence[float]) -> list[dict[str, float]]:
 def _as_text(topic: str, tally: TopicTally, edges: Sequence[float]) -> str:
     kept = int(tally.counts[Reason.KEPT])
     size = tally.points_in
-    blocks = [f"{topic}: {count(tally.frames)}, {size:,} points in, {kept:,} out ({share(kept, size)})"]
+    blocks = [f"{printable(topic)}: {count(tally.frames)}, {size:,} points in, {kept:,} out ({share(kept, size)})"]
     removed = [(r.name.lower().replace("_", " "), int(tally.counts[r])) for r in Reason if r and tally.counts[r]]
     if removed:
         rows = [(name, f"{count:,}", share(count, size)) for name, count in removed]
