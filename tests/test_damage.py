@@ -56,7 +56,7 @@ class Outcome:
         self.log, out, table = folder / "log.mcap", folder / "out.mcap", folder / "frames.csv"
         if data is not None:
             self.log.write_bytes(data)
-        arguments = ["filter", self.log, "-o", out, "--csv", table, "--force", *options]
+        arguments = ["filter", self.log, "-o", out, "--csv", table, "--force", "-v", *options]
         result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
         self.code, self.stderr = result.exit_code, result.stderr
         assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
