@@ -6,6 +6,7 @@
     ├── InputError             nothing readable, no cloud, not a log
     │   ├── CloudError         one message is no valid point cloud
     │   └── FieldError         the cloud has no such field, or of a wrong type
+    ├── LabelError             labels cannot be read, or do not fit the recording
     ├── OutputError            the target cannot be written
     ├── MissingExtraError      an optional dependency is not installed
     └── UsageError             exit status 2
@@ -42,6 +43,10 @@ class CloudError(InputError):
 
 class FieldError(InputError):
     """A point cloud lacks a field that is needed, or has it in a wrong type."""
+
+
+class LabelError(SeaclutterError):
+    """Labels cannot be read, or belong to another recording."""
 
 
 class OutputError(SeaclutterError):

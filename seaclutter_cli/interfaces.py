@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol
 from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record
+from seaclutter_cli.truth import Truth
 
 
 class Source(Protocol):
@@ -80,6 +81,18 @@ class Filter(Protocol):
 
     def reset(self) -> None:
         """Forget all state: a recording starts."""
+        ...
+
+
+class Labels(Protocol):
+    """The truth of one recording, in whatever form it was labelled."""
+
+    def truth(self, frame: Frame) -> Truth | None:
+        """Return what is truly in a frame, None where it is not labelled; `LabelError` if the labels do not fit."""
+        ...
+
+    def finish(self) -> None:
+        """Check, after the last frame, that there are no labels left of frames that were not there; `LabelError`."""
         ...
 
 

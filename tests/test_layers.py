@@ -7,21 +7,26 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
 
-BASE = {"errors", "records", "cloud", "frame", "interfaces"}
+BASE = {"errors", "records", "cloud", "frame", "truth", "interfaces"}
 ALLOWED = {
     "errors": set(),
     "records": {"errors"},
     "cloud": {"errors", "records"},
     "frame": {"errors", "records", "cloud"},
+    "truth": {"errors"},
     "interfaces": BASE,
     "messages": BASE,
     "sensors": BASE,
     "filters": BASE,
     "sources": BASE | {"messages", "sensors"},
     "sinks": BASE | {"messages"},
+    "labels": BASE,
     "evaluation": BASE,
     "pipeline": BASE | {"messages"},
     "survey": BASE | {"sensors"},
+    "calibration": BASE | {"filters", "pipeline"},
+    "plots": BASE | {"evaluation", "calibration"},
+    "simulation": BASE | {"sensors"},
     "config": BASE | {"filters", "evaluation"},
     "commands": None,
 }

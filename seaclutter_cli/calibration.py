@@ -1,0 +1,1 @@
+"""Initial thresholds from recordings that hold clutter."""

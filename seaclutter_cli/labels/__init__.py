@@ -1,0 +1,1 @@
+"""Labels: what people or programs say is in a recording."""

@@ -1,0 +1,1 @@
+"""A lidar at sea: labelled recordings of scenes."""
