@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 import yaml
 
@@ -17,6 +17,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.zones import ZoneParams
 from seaclutter_cli.interfaces import Filter
+from seaclutter_cli.validation import as_lists, build, count_of, kind_of, read_yaml
 
 DEFAULT_METHOD = "joint"
 _SECTIONS = ("filter", "evaluation")
@@ -108,7 +109,7 @@ def load_config(path: Path | None = None, *, method: str | None = None, override
         If anything is wrong, with everything that is.
     """
     where = str(path) if path else "command line"
-    raw = _read(find_config(path)) if path else {}
+    raw = read_yaml(find_config(path), _SECTIONS) if path else {}
     config = _validate(raw, where)
     if not method and not overrides:
         return config
@@ -134,35 +135,6 @@ def _parse_override(text: str) -> tuple[str, str, Any]:
         raise ConfigError(f"--set {text}: the value is no YAML") from error
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or 'no UTF-8 text'})") from error
-    try:
-        raw = yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - a SafeLoader
-    except yaml.YAMLError as error:
-        place = getattr(error, "problem_mark", None)
-        line = f", line {place.line + 1}" if place else ""
-        raise ConfigError(f"{path}{line}: no valid YAML ({getattr(error, 'problem', None) or error})") from error
-    if raw is None:
-        return {}
-    if not isinstance(raw, dict):
-        raise ConfigError(f"{path}: must hold the sections {' and '.join(_SECTIONS)}, holds {_kind(raw)}")
-    return raw
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """Refuses a key that occurs twice instead of taking the last."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT002
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for number, key in enumerate(keys):
-            if key in keys[:number]:
-                raise yaml.constructor.ConstructorError(None, None, f"key {key!r} occurs twice", node.start_mark)
-        return super().construct_mapping(node, deep)
-
-
 def _validate(raw: Mapping[str, Any], where: str) -> Config:
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
     sections: dict[str, dict[str, Any]] = {}
@@ -170,16 +142,16 @@ def _validate(raw: Mapping[str, Any], where: str) -> Config:
         value = raw.get(name)
         sections[name] = dict(value) if isinstance(value, dict) else {}
         if value is not None and not isinstance(value, dict):
-            problems.append(f"{name}: must be a section with keys, is {_kind(value)}")
+            problems.append(f"{name}: must be a section with keys, is {kind_of(value)}")
     method = sections["filter"].pop("method", DEFAULT_METHOD)
     if not isinstance(method, str) or method not in FILTERS:
         problems.append(f"filter.method: unknown method {method!r}; allowed: {', '.join(FILTERS)}")
         params = None
     else:
-        params = _build(FILTERS[method].Params, sections["filter"], "filter", f"method {method}", problems)
-    evaluation = _build(EvaluationParams, sections["evaluation"], "evaluation", "evaluation", problems)
+        params = build(FILTERS[method].Params, sections["filter"], "filter", f"method {method}", problems)
+    evaluation = build(EvaluationParams, sections["evaluation"], "evaluation", "evaluation", problems)
     if problems:
-        raise ConfigError("\n  ".join((f"{where}: {_count(len(problems))}", *problems)))
+        raise ConfigError("\n  ".join((f"{where}: {count_of(len(problems))}", *problems)))
     return Config(method, params, evaluation)
 
 
@@ -188,70 +160,12 @@ def _check_method(method: str, where: str) -> None:
         raise ConfigError(f"{where}: unknown method {method!r}; allowed: {', '.join(FILTERS)}")
 
 
-def _build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, problems: list[str]) -> Any:
-    """Make a parameter object, or add to the problems why not."""
-    known = [field.name for field in fields(kind)]
-    allowed = ", ".join(known) or "no keys"
-    problems += [f"{section}.{key}: unknown key; {owner} has: {allowed}" for key in values if key not in known]
-    given = {key: _tuples(values[key]) for key in known if key in values}
-    wrong = _type_problems(kind, given, section)
-    problems += wrong
-    if wrong:
-        return None
-    try:
-        return kind(**given)
-    except ValueError as error:  # the values do not fit together
-        problems.append(f"{section}.{error}")
-        return None
-
-
-def _type_problems(kind: type[Any], values: Mapping[str, Any], section: str) -> list[str]:
-    """Tell which values are of a wrong type or beyond their limits."""
-    from pydantic import ConfigDict, ValidationError, create_model
-
-    hints = get_type_hints(kind, include_extras=True)
-    declared: dict[str, Any] = {field.name: (hints[field.name], field.default) for field in fields(kind)}
-    config = ConfigDict(strict=True, allow_inf_nan=False)
-    try:
-        create_model(kind.__name__, __config__=config, **declared).model_validate(values)
-    except ValidationError as error:
-        return [_explain(problem, section) for problem in error.errors()]
-    return []
-
-
-def _explain(problem: Any, section: str) -> str:
-    place = ".".join((section, *(str(part) for part in problem["loc"])))
-    return f"{place}: {problem['msg'].replace('Input should', 'must')}, is {_shown(problem['input'])}"
-
-
 def _yaml_value(value: Any) -> str:
     return str(yaml.safe_dump(value, default_flow_style=True, width=10**6)).splitlines()[0]
 
 
-def _tuples(value: Any) -> Any:
-    """Return YAML's lists as the tuples that frozen parameters hold."""
-    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
-
-
 def _plain(params: Any) -> dict[str, Any]:
-    return {field.name: _lists(getattr(params, field.name)) for field in fields(params)}
-
-
-def _lists(value: Any) -> Any:
-    return [_lists(item) for item in value] if isinstance(value, tuple) else value
-
-
-def _shown(value: Any) -> str:
-    text = repr(_lists(value))
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _kind(value: Any) -> str:
-    return {list: "a list", dict: "a section", str: "text", bool: "a truth value"}.get(type(value), "a number")
-
-
-def _count(number: int) -> str:
-    return "1 problem" if number == 1 else f"{number} problems"
+    return {field.name: as_lists(getattr(params, field.name)) for field in fields(params)}
 
 
 def _descriptions(params: Any) -> dict[str, str]:

@@ -26,8 +26,9 @@ ALLOWED = {
     "survey": BASE | {"sensors"},
     "calibration": BASE | {"filters", "pipeline"},
     "plots": BASE | {"evaluation", "calibration"},
-    "simulation": BASE | {"sensors"},
-    "config": BASE | {"filters", "evaluation"},
+    "simulation": BASE | {"validation"},
+    "validation": {"errors"},
+    "config": BASE | {"filters", "evaluation", "validation"},
     "commands": None,
 }
 """Parts of the package, and the other parts each may import; None: all."""
