@@ -2,8 +2,14 @@
 
 from collections.abc import Mapping
 
+from seaclutter_cli.filters.dynamic_radius import DynamicRadiusOutlierRemoval
+from seaclutter_cli.filters.dynamic_statistical import (
+    DynamicStatisticalOutlierRemoval,
+    LowIntensityDynamicStatisticalOutlierRemoval,
+)
 from seaclutter_cli.filters.global_intensity import GlobalIntensity
 from seaclutter_cli.filters.joint import Joint, RingIntensity, RingIntensityOutlier
+from seaclutter_cli.filters.low_intensity import LowIntensityOutlierRemoval, Naive
 from seaclutter_cli.filters.nothing import Nothing
 from seaclutter_cli.filters.radius import RadiusOutlierRemoval
 from seaclutter_cli.filters.statistical import StatisticalOutlierRemoval
@@ -16,6 +22,11 @@ FILTERS: Mapping[str, type[Filter]] = {
     "global_intensity": GlobalIntensity,
     "sor": StatisticalOutlierRemoval,
     "ror": RadiusOutlierRemoval,
+    "dror": DynamicRadiusOutlierRemoval,
+    "dsor": DynamicStatisticalOutlierRemoval,
+    "lior": LowIntensityOutlierRemoval,
+    "lidsor": LowIntensityDynamicStatisticalOutlierRemoval,
+    "naive": Naive,
     "none": Nothing,
 }
 """Filter methods by the name they have in a config. A new method is one line here."""

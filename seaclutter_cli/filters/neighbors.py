@@ -54,7 +54,7 @@ def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
     return _over_neighbors(points, neighbors, reduce, reduce_distinct)
 
 
-def nth_neighbor_distance(points: Points, n: int) -> Distances:
+def nth_neighbor_distance(points: Points, n: int, of: NDArray[np.intp] | None = None) -> Distances:
     """Return each point's distance to its n-th nearest other point.
 
     Parameters
@@ -63,10 +63,12 @@ def nth_neighbor_distance(points: Points, n: int) -> Distances:
         Finite coordinates in metres. Equal points are neighbours of each other at distance 0.
     n : int
         Rank of the neighbour; at least 1, at most N - 1.
+    of : ndarray, shape (M,), optional
+        Indices of the points asked for; all N by default. Neighbours come from all N in any case.
 
     Returns
     -------
-    ndarray, shape (N,), float64
+    ndarray, shape (M,), float64
         Distance in metres. At least n others lie within R of a point exactly where it is at most R.
 
     Examples
@@ -82,7 +84,7 @@ def nth_neighbor_distance(points: Points, n: int) -> Distances:
     def reduce_distinct(distance: Distances) -> Distances:
         return np.asarray(distance[:, n])
 
-    return _over_neighbors(points, n, reduce, reduce_distinct)
+    return _over_neighbors(points, n, reduce, reduce_distinct, of)
 
 
 def _over_neighbors(
@@ -90,15 +92,18 @@ def _over_neighbors(
     count: int,
     reduce: Callable[[Distances, NDArray[np.int64]], Distances],
     reduce_distinct: Callable[[Distances], Distances],
+    of: NDArray[np.intp] | None = None,
 ) -> Distances:
     """Search the neighbours of distinct points only, since trees stall on equal ones, block by block."""
     first, inverse, multiplicity = _distinct(points)
-    distinct = points if len(first) == len(points) else points[first]
+    distinct, place = (points, np.arange(len(points))) if len(first) == len(points) else (points[first], inverse)
+    place = place if of is None else place[of]
+    asked = np.flatnonzero(np.bincount(place, minlength=len(distinct)))
     search, k = _searcher(distinct), min(count + 1, len(distinct))
     out = np.empty(len(distinct))
     size = max(1, _BLOCK_DISTANCES // k)
-    for start in range(0, len(distinct), size):
-        block = slice(start, start + size)
+    for start in range(0, len(asked), size):
+        block = asked[start : start + size]
         index, distance = search(distinct[block], k)
         if distinct is points:
             out[block] = reduce_distinct(distance)
@@ -106,7 +111,7 @@ def _over_neighbors(
             others = multiplicity[index]
             others[:, 0] -= 1  # the nearest of distinct points is the point itself
             out[block] = reduce(distance, others)
-    return out if distinct is points else out[inverse]
+    return out[place]
 
 
 def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:

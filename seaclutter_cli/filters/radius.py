@@ -11,22 +11,29 @@ from seaclutter_cli.filters.base import SpatialFilter
 from seaclutter_cli.filters.neighbors import nth_neighbor_distance
 
 
-def lonely(points: NDArray[np.float64], radius_m: float, min_neighbors: int) -> NDArray[np.bool_]:
+def lonely(
+    points: NDArray[np.float64],
+    radius_m: float | NDArray[np.float64],
+    min_neighbors: int,
+    of: NDArray[np.intp] | None = None,
+) -> NDArray[np.bool_]:
     """Tell which points have too few others near them.
 
     Parameters
     ----------
     points : ndarray, shape (N, 3), float64
         Finite coordinates in metres.
-    radius_m : float
-        Distance up to which, included, another point counts.
+    radius_m : float or ndarray, shape (M,), float64
+        Distance up to which, included, another point counts; one for all or one for each point asked for.
     min_neighbors : int
         Other points that are needed; at least 1.
+    of : ndarray, shape (M,), optional
+        Indices of the points asked for; all N by default. The others are neighbours all the same.
 
     Returns
     -------
-    ndarray, shape (N,), bool
-        True where there are fewer.
+    ndarray, shape (M,), bool
+        True where there are fewer; everywhere if there are not so many others at all.
 
     Examples
     --------
@@ -34,9 +41,9 @@ def lonely(points: NDArray[np.float64], radius_m: float, min_neighbors: int) -> 
     array([False, False,  True])
     """
     if len(points) <= min_neighbors:
-        return np.ones(len(points), np.bool_)
+        return np.ones(len(points) if of is None else len(of), np.bool_)
     # The n-th nearest lies within the radius exactly where at least n do, and costs much less to find.
-    return np.asarray(nth_neighbor_distance(np.ascontiguousarray(points), min_neighbors) > radius_m)
+    return np.asarray(nth_neighbor_distance(np.ascontiguousarray(points), min_neighbors, of) > radius_m)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,36 @@ ROUNDING = 1e-9
 """Relative difference below which two distances are the same: equal spacings must not become outliers by rounding."""
 
 
+def distances_and_limit(
+    points: NDArray[np.float64], neighbors: int, std_ratio: float
+) -> tuple[NDArray[np.float64], float]:
+    r"""Return each point's mean distance to its neighbours, and the limit :math:`\mathrm{mean}(d) + m\,\sigma(d)`.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, 3), float64
+        Finite coordinates in metres; at least two.
+    neighbors : int
+        Nearest other points over which :math:`d_i` is the mean distance; N - 1 if there are fewer.
+    std_ratio : float
+        Number m of sample standard deviations.
+
+    Returns
+    -------
+    distance : ndarray, shape (N,), float64
+        Mean distance :math:`d_i` in metres.
+    limit : float
+        Limit in metres.
+
+    Examples
+    --------
+    >>> distances_and_limit(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), 2, 0.0)
+    (array([2. , 1.5, 2.5]), 2.0)
+    """
+    distance = mean_neighbor_distance(np.ascontiguousarray(points), min(neighbors, len(points) - 1))
+    return distance, float(distance.mean() + std_ratio * distance.std(ddof=1))
+
+
 def outliers(points: NDArray[np.float64], neighbors: int, std_ratio: float) -> NDArray[np.bool_]:
     r"""Tell which points are far from their neighbours (S0, Eq. 6 and 7).
 
@@ -40,8 +70,7 @@ def outliers(points: NDArray[np.float64], neighbors: int, std_ratio: float) -> N
     """
     if len(points) < 2:
         return np.zeros(len(points), np.bool_)
-    distance = mean_neighbor_distance(np.ascontiguousarray(points), min(neighbors, len(points) - 1))
-    limit = distance.mean() + std_ratio * distance.std(ddof=1)
+    distance, limit = distances_and_limit(points, neighbors, std_ratio)
     return np.asarray(distance > limit * (1 + ROUNDING))
 
 

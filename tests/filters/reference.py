@@ -115,16 +115,24 @@ def distances_to_others(points: list[Point]) -> Iterator[list[float]]:
             yield np.sort(np.delete(distances, index)).tolist()
 
 
+def mean_distances(points: list[Point], neighbors: int) -> list[float]:
+    """Return the mean distance of each of at least two points to its nearest others."""
+    nearest = [distances[:neighbors] for distances in distances_to_others(points)]
+    return [math.fsum(distances) / len(distances) for distances in nearest]
+
+
+def mean_and_deviation(values: list[float]) -> tuple[float, float]:
+    """Return the mean and the sample standard deviation."""
+    mean = math.fsum(values) / len(values)
+    return mean, math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
+
+
 def outliers_of(points: list[Point], neighbors: int, std_ratio: float) -> list[int]:
     """Return the indices of points whose mean distance to their nearest others exceeds the limit (Eq. 6, 7)."""
     if len(points) < 2:
         return []
-    means = []
-    for distances in distances_to_others(points):
-        nearest = distances[:neighbors]
-        means.append(math.fsum(nearest) / len(nearest))
-    mean = math.fsum(means) / len(means)
-    deviation = math.sqrt(math.fsum((value - mean) ** 2 for value in means) / (len(means) - 1))
+    means = mean_distances(points, neighbors)
+    mean, deviation = mean_and_deviation(means)
     limit = (mean + std_ratio * deviation) * TIE
     return [index for index, value in enumerate(means) if value > limit]
 
@@ -235,6 +243,8 @@ class GlobalIntensity:
 class WholeFrame:
     """A method without state that looks at all valid points together."""
 
+    reason = Reason.OUTLIER
+
     def __init__(self, params: Any) -> None:
         self.params = params
 
@@ -251,7 +261,7 @@ class WholeFrame:
         for i in valid:
             reasons[i] = int(Reason.KEPT)
         for index in self.removed([points[i] for i in valid]):
-            reasons[valid[index]] = int(Reason.OUTLIER)
+            reasons[valid[index]] = int(self.reason)
         return Answer(reasons)
 
     def removed(self, points: list[Point]) -> list[int]:
@@ -277,6 +287,67 @@ class RadiusOutliers(WholeFrame):
         return found
 
 
+class DynamicRadiusOutliers(WholeFrame):
+    """Points with too few, themselves included, within a distance that grows with horizontal range."""
+
+    def removed(self, points: list[Point]) -> list[int]:
+        params, found = self.params, []
+        for index, distances in enumerate(distances_to_others(points)):
+            beside = math.hypot(points[index].x, points[index].y) * math.sin(math.radians(params.angle_deg))
+            radius = max(params.min_radius_m, params.radius_multiplier * 2 * beside) * TIE
+            within = [0.0, *(distance for distance in distances if distance <= radius)]
+            if len(within) < params.min_points:
+                found.append(index)
+        return found
+
+
+class DynamicStatisticalOutliers(WholeFrame):
+    """Points whose mean distance to their nearest others reaches a limit that grows with range."""
+
+    def removed(self, points: list[Point]) -> list[int]:
+        return [index for index, mean, limit in self.limits(points) if mean >= limit / TIE]
+
+    def limits(self, points: list[Point]) -> list[tuple[int, float, float]]:
+        """Return each point's number, mean distance and limit."""
+        if len(points) < 2:
+            return []
+        means = mean_distances(points, self.params.neighbors)
+        mean, deviation = mean_and_deviation(means)
+        factor = (mean + self.params.std_ratio * deviation) * self.params.range_multiplier_per_m
+        return [(index, means[index], factor * point.range_m) for index, point in enumerate(points)]
+
+
+class WeakDynamicStatisticalOutliers(DynamicStatisticalOutliers):
+    """Weak, near points whose mean distance exceeds such a limit, which is that of all points."""
+
+    def removed(self, points: list[Point]) -> list[int]:
+        beyond = [index for index, mean, limit in self.limits(points) if mean > limit * TIE]
+        return [index for index in beyond if self.weak_and_near(points[index])]
+
+    def weak_and_near(self, point: Point) -> bool:
+        return point.intensity < self.params.intensity_threshold and point.range_m < self.params.max_range_m
+
+
+class WeakRadiusOutliers(RadiusOutliers):
+    """Radius outliers that are weak and near, both bounds included."""
+
+    def removed(self, points: list[Point]) -> list[int]:
+        return [index for index in super().removed(points) if self.weak_and_near(points[index])]
+
+    def weak_and_near(self, point: Point) -> bool:
+        return point.intensity <= self.params.intensity_threshold and point.range_m <= self.params.max_range_m
+
+
+class WeakAndNear(WholeFrame):
+    """Weak, near points, whatever lies around them."""
+
+    reason = Reason.LOW_INTENSITY
+
+    def removed(self, points: list[Point]) -> list[int]:
+        threshold, end = self.params.intensity_threshold, self.params.max_range_m
+        return [i for i, point in enumerate(points) if point.intensity < threshold and point.range_m < end]
+
+
 class Nothing(WholeFrame):
     """Keeps everything, invalid points too."""
 
@@ -291,5 +362,10 @@ REFERENCES: dict[str, Callable[[Any], Any]] = {
     "global_intensity": GlobalIntensity,
     "sor": StatisticalOutliers,
     "ror": RadiusOutliers,
+    "dror": DynamicRadiusOutliers,
+    "dsor": DynamicStatisticalOutliers,
+    "lior": WeakRadiusOutliers,
+    "lidsor": WeakDynamicStatisticalOutliers,
+    "naive": WeakAndNear,
     "none": Nothing,
 }

@@ -40,6 +40,19 @@ PARAMS = {
     ],
     "sor": [{}, {"neighbors": 4, "std_ratio": 0.5}, {"neighbors": 1, "std_ratio": 0.0}],
     "ror": [{}, {"radius_m": 2.0, "min_neighbors": 12}, {"radius_m": 0.125, "min_neighbors": 1}],
+    "dror": [{}, {"angle_deg": 1.5, "min_points": 6}, {"radius_multiplier": 0.5, "min_radius_m": 1.5, "min_points": 2}],
+    "dsor": [
+        {},
+        {"neighbors": 9, "std_ratio": 1.0, "range_multiplier_per_m": 0.02},
+        {"neighbors": 1, "std_ratio": 0.0},
+    ],
+    "lior": [{}, {"intensity_threshold": 16.0, "max_range_m": 40.0, "radius_m": 1.5, "min_neighbors": 1}],
+    "lidsor": [
+        {},
+        {"neighbors": 3, "std_ratio": 0.0, "intensity_threshold": 30.0, "max_range_m": 50.0},
+        {"range_multiplier_per_m": 0.01, "intensity_threshold": 7.0, "max_range_m": 200.0},
+    ],
+    "naive": [{}, {"intensity_threshold": 7.0, "max_range_m": 25.0}],
 }
 CASES = [(name, params) for name in FILTERS for params in PARAMS.get(name, [{}])]
 
@@ -96,7 +109,7 @@ def test_types_of_the_fields(name, intensities, scale):
 
 
 @pytest.mark.parametrize(
-    "name", [name for name in FILTERS if name not in {"none", "ring_intensity", "global_intensity"}]
+    "name", [name for name in FILTERS if name not in {"none", "ring_intensity", "global_intensity", "naive"}]
 )
 def test_slower_search_for_neighbors(name, monkeypatch):
     """What runs where there is no wheel of the faster one."""
@@ -154,6 +167,19 @@ def test_snow_in_a_sector(name):
         xyz = np.column_stack([x, y, z])[sector]
         frames.append(make_frame(xyz, intensity[sector], index=len(frames), coordinates="f4", intensities="f4"))
     assert_same(name, {"initial_thresholds": (2, 2, 2, 2)} if name in RING_METHODS else {}, frames)
+
+
+@pytest.mark.parametrize("name", ["dror", "dsor", "lior", "lidsor", "naive"])
+def test_real_snow_goes_and_most_of_the_scene_stays(name):
+    """The labels (110: falling snow) tell that a rule is the right way round, not how good it is."""
+    folder = shared("wads-36")
+    path = min((folder / "velodyne").glob("*.bin"))
+    x, y, z, intensity = np.fromfile(path, "<f4").reshape(-1, 4).T
+    snow = (np.fromfile(folder / "labels" / f"{path.stem}.label", "<u4") & 0xFFFF) == 110
+    frame = make_frame(np.column_stack([x, y, z]), intensity, coordinates="f4", intensities="f4")
+    keep = FILTERS[name](FILTERS[name].Params()).step(frame).keep
+    assert keep[snow].mean() < 0.6
+    assert keep[~snow & frame.valid].mean() > 0.8
 
 
 @pytest.mark.parametrize("name", FILTERS)

@@ -13,36 +13,12 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters import neighbors as neighbor_search
 from seaclutter_cli.frame import Reason
 from tests.filters.frames import make_frame, on_axis
-from tests.filters.reference import REFERENCES, outliers_of, points_of
-
-KEPT, INVALID, NEAR, LOW, OUTLIER, FAR, EXCLUDED = range(7)
+from tests.filters.reference import outliers_of, points_of
+from tests.filters.steps import EXCLUDED, FAR, INVALID, KEPT, LOW, NEAR, OUTLIER, below, reasons
 
 RING_METHODS = ["ring_intensity", "ring_intensity_outlier", "joint"]
 INTENSITY_METHODS = [*RING_METHODS, "global_intensity"]
 NEIGHBOR_METHODS = ["ring_intensity_outlier", "joint", "sor", "ror"]
-
-
-@pytest.fixture(params=["program", "reference"])
-def make(request):
-    """Return a function that makes a filter, of the program or of the reference, from a name and params."""
-
-    def made(name, **params):
-        method = FILTERS[name]
-        params = method.Params(**params)
-        return method(params) if request.param == "program" else REFERENCES[name](params)
-
-    return made
-
-
-def reasons(method, *frames):
-    """Return the reasons in the last of the frames."""
-    for frame in frames:
-        result = method.step(frame)
-    return [int(reason) for reason in result.reason]
-
-
-def below(number):
-    return math.nextafter(number, -math.inf)
 
 
 def lone(*distances):

@@ -171,9 +171,12 @@ def moved(frame, xyz_of):
 
 @pytest.mark.parametrize("factor", [0.25, 8.0])
 def test_unit_of_length_does_not_matter(name, factor):
-    """Config keys that end in ``_m`` are lengths; a factor that is a power of two leaves all digits as they are."""
+    """Config keys that end in ``_m`` are lengths, in ``_per_m`` the reverse.
+
+    A factor that is a power of two leaves all digits as they are.
+    """
     params = {
-        field.name: factor * getattr(FILTERS[name].Params(), field.name)
+        field.name: getattr(FILTERS[name].Params(), field.name) * (1 / factor if "_per_m" in field.name else factor)
         for field in dataclasses.fields(FILTERS[name].Params)
         if field.name.endswith("_m")
     }
@@ -185,6 +188,8 @@ def test_unit_of_length_does_not_matter(name, factor):
 def test_unit_of_intensity_does_not_matter(name, factor):
     fields = {field.name for field in dataclasses.fields(FILTERS[name].Params)}
     params = {}
+    if "intensity_threshold" in fields:
+        params["intensity_threshold"] = factor * FILTERS[name].Params().intensity_threshold
     if "initial_thresholds" in fields:
         params["initial_thresholds"] = tuple(factor * value for value in FILTERS[name].Params().initial_thresholds)
     scaled = sea()
