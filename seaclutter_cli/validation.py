@@ -1,7 +1,7 @@
 """Settings in YAML files, checked against the dataclasses that declare them; used for configurations and scenes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -74,7 +74,9 @@ def _type_problems(kind: type[Any], values: Mapping[str, Any], section: str) -> 
     from pydantic import ConfigDict, ValidationError, create_model
 
     hints = get_type_hints(kind, include_extras=True)
-    declared: dict[str, Any] = {field.name: (hints[field.name], field.default) for field in fields(kind)}
+    declared: dict[str, Any] = {
+        field.name: (hints[field.name], ... if field.default is MISSING else field.default) for field in fields(kind)
+    }
     config = ConfigDict(strict=True, allow_inf_nan=False)
     try:
         create_model(kind.__name__, __config__=config, **declared).model_validate(values)

@@ -19,6 +19,7 @@ from seaclutter_cli.errors import SeaclutterError
 COMMANDS: Mapping[str, str] = {
     "info": "Show what a log holds and what a filter run would need to be told.",
     "filter": "Filter logs into drop-in MCAP files.",
+    "simulate": "Make a labelled lidar recording of a scene at sea.",
     "config": "Show and check configurations; list what is built in.",
 }
 """Commands and their short help. A new one is a line here and a file of the same name."""

@@ -1,6 +1,7 @@
 """``seaclutter config``: show and check configurations, list what is built in."""
 
 import json
+import textwrap
 from pathlib import Path
 
 import click
@@ -50,24 +51,29 @@ def check(files: tuple[Path, ...]) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @debug_option
 def sensors(as_json: bool) -> None:
-    """List what is built in: sensors, methods, formats and configurations."""
+    """List what is built in: sensors, methods, formats, configurations, scenes and lidars to simulate."""
     from seaclutter_cli.config import builtin_configs
     from seaclutter_cli.filters import FILTERS
     from seaclutter_cli.sensors import SENSORS
+    from seaclutter_cli.simulation.lidar import LIDARS
+    from seaclutter_cli.simulation.scene import builtin_scenes
     from seaclutter_cli.sources import SOURCES
     from seaclutter_cli.sources.frame_files import FRAME_READERS
 
     methods = {name: (kind.__doc__ or "").splitlines()[0] for name, kind in FILTERS.items()}
-    formats = [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS]
-    configs = [path.name for path in builtin_configs()]
+    lists = {
+        "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
+        "configs": [path.name for path in builtin_configs()],
+        "scenes": list(builtin_scenes()),
+        "lidars": list(LIDARS),
+    }
     if as_json:
         listed = {name: {"maker": s.maker, "beams": s.beams, "columns": s.columns} for name, s in SENSORS.items()}
-        click.echo(
-            json.dumps({"sensors": listed, "methods": methods, "formats": formats, "configs": configs}, indent=2)
-        )
+        click.echo(json.dumps({"sensors": listed, "methods": methods, **lists}, indent=2))
         return
     rows = [(name, s.maker, s.beams, s.columns, s.intensity) for name, s in SENSORS.items()]
     click.echo(table(("sensor", "maker", "beams", "columns", "intensity"), rows))
     click.echo("\n" + table(("method", ""), [(f"{name:<24}{said}", "") for name, said in methods.items()]))
-    click.echo(f"\nformats   {', '.join(formats)}")
-    click.echo(f"configs   {', '.join(configs)}")
+    click.echo()
+    for name, values in lists.items():
+        click.echo(textwrap.fill(f"{name:<9} {', '.join(values)}", 79, subsequent_indent=" " * 10))

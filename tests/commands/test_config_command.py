@@ -43,4 +43,6 @@ def test_sensors_lists_what_is_built_in():
     assert set(listed["sensors"]) == set(SENSORS)
     assert set(listed["methods"]) == set(FILTERS)
     assert "snow.yaml" in listed["configs"]
+    assert {"departure", "harbour"} <= set(listed["scenes"])
+    assert "RS-LiDAR-32" in listed["lidars"]
     assert all(len(line) <= 100 for line in text.splitlines())

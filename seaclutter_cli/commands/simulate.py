@@ -1,0 +1,92 @@
+"""``seaclutter simulate``: labelled recordings of a lidar at sea."""
+
+import json
+from collections import Counter
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from seaclutter_cli.commands.console import Progress, count, table
+from seaclutter_cli.commands.options import output_options
+from seaclutter_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from seaclutter_cli.simulation.render import Turn
+    from seaclutter_cli.simulation.scene import Scene
+
+
+@click.command(name="simulate", short_help="Make a labelled lidar recording of a scene at sea.")
+@click.argument("scene")
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), metavar="LOG.mcap", help="The recording."
+)
+@click.option("--force", is_flag=True, help="Replace existing output.")
+@click.option("-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Turns, whatever the scene says.")
+@click.option("--seed", type=click.IntRange(min=0), metavar="N", help="Seed, whatever the scene says.")
+@click.option("--lidar", metavar="NAME", help="Lidar, whatever the scene says.")
+@output_options
+def command(scene: str, output: Path, **options: Any) -> None:
+    """Make a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in one.
+
+    Writes LOG.mcap, whose clouds have a field ``label`` (0 clutter, 65535 own vessel or ignored, else the target), and
+    LOG.labels.csv with a box for each target and frame. ``seaclutter config sensors`` lists scenes and lidars.
+    """
+    from seaclutter_cli.commands.outputs import refuse_overwriting
+    from seaclutter_cli.simulation.recording import record
+    from seaclutter_cli.simulation.scene import load_scene
+
+    chosen = load_scene(scene).with_recording(**{name: options[name] for name in ("frames", "seed", "lidar")})
+    if output.suffix != ".mcap":
+        raise UsageError(f"{output}: recordings are MCAP files, so the name must end in .mcap")
+    labels = output.with_suffix(".labels.csv")
+    refuse_overwriting([output, labels], [], force=options["force"])
+    tally = _Tally()
+    started = perf_counter()
+    with Progress(chosen.recording.frames, output.stem, quiet=options["quiet"]) as progress:
+
+        def on_turn(turn: "Turn") -> None:
+            tally.add(turn)
+            progress.step()
+
+        record(chosen, output, labels, on_turn)
+    seconds = perf_counter() - started
+    if options["as_json"]:
+        click.echo(json.dumps(tally.as_dict(chosen, output, labels), indent=2))
+    else:
+        click.echo(tally.as_text(chosen, output, labels, seconds))
+
+
+class _Tally:
+    """Points of the recording by what they belong to."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.points: Counter[int] = Counter()
+
+    def add(self, turn: "Turn") -> None:
+        import numpy as np
+
+        self.frames += 1
+        labels, counts = np.unique(turn.points["label"], return_counts=True)
+        self.points.update(dict(zip(labels.tolist(), counts.tolist(), strict=True)))
+
+    def _rows(self, scene: "Scene") -> list[tuple[str, int]]:
+        from seaclutter_cli.truth import CLUTTER, IGNORED
+
+        targets = [(f"{item.track_id} {item.class_name or item.shape}", item) for item in scene.objects]
+        rows = [("clutter", self.points[CLUTTER])]
+        rows += [(name, self.points[item.track_id]) for name, item in targets if not item.ignore]
+        return [*rows, ("own vessel or ignored", self.points[IGNORED])]
+
+    def as_dict(self, scene: "Scene", log: Path, labels: Path) -> dict[str, Any]:
+        rows = [{"what": name, "points": points} for name, points in self._rows(scene)]
+        return {"output": str(log), "labels": str(labels), "frames": self.frames, "points": rows}
+
+    def as_text(self, scene: "Scene", log: Path, labels: Path, seconds: float) -> str:
+        rows = [(name, f"{points / self.frames:,.0f}") for name, points in self._rows(scene)]
+        shown = table(("what", "points a frame"), rows)
+        indented = "\n".join("  " + line for line in shown.splitlines())
+        pace = f"{count(self.frames)} in {seconds:.1f} s ({self.frames / seconds:.0f} frames/s)"
+        return f"{log}, {labels}\n{indented}\n{pace}"

@@ -1,0 +1,65 @@
+"""Which surface each shot of a turn meets, and how well that reflects."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class Shots:
+    """The shots of one turn in the world's frame, N = C · K of them, column by column.
+
+    Parameters
+    ----------
+    origins, directions : ndarray, shape (N, 3), float64
+        Where they come from in metres, and unit vectors of where they go.
+    azimuths : ndarray, shape (N,), float64
+        Direction in the world's frame, counter-clockwise from x, in radians.
+    """
+
+    origins: Floats
+    directions: Floats
+    azimuths: Floats
+
+    def __len__(self) -> int:
+        return len(self.azimuths)
+
+    def towards(self, azimuth: float, half: float) -> NDArray[np.int64]:
+        """Return the shots within an angle of an azimuth, in radians."""
+        off = np.abs((self.azimuths - azimuth + np.pi) % (2 * np.pi) - np.pi)
+        return np.flatnonzero(off <= half)
+
+
+@dataclass
+class Echoes:
+    r"""The nearest surface that each shot has met so far, N of them.
+
+    Parameters
+    ----------
+    range_m : ndarray, shape (N,), float64
+        Distance in metres; infinite where nothing was met.
+    reflectance : ndarray, shape (N,), float64
+        Reflectivity times the cosine of incidence, :math:`\rho \cos\theta` in Eq. 2 of S0.
+    label : ndarray, shape (N,), uint16
+        What it belongs to, as in `Truth.points`.
+    """
+
+    range_m: Floats
+    reflectance: Floats
+    label: NDArray[np.uint16]
+
+    @classmethod
+    def none(cls, count: int) -> "Echoes":
+        """Return echoes of shots that have met nothing."""
+        return cls(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.uint16))
+
+    def add(self, shots: NDArray[np.int64], range_m: Floats, reflectance: Floats, label: int) -> None:
+        """Take what some shots meet, where it is nearer than what they met before."""
+        nearer = range_m < self.range_m[shots]
+        chosen = shots[nearer]
+        self.range_m[chosen] = range_m[nearer]
+        self.reflectance[chosen] = reflectance[nearer]
+        self.label[chosen] = label

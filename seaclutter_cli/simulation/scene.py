@@ -1,0 +1,231 @@
+"""Scenes: what a simulated recording shows."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from annotated_types import Ge, Gt, Interval, Len
+
+from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.simulation.lidar import LIDARS
+from seaclutter_cli.simulation.motion import Track
+from seaclutter_cli.simulation.sea import SeaParams
+from seaclutter_cli.simulation.shapes import SHAPES
+from seaclutter_cli.validation import as_lists, build, count_of, kind_of, read_yaml
+
+_SECTIONS = ("recording", "sea", "vessel", "objects")
+Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingParams:
+    """The recording as such.
+
+    Parameters
+    ----------
+    about : str
+        What the scene shows.
+    lidar : str
+        A lidar by name.
+    frames : int
+        Turns of the lidar.
+    seed : int
+        What all chance comes from.
+    dropout : float
+        Share of echoes that get lost.
+    """
+
+    about: str = ""
+    lidar: str = "RS-LiDAR-32"
+    frames: Annotated[int, Interval(ge=1, le=10**6)] = 100
+    seed: Annotated[int, Ge(0)] = 1
+    dropout: Annotated[float, Interval(ge=0, le=1)] = 0.01
+
+    def __post_init__(self) -> None:
+        """Check the lidar's name."""
+        if self.lidar not in LIDARS:
+            raise ValueError(f"lidar: unknown lidar {self.lidar!r}; allowed: {', '.join(LIDARS)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingParams:
+    """Where something is.
+
+    Parameters
+    ----------
+    path : tuple of (float, float)
+        Places in metres in the world's frame (x east, y north), one or more.
+    speed_ms : float
+        Speed along the path.
+    heading_deg : float
+        Heading where it lies still, counter-clockwise from the world's x.
+    start_s : float
+        When the path begins.
+    """
+
+    path: Path2 = ((0.0, 0.0),)
+    speed_ms: Annotated[float, Ge(0)] = 0.0
+    heading_deg: float = 0.0
+    start_s: float = 0.0
+
+    @property
+    def track(self) -> Track:
+        """The path in time."""
+        return Track(self.path, self.speed_ms, self.heading_deg, self.start_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VesselParams(MovingParams):
+    """Own vessel, and the lidar on it.
+
+    Parameters
+    ----------
+    length_m, width_m : float
+        Of the hull.
+    lidar_height_m : float
+        Height of the lidar above the waterline.
+    lidar_forward_m : float
+        How far ahead of the vessel's middle the lidar stands.
+    sway : float
+        How much of the waves' height and slope the vessel follows, 0 to 1.
+    """
+
+    length_m: Annotated[float, Gt(0)] = 7.0
+    width_m: Annotated[float, Gt(0)] = 2.5
+    lidar_height_m: Annotated[float, Gt(0)] = 2.5
+    lidar_forward_m: float = 2.5
+    sway: Annotated[float, Interval(ge=0, le=1)] = 0.6
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectParams(MovingParams):
+    """Something in the water.
+
+    Parameters
+    ----------
+    track_id : int
+        Its number in the labels; 1 to 65534.
+    class_name : str
+        Its class in the labels; by default its shape.
+    shape : str
+        A shape by name.
+    size_m : tuple of float
+        Length, width and height above the waterline.
+    reflectivity : float
+        Of its brightest parts, met head on.
+    sway : float
+        How much of the waves' height it follows, 0 to 1.
+    ignore : bool
+        Whether it is an area to ignore (land, a pier) instead of a target.
+    """
+
+    track_id: Annotated[int, Interval(ge=1, le=65534)]
+    class_name: str = ""
+    shape: str
+    size_m: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3)]
+    reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.5
+    sway: Annotated[float, Interval(ge=0, le=1)] = 1.0
+    ignore: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the shape's name."""
+        if self.shape not in SHAPES:
+            raise ValueError(f"shape: unknown shape {self.shape!r}; allowed: {', '.join(SHAPES)}")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All of a scene.
+
+    Parameters
+    ----------
+    recording : RecordingParams
+        Lidar, length, seed.
+    sea : SeaParams
+        The water.
+    vessel : VesselParams
+        Own vessel.
+    objects : tuple of ObjectParams
+        What else is there.
+    """
+
+    recording: RecordingParams
+    sea: SeaParams
+    vessel: VesselParams
+    objects: tuple[ObjectParams, ...]
+
+    def with_recording(self, **changes: Any) -> "Scene":
+        """Return the scene with other frames, seed or lidar; None leaves a value as it is; `ConfigError`."""
+        given = {name: value for name, value in changes.items() if value is not None}
+        try:
+            return replace(self, recording=replace(self.recording, **given))
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the scene as it stands in a file, with all defaults."""
+        sections = {name: _plain(getattr(self, name)) for name in ("recording", "sea", "vessel")}
+        return {**sections, "objects": [_plain(item) for item in self.objects]}
+
+
+def _plain(params: Any) -> dict[str, Any]:
+    return {field.name: as_lists(getattr(params, field.name)) for field in fields(params)}
+
+
+def builtin_scenes() -> Mapping[str, Path]:
+    """Return the scenes that come with the program by name."""
+    package = Path(__file__).parents[1]
+    folders = (package / "configs" / "scenes", package.parent / "configs" / "scenes")  # installed; in a checkout
+    folder = next((folder for folder in folders if folder.is_dir()), package)
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+def load_scene(name: str) -> Scene:
+    """Return a scene from a file, or a built-in one by its name.
+
+    Raises
+    ------
+    ConfigError
+        If anything is wrong, with everything that is.
+    """
+    path = Path(name)
+    if not path.exists():
+        builtin = builtin_scenes()
+        if name not in builtin:
+            raise ConfigError(f"{name}: there is no such scene file; built in are {', '.join(builtin)}")
+        path = builtin[name]
+    return parse_scene(read_yaml(path, _SECTIONS), str(path))
+
+
+def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
+    """Return the scene that a mapping describes; ``where`` names it in errors."""
+    problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
+    kinds = {"recording": RecordingParams, "sea": SeaParams, "vessel": VesselParams}
+    parts: dict[str, Any] = {}
+    for section, kind in kinds.items():
+        values = raw.get(section) or {}
+        if not isinstance(values, dict):
+            problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
+            values = {}
+        parts[section] = build(kind, values, section, section, problems)
+    objects = _objects(raw.get("objects") or [], problems)
+    if problems:
+        raise ConfigError("\n  ".join((f"{where}: {count_of(len(problems))}", *problems)))
+    return Scene(**parts, objects=tuple(objects))
+
+
+def _objects(raw: Any, problems: list[str]) -> list[ObjectParams]:
+    if not isinstance(raw, list):
+        problems.append(f"objects: must be a list, is {kind_of(raw)}")
+        return []
+    found: list[ObjectParams] = []
+    for number, values in enumerate(raw):
+        section = f"objects.{number}"
+        if isinstance(values, dict):
+            found.append(build(ObjectParams, values, section, "an object", problems))
+        else:
+            problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
+    ids = [item.track_id for item in found if item]
+    problems += [f"objects: track_id {one} occurs twice" for one in sorted({i for i in ids if ids.count(i) > 1})]
+    return found

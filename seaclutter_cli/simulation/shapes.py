@@ -1,0 +1,119 @@
+"""Shapes of what floats or stands in the water, as triangles."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Triangles = NDArray[np.float64]
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles in the body's frame (x forward, y left, z up, 0 at the waterline), T of them.
+
+    Parameters
+    ----------
+    triangles : ndarray, shape (T, 3, 3), float64
+        Corners in metres.
+    shades : ndarray, shape (T,), float64
+        Reflectivity of each, as a factor of the object's own.
+    """
+
+    triangles: Triangles
+    shades: NDArray[np.float64]
+
+    def scaled(self, length_m: float, width_m: float, height_m: float) -> "Mesh":
+        """Return the mesh, built in a box of unit length, width and height, in its true size."""
+        return Mesh(self.triangles * np.array([length_m, width_m, height_m]), self.shades)
+
+
+def _prism(outline: Sequence[Point], bottom: float, top: float, *, taper: float = 1.0) -> Triangles:
+    """Return an upright prism; its top is its bottom, shrunk towards the outline's middle."""
+    low = np.array([(x, y, bottom) for x, y in outline])
+    middle = low.mean(axis=0)
+    high = middle + (low - middle) * taper
+    high[:, 2] = top
+    after = np.arange(1, len(low) + 1) % len(low)
+    sides = np.concatenate((np.stack((low, low[after], high), 1), np.stack((low[after], high[after], high), 1)))
+    fan = np.stack((np.broadcast_to(high.mean(axis=0), high.shape), high, high[after]), 1)
+    return np.concatenate((sides, fan))
+
+
+def _circle(radius: float, corners: int = 12) -> list[Point]:
+    angles = 2 * np.pi * np.arange(corners) / corners
+    return [(radius * float(np.cos(angle)), radius * float(np.sin(angle))) for angle in angles]
+
+
+def _box(x: Point, y: Point) -> list[Point]:
+    return [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
+
+
+def _hull(start: float = 0.15) -> list[Point]:
+    """Return the outline of a hull of unit length and width, its bow at x = 0.5."""
+    return [(-0.5, -0.42), (start, -0.5), (0.38, -0.3), (0.5, 0.0), (0.38, 0.3), (start, 0.5), (-0.5, 0.42)]
+
+
+def _mesh(*parts: tuple[Triangles, float]) -> Mesh:
+    shades = [np.full(len(triangles), shade) for triangles, shade in parts]
+    return Mesh(np.concatenate([triangles for triangles, _ in parts]), np.concatenate(shades))
+
+
+def _buoy() -> Mesh:
+    return _mesh((_prism(_circle(0.5), -0.2, 0.35), 1.0), (_prism(_circle(0.3), 0.35, 1.0, taper=0.2), 1.0))
+
+
+def _speedboat() -> Mesh:
+    windscreen = _prism(_box((-0.05, 0.12), (-0.36, 0.36)), 0.6, 1.0, taper=0.8)
+    crew = _prism(_box((-0.2, -0.12), (-0.2, 0.2)), 0.55, 1.0, taper=0.7)
+    engine = _prism(_box((-0.5, -0.44), (-0.15, 0.15)), 0.3, 0.85)
+    return _mesh((_prism(_hull(), -0.15, 0.6), 1.0), (windscreen, 0.25), (crew, 0.6), (engine, 0.2))
+
+
+def _sailing_boat() -> Mesh:
+    # A sail is a thin sheet at an angle to the hull.
+    mast, boom, foot = 0.08, -0.42, 0.15
+    main = np.array([[(mast, 0.0, foot), (boom, 0.35, foot), (mast, 0.0, 1.0)]])
+    fore = np.array([[(0.46, 0.0, 0.12), (mast + 0.02, 0.2, 0.15), (mast, 0.0, 0.85)]])
+    spar = _prism([(mast + x, y) for x, y in _circle(0.008, 6)], 0.1, 1.0)
+    return _mesh((_prism(_hull(), -0.03, 0.11), 1.0), (main, 0.8), (fore, 0.8), (spar, 0.5))
+
+
+def _cruise_ship() -> Mesh:
+    decks = [
+        (_prism(_box((-0.44, 0.3 - 0.05 * level), (-0.46, 0.46)), 0.3 + 0.14 * level, 0.44 + 0.14 * level), shade)
+        for level, shade in enumerate((1.0, 0.55, 1.0, 0.55))
+    ]
+    funnel = _prism(_box((-0.3, -0.2), (-0.15, 0.15)), 0.86, 1.0)
+    return _mesh((_prism(_hull(0.3), -0.08, 0.3), 1.0), *decks, (funnel, 0.8))
+
+
+def _kayak() -> Mesh:
+    paddler = _prism(_box((-0.1, 0.05), (-0.4, 0.4)), 0.25, 0.85, taper=0.8)
+    head = _prism([(x - 0.02, y) for x, y in _box((-0.03, 0.03), (-0.15, 0.15))], 0.85, 1.0)
+    outline = [(-0.5, 0.0), (-0.1, -0.5), (0.1, -0.5), (0.5, 0.0), (0.1, 0.5), (-0.1, 0.5)]
+    return _mesh((_prism(outline, -0.1, 0.25), 1.0), (paddler, 0.6), (head, 0.5))
+
+
+def _wall() -> Mesh:
+    return _mesh((_prism(_box((-0.5, 0.5), (-0.5, 0.5)), -0.5, 1.0), 1.0))
+
+
+def _deck() -> Mesh:
+    """Own vessel: a hull with a low house behind the lidar's mast."""
+    house = _prism(_box((-0.3, 0.0), (-0.3, 0.3)), 0.5, 1.0)
+    return _mesh((_prism(_hull(), -0.2, 0.5), 1.0), (house, 1.0))
+
+
+SHAPES: Mapping[str, Callable[[], Mesh]] = {
+    "buoy": _buoy,
+    "speedboat": _speedboat,
+    "sailing_boat": _sailing_boat,
+    "cruise_ship": _cruise_ship,
+    "kayak": _kayak,
+    "quay_wall": _wall,
+    "own_vessel": _deck,
+}
+"""Makers of meshes in a box of unit length, width and height above the waterline; a new shape is a line here."""
