@@ -16,6 +16,14 @@ _RADII_M = np.geomspace(1.5, 130.0, 220)
 _ROWS = 1800
 _ROW_GAP = 16.0
 _STEEPEST = 7.0
+_DIVERGENCE = 0.003
+_PULSE_M = 0.75
+
+
+def _stretch(range_m: Floats, sine: Floats) -> Floats:
+    """Return by how much an echo's peak is lower because the water lit by the beam is deeper than the pulse."""
+    depth = _DIVERGENCE * range_m / np.maximum(sine, 1e-6)
+    return np.minimum(1.0, _PULSE_M / depth)
 
 
 class Water:
@@ -44,7 +52,9 @@ class Water:
     facets, droplets and bubbles in the beam that happen to face it. As in radar, the mean falls with the grazing angle
     (constant-gamma model: :math:`\rho \cos\theta` with :math:`\theta` the incidence on the local slope of the wave),
     and the spread about the mean is a compound one: exponential speckle, its mean modulated by gamma-distributed
-    texture (K distribution). Foam is diffuse, with an effective reflectivity of 0.22 [2]_ on facets of any direction.
+    texture (K distribution). Where the beam, 3 mrad wide, lights water over a depth greater than the pulse is long, the
+    echo is spread in time and its peak is lower. Foam is diffuse, with an effective reflectivity of
+    0.22 [2]_ on facets of any direction.
 
     References
     ----------
@@ -68,6 +78,7 @@ class Water:
         slope_x, slope_y = self._surface.slope(x, y)
         facing = (rays[:, 0] * slope_x + rays[:, 1] * slope_y - rays[:, 2]) / np.sqrt(slope_x**2 + slope_y**2 + 1)
         reflectance = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * self._speckle(len(met), rng)
+        reflectance *= _stretch(distance, -rays[:, 2])
         foamy = self._foam(x, y) > patches(x, y, self._seed)
         foam = self._params.foam_reflectivity * rng.random(len(met)) * rng.standard_exponential(len(met))
         echoes.add(met, distance, np.where(foamy, foam, reflectance), CLUTTER)
