@@ -1,0 +1,74 @@
+"""Labels inside the clouds: a field ``label``, as the simulator writes it."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import LabelError, printable
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.labels.options import LabelOptions
+from seaclutter_cli.truth import Truth
+
+FIELD = "label"
+
+_MAGIC = (b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3\0")
+_SUFFIXES = (".mcap", ".bag", ".bag.active", ".db3", ".mcap.zstd", ".db3.zstd")
+
+
+def matches(path: Path) -> bool:
+    """Tell whether a path is a log, MCAP, ROS 1 bag or rosbag2, whose clouds would have to hold the labels."""
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file() or any(_is_log(file) for file in path.iterdir())
+    with path.open("rb") as file:
+        return file.read(16).startswith(_MAGIC) or _is_log(path)
+
+
+def _is_log(path: Path) -> bool:
+    return path.name.lower().endswith(_SUFFIXES)
+
+
+def open_in_cloud(path: Path, options: LabelOptions) -> "CloudLabels":
+    """Return labels that come with the frames; the log itself is not opened a second time."""
+    del path, options
+    return CloudLabels()
+
+
+def point_labels(frame: Frame) -> NDArray[np.int64] | None:
+    """Return the ``label`` of each point, shape (N,).
+
+    None if there is no such field, or one that is not one whole number from 0 a point. Its type may be a float: text
+    files and NumPy arrays hold nothing else.
+    """
+    points = frame.cloud.points
+    if FIELD not in (points.dtype.names or ()) or points.dtype[FIELD].shape:
+        return None
+    values = points[FIELD]
+    with np.errstate(invalid="ignore"):
+        labels: NDArray[np.int64] = values.astype(np.int64)
+        whole = bool((labels == values).all() and (labels >= 0).all())
+    return labels if whole else None
+
+
+class CloudLabels:
+    """Labels inside the clouds: 0 is clutter, 65535 ignored or own vessel, all else the number of a track."""
+
+    def truth(self, frame: Frame) -> Truth:
+        """Return the truth of the frame's points.
+
+        Raises
+        ------
+        LabelError
+            If the cloud holds no labels.
+        """
+        points = point_labels(frame)
+        if points is None:
+            names = printable(", ".join(frame.cloud.dtype.names or ())) or "nothing"
+            raise LabelError(
+                f"frame {frame.index} of {printable(frame.topic)} has no field {FIELD!r} of one whole number a point "
+                f"(0 clutter, 65535 ignored, else the target's track); its fields are {names}"
+            )
+        return Truth(None, points=points)
+
+    def finish(self) -> None:
+        """Do nothing: labels are never left over where frames bring them."""

@@ -1,0 +1,117 @@
+"""JSON files of labelled boxes."""
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from seaclutter_cli.errors import LabelError
+from seaclutter_cli.labels.boxes import Labelled, checked, truth_of
+from seaclutter_cli.labels.files import files_in, label_folder
+from seaclutter_cli.truth import Truth
+
+_HEAD_BYTES = 1024
+_BOM = b"\xef\xbb\xbf"
+
+Point = tuple[float, float, float]
+
+
+def json_folder(path: Path, name: str, mark: bytes, key: bytes) -> Path | None:
+    """Return the folder of label files that a path means: the one of this name in it, or itself; None if neither.
+
+    One of its JSON files has to start with ``mark`` and to hold ``key`` near its start. A folder of the right name will
+    do without, as all of its files may be empty or broken, unless one starts like the other kind of JSON.
+    """
+    folder = label_folder(path, name, ".json")
+    if folder is None:
+        return None
+    files = files_in(folder, (".json",))
+    other = b"[" if mark == b"{" else b"{"
+    telling = any(head.startswith(mark) and key in head for head in map(_head, files))
+    named = folder.resolve().name == name
+    return folder if telling or (named and not any(head.startswith(other) for head in map(_head, files))) else None
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_HEAD_BYTES).removeprefix(_BOM).lstrip()
+
+
+def read_json(path: Path) -> Any:
+    """Return what a JSON file holds; None if it is empty.
+
+    Raises
+    ------
+    LabelError
+        If it is no JSON.
+    """
+    content = path.read_bytes()
+    if not content.removeprefix(_BOM).strip():
+        return None
+    try:
+        return json.loads(content)
+    except json.JSONDecodeError as error:
+        raise LabelError(f"no valid JSON: {error.msg} in line {error.lineno}") from error
+    except (ValueError, RecursionError) as error:
+        raise LabelError("no valid JSON") from error
+
+
+def truth_from(items: Iterable[Any], parse: Callable[[Any], Labelled]) -> Truth:
+    """Return the truth of a frame from the JSON of its objects.
+
+    Raises
+    ------
+    LabelError
+        If one cannot be understood; names its number.
+    """
+    objects = []
+    for number, item in enumerate(items):
+        try:
+            objects.append(checked(parse(item)))
+        except LabelError as error:
+            raise LabelError(f"object {number}: {error}") from error
+    return truth_of(objects)
+
+
+def part(item: Any, key: str) -> Any:
+    """Return what stands under a key.
+
+    Raises
+    ------
+    LabelError
+        If there is no such key, or nothing that could have one.
+    """
+    if not isinstance(item, Mapping) or key not in item:
+        raise LabelError(f"no {key!r} in it")
+    return item[key]
+
+
+def number(item: Any, key: str) -> float:
+    """Return the finite number that stands under a key.
+
+    Raises
+    ------
+    LabelError
+        If there is none.
+    """
+    value = part(item, key)
+    try:
+        result = math.nan if isinstance(value, str | bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        result = math.nan
+    if not math.isfinite(result):
+        raise LabelError(f"{key!r} is no number")
+    return result
+
+
+def numbers(item: Any, keys: tuple[str, str, str]) -> Point:
+    """Return three numbers by their keys."""
+    first, second, third = (number(item, key) for key in keys)
+    return first, second, third
+
+
+def text(item: Any, key: str) -> str:
+    """Return the text or whole number under a key as text; empty if there is none."""
+    value = item.get(key) if isinstance(item, Mapping) else None
+    return str(value) if isinstance(value, str | int) and not isinstance(value, bool) else ""

@@ -1,0 +1,29 @@
+"""What the user can say about labels."""
+
+from dataclasses import dataclass
+
+from seaclutter_cli.frame import Frame
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelOptions:
+    """How labels are read.
+
+    Parameters
+    ----------
+    clutter_ids : tuple of int
+        Classes of per-point labels that are clutter; stronger than ``ignore_ids``.
+    ignore_ids : tuple of int
+        Classes of per-point labels that are neither clutter nor targets.
+    by_sequence : bool
+        Whether a frame's number is the ``sequence`` of its message, not its ``index``: so for folders of frames, where
+        a damaged file is left out of the stream but keeps its number.
+    """
+
+    clutter_ids: tuple[int, ...] = (110,)
+    ignore_ids: tuple[int, ...] = (0, 99)
+    by_sequence: bool = False
+
+    def number(self, frame: Frame) -> int:
+        """Return the number, from 0, by which labels know a frame."""
+        return frame.message.sequence if self.by_sequence else frame.index
