@@ -88,7 +88,7 @@ def _message(turn: Turn, period_ns: int) -> tuple[int, bytes]:
 
 
 def _rows(turn: Turn) -> str:
-    """Return the lines of a turn's labels; one of class ``none`` where there is no target."""
+    """Return the lines of a turn's labels."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     boxes = turn.boxes
@@ -97,6 +97,4 @@ def _rows(turn: Turn) -> str:
     ):
         numbers = (f"{value:.3f}" for value in (*center, *size))
         writer.writerow((turn.index, track, kind, *numbers, f"{yaw:.4f}"))
-    if not len(boxes):
-        writer.writerow((turn.index, "", "none", *[""] * 7))
     return text.getvalue()

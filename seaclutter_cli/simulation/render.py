@@ -47,15 +47,12 @@ class Turn:
     points : ndarray, shape (N,), `POINT`
         Echoes in the order of firing, in the frame of the lidar; times in seconds from the start of the recording.
     boxes : Boxes
-        Targets within the lidar's range.
-    ignored : tuple of bool
-        Which of the boxes are areas to ignore.
+        Own vessel and what else is within the lidar's range; of class ``ignore`` where it is no target.
     """
 
     index: int
     points: NDArray[np.void]
     boxes: Boxes
-    ignored: tuple[bool, ...]
 
 
 class Renderer:
@@ -104,8 +101,7 @@ class Renderer:
         water.meet(shots, echoes, rng)
         self._meet_bodies(shots, echoes, surface, start_s)
         self._meet_spray(shots, echoes, middle_s, rng)
-        boxes, ignored = self._boxes(surface, start_s)
-        return Turn(index, self._receive(echoes, times_s, rng), boxes, ignored)
+        return Turn(index, self._receive(echoes, times_s, rng), self._boxes(surface, start_s))
 
     def _ride(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Return place and attitude of the lidar at some times, shapes (T, 3) and (T, 3, 3)."""
@@ -146,14 +142,18 @@ class Renderer:
         roll = small * np.arctan(slope_y * np.cos(yaw) - slope_x * np.sin(yaw))
         return Pose.of(np.array([x[0], y[0], small * sea_m]), yaw=yaw, pitch=pitch, roll=roll), lidar, sea_m
 
+    def _own_pose(self, start_s: float) -> tuple[Pose, Pose, float]:
+        """Return the pose of own hull, that of the lidar, and a height below both."""
+        lidar = self._lidar_pose(start_s)
+        mast = np.array([self.scene.vessel.lidar_forward_m, 0.0, self.scene.vessel.lidar_height_m])
+        return Pose(lidar.place - lidar.turn @ mast, lidar.turn), lidar, -np.inf
+
     def _lidar_pose(self, time_s: float) -> Pose:
         places, turns = self._ride(np.array([time_s]))
         return Pose(places[0], turns[0])
 
     def _meet_bodies(self, shots: Shots, echoes: Echoes, surface: Surface, start_s: float) -> None:
-        own = self._lidar_pose(start_s)
-        mast = np.array([self.scene.vessel.lidar_forward_m, 0.0, self.scene.vessel.lidar_height_m])
-        hull = Pose(own.place - own.turn @ mast, own.turn)
+        hull, _, _ = self._own_pose(start_s)
         meet_body(shots, echoes, self._own, hull, reflectivity=_DARK_REFLECTIVITY, label=IGNORED)
         for item, mesh in zip(self.scene.objects, self._meshes, strict=True):
             pose, _, _ = self._pose(item, surface, start_s)
@@ -201,18 +201,13 @@ class Renderer:
         points["label"] = echoes.label[chosen]
         return points
 
-    def _boxes(self, surface: Surface, start_s: float) -> tuple[Boxes, tuple[bool, ...]]:
-        """Return the boxes of what is within range."""
-        rows: list[tuple[ObjectParams, Floats, Floats, float]] = []
+    def _boxes(self, surface: Surface, start_s: float) -> Boxes:
+        """Return the boxes of what is within range, own vessel among them as an area to ignore."""
+        rows = [(IGNORED, "ignore", *box_of(self._own, *self._own_pose(start_s)))]
         for item, mesh in zip(self.scene.objects, self._meshes, strict=True):
             center, size, yaw = box_of(mesh, *self._pose(item, surface, start_s))
             if np.hypot(center[0], center[1]) - np.hypot(size[0], size[1]) / 2 <= self.lidar.max_range_m:
-                rows.append((item, center, size, yaw))
-        boxes = Boxes(
-            tuple(str(item.track_id) for item, *_ in rows),
-            tuple("ignore" if item.ignore else item.class_name or item.shape for item, *_ in rows),
-            np.array([center for _, center, _, _ in rows]).reshape(-1, 3),
-            np.array([size for _, _, size, _ in rows]).reshape(-1, 3),
-            np.array([yaw for *_, yaw in rows]),
-        )
-        return boxes, tuple(item.ignore for item, *_ in rows)
+                kind = "ignore" if item.ignore else item.class_name or item.shape
+                rows.append((item.track_id, kind, center, size, yaw))
+        tracks, kinds, centers, sizes, yaws = zip(*rows, strict=True)
+        return Boxes(tuple(str(track) for track in tracks), kinds, np.array(centers), np.array(sizes), np.array(yaws))

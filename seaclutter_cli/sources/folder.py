@@ -16,7 +16,7 @@ from seaclutter_cli.sources.frame_files.csv import names_points
 from seaclutter_cli.sources.frame_files.stamps import from_names, from_times_beside
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
-_LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "")
+_LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "")
 _MAX_MESSAGE_BYTES = 2**32 - 2**16
 
 
