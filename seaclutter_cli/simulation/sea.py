@@ -46,8 +46,8 @@ class SeaParams:
     peak_enhancement: Annotated[float, Interval(ge=1, le=10)] = 3.3
     direction_deg: float = 0.0
     spreading: Annotated[int, Interval(ge=1, le=50)] = 4
-    reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.022
-    spikiness: Annotated[float, Gt(0)] = 0.03
+    reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.002
+    spikiness: Annotated[float, Gt(0)] = 0.2
     foam_reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.22
     foam_life_s: Annotated[float, Gt(0)] = 8.0
     visibility_km: Annotated[float, Gt(0)] = 10.0

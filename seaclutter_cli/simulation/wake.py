@@ -15,9 +15,11 @@ KELVIN = np.arcsin(1 / 3)
 
 _LONGEST_S = 60.0
 _FOAM_SPEED_MS = 8.0
+_FOAM_COVER = 0.15
 _PATCH_M = 0.4
 _SPRAY_SPEED_MS = 4.0
 _LEAST_WAVE_M = 0.05
+_DROPLETS_S_M2 = 0.0005
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,10 @@ class Wake:
       height falls with :math:`x^{-1/3}`, and their length along the arm is :math:`\tfrac23 \cdot 2 \pi U^2 / g`.
     * Both stay where they are after the vessel has gone.
 
+    How much foam there is, and how much spray, is not in the literature in terms that a lidar sees; the two constants
+    were set so that of the clutter in `buoy_speedboat` a few percent are brighter than the thresholds of S0, as in its
+    Table 3.
+
     References
     ----------
     .. [1] Milgram, Skop, Peltzer, Griffin (1993). "Modeling short sea wave energy distributions in the far wakes of
@@ -60,7 +66,7 @@ class Wake:
         cover = np.zeros(len(x))
         for leg in self.track.legs:
             inside, behind, aside, age = self._behind(leg, x, y, time_s)
-            fresh = min(1.0, (leg.speed_ms / _FOAM_SPEED_MS) ** 2) * 0.6
+            fresh = min(1.0, (leg.speed_ms / _FOAM_SPEED_MS) ** 2) * _FOAM_COVER
             half = self.width_m / 2 * np.maximum(1.0, behind / self.length_m) ** 0.2
             churned = np.exp(-((aside / half) ** 4)) * np.exp(-age / self.foam_life_s)
             arm = np.exp(-(((aside - self._arm(behind)) / (0.4 + 0.05 * behind)) ** 2))
@@ -122,7 +128,7 @@ class Wake:
             return None
         back = -self.length_m / 2 - 0.4 * speed
         corners = np.array([[back, -self.width_m, 0.0], [self.length_m / 2, self.width_m, 0.08 * speed + 0.2]])
-        return corners, np.array([x[0], y[0], heading[0]]), 0.002 * speed
+        return corners, np.array([x[0], y[0], heading[0]]), _DROPLETS_S_M2 * speed
 
 
 def patches(x: Floats, y: Floats, seed: int) -> Floats:

@@ -52,9 +52,10 @@ class Water:
     facets, droplets and bubbles in the beam that happen to face it. As in radar, the mean falls with the grazing angle
     (constant-gamma model: :math:`\rho \cos\theta` with :math:`\theta` the incidence on the local slope of the wave),
     and the spread about the mean is a compound one: exponential speckle, its mean modulated by gamma-distributed
-    texture (K distribution). Where the beam, 3 mrad wide, lights water over a depth greater than the pulse is long, the
-    echo is spread in time and its peak is lower. Foam is diffuse, with an effective reflectivity of
-    0.22 [2]_ on facets of any direction.
+    texture (K distribution). Foam is diffuse, with an effective reflectivity of 0.22 [2]_ on facets of any direction.
+    Where the beam, 3 mrad wide, lights water over a depth greater than the pulse is long, the echo of either is spread
+    in time and its peak is lower. The mean and the texture of water were set from S0: as many points of clutter as in
+    Table 3, the bulk of them in rings about the vessel and weak (section 2.2).
 
     References
     ----------
@@ -78,10 +79,9 @@ class Water:
         slope_x, slope_y = self._surface.slope(x, y)
         facing = (rays[:, 0] * slope_x + rays[:, 1] * slope_y - rays[:, 2]) / np.sqrt(slope_x**2 + slope_y**2 + 1)
         reflectance = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * self._speckle(len(met), rng)
-        reflectance *= _stretch(distance, -rays[:, 2])
         foamy = self._foam(x, y) > patches(x, y, self._seed)
         foam = self._params.foam_reflectivity * rng.random(len(met)) * rng.standard_exponential(len(met))
-        echoes.add(met, distance, np.where(foamy, foam, reflectance), CLUTTER)
+        echoes.add(met, distance, np.where(foamy, foam, reflectance) * _stretch(distance, -rays[:, 2]), CLUTTER)
 
     def _speckle(self, count: int, rng: np.random.Generator) -> Floats:
         """Return K-distributed factors of mean 1, shape (N,)."""

@@ -33,7 +33,7 @@ def test_the_wake_is_behind_the_bow_and_within_kelvins_angle():
     grid_x, grid_y = (part.ravel() for part in np.meshgrid(np.arange(-60.0, 120, 0.5), np.arange(-60.0, 60.25, 0.5)))
     foam = wake().foam(grid_x, grid_y, 10.0)
     bow = 80 + 4
-    strong = foam > 0.02
+    strong = foam > 0.005
     assert strong.any()
     assert grid_x[strong].max() <= bow
     angles = np.arctan2(np.abs(grid_y[strong]) - 1.25 - 1.5, bow - grid_x[strong])
@@ -44,11 +44,12 @@ def test_the_wake_is_behind_the_bow_and_within_kelvins_angle():
 
 def test_foam_outlives_the_ship_and_fades():
     place = np.array([40.0]), np.array([0.0])
+    peak = wake().foam(np.array([79.0]), np.zeros(1), 10.0)[0]
     times = (5.0, 7.0, 12.0, 20.0, 30.0)
     cover = [wake().foam(*place, time)[0] for time in times]
-    assert cover[1] > 0.3
+    assert cover[1] > 0.5 * peak
     assert cover[1:] == sorted(cover[1:], reverse=True)
-    assert 0 < cover[-1] < 0.1
+    assert 0 < cover[-1] < 0.1 * peak
     assert wake().foam(*place, 4.0)[0] == 0
 
 
@@ -56,7 +57,7 @@ def test_a_faster_ship_leaves_more():
     place = np.array([0.0]), np.array([0.0])
     covers = [wake(speed).foam(place[0] + speed * 4 - 8, place[1], 4.0)[0] for speed in (1.0, 3.0, 6.0)]
     assert covers == sorted(covers)
-    assert covers[0] < 0.02
+    assert covers[0] < 0.05 * covers[2]
     assert wake(2.0).spray(4.0) is None
     assert wake(9.0).spray(4.0) is not None
 
@@ -73,8 +74,8 @@ def test_a_wake_turns_with_the_path_and_stays_on_it():
     path = ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0))
     left = wake(path=path)
     cover = left.foam(np.array([20.0, 40.0, 60.0]), np.array([0.0, 12.0, 0.0]), 8.0)
-    assert cover[0] > 0.1
-    assert cover[1] > 0.1
+    assert cover[0] > 0.01
+    assert cover[1] > 0.01
     assert cover[2] < 1e-6
 
 
