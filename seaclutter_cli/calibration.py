@@ -1,1 +1,306 @@
-"""Initial thresholds from recordings that hold clutter."""
+"""Initial thresholds and the far limit, from recordings that hold clutter (S0, section 4.1).
+
+One pass and constant memory: a histogram for each ring, and the ends of the clutter in bins of half a metre.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from decimal import ROUND_CEILING, Context
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.filters.base import BaseFilter
+from seaclutter_cli.filters.histogram import IntensityHistogram
+from seaclutter_cli.filters.joint import RingIntensityParams
+from seaclutter_cli.filters.zones import MAX_RINGS, ZoneParams, Zones
+from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.interfaces import Labels
+from seaclutter_cli.truth import CLUTTER, Truth
+
+FILTER_RATE = 0.8
+GAP_M = 1.0
+MAX_RANGE_M = 10_000.0
+_BIN_M = 0.5
+_FEW_POINTS = 100
+_FEW_ABOVE = 20
+
+
+class FarLimit:
+    """Finds the first range past which all consecutive sorted ranges differ by more than 1 m.
+
+    So the paper has it: past 61.65 m, all differences of the points that follow are greater than 1 m. Gaps before, as
+    between the circles that the beams of a lidar draw on a calm sea, do not count.
+
+    Only count, least and greatest range in each bin of half a metre are kept. That is exact: two points in a bin differ
+    by less than a metre, so only the bin's ends can have a gap beside them. Ranges from 10 km on are left out.
+    """
+
+    def __init__(self) -> None:
+        bins = math.ceil(MAX_RANGE_M / _BIN_M)
+        self._counts = np.zeros(bins, np.int64)
+        self._least, self._most = np.full(bins, np.inf), np.full(bins, -np.inf)
+
+    def add(self, range_m: NDArray[np.float64]) -> None:
+        """Take ranges, shape (N,), in metres."""
+        near = range_m[range_m < MAX_RANGE_M]
+        place = (near / _BIN_M).astype(np.intp)
+        np.add.at(self._counts, place, 1)
+        np.minimum.at(self._least, place, near)
+        np.maximum.at(self._most, place, near)
+
+    @property
+    def last_m(self) -> float | None:
+        """The range that is sought; None without ranges."""
+        occupied = np.flatnonzero(self._counts)
+        if not len(occupied):
+            return None
+        least, most = self._least[occupied], self._most[occupied]
+        joined = np.append(False, least[1:] - most[:-1] <= GAP_M)
+        # Last range in each bin that has another one at most a metre before it.
+        close = np.where(self._counts[occupied] > 1, most, np.where(joined, least, least[0]))
+        return float(close.max())
+
+
+@dataclass(frozen=True)
+class RingCalibration:
+    """What was found in one ring.
+
+    Parameters
+    ----------
+    start_m, end_m : float
+        Its ranges, the end not included.
+    points : int
+        Clutter points in it.
+    threshold : float
+        Initial threshold, :math:`I_0`.
+    below : int
+        Clutter points whose intensity is below the threshold.
+    few : bool
+        Whether the points are too few to rely on.
+    taken_from : int or None
+        Number, from 1, of the ring that lent its threshold, for want of points here.
+    """
+
+    start_m: float
+    end_m: float
+    points: int
+    threshold: float
+    below: int
+    few: bool = False
+    taken_from: int | None = None
+
+    @property
+    def filter_rate(self) -> float | None:
+        """Share of the clutter points that are below the threshold."""
+        return self.below / self.points if self.points else None
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What a calibration comes to.
+
+    Parameters
+    ----------
+    rings : tuple of RingCalibration
+        All rings, from ``start_m`` to the far limit.
+    end_m : float
+        Far limit, :math:`d_e`.
+    last_m : float or None
+        First range past which all consecutive clutter ranges differ by more than 1 m; None without clutter points.
+    beyond : int
+        Clutter points at ``end_m`` or farther.
+    """
+
+    rings: tuple[RingCalibration, ...]
+    end_m: float
+    last_m: float | None
+    beyond: int
+
+    @property
+    def initial_thresholds(self) -> tuple[float, ...]:
+        """One threshold a ring; whole numbers as such."""
+        values = (ring.threshold for ring in self.rings)
+        return tuple(int(value) if value.is_integer() and abs(value) < 2**53 else value for value in values)
+
+
+class Calibration:
+    """Collects clutter points and derives thresholds from them.
+
+    Rings come into being as points appear in them, 250 at most and not beyond 10 km. Each takes 1 MB
+    or less for whole-number intensities, 5 MB at most for others.
+
+    Parameters
+    ----------
+    params : RingIntensityParams
+        ``start_m``, ``ring_width_m`` and, if it is kept, ``end_m``.
+    filter_rate : float, optional
+        Share of the clutter points of each ring that are to be below its threshold.
+    keep_end : bool, optional
+        Take ``end_m`` as it is instead of deriving it.
+    """
+
+    def __init__(
+        self, params: RingIntensityParams, *, filter_rate: float = FILTER_RATE, keep_end: bool = False
+    ) -> None:
+        self.params, self.filter_rate, self.keep_end = params, filter_rate, keep_end
+        count = max(1, min(MAX_RINGS, math.ceil((MAX_RANGE_M - params.start_m) / params.ring_width_m)))
+        whole_rings = np.asarray(params.start_m + np.arange(count + 1) * params.ring_width_m, np.float64)
+        self._edges: NDArray[np.float64] = params.edges if keep_end else whole_rings
+        self._limit = FarLimit()
+        self._rings: dict[int, IntensityHistogram] = {}
+        self.points = 0
+        self.intensity = [math.inf, -math.inf]
+        """Extent of the intensities of all clutter points."""
+
+    def add(self, range_m: NDArray[np.float64], intensity: NDArray[np.float64]) -> None:
+        """Take clutter points from ``start_m`` on: ranges in metres and intensities, both of shape (N,)."""
+        self.points += len(range_m)
+        least, most = self.intensity
+        self.intensity = [float(intensity.min(initial=least)), float(intensity.max(initial=most))]
+        self._limit.add(range_m)
+        ring = np.searchsorted(self._edges, range_m, side="right") - 1
+        for number in np.unique(ring[ring < len(self._edges) - 1]).tolist():
+            self._rings.setdefault(number, IntensityHistogram()).add(intensity[ring == number])
+
+    def thresholds(self) -> Thresholds:
+        """Return what comes of the points so far.
+
+        Raises
+        ------
+        InputError
+            If there are none, or if they reach farther than rings of this width can.
+        """
+        last_m = self._limit.last_m
+        edges = self._edges if self.keep_end else self._up_to(last_m)
+        count = len(edges) - 1
+        if not any(number < count for number in self._rings):
+            span = f"between {edges[0]:g} and {edges[-1]:g} m" if self.keep_end else f"from {edges[0]:g} m on"
+            raise InputError(f"no clutter point {span}: there is nothing to derive thresholds from")
+        rings = tuple(self._ring(number, edges) for number in range(count))
+        return Thresholds(rings, float(edges[-1]), last_m, self.points - sum(ring.points for ring in rings))
+
+    def _up_to(self, last_m: float | None) -> NDArray[np.float64]:
+        """Return the edges of as many whole rings as reach a range, one at least."""
+        start_m, width_m = self.params.start_m, self.params.ring_width_m
+        count = max(1, math.ceil((last_m - start_m) / width_m - 1e-9)) if last_m is not None else 1
+        if count >= len(self._edges):
+            raise InputError(
+                f"clutter reaches to {last_m:.2f} m, and {len(self._edges) - 1} rings of {width_m:g} m only to "
+                f"{self._edges[-1]:g} m: choose a greater ring_width_m, or fix end_m"
+            )
+        return np.append(self._edges[:count], round(float(self._edges[count]), 9))
+
+    def _ring(self, number: int, edges: NDArray[np.float64]) -> RingCalibration:
+        # An empty ring gets the threshold of the nearest one inside; if there is none, of the nearest outside.
+        filled = sorted(ring for ring in self._rings if ring < len(edges) - 1)
+        lender = max((ring for ring in filled if ring <= number), default=filled[0])
+        histogram = self._rings[lender]
+        threshold = self._threshold(histogram)
+        span = float(edges[number]), float(edges[number + 1])
+        if lender != number:
+            return RingCalibration(*span, 0, threshold, 0, few=True, taken_from=lender + 1)
+        values, counts = histogram.distribution()
+        points, below = int(counts.sum()), int(counts[values < threshold].sum())
+        return RingCalibration(*span, points, threshold, below, few=points < few_points(self.filter_rate))
+
+    def _threshold(self, histogram: IntensityHistogram) -> float:
+        whole = all(ring.all_whole for ring in self._rings.values())
+        threshold = histogram.threshold(self.filter_rate, whole=whole)
+        values, _ = histogram.distribution()
+        return threshold if whole else _shortened(threshold, float(values[values >= threshold].min(initial=math.inf)))
+
+
+def few_points(filter_rate: float) -> int:
+    r"""Return how many points a ring needs to be relied on.
+
+    The share that a threshold filters in other recordings scatters by :math:`\sqrt{p (1 - p) / n}`: with 100 points,
+    by 4 % at p = 0.8. And where less than 20 points are above it, or below, a few bright points of one wave decide.
+
+    Examples
+    --------
+    >>> few_points(0.8), few_points(0.95)
+    (100, 400)
+    """
+    rare = min(filter_rate, 1 - filter_rate)
+    return max(_FEW_POINTS, math.ceil(_FEW_ABOVE / rare - 1e-9)) if rare > 0 else _FEW_POINTS
+
+
+def _shortened(threshold: float, limit: float) -> float:
+    """Return the shortest decimal from a threshold to a limit, both included: it parts the same points.
+
+    Examples
+    --------
+    >>> _shortened(0.11764706671237946, 0.12156862)
+    0.118
+    """
+    for digits in range(3, 18):
+        short = float(Context(prec=digits, rounding=ROUND_CEILING).create_decimal(threshold))
+        if threshold <= short <= limit:
+            return short
+    return threshold
+
+
+class ClutterReader(BaseFilter):
+    """Shows the clutter points of one recording to a calibration; takes the place of a filter in the pipeline.
+
+    Clutter is every valid point from ``start_m`` on that lies in no excluded box and, where there are labels, in no box
+    of a target or an ignored area, grown by a margin, and bears no label of one.
+
+    Parameters
+    ----------
+    params : RingIntensityParams
+        ``start_m`` and ``exclude_boxes``.
+    take : callable
+        Is shown ranges in metres and intensities of each frame's clutter, both of shape (N,).
+    labels : Labels or None
+        Truth of the recording; frames without are left out.
+    margin_m : float
+        Growth of the boxes on every side.
+    """
+
+    Params: ClassVar[type[ZoneParams]] = ZoneParams
+
+    def __init__(
+        self,
+        params: RingIntensityParams,
+        take: Callable[[NDArray[np.float64], NDArray[np.float64]], object],
+        labels: Labels | None = None,
+        margin_m: float = 0.0,
+    ) -> None:
+        self._zones = Zones(params)
+        self._take, self._labels, self._margin_m = take, labels, margin_m
+        self.frames = self.unlabelled = self.marked = 0
+        """Frames used; frames left out for want of labels; points left out because of them."""
+
+    def step(self, frame: Frame) -> FilterResult:
+        """Take the clutter of a frame; every point is kept."""
+        intensity, range_m = frame.intensity, frame.range_m
+        result = FilterResult(frame, np.zeros(frame.size, np.uint8))
+        truth = self._labels.truth(frame) if self._labels else None
+        if self._labels and truth is None:
+            self.unlabelled += 1
+            return result
+        self.frames += 1
+        zone, _ = self._zones.divide(frame)
+        clutter = np.flatnonzero((zone >= 1) & (zone <= self._zones.count + 1))  # the rings and beyond
+        if truth is not None:
+            marked = _marked(truth, frame.xyz, clutter, self._margin_m)
+            self.marked += int(np.count_nonzero(marked))
+            clutter = clutter[~marked]
+        self._take(range_m[clutter], intensity[clutter])
+        return result
+
+
+def _marked(truth: Truth, xyz: NDArray[np.float64], chosen: NDArray[np.intp], margin_m: float) -> NDArray[np.bool_]:
+    """Tell which of the chosen points belong to a target or an ignored area."""
+    places = xyz[:, chosen]
+    marked = truth.ignored.contains(places, margin_m).any(axis=0)
+    if truth.targets is not None:
+        marked |= truth.targets.contains(places, margin_m).any(axis=0)
+    if truth.points is not None:
+        marked |= truth.points[chosen] != CLUTTER
+    return np.asarray(marked)

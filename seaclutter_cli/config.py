@@ -15,7 +15,8 @@ import yaml
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.filters.zones import ZoneParams
+from seaclutter_cli.filters.joint import RingIntensityParams
+from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.validation import as_lists, build, count_of, kind_of, read_yaml
 
@@ -91,7 +92,13 @@ def find_config(name: Path) -> Path:
     raise ConfigError(f"{name}: there is no such file; built in are {', '.join(builtin)}")
 
 
-def load_config(path: Path | None = None, *, method: str | None = None, overrides: Sequence[str] = ()) -> Config:
+def load_config(
+    path: Path | None = None,
+    *,
+    method: str | None = None,
+    overrides: Sequence[str] = (),
+    open_thresholds: bool = False,
+) -> Config:
     """Return the effective configuration.
 
     Parameters
@@ -102,15 +109,18 @@ def load_config(path: Path | None = None, *, method: str | None = None, override
         Method from the command line. Of the file's keys, it takes those that it has too.
     overrides : sequence of str
         ``section.key=value`` from the command line; values are YAML.
+    open_thresholds : bool, optional
+        Ring thresholds are still to be found: they are 0, as many as there are rings, whatever else is said.
 
     Raises
     ------
     ConfigError
         If anything is wrong, with everything that is.
     """
+    prepare = _with_open_thresholds if open_thresholds else dict
     where = str(path) if path else "command line"
     raw = read_yaml(find_config(path), _SECTIONS) if path else {}
-    config = _validate(raw, where)
+    config = _validate(prepare(raw), where)
     if not method and not overrides:
         return config
     merged: dict[str, dict[str, Any]] = {name: dict(raw.get(name) or {}) for name in _SECTIONS}
@@ -121,7 +131,21 @@ def load_config(path: Path | None = None, *, method: str | None = None, override
     for override in overrides:
         section, key, value = _parse_override(override)
         merged[section][key] = value
-    return _validate(merged, "command line")
+    return _validate(prepare(merged), "command line")
+
+
+def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings with a threshold of 0 for each ring, where the method has such and there is nothing wrong."""
+    section = raw.get("filter") or {}
+    kind = FILTERS.get(str(section.get("method", DEFAULT_METHOD))) if isinstance(section, dict) else None
+    if kind is None or not issubclass(kind.Params, RingIntensityParams):
+        return dict(raw)
+    limits = [section.get(key, getattr(kind.Params, key)) for key in ("start_m", "end_m", "ring_width_m")]
+    try:
+        rings = len(ring_edges(*limits)) - 1
+    except (ArithmeticError, TypeError, ValueError):
+        return dict(raw)
+    return {**raw, "filter": {**section, "initial_thresholds": [0] * rings}}
 
 
 def _parse_override(text: str) -> tuple[str, str, Any]:

@@ -215,17 +215,18 @@ def run(
     clouds = cloud_channels(source, selection.topics)
     filters = {channel.topic: make_filter() for channel in clouds}
     tallies = {topic: TopicTally() for topic in filters}
-    if any(method.needs_first_pass for method in filters.values()):
-        _observe(source, clouds, selection, filters)
+    _observe(source, clouds, selection, {topic: [method] for topic, method in filters.items()})
     for sink in sinks:
         sink.begin(source, clouds)
     for record in read(source, clouds, selection):
         if isinstance(record, Frame):
             result = _step(filters[record.topic], record, tallies[record.topic], source)
-            if result is not None:
-                for sink in sinks:
-                    sink.write(result)
-                on_frame(result)
+            if isinstance(result, FieldError):
+                _lost(source, record.message, record.index, result)
+                continue
+            for sink in sinks:
+                sink.write(result)
+            on_frame(result)
         else:
             for sink in sinks:
                 sink.copy(record)
@@ -236,23 +237,85 @@ def run(
     return tallies
 
 
+def run_each(
+    source: Source,
+    filters: Sequence[Filter],
+    selection: Selection,
+    on_frame: Callable[[Frame, Sequence[FilterResult | None], Sequence[float]], object],
+) -> None:
+    """Filter one cloud topic by several methods in one pass, each frame decoded once.
+
+    Parameters
+    ----------
+    source : Source
+        The recording.
+    filters : sequence of Filter
+        Without state. Those that need a first pass share one.
+    selection : Selection
+        What is worked on.
+    on_frame : callable
+        Is told of each frame, the result of each filter, None where it cannot use the frame, and the seconds that each
+        took. What all of them compute with (coordinates, ranges) is computed before, and in no one's time. Frames
+        without coordinates are damage.
+
+    Raises
+    ------
+    FieldError
+        If the frames lack a field that one of the methods needs. Where only some do, those are damage.
+    UsageError
+        If there are several cloud topics.
+    """
+    clouds = cloud_channels(source, selection.topics)
+    topics = list(dict.fromkeys(channel.topic for channel in clouds))
+    if len(topics) > 1:
+        choices = " or ".join(f"-t {topic}" for topic in topics)
+        raise UsageError(f"{source.name}: one cloud topic at a time: {choices}")
+    _observe(source, clouds, selection, {topics[0]: filters})
+    tallies = [TopicTally() for _ in filters]
+    for frame in read(source, clouds, selection):
+        if not isinstance(frame, Frame):
+            continue
+        try:
+            _ = frame.valid
+        except FieldError as error:
+            _lost(source, frame.message, frame.index, error)
+            continue
+        with suppress(FieldError):  # not every method needs it
+            _ = frame.intensity
+        before = [tally.filter_s for tally in tallies]
+        results = [_step(method, frame, tally, source) for method, tally in zip(filters, tallies, strict=True)]
+        unusable = next((result for result in results if isinstance(result, FieldError)), None)
+        if unusable is not None:
+            _lost(source, frame.message, frame.index, unusable)
+        seconds = [tally.filter_s - start for tally, start in zip(tallies, before, strict=True)]
+        on_frame(frame, [None if isinstance(result, FieldError) else result for result in results], seconds)
+    for tally in tallies:
+        _require_fields(source, topics[0], tally)
+
+
 def _require_fields(source: Source, topic: str, tally: TopicTally) -> None:
     """Raise `FieldError` if not one frame had the fields that the method needs."""
     if tally.unfit and not tally.frames:
         raise FieldError(f"{source.name}, {topic}: {tally.unfit[0]}") from tally.unfit[0]
 
 
-def _observe(source: Source, clouds: Sequence[Channel], selection: Selection, filters: Mapping[str, Filter]) -> None:
-    """Show all frames to filters that want to see them before they start."""
+def _observe(
+    source: Source, clouds: Sequence[Channel], selection: Selection, filters: Mapping[str, Sequence[Filter]]
+) -> None:
+    """Show all frames to those filters that want to see them before they start."""
+    waiting = {topic: [method for method in methods if method.needs_first_pass] for topic, methods in filters.items()}
+    if not any(waiting.values()):
+        return
     damage = list(source.damage)
     for record in read(source, clouds, selection):
         if isinstance(record, Frame):
-            with suppress(FieldError):  # `step` will say so
-                filters[record.topic].observe(record)
+            for method in waiting[record.topic]:
+                with suppress(FieldError):  # `step` will say so
+                    method.observe(record)
     source.damage[:] = damage  # what comes up while reading will come up again
 
 
-def _step(method: Filter, frame: Frame, tally: TopicTally, source: Source) -> FilterResult | None:
+def _step(method: Filter, frame: Frame, tally: TopicTally, source: Source) -> FilterResult | FieldError:
     started = perf_counter()
     try:
         result = method.step(frame)
@@ -261,7 +324,6 @@ def _step(method: Filter, frame: Frame, tally: TopicTally, source: Source) -> Fi
             tally.unfit.append(error)
         if len(tally.unfit) == _HOPELESS:
             _require_fields(source, frame.topic, tally)
-        _lost(source, frame.message, frame.index, error)
-        return None
+        return error
     tally.add(result, perf_counter() - started)
     return result

@@ -19,6 +19,9 @@ from seaclutter_cli.errors import SeaclutterError
 COMMANDS: Mapping[str, str] = {
     "info": "Show what a log holds and what a filter run would need to be told.",
     "filter": "Filter logs into drop-in MCAP files.",
+    "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
+    "evaluate": "Count false and omitted alarms against labels; compare methods.",
+    "tune": "Sweep parameters over labelled logs and report the best.",
     "simulate": "Make a labelled lidar recording of a scene at sea.",
     "config": "Show and check configurations; list what is built in.",
 }

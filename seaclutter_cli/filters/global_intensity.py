@@ -31,7 +31,7 @@ class GlobalIntensityParams(ZoneParams):
 class GlobalIntensity(BaseFilter):
     """Drop what is weaker than one threshold.
 
-    **State**: where ``threshold`` is None, a histogram of the recording's intensities (at most 32 MB), filled by
+    **State**: where ``threshold`` is None, a histogram of the recording's intensities (at most 5 MB), filled by
     `observe` in a first pass.
 
     Parameters

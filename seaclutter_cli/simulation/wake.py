@@ -139,7 +139,7 @@ def patches(x: Floats, y: Floats, seed: int) -> Floats:
     Examples
     --------
     >>> patches(np.array([0.1, 0.2, 5.0]), np.zeros(3), 1).round(2).tolist()
-    [0.32, 0.32, 0.49]
+    [0.82, 0.82, 0.04]
     """
     column = np.floor(x / _PATCH_M).astype(np.int64).view(np.uint64)
     row = np.floor(y / _PATCH_M).astype(np.int64).view(np.uint64)

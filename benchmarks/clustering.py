@@ -1,0 +1,91 @@
+"""Euclidean clusters of one frame, beside scipy's tree when it only counts neighbours, in turns in one run.
+
+Run as ``python benchmarks/clustering.py``.
+"""
+
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+from logs import BEAMS, COLUMNS, POINTS, SHARES, frame
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from seaclutter_cli.evaluation.clustering import euclidean_clusters
+
+RUNS = 9
+TOLERANCE_M = 1.5
+MIN_POINTS = 5
+
+
+def rays() -> NDArray[np.float64]:
+    """Return the directions of a frame's beams, shape (3, 57600)."""
+    azimuth = np.repeat(np.arange(COLUMNS) * np.radians(0.2), BEAMS)
+    elevation = np.tile(np.radians(np.linspace(-16, 15, BEAMS)), COLUMNS)
+    return np.stack((np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)))
+
+
+def basin() -> NDArray[np.float64]:
+    """Return a harbour in which every beam meets something: four quay walls, moored boats, the water."""
+    way = rays()
+    with np.errstate(divide="ignore"):
+        walls = np.min([np.where(s * way[a] > 0, d / (s * way[a]), 200) for a, s, d in WALLS], axis=0)
+        water = np.where(way[2] < 0, -3 / way[2], 200)
+    sector = np.arctan2(way[1], way[0]) // 0.1
+    boats = np.where(sector % 3 > 0, 15 + sector * 7 % 11, 200)
+    range_m = np.minimum(np.minimum(walls, boats), water)
+    return way * (range_m + np.random.default_rng(0).normal(0, 0.03, POINTS))
+
+
+WALLS = ((0, 1, 40.0), (0, -1, 25.0), (1, 1, 18.0), (1, -1, 30.0))
+
+
+def cloud(share: float, *, bright: bool = False) -> NDArray[np.float64]:
+    """Return the points of a synthetic frame; if bright, those that an intensity filter leaves."""
+    points = frame(1, share)
+    points = points[np.isfinite(points["x"]) & ((points["intensity"] > 30) | (not bright))]
+    return np.stack([points[axis] for axis in "xyz"]).astype(np.float64)
+
+
+def open_sea() -> NDArray[np.float64]:
+    """Return a few thousand points of waves and two boats."""
+    rng = np.random.default_rng(0)
+    waves = rng.normal(0, 1, (3, 3000)) * np.array([[25], [25], [0.5]])
+    boats = [rng.normal(0, 1, (3, 400)) + np.array([[x], [20], [1]]) for x in (-30, 45)]
+    return np.concatenate((waves, *boats), axis=1)
+
+
+def timed(function: Callable[[], object]) -> float:
+    started = time.perf_counter()
+    function()
+    return 1000 * (time.perf_counter() - started)
+
+
+def count_neighbors(points: NDArray[np.float64]) -> object:
+    return cKDTree(points).query_ball_point(points, TOLERANCE_M, return_length=True)
+
+
+def main() -> None:
+    frames = {
+        "harbour, all walls": basin(),
+        "noise, everywhere": cloud(SHARES["harbour"]),
+        "harbour, filtered": cloud(SHARES["harbour"], bright=True),
+        "open sea": open_sea(),
+        "sea, filtered": cloud(SHARES["sea"], bright=True),
+    }
+    print(f"{'frame':<20}{'points':>8}{'clusters':>10}{'ms':>8}{'tree ms':>9}{'ratio':>7}")
+    for name, xyz in frames.items():
+        points = np.ascontiguousarray(xyz.T)
+        found = int(euclidean_clusters(xyz, TOLERANCE_M, MIN_POINTS).max()) + 1
+        rows = []
+        for _ in range(RUNS):
+            mine = timed(lambda xyz=xyz: euclidean_clusters(xyz, TOLERANCE_M, MIN_POINTS))
+            rows.append((mine, timed(lambda points=points: count_neighbors(points))))
+        mine, tree = (statistics.median(column) for column in zip(*rows, strict=True))
+        ratio = statistics.median(row[0] / row[1] for row in rows)
+        print(f"{name:<20}{len(points):>8}{found:>10}{mine:>8.1f}{tree:>9.1f}{ratio:>7.2f}")
+
+
+if __name__ == "__main__":
+    main()

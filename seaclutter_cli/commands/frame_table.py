@@ -1,0 +1,88 @@
+"""The table of an evaluation: a line a frame and method."""
+
+import csv
+import io
+import tempfile
+from collections.abc import Iterable
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from seaclutter_cli.errors import OutputError
+from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.sinks.atomic import AtomicFile
+
+_COLUMNS = ("recording", "method", "frame", "stamp_ns", *ALARM_COLUMNS)
+_UNKNOWN = b"," * len(POINT_COLUMNS) + b"\n"
+
+
+class FrameTable(AbstractContextManager["FrameTable"]):
+    """Writes the frames of all recordings of an evaluation to one table.
+
+    Lines wait in a temporary file, since the columns of points are there only if the truth of points is known in any
+    frame of any recording; cells of frames where it is not are empty then. A frame without a label has a line too,
+    with empty cells for what only labels tell.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it appears when the context is left without an error.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with ExitStack() as stack:
+            self._file = stack.enter_context(AtomicFile(path))
+            self._lines = stack.enter_context(tempfile.TemporaryFile())
+            self._stack = stack.pop_all()
+        self._complete = 0
+        self._points_known = self._points_seen = False
+        self._recording = ""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Complete the file under its name, or remove it after an error."""
+        with self._stack as stack:
+            if kind is not None:
+                stack.__exit__(kind, error, trace)
+                return
+            self._take_back()
+            self._lines.seek(0)
+            columns = (*_COLUMNS, *POINT_COLUMNS) if self._points_known else _COLUMNS
+            self._file.stream.write(_line(columns))
+            for line in self._lines:
+                self._file.stream.write(line if self._points_known else line.removesuffix(_UNKNOWN) + b"\n")
+
+    def begin(self, recording: str) -> Self:
+        """Start a recording; the lines of one that did not end are taken back."""
+        self._take_back()
+        self._recording = recording
+        return self
+
+    def write(self, method: str, frame: Frame, score: FrameScore) -> None:
+        """Write a line."""
+        self._points_seen |= score.points is not None
+        line = _line((self._recording, method, frame.index, frame.stamp_ns, *score.cells()))
+        try:
+            self._lines.write(line)
+        except OSError as error:
+            raise OutputError(f"{self._path}: its lines cannot be kept in {tempfile.gettempdir()} ({error})") from error
+
+    def end(self) -> None:
+        """End a recording: its lines stay."""
+        self._complete = self._lines.tell()
+        self._points_known |= self._points_seen
+
+    def _take_back(self) -> None:
+        self._lines.seek(self._complete)
+        self._lines.truncate()
+        self._points_seen = False
+
+
+def _line(values: Iterable[object]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(values)
+    return text.getvalue().encode(errors="surrogateescape")  # file names need not be UTF-8

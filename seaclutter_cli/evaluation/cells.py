@@ -1,0 +1,174 @@
+"""A grid over points whose cells are so small that all points of one are close to each other."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Indices = NDArray[np.int64]
+Points = NDArray[np.float64]
+
+_REACH = 2
+_FEW_CELLS = 1 << 20
+_TABLE_COLUMNS = 1 << 21
+_BLOCK = 1 << 15
+_OFFSETS = [(i, j) for i in range(_REACH + 1) for j in range(-_REACH, _REACH + 1) if (i, j) > (0, 0)]
+
+
+@dataclass(frozen=True)
+class Cells:
+    r"""The occupied cells of a grid, C of them, sorted by column and height.
+
+    The side is :math:`t / \sqrt 3`, less a part in 10^8: any two points of a cell are closer than t, and points closer
+    than t are at most two cells apart on each axis.
+
+    Parameters
+    ----------
+    order : ndarray, shape (N,), int64
+        Points in the order of their cells.
+    start, count : ndarray, shape (C,), int64
+        First of a cell's points in ``order``, and their number.
+    column, height : ndarray, shape (C,), int64
+        Rank of the column that a cell stands in, and its place in it.
+    neighbors : ndarray, shape (2, P), int64
+        Pairs of columns that are at most two apart on each axis, each pair once, each column with itself.
+    """
+
+    order: Indices
+    start: Indices
+    count: Indices
+    column: Indices
+    height: Indices
+    neighbors: Indices
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def pairs(self) -> Iterator[tuple[Indices, Indices]]:
+        """Yield pairs of cells that are at most two apart on each axis, each once, in blocks of bounded size."""
+        stride = int(self.height.max(initial=0)) + 1 + _REACH
+        key = np.append(self.column * stride + self.height, [np.iinfo(np.int64).max] * (2 * _REACH + 1))
+        cells = np.bincount(self.column)
+        first = np.cumsum(cells) - cells
+        own, other = self._columns_that_may_touch(first, first + cells - 1)
+        for block in blocks(cells[own], _BLOCK):
+            a = spans(first[own[block]], cells[own[block]])
+            low = np.repeat(other[block], cells[own[block]]) * stride + self.height[a]
+            begin = np.searchsorted(key, low - np.where(low == key[a], -1, _REACH))  # in its own column, upwards only
+            found = np.zeros(len(a), np.int64)
+            for step in range(2 * _REACH + 1):  # that many cells can be in reach; faster than a second search
+                found += key[begin + step] <= low + _REACH
+            yield np.repeat(a, found), spans(begin, found)
+
+    def _columns_that_may_touch(self, first: Indices, last: Indices) -> Indices:
+        """Return those neighbours whose spans of height are near enough, and columns of several cells."""
+        own, other = self.neighbors
+        bottom, top = self.height[first], self.height[last] + _REACH
+        touch = (bottom[own] <= top[other]) & (bottom[other] <= top[own]) & ((own != other) | (first != last)[own])
+        return self.neighbors[:, touch]
+
+
+def cells_of(xyz: Points, tolerance_m: float) -> Cells:
+    """Put points, shape (3, N), finite, into cells."""
+    if not xyz.shape[1]:
+        none = np.empty(0, np.int64)
+        return Cells(none, none, none, none, none, none.reshape(2, 0))
+    side = tolerance_m / np.sqrt(3) * (1 - 1e-8)
+    x, y, z = (_along_axis(values, side, tolerance_m) for values in xyz)
+    row = int(y.max()) + 1 + _REACH
+    stride = int(z.max()) + 1
+    column = x * row + y
+    rank = column
+    if int(column.max()) * stride >= 2**62:
+        rank = np.unique(column, return_inverse=True)[1].reshape(-1)
+    key = rank * stride + z
+    order = np.argsort(key)
+    start = _changes(key[order])
+    columns = column[order[start]]
+    distinct = columns[_changes(columns)]
+    return Cells(
+        order,
+        start,
+        np.diff(start, append=len(order)),
+        np.cumsum(np.diff(columns, prepend=columns[0]) != 0),
+        z[order[start]],
+        _neighbors(distinct, row),
+    )
+
+
+def blocks(sizes: Indices, limit: int) -> Iterator[slice]:
+    """Yield slices over items that together have at most a size each, or are one item."""
+    ends = np.cumsum(sizes)
+    start = 0
+    while start < len(sizes):
+        before = ends[start - 1] if start else 0
+        stop = max(start + 1, int(np.searchsorted(ends, before + limit, side="right")))
+        yield slice(start, stop)
+        start = stop
+
+
+def spans(start: Indices, count: Indices) -> Indices:
+    """Return the numbers of all spans, one after the other.
+
+    Examples
+    --------
+    >>> spans(np.array([5, 0]), np.array([2, 3]))
+    array([5, 6, 0, 1, 2])
+    """
+    ends = np.cumsum(count)
+    total = int(ends[-1]) if len(ends) else 0
+    return np.arange(total) + np.repeat(start - ends + count, count)
+
+
+def _along_axis(values: Points, side: float, tolerance_m: float) -> Indices:
+    """Return the cells of coordinates, from 0."""
+    least = values.min()
+    with np.errstate(over="ignore"):
+        if (values.max() - least) / side < _FEW_CELLS:
+            return np.asarray((values - least) / side, np.int64)
+    return _with_gaps(values, side, tolerance_m)
+
+
+def _with_gaps(values: Points, side: float, tolerance_m: float) -> Indices:
+    """Return the cells of coordinates that lie far apart: at each gap the count starts anew, three cells on.
+
+    So a cell's number stays below five times that of the points, and is exact whatever the coordinates.
+    """
+    order = np.argsort(values)
+    ordered = values[order]
+    with np.errstate(over="ignore"):
+        gap = np.diff(ordered, prepend=ordered[0]) >= tolerance_m
+    starts = np.flatnonzero(gap)
+    segment = np.cumsum(gap)
+    local = np.asarray((ordered - np.append(ordered[0], ordered[starts])[segment]) / side, np.int64)
+    steps = local[starts - 1] + 1 + _REACH
+    cells = np.empty(len(local), np.int64)
+    cells[order] = local + np.append(0, np.cumsum(steps))[segment]
+    return cells
+
+
+def _changes(ordered: Indices) -> Indices:
+    """Return where runs of equal numbers begin."""
+    return np.asarray(np.flatnonzero(np.diff(ordered, prepend=ordered[0] - 1)), np.int64)
+
+
+def _neighbors(columns: Indices, row: int) -> Indices:
+    """Return the pairs of columns, by rank, that are at most two apart on each axis, and each column with itself."""
+    ranks = np.arange(len(columns))
+    size = int(columns[-1]) + (_REACH + 1) * row + 1
+    own, other = [ranks], [ranks]
+    table = np.full(size if size <= _TABLE_COLUMNS else 0, -1)
+    if len(table):
+        table[columns] = ranks
+    for i, j in _OFFSETS:
+        sought = columns + (i * row + j)
+        if len(table):
+            found = table[sought]
+        else:
+            found = np.minimum(np.searchsorted(columns, sought), len(columns) - 1)
+            found[columns[found] != sought] = -1
+        there = np.flatnonzero(found >= 0)
+        own.append(there)
+        other.append(found[there])
+    return np.stack((np.concatenate(own), np.concatenate(other)))

@@ -1,0 +1,291 @@
+"""Counts of one frame and what they come to over all frames: rates as in S0, Table 4 (Eq. 9 and 10), and others."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.matching import Alarms, finder_of, match, scene_of
+from seaclutter_cli.evaluation.times import Durations
+from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
+
+ALARM_COLUMNS = (
+    "targets",
+    "visible",
+    "detected",
+    "omitted_alarms",
+    "clusters",
+    "false_alarms",
+    "points_in",
+    "points_out",
+)
+POINT_COLUMNS = ("target_points_in", "target_points_out", "clutter_points_in", "clutter_points_out")
+
+
+@dataclass(frozen=True)
+class PointCounts:
+    """Points of known truth before and after a filter; invalid ones and those to ignore count nowhere.
+
+    Rates are None where nothing is there to be divided by. Precision and recall are those of the *removal of clutter*,
+    as papers on snow and spray give them.
+    """
+
+    target_in: int = 0
+    target_out: int = 0
+    clutter_in: int = 0
+    clutter_out: int = 0
+
+    def __add__(self, other: "PointCounts") -> "PointCounts":
+        """Return the sums."""
+        return PointCounts(*(getattr(self, item.name) + getattr(other, item.name) for item in fields(self)))
+
+    @property
+    def clutter_removal(self) -> float | None:
+        """Share of the clutter that was removed; also the recall."""
+        return _ratio(self.clutter_in - self.clutter_out, self.clutter_in)
+
+    @property
+    def target_loss(self) -> float | None:
+        """Share of the targets' points that was removed."""
+        return _ratio(self.target_in - self.target_out, self.target_in)
+
+    @property
+    def precision(self) -> float | None:
+        """Share of clutter among what was removed."""
+        clutter = self.clutter_in - self.clutter_out
+        return _ratio(clutter, clutter + self.target_in - self.target_out)
+
+    @property
+    def f1(self) -> float | None:
+        """Harmonic mean of precision and recall."""
+        clutter = self.clutter_in - self.clutter_out
+        return _ratio(2 * clutter, clutter + self.target_in - self.target_out + self.clutter_in)
+
+    @property
+    def clutter_share(self) -> float | None:
+        """Share of clutter among what is left, R_c (S0, Table 3)."""
+        return _ratio(self.clutter_out, self.clutter_out + self.target_out)
+
+
+@dataclass(frozen=True)
+class FrameScore:
+    """How a method did in one frame.
+
+    Parameters
+    ----------
+    points_in, points_out : int
+        All points of the frame, and those that were kept.
+    clusters : int
+        Clusters among those kept.
+    alarms : Alarms or None
+        None where the frame is not labelled.
+    points : PointCounts or None
+        None where the truth of the points is not known.
+    """
+
+    points_in: int
+    points_out: int
+    clusters: int
+    alarms: Alarms | None
+    points: PointCounts | None
+
+    def cells(self) -> list[int | str]:
+        """Return the values of `ALARM_COLUMNS` and `POINT_COLUMNS`; empty where unknown."""
+        known: list[int | str] = [""] * 5
+        if self.alarms is not None:
+            alarms = self.alarms
+            known = [alarms.targets, alarms.visible, alarms.detected, alarms.omitted, alarms.false_alarms]
+        points: list[int | str] = [""] * len(POINT_COLUMNS)
+        if self.points is not None:
+            points = [getattr(self.points, item.name) for item in fields(self.points)]
+        return [*known[:4], self.clusters, known[4], self.points_in, self.points_out, *points]
+
+
+def score_frame(
+    frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
+) -> list[FrameScore | None]:
+    """Return how each of several methods did in one frame.
+
+    Parameters
+    ----------
+    frame : Frame
+        The frame as it was read.
+    results : sequence of FilterResult or None
+        What each method made of it; None where it could not use the frame. All kept valid points are clustered,
+        whatever their range.
+    truth : Truth or None
+        None where the frame is not labelled.
+    params : EvaluationParams
+        Limits.
+    """
+    scene = None if truth is None else scene_of(frame, truth, params)
+    finder = finder_of(frame, (result for result in results if result is not None), params)
+    scores: list[FrameScore | None] = []
+    for result in results:
+        if result is None:
+            scores.append(None)
+            continue
+        clusters = finder.clusters(result.keep & frame.valid, params.min_cluster_points)
+        scores.append(
+            FrameScore(
+                points_in=frame.size,
+                points_out=int(result.counts[Reason.KEPT]),
+                clusters=int(clusters.max(initial=-1)) + 1,
+                alarms=None if scene is None else match(clusters, scene, params),
+                points=None if truth is None else _points(result, truth),
+            )
+        )
+    return scores
+
+
+def _points(result: FilterResult, truth: Truth) -> PointCounts | None:
+    if truth.points is None:
+        return None
+    clutter = (truth.points == CLUTTER) & result.frame.valid
+    target = (truth.points != CLUTTER) & (truth.points != IGNORED) & result.frame.valid
+    masks = (target, target & result.keep, clutter, clutter & result.keep)
+    return PointCounts(*(int(np.count_nonzero(mask)) for mask in masks))
+
+
+@dataclass
+class Summary:
+    """Sums over the frames of one method; memory does not grow with their number.
+
+    Rates over frames are over all labelled frames, as in Table 4: 13 of 196 are 6.63 %. Over objects, a detected
+    target is a true positive, a false alarm a false and a lost visible target an omitted one. Rates are None where
+    there is nothing to be divided by.
+
+    Parameters
+    ----------
+    frames, unlabelled : int
+        Labelled frames, over which all else is counted, and others.
+    n_fp, n_fn : int
+        Frames with any false alarm, and with any visible target lost.
+    targets, visible, detected, false_alarms, clusters : int
+        Sums of what frames count.
+    points : PointCounts or None
+        Sums over the frames whose points are labelled; None if there are none.
+    durations : Durations
+        Seconds of the filter itself, of unlabelled frames too.
+    """
+
+    frames: int = 0
+    unlabelled: int = 0
+    n_fp: int = 0
+    n_fn: int = 0
+    targets: int = 0
+    visible: int = 0
+    detected: int = 0
+    false_alarms: int = 0
+    clusters: int = 0
+    points: PointCounts | None = None
+    durations: Durations = field(default_factory=Durations)
+
+    def add(self, frame: FrameScore, seconds: float) -> None:
+        """Add a frame and the time that the filter took."""
+        self.durations.add(seconds)
+        if frame.points is not None:
+            self.points = frame.points + (self.points or PointCounts())
+        if frame.alarms is None:
+            self.unlabelled += 1
+            return
+        self.frames += 1
+        self.n_fp += frame.alarms.false_alarms > 0
+        self.n_fn += frame.alarms.omitted > 0
+        for item in fields(frame.alarms):
+            setattr(self, item.name, getattr(self, item.name) + getattr(frame.alarms, item.name))
+
+    def update(self, other: "Summary") -> None:
+        """Add the frames of another recording."""
+        self.durations.update(other.durations)
+        if other.points is not None:
+            self.points = other.points + (self.points or PointCounts())
+        for item in fields(self)[:-2]:
+            setattr(self, item.name, getattr(self, item.name) + getattr(other, item.name))
+
+    @property
+    def omitted(self) -> int:
+        """Visible targets that were lost."""
+        return self.visible - self.detected
+
+    @property
+    def r_fp(self) -> float | None:
+        """Share of frames with a false alarm."""
+        return _ratio(self.n_fp, self.frames)
+
+    @property
+    def r_fn(self) -> float | None:
+        """Share of frames with a lost target."""
+        return _ratio(self.n_fn, self.frames)
+
+    @property
+    def precision(self) -> float | None:
+        """Share of detected targets among all alarms."""
+        return _ratio(self.detected, self.detected + self.false_alarms)
+
+    @property
+    def recall(self) -> float | None:
+        """Share of visible targets that were detected."""
+        return _ratio(self.detected, self.visible)
+
+    @property
+    def f1(self) -> float | None:
+        """Harmonic mean of precision and recall."""
+        return _ratio(2 * self.detected, self.detected + self.false_alarms + self.visible)
+
+    @property
+    def false_alarms_per_frame(self) -> float | None:
+        """Mean number of false alarms."""
+        return _ratio(self.false_alarms, self.frames)
+
+    def milliseconds(self, share: float) -> float | None:
+        """Return a quantile of the time that a frame takes in the filter, to 1 %."""
+        seconds = self.durations.quantile(share)
+        return None if seconds is None else 1000 * seconds
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all figures as JSON holds them; rates are shares from 0 to 1."""
+        return {
+            "frames": self.frames,
+            "unlabelled_frames": self.unlabelled,
+            "N_FP": self.n_fp,
+            "N_FN": self.n_fn,
+            "R_FP": self.r_fp,
+            "R_FN": self.r_fn,
+            "targets": self.targets,
+            "not_visible": self.targets - self.visible,
+            "detected": self.detected,
+            "omitted_alarms": self.omitted,
+            "false_alarms": self.false_alarms,
+            "precision": self.precision,
+            "recall": self.recall,
+            "f1": self.f1,
+            "false_alarms_per_frame": self.false_alarms_per_frame,
+            "clusters_per_frame": _ratio(self.clusters, self.frames),
+            **({} if self.points is None else _as_dict(self.points)),
+            "filter_ms": {"median": _rounded(self.milliseconds(0.5)), "p99": _rounded(self.milliseconds(0.99))},
+        }
+
+
+def _as_dict(points: PointCounts) -> dict[str, Any]:
+    counts = (getattr(points, item.name) for item in fields(points))
+    return {
+        **dict(zip(POINT_COLUMNS, counts, strict=True)),
+        "clutter_removal": points.clutter_removal,
+        "target_loss": points.target_loss,
+        "point_precision": points.precision,
+        "point_recall": points.clutter_removal,
+        "point_f1": points.f1,
+        "R_c": points.clutter_share,
+    }
+
+
+def _ratio(part: float, whole: float) -> float | None:
+    return part / whole if whole else None
+
+
+def _rounded(milliseconds: float | None) -> float | None:
+    return None if milliseconds is None else round(milliseconds, 4)

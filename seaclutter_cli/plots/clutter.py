@@ -1,0 +1,159 @@
+"""Intensity of clutter over range, with the thresholds of the rings (S0, Fig. 5 and 6)."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.calibration import Thresholds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_COLUMNS = 32
+_KEY_BITS = 15
+_ROWS = 128
+
+
+class ClutterDensity:
+    """Counts points by range and intensity in bounded memory, for intensities of any scale.
+
+    A ring has 32 columns. An intensity's row is the upper 15 bits of its float32 pattern: sign, exponent, and six bits
+    that part each octave into 64 rows. Of the 8 MB for each ring only touched pages are real.
+
+    Parameters
+    ----------
+    start_m, ring_width_m : float
+        Where the rings lie.
+    max_rings : int
+        Points beyond so many rings are left out.
+    """
+
+    def __init__(self, start_m: float, ring_width_m: float, max_rings: int) -> None:
+        self._start_m, self._width_m, self._max_rings = start_m, ring_width_m / _COLUMNS, max_rings
+        self._all_whole = True
+        self._rings: dict[int, NDArray[np.int64]] = {}
+
+    def add(self, range_m: NDArray[np.float64], intensity: NDArray[np.float64]) -> None:
+        """Count points from ``start_m`` on: ranges in metres and intensities, both of shape (N,)."""
+        self._all_whole = self._all_whole and bool((intensity == np.floor(intensity)).all())
+        column = ((range_m - self._start_m) / self._width_m).clip(0, _COLUMNS * self._max_rings).astype(np.int64)
+        cell = (column % _COLUMNS << _KEY_BITS) + _key(intensity)
+        ring = column // _COLUMNS
+        for number in np.unique(ring[ring < self._max_rings]).tolist():
+            counts = self._rings.setdefault(number, np.zeros(_COLUMNS << _KEY_BITS, np.int64))
+            np.add.at(counts, cell[ring == number], 1)
+
+    def grid(self, end_m: float, limits: tuple[float, float]) -> "Grid":
+        """Return the counts up to a range and between intensities, in about 100 rows of equal height."""
+        height = 2.0 ** np.ceil(np.log2((limits[1] - limits[0]) / _ROWS))
+        if self._all_whole:
+            height = max(height, 1.0)  # else there would be rows between the values
+        first, last = np.floor(limits[0] / height), np.ceil(limits[1] / height)
+        columns = int(np.ceil((end_m - self._start_m) / self._width_m - 1e-9))
+        counts = np.zeros((int(last - first), columns), np.int64)
+        for column, intensity, count in self._cells():
+            row = np.floor(intensity / height) - first
+            shown = (row >= 0) & (row < len(counts)) & (column < columns)
+            np.add.at(counts, (row[shown].astype(np.int64), column[shown]), count[shown])
+        range_m = np.asarray(self._start_m + self._width_m * np.arange(columns + 1), np.float64)
+        return Grid(range_m, height * np.arange(first, last + 1), counts)
+
+    def quantile(self, share: float) -> float:
+        """Return an intensity that about this share of the points does not exceed; 0 without points."""
+        cells = list(self._cells())
+        if not cells:
+            return 0.0
+        intensity = np.concatenate([cell[1] for cell in cells])
+        count = np.concatenate([cell[2] for cell in cells])
+        order = np.argsort(intensity, kind="stable")
+        below = np.cumsum(count[order])
+        return float(intensity[order][np.searchsorted(below, share * below[-1])])
+
+    def _cells(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]]:
+        """Yield column, middle intensity and count of the cells that hold points, ring by ring."""
+        for number, counts in sorted(self._rings.items()):
+            cell = np.flatnonzero(counts)
+            yield number * _COLUMNS + (cell >> _KEY_BITS), _middle(cell & ((1 << _KEY_BITS) - 1)), counts[cell]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Counts in cells of equal size.
+
+    Parameters
+    ----------
+    range_m : ndarray, shape (C + 1,), float64
+        Edges of the columns in metres.
+    intensity : ndarray, shape (R + 1,), float64
+        Edges of the rows.
+    counts : ndarray, shape (R, C), int64
+        Points in each cell.
+    """
+
+    range_m: NDArray[np.float64]
+    intensity: NDArray[np.float64]
+    counts: NDArray[np.int64]
+
+
+def _key(intensity: NDArray[np.float64]) -> NDArray[np.int64]:
+    limit = np.finfo(np.float32).max
+    single = np.clip(intensity, -limit, limit).astype(np.float32) + np.float32(0)  # -0 becomes 0
+    return np.asarray(single.view(np.uint32) >> (32 - _KEY_BITS), np.int64)
+
+
+def _middle(key: NDArray[np.int64]) -> NDArray[np.float64]:
+    # 0 is a value of its own; all others lie in the middle of their row.
+    bits = (key.astype(np.uint32) << (32 - _KEY_BITS)) + np.where(key == 0, 0, 1 << (31 - _KEY_BITS)).astype(np.uint32)
+    return bits.view(np.float32).astype(np.float64)
+
+
+def draw_clutter(figure: "Figure", density: ClutterDensity, found: Thresholds) -> None:
+    """Draw the density of clutter, the rings' thresholds as a step line, and the far limit.
+
+    Parameters
+    ----------
+    figure : Figure
+        Empty figure.
+    density : ClutterDensity
+        The clutter points.
+    found : Thresholds
+        What was derived from them.
+    """
+    axes = figure.add_subplot()
+    width = found.end_m - found.rings[0].start_m
+    reach_m = found.end_m + max(0.12 * width, 2.0)
+    grid = density.grid(reach_m, _limits(density, found))
+    _draw_density(figure, axes, grid)
+    edges = [ring.start_m for ring in found.rings] + [found.end_m]
+    axes.stairs(
+        found.initial_thresholds, edges, baseline=None, linewidth=1.6, color="#d1495b", zorder=3, label="threshold"
+    )
+    axes.axvline(found.end_m, color="#333333", linewidth=0.9, linestyle="--", label=f"far limit, {found.end_m:g} m")
+    axes.set_xlim(edges[0], grid.range_m[-1])
+    axes.set_ylim(grid.intensity[0], grid.intensity[-1])
+    axes.set_xlabel("Range (m)")
+    axes.set_ylabel("Intensity (sensor's unit)")
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2, handlelength=1.6)
+
+
+def _limits(density: ClutterDensity, found: Thresholds) -> tuple[float, float]:
+    """Return the intensities to show: most points, and every threshold with room above."""
+    thresholds = found.initial_thresholds
+    least = min(0.0, density.quantile(0.001), *thresholds)
+    most = max(density.quantile(0.97), *(value + 0.5 * abs(value) for value in thresholds))
+    return least, most if most > least else least + 1.0
+
+
+def _draw_density(figure: "Figure", axes: "Axes", grid: Grid) -> None:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap, LogNorm
+
+    seen = ListedColormap(colormaps["Blues"](np.linspace(0.2, 1, 256)))  # a single point is to be seen on white
+    shown = np.ma.masked_equal(grid.counts, 0)
+    norm = LogNorm(vmin=1, vmax=max(10, int(grid.counts.max(initial=1))))
+    mesh = axes.pcolormesh(grid.range_m, grid.intensity, shown, norm=norm, cmap=seen, rasterized=True)
+    figure.colorbar(mesh, ax=axes, label="Clutter points per cell", pad=0.02, aspect=30)

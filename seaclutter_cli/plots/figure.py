@@ -1,0 +1,77 @@
+"""Figures without a screen, and their files: the same content gives the same bytes."""
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from seaclutter_cli.errors import MissingExtraError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.figure import Figure
+
+_SETTINGS: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8,
+    "axes.labelsize": 8,
+    "axes.linewidth": 0.6,
+    "axes.grid": False,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "savefig.bbox": None,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "seaclutter",
+}
+_METADATA: dict[str, dict[str, None]] = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
+COLUMN_INCHES = 3.5
+"""Width of a column of text, for which figures are made."""
+_DPI = 300
+
+
+def check_target(path: Path) -> None:
+    """Check, before any work is done for it, that a figure can be written to a file of this name.
+
+    Raises
+    ------
+    UsageError
+        If the ending is none of a picture.
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+    if path.suffix.lower() not in _METADATA:
+        raise UsageError(f"{path}: pictures end in {' or '.join(_METADATA)}")
+    try:
+        import matplotlib.figure  # noqa: F401 - only whether it is there
+    except ImportError as error:
+        raise MissingExtraError("a picture", "plot") from error
+
+
+def render(draw: "Callable[[Figure], None]", suffix: str, *, aspect: float = 0.68) -> bytes:
+    """Return the file of a figure.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws into an empty figure.
+    suffix : str
+        ``.png`` or ``.svg``.
+    aspect : float, optional
+        Height of the figure by its width, which is `COLUMN_INCHES`.
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    stream = io.BytesIO()
+    with mpl.rc_context(_SETTINGS):
+        figure = Figure(figsize=(COLUMN_INCHES, COLUMN_INCHES * aspect), layout="constrained")
+        draw(figure)
+        kind = suffix.lower()
+        figure.savefig(stream, format=kind[1:], dpi=_DPI, metadata=_METADATA[kind])
+    return stream.getvalue()

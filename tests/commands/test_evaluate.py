@@ -1,0 +1,373 @@
+"""``seaclutter evaluate`` from the outside: figures, tables, several methods and recordings, what it refuses."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.commands import cli
+from seaclutter_cli.commands.frame_table import FrameTable
+from seaclutter_cli.evaluation.matching import Alarms
+from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, PointCounts
+from tests.evaluation.scenes import frame_of
+from tests.evaluation.scenes import lump as lump_at
+from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
+from tests.paths import shared
+
+POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
+LABELLED = np.dtype([*POINT.descr, ("label", "<u2")])
+BOAT, WAVE, SPRAY = 30, 45, 15
+HEAD = "frame,track_id,class,x,y,z,length,width,height,yaw"
+BOX = "1,boat,30.5,0,0,3,2,2,0"
+FRAMES = 6
+
+
+def lump(range_m, intensity, label=0):
+    points = np.zeros(10, LABELLED)
+    points["x"] = range_m + 0.125 * np.arange(10)
+    points["intensity"], points["label"] = intensity, label
+    return points
+
+
+def sea(number):
+    """Return a frame: spray always, a wave in 1 and 3, a boat in all but 2, a dim one in 4."""
+    lumps = [lump(SPRAY, 1)]
+    if number in (1, 3):
+        lumps.append(lump(WAVE, 100))
+    if number != 2:
+        lumps.append(lump(BOAT, 1 if number == 4 else 100, 7))
+    return np.concatenate(lumps)
+
+
+def make_log(path, dtype=POINT, make=sea, topics=("/points",)):
+    entries = []
+    for number in range(FRAMES):
+        stamp = START_NS + number * PERIOD_NS
+        points = make(number)
+        wanted = np.zeros(len(points), dtype)
+        for name in wanted.dtype.names:
+            wanted[name] = points[name]
+        entries += [Entry(topic, stamp, cloud_message("ros2", wanted, stamp)) for topic in topics]
+    return write_log(path, [*map(cloud_topic, topics), Topic("/note")], entries)
+
+
+def make_labels(path, *, frames=range(5)):
+    """Label the frames of the sea: nothing in frame 2, frame 5 not at all."""
+    rows = [f"{number},,none,,,,,,," if number == 2 else f"{number},{BOX}" for number in frames]
+    path.write_text("\n".join((HEAD, *rows, "")))
+    return path
+
+
+@pytest.fixture
+def log(tmp_path):
+    return make_log(tmp_path / "log.mcap")
+
+
+@pytest.fixture
+def labels(tmp_path):
+    return make_labels(tmp_path / "boxes.csv")
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(cli, ["evaluate", *map(str, arguments)])
+
+
+def figures(*arguments, status=0):
+    result = invoke(*arguments, "--json")
+    assert result.exit_code == status, result.output
+    return json.loads(result.stdout)
+
+
+def rows(path):
+    with path.open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_recording_by_hand(log, labels):
+    found = figures(log, "--labels", labels, "-m", "ring_intensity")["methods"]["ring_intensity"]
+    expected = {
+        "frames": 5,
+        "unlabelled_frames": 1,
+        "N_FP": 2,
+        "N_FN": 1,
+        "R_FP": 0.4,
+        "R_FN": 0.2,
+        "targets": 4,
+        "not_visible": 0,
+        "detected": 3,
+        "omitted_alarms": 1,
+        "false_alarms": 2,
+        "precision": 0.6,
+        "recall": 0.75,
+        "f1": pytest.approx(2 / 3),
+        "false_alarms_per_frame": 0.4,
+        "clusters_per_frame": 1,
+    }
+    assert {name: found[name] for name in expected} == expected
+    assert "R_c" not in found
+    assert found["filter_ms"]["median"] > 0
+
+
+def test_the_log_as_it_is(log, labels):
+    found = figures(log, "--labels", labels, "-m", "none")["methods"]["none"]
+    assert (found["detected"], found["false_alarms"], found["N_FP"], found["N_FN"]) == (4, 7, 5, 0)
+
+
+def test_the_table_of_frames(log, labels, tmp_path):
+    out = tmp_path / "frames.csv"
+    assert invoke(log, "--labels", labels, "-m", "ring_intensity", "-m", "none", "-o", out).exit_code == 0
+    table = rows(out)
+    assert tuple(table[0]) == ("recording", "method", "frame", "stamp_ns", *ALARM_COLUMNS)
+    assert [(row["method"], int(row["frame"])) for row in table] == [
+        (method, frame) for frame in range(FRAMES) for method in ("ring_intensity", "none")
+    ]
+    second = {"targets": "1", "visible": "1", "detected": "1", "omitted_alarms": "0", "clusters": "2"}
+    second |= {"recording": "log", "stamp_ns": str(START_NS + PERIOD_NS), "false_alarms": "1"}
+    second |= {"points_in": "30", "points_out": "20"}
+    assert {name: table[2][name] for name in second} == second
+    assert [table[-1][name] for name in ALARM_COLUMNS] == ["", "", "", "", "2", "", "20", "20"]
+
+
+def test_point_truth_brings_its_columns(tmp_path):
+    log, out = make_log(tmp_path / "log.mcap", LABELLED), tmp_path / "frames.csv"
+    found = figures(log, "--labels", log, "-m", "ring_intensity", "-o", out)["methods"]["ring_intensity"]
+    assert (found["frames"], found["N_FP"], found["N_FN"]) == (6, 2, 1)
+    counts = {"target_points_in": 50, "target_points_out": 40, "clutter_points_in": 80, "clutter_points_out": 20}
+    assert {name: found[name] for name in counts} == counts
+    assert found["clutter_removal"] == found["point_recall"] == 0.75
+    assert found["target_loss"] == 0.2
+    assert found["point_precision"] == pytest.approx(60 / 70)
+    assert found["R_c"] == pytest.approx(20 / 60)
+    table = rows(out)
+    assert {name: sum(int(row[name]) for row in table) for name in POINT_COLUMNS} == counts
+
+
+def test_recordings_with_and_without_point_truth(log, labels, tmp_path):
+    inside = make_log(tmp_path / "points.mcap", LABELLED)
+    out = tmp_path / "frames.csv"
+    result = invoke(log, inside, "--labels", labels, "--labels", inside, "-m", "none", "-o", out)
+    assert result.exit_code == 0, result.output
+    table = rows(out)
+    assert {row["target_points_in"] for row in table if row["recording"] == "log"} == {""}
+    assert all(row["target_points_in"] for row in table if row["recording"] == "points")
+
+
+@pytest.mark.parametrize(
+    ("comparison", "names"),
+    [
+        ("paper", "global_intensity@0.80 global_intensity@0.90 ring_intensity ring_intensity_outlier joint"),
+        ("peers", "joint sor ror dror dsor lior lidsor naive"),
+    ],
+)
+def test_comparisons(log, labels, tmp_path, comparison, names):
+    out, summary = tmp_path / "frames.csv", tmp_path / "summary.json"
+    result = invoke(log, "--labels", labels, "--compare", comparison, "-m", "none", "-o", out, "--summary", summary)
+    assert result.exit_code == 0, result.output
+    expected = [*names.split(), "none"]
+    found = json.loads(summary.read_text())
+    assert list(found["methods"]) == list(found["configs"]) == expected
+    assert [row["method"] for row in rows(out)] == expected * FRAMES
+    assert all(len(line) <= 80 for line in result.stdout.splitlines())
+    assert all(name in result.stdout for name in expected)
+
+
+def test_all_methods_in_one_pass_give_what_each_gives_alone(log, labels, tmp_path):
+    together = tmp_path / "together.csv"
+    assert invoke(log, "--labels", labels, "--compare", "all", "-o", together).exit_code == 0
+    table = rows(together)
+    for name in dict.fromkeys(row["method"] for row in table):
+        alone = tmp_path / "alone.csv"
+        assert invoke(log, "--labels", labels, "-m", name, "-o", alone, "--force").exit_code == 0
+        assert rows(alone) == [row for row in table if row["method"] == name]
+
+
+def test_the_same_bytes_each_time(log, labels, tmp_path):
+    for name in ("a.csv", "b.csv"):
+        assert invoke(log, "--labels", labels, "--compare", "paper", "-o", tmp_path / name).exit_code == 0
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+
+def test_every_recording_starts_without_state(labels, tmp_path):
+    logs = [make_log(tmp_path / f"{name}.mcap") for name in "ab"]
+    out = tmp_path / "frames.csv"
+    result = invoke(*logs, "--labels", labels, "--labels", labels, "--compare", "paper", "-o", out)
+    assert result.exit_code == 0, result.output
+    first, second = ([row | {"recording": ""} for row in rows(out) if row["recording"] == name] for name in "ab")
+    assert first == second
+    assert "2 recordings, 10 frames labelled, 2 not" in result.stdout
+
+
+def test_configuration_reaches_the_methods_that_have_the_key(log, labels, tmp_path):
+    config = tmp_path / "c.yaml"
+    config.write_text("filter: {method: joint, start_m: 12.5, end_m: 72.5, update_weight: 0.7}\n")
+    arguments = (log, "--labels", labels, "-c", config, "--compare", "paper", "-m", "none")
+    found = figures(*arguments, "-s", "filter.max_neighbors=9", "-s", "evaluation.min_cluster_points=3")["configs"]
+    assert found["joint"]["filter"]["update_weight"] == 0.7
+    assert {name for name, made in found.items() if made["filter"].get("max_neighbors") == 9} == {
+        "joint",
+        "ring_intensity_outlier",
+    }
+    assert [found[f"global_intensity@0.{rate}0"]["filter"]["filter_rate"] for rate in (8, 9)] == [0.8, 0.9]
+    assert all(made["filter"]["start_m"] == 12.5 for name, made in found.items() if name != "none")
+    assert all(made["evaluation"]["min_cluster_points"] == 3 for made in found.values())
+
+
+def test_without_a_method_the_configuration_decides(log, labels, tmp_path):
+    assert list(figures(log, "--labels", labels)["methods"]) == ["joint"]
+    config = tmp_path / "c.yaml"
+    config.write_text("filter: {method: ror}\n")
+    assert list(figures(log, "--labels", labels, "-c", config)["methods"]) == ["ror"]
+
+
+def test_a_part_of_a_recording_needs_not_all_labels(log, labels):
+    found = figures(log, "--labels", labels, "-m", "none", "-n", 2)["methods"]["none"]
+    assert (found["frames"], found["unlabelled_frames"]) == (2, 0)
+    found = figures(log, "--labels", labels, "-m", "none", "--start", 0.35)["methods"]["none"]
+    assert (found["frames"], found["unlabelled_frames"]) == (1, 1)
+
+
+def test_labels_of_another_recording(log, tmp_path):
+    labels = make_labels(tmp_path / "long.csv", frames=range(9))
+    out = tmp_path / "frames.csv"
+    result = invoke(log, "--labels", labels, "-m", "none", "-o", out)
+    assert result.exit_code == 1
+    assert "frame" in result.stderr
+    assert rows(out) == []
+
+
+def test_one_bad_recording_does_not_stop_the_others(labels, tmp_path):
+    good = [make_log(tmp_path / f"{name}.mcap") for name in "ac"]
+    bad = tmp_path / "b.mcap"
+    bad.write_bytes(b"no log at all")
+    out = tmp_path / "frames.csv"
+    given = [item for _ in range(3) for item in ("--labels", labels)]
+    result = invoke(good[0], bad, good[1], *given, "-m", "none", "-o", out, "--json")
+    assert result.exit_code == 1
+    assert {row["recording"] for row in rows(out)} == {"a", "c"}
+    found = json.loads(result.stdout)
+    assert found["methods"]["none"]["frames"] == 10
+    assert [bool(outcome["error"]) for outcome in found["recordings"]] == [False, True, False]
+
+
+def test_a_frame_that_no_method_can_use_is_damage(tmp_path, labels):
+    entries = []
+    for number in range(FRAMES):
+        points = sea(number)
+        fields = ["x", "y", "z"] if number == 5 else ["x", "y", "z", "intensity"]
+        plain = np.zeros(len(points), [(name, "<f4") for name in fields])
+        for name in fields:
+            plain[name] = points[name]
+        stamp = START_NS + number * PERIOD_NS
+        entries.append(Entry("/points", stamp, cloud_message("ros2", plain, stamp)))
+    log = write_log(tmp_path / "log.mcap", [cloud_topic("/points")], entries)
+    found = figures(log, "--labels", labels, "--compare", "paper", "-m", "ror", status=3)
+    frames = {name: method["frames"] + method["unlabelled_frames"] for name, method in found["methods"].items()}
+    assert frames.pop("ror") == 6
+    assert set(frames.values()) == {5}
+    assert len(found["recordings"][0]["damage"]) == 1
+
+
+def test_frames_without_labels_only_are_warned_of(log, labels):
+    result = invoke(log, "--labels", labels, "-m", "none", "--start", 0.45)
+    assert result.exit_code == 0, result.output
+    assert "none of its frames is labelled" in result.stderr
+    assert result.stdout.splitlines()[3].split() == ["none", "0", "0", "0", "-", "-", "-", "-"]
+
+
+def test_thresholds_that_cannot_fit_are_warned_of_once(tmp_path, labels):
+    def make(number):
+        points = sea(number)
+        points["intensity"] /= 100
+        return points
+
+    log = make_log(tmp_path / "log.mcap", make=make)
+    result = invoke(log, "--labels", labels, "--compare", "paper")
+    assert result.exit_code == 0
+    assert result.stderr.count("no point can pass") == 1
+    assert "Warning" not in invoke(log, "--labels", labels, "--compare", "paper", "-q").stderr
+
+
+def test_an_interrupted_run_leaves_no_table(tmp_path):
+    def interrupt():
+        with FrameTable(tmp_path / "frames.csv") as table:
+            table.begin("a").end()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupt()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_that_fails_midway_leaves_neither_lines_nor_columns(tmp_path):
+    frame = frame_of(lump_at(20))
+    plain = FrameScore(10, 5, 1, Alarms(1, 1, 1, 1, 0), None)
+    with FrameTable(tmp_path / "frames.csv") as table:
+        table.begin("a, b").write("none", frame, plain)
+        table.end()
+        table.begin("c").write("none", frame, replace(plain, points=PointCounts(1, 1, 1, 1)))
+        table.begin("d").write("none", frame, plain)
+        table.end()
+    (first, second) = rows(tmp_path / "frames.csv")
+    assert (first["recording"], second["recording"], first["points_out"]) == ("a, b", "d", "5")
+    assert tuple(first)[4:] == ALARM_COLUMNS
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (("log.mcap",), 2, "Missing option '--labels'"),
+        (("none.mcap", "--labels", "boxes.csv"), 2, "there is no such file"),
+        (("log.mcap", "--labels", "no.csv"), 2, "no.csv"),
+        (("log.mcap", "--labels", "boxes.csv", "-m", "magic"), 2, "unknown method 'magic'"),
+        (("log.mcap", "--labels", "boxes.csv", "--compare", "magic"), 2, "magic"),
+        (("log.mcap", "--labels", "boxes.csv", "-m", "ror", "-s", "filter.end_m=5"), 2, "unknown key"),
+        (("log.mcap", "--labels", "boxes.csv", "-m", "ror", "-s", "filter.method=sor"), 2, "name them with --method"),
+        (("log.mcap", "--labels", "boxes.csv", "-o", "old.csv"), 2, "old.csv: exists already"),
+        (("log.mcap", "--labels", "boxes.csv", "--summary", "old.csv"), 2, "old.csv: exists already"),
+        (("log.mcap", "--labels", "boxes.csv", "-o", "log.mcap", "--force"), 2, "is part of the input"),
+        (("log.mcap", "--labels", "boxes.csv", "-o", "boxes.csv", "--force"), 2, "these are the labels"),
+        (("log.mcap", "--labels", "boxes.csv", "-o", "x.csv", "--summary", "x.csv"), 2, "one file for both"),
+        (("log.mcap", "--labels", "boxes.csv", "--intensity-field", "power"), 1, "no field 'power'"),
+        (("two.mcap", "--labels", "boxes.csv"), 2, "choose from: -t /a -t /b"),
+        (("two.mcap", "--labels", "boxes.csv", "-t", "/a", "-t", "/b"), 2, "one cloud topic at a time: -t /a or -t /b"),
+        (("plain.mcap", "--labels", "boxes.csv"), 1, "no intensity field"),
+    ],
+)
+def test_what_is_refused(tmp_path, monkeypatch, arguments, status, said):
+    monkeypatch.chdir(tmp_path)
+    make_log(tmp_path / "log.mcap")
+    make_log(tmp_path / "two.mcap", topics=("/a", "/b"))
+    make_log(tmp_path / "plain.mcap", dtype=np.dtype(POINT.descr[:3]))
+    make_labels(tmp_path / "boxes.csv")
+    (tmp_path / "old.csv").write_bytes(b"")
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    result = invoke(*arguments)
+    assert (result.exit_code, said in result.stderr) == (status, True), result.stderr
+    assert isinstance(result.exception, SystemExit)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+
+
+def test_real_snow_with_a_label_for_each_point():
+    folder = shared("wads-36")
+    arguments = (
+        folder / "velodyne",
+        "--labels",
+        folder / "labels",
+        "-c",
+        "snow",
+        "-m",
+        "joint",
+        "-m",
+        "naive",
+        "-n",
+        2,
+    )
+    found = figures(*arguments)["methods"]
+    for method in found.values():
+        assert method["frames"] == 2
+        assert 15_000 < method["clutter_points_in"] < 25_000
+    assert found["naive"]["clutter_removal"] > 0.9
+    assert found["naive"]["target_loss"] < 0.1

@@ -1,0 +1,101 @@
+"""Sums and rates, against figures worked out by hand."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.matching import Alarms
+from seaclutter_cli.evaluation.scores import FrameScore, PointCounts, Summary, score_frame
+from seaclutter_cli.evaluation.times import Durations
+from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
+from tests.evaluation.scenes import frame_of, lump, result_of
+
+
+def score(alarms=None, points=None):
+    return FrameScore(100, 50, 3, alarms, points)
+
+
+def test_the_rates_of_table_4():
+    """S0: the global threshold has 13 false-alarm and 32 omitted-alarm frames of 196."""
+    summary = Summary()
+    for number in range(196):
+        alarms = Alarms(targets=3, visible=2, detected=2 - (number >= 164), clusters=3, false_alarms=2 * (number < 13))
+        summary.add(score(alarms), 0.001)
+    for _ in range(4):
+        summary.add(score(), 0.001)
+    assert (summary.frames, summary.unlabelled, summary.n_fp, summary.n_fn) == (196, 4, 13, 32)
+    assert f"{100 * summary.r_fp:.2f} {100 * summary.r_fn:.2f}" == "6.63 16.33"
+    found = summary.as_dict()
+    assert found["not_visible"] == 196
+    assert (found["detected"], found["omitted_alarms"], found["false_alarms"]) == (360, 32, 26)
+    assert found["precision"] == pytest.approx(360 / 386)
+    assert found["recall"] == pytest.approx(360 / 392)
+    assert found["f1"] == pytest.approx(2 * 360 / (2 * 360 + 26 + 32))
+    assert found["false_alarms_per_frame"] == pytest.approx(26 / 196)
+    assert found["clusters_per_frame"] == 3
+    assert "R_c" not in found
+
+
+def test_the_points_of_table_3():
+    points = PointCounts(target_in=1147, target_out=898, clutter_in=1478, clutter_out=16)
+    assert f"{100 * PointCounts(1147, 1147, 1478, 1478).clutter_share:.2f}" == "56.30"
+    assert points.clutter_share == pytest.approx(16 / 914)
+    assert points.clutter_removal == pytest.approx(1462 / 1478)
+    assert points.target_loss == pytest.approx(249 / 1147)
+    assert points.precision == pytest.approx(1462 / (1462 + 249))
+    recall = points.clutter_removal
+    assert points.f1 == pytest.approx(2 * points.precision * recall / (points.precision + recall))
+
+
+def test_invalid_and_ignored_points_count_nowhere():
+    lumps = lump(20, 20)
+    lumps[:2, 1] = np.nan
+    frame = frame_of(lumps)
+    points = np.array([7, CLUTTER] + [7] * 6 + [CLUTTER] * 6 + [IGNORED] * 6)
+    (found,) = score_frame(frame, [result_of(frame, [2, 8, 9, 14])], Truth(None, points=points), EvaluationParams())
+    assert found.points == PointCounts(6, 5, 6, 4)
+    assert found.cells() == [1, 1, 1, 0, 1, 0, 20, 16, 6, 5, 6, 4]
+
+
+def test_nothing_to_divide_by():
+    found = Summary().as_dict()
+    for name in ("R_FP", "R_FN", "precision", "recall", "f1", "false_alarms_per_frame", "clusters_per_frame"):
+        assert found[name] is None
+    assert found["filter_ms"] == {"median": None, "p99": None}
+    none = PointCounts()
+    assert (none.clutter_removal, none.target_loss, none.precision, none.f1, none.clutter_share) == (None,) * 5
+
+
+def test_recordings_add_up():
+    alarms = [Alarms(2, 2, number % 3, 3, number % 2) for number in range(10)]
+    points = PointCounts(5, 4, 3, 2)
+    whole, first, second = Summary(), Summary(), Summary()
+    for number, item in enumerate(alarms):
+        for summary in (whole, first if number < 4 else second):
+            summary.add(score(item, points if number < 4 else None), 0.001 * number)
+    first.update(second)
+    assert first.as_dict() == whole.as_dict()
+    assert whole.points == PointCounts(20, 16, 12, 8)
+
+
+def test_empty_cells_where_there_is_no_truth():
+    assert score().cells() == ["", "", "", "", 3, "", 100, 50, "", "", "", ""]
+
+
+@pytest.mark.parametrize("size", [1, 2, 99, 100, 101, 1000])
+def test_durations_are_exact_to_one_percent(size):
+    seconds = np.random.default_rng(size).lognormal(-6, 1, size)
+    durations = Durations()
+    for value in seconds:
+        durations.add(value)
+    for share in (0.5, 0.99):
+        exact = np.quantile(seconds, share, method="inverted_cdf")
+        assert durations.quantile(share) == pytest.approx(exact, rel=0.01)
+
+
+def test_durations_beyond_all_bounds():
+    durations = Durations()
+    for seconds in (0.0, -1e-9, 1e9):
+        durations.add(seconds)
+    assert durations.quantile(0.01) < 1e-6
+    assert durations.quantile(0.99) > 1000

@@ -1,0 +1,364 @@
+"""Calibration against its definition: sort all clutter points, and look."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from seaclutter_cli.calibration import Calibration, ClutterReader, FarLimit, few_points
+from seaclutter_cli.errors import FieldError, InputError
+from seaclutter_cli.filters import histogram as module
+from seaclutter_cli.filters.histogram import IntensityHistogram, QuantileSketch
+from seaclutter_cli.filters.joint import JointParams
+from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
+from tests.filters.frames import make_frame, on_axis, sea_frame
+
+RATES = st.sampled_from([0.01, 0.5, 0.55, 0.8, 0.9, 0.99, 1.0])
+WHOLE = st.one_of(st.integers(0, 9), st.integers(0, 255), st.integers(-300, 70_000))
+FRACTIONS = st.one_of(
+    st.sampled_from([0.0, 0.1, 0.25, 1.0]),
+    st.floats(0, 1, width=32),
+    st.floats(-5, 5, width=32),
+    st.floats(allow_nan=False, allow_infinity=False, width=32),
+    st.floats(0, 1e300),
+)
+
+
+def batches(values):
+    return st.lists(st.lists(values, max_size=40).map(lambda some: np.array(some, float)), min_size=1, max_size=8)
+
+
+def last_below(values, rate):
+    """Return the last of the sorted values that are to go."""
+    values = np.sort(values)
+    return values[math.ceil(Fraction(str(rate)) * len(values)) - 1]
+
+
+def fill(kind, parts):
+    counted = kind()
+    for part in parts:
+        counted.add(part)
+    return counted
+
+
+def params(**given):
+    rings = math.ceil((given.get("end_m", 70) - given.get("start_m", 10)) / given.get("ring_width_m", 15) - 1e-9)
+    return JointParams(**{"initial_thresholds": (0,) * rings, **given})
+
+
+def calibrate(ranges, intensity, *, parts=1, filter_rate=0.8, keep_end=False, **given):
+    calibration = Calibration(params(**given), filter_rate=filter_rate, keep_end=keep_end)
+    for some in np.array_split(np.arange(len(ranges)), parts):
+        calibration.add(np.asarray(ranges, float)[some], np.asarray(intensity, float)[some])
+    return calibration.thresholds()
+
+
+class TestHistogram:
+    @given(batches(WHOLE), RATES)
+    def test_whole_numbers_have_the_smallest_whole_threshold(self, parts, rate):
+        values = np.concatenate(parts)
+        assume(len(values))
+        threshold = fill(IntensityHistogram, parts).threshold(rate)
+        assert threshold == last_below(values, rate) + 1
+        assert np.mean(values < threshold) >= rate
+        assert np.mean(values < threshold - 1) < rate
+
+    @given(batches(FRACTIONS), RATES)
+    def test_few_other_values_are_exact_too(self, parts, rate):
+        values = np.concatenate(parts)
+        assume(len(values) and (values != np.floor(values)).any())
+        threshold = fill(IntensityHistogram, parts).threshold(rate)
+        assert threshold == math.nextafter(last_below(values, rate), math.inf)
+        assert np.mean(values < threshold) >= rate
+
+    @given(batches(FRACTIONS), st.integers(2, 9), st.integers(2, 9), st.integers(1, 20))
+    def test_ranks_are_as_right_as_the_sketch_says(self, parts, level, distinct, pending):
+        """Limits so low that every list of values is too many."""
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in (("_LEVEL", level), ("_DISTINCT", distinct), ("_PENDING", pending)):
+                patch.setattr(module, name, value)
+            sketch = fill(QuantileSketch, parts)
+            values, counts = sketch.distribution()
+        seen = np.sort(np.concatenate(parts))
+        assert counts.sum() == len(seen)
+        assert set(values) <= set(seen)
+        ranks = np.searchsorted(values, seen, side="right")
+        told = np.append(0, np.cumsum(counts))[ranks]
+        assert (np.abs(told - np.searchsorted(seen, seen, side="right")) <= sketch.rank_error).all()
+
+    @pytest.mark.parametrize(
+        "draw",
+        [
+            lambda rng, size, _: rng.random(size),
+            lambda rng, size, _: rng.pareto(0.5, size).astype("f4"),
+            lambda rng, size, _: -rng.lognormal(0, 3, size),
+            lambda rng, size, at: at + rng.random(size),  # each frame brighter than the last
+            lambda rng, size, at: rng.random(size) / (1 + at),
+            lambda rng, size, at: np.where(rng.random(size) < 0.9, 0.125, rng.random(size)),
+            lambda rng, size, at: rng.random(size) if at == 0 else 0.5 + 1e-4 * rng.random(size),
+            lambda rng, size, at: np.sort(np.concatenate([rng.integers(0, 60_000, size), rng.random(size)]))[:size],
+        ],
+    )
+    def test_many_values_within_a_thousandth_of_rank_in_bounded_memory(self, draw):
+        rng = np.random.default_rng(4)
+        parts = [draw(rng, 50_000, at) for at in range(40)]
+        histogram = fill(IntensityHistogram, parts)
+        values = np.sort(np.concatenate(parts))
+        assert histogram.rank_error <= 0.0005 * len(values)
+        assert histogram.distribution()[1].sum() == len(values)
+        for rate in (0.1, 0.5, 0.8, 0.9, 0.99):
+            threshold = histogram.threshold(rate)
+            last = math.nextafter(threshold, -math.inf)
+            assert np.searchsorted(values, last, side="left") / len(values) <= rate + 0.001
+            assert np.searchsorted(values, last, side="right") / len(values) >= rate - 0.001
+        assert histogram._others.nbytes < 5_000_000
+
+    def test_memory_does_not_grow_with_the_log(self):
+        rng = np.random.default_rng(0)
+        sketch = QuantileSketch()
+        sizes = []
+        for _ in range(120):
+            sketch.add(rng.random(60_000))
+            sizes.append(sketch.nbytes)
+        assert max(sizes[60:]) <= max(sizes[:60]) + 8 * 2 * module._LEVEL
+
+    def test_many_small_frames_do_not_pile_up(self):
+        sketch = QuantileSketch()
+        for number in range(5000):
+            sketch.add(np.array([number % 7 + 0.5]))
+        assert len(sketch._pending) < 1100
+        assert sketch.distribution()[1].sum() == 5000
+
+    def test_the_same_values_give_the_same_threshold(self):
+        parts = [np.random.default_rng(n).random(50_000) for n in range(10)]
+        first, second = (fill(IntensityHistogram, parts).distribution() for _ in range(2))
+        np.testing.assert_array_equal(first, second)
+
+    @pytest.mark.parametrize(
+        ("values", "rate", "threshold"),
+        [(range(100), 0.55, 55), (range(100), 0.07, 7), ([-1, -1, -1, 3], 0.7, 0), ([65535, 65536, 10**9], 0.5, 65537)],
+    )
+    def test_limits(self, values, rate, threshold):
+        assert fill(IntensityHistogram, [np.array(list(values), float)]).threshold(rate) == threshold
+
+    def test_nothing_counted(self):
+        histogram = fill(IntensityHistogram, [np.zeros(0)])
+        assert histogram.threshold(0.8) == 0
+        assert histogram.all_whole
+
+    def test_a_rate_of_zero_removes_nothing(self):
+        assert fill(IntensityHistogram, [np.array([3.0, 5])]).threshold(0) == 3
+
+
+class TestFarLimit:
+    @staticmethod
+    def by_sorting(ranges):
+        """Return the first of the sorted ranges from which on every difference is more than a metre."""
+        ranges = sorted(ranges)
+        first = len(ranges) - 1
+        while first and ranges[first] - ranges[first - 1] > 1:
+            first -= 1
+        return ranges[first]
+
+    @staticmethod
+    def found(ranges, parts=1):
+        limit = FarLimit()
+        for part in np.array_split(np.array(ranges, float), parts):
+            limit.add(part)
+        return limit.last_m
+
+    @given(
+        st.lists(
+            st.one_of(st.floats(0, 60), st.integers(0, 200).map(float), st.sampled_from([10.5, 11.5, 12.5, 13.75])),
+            min_size=1,
+        ),
+        st.integers(1, 5),
+    )
+    def test_as_by_sorting(self, ranges, parts):
+        assert self.found(ranges, parts) == self.by_sorting(ranges)
+
+    @pytest.mark.parametrize(
+        ("ranges", "last_m"),
+        [
+            ([20, 21], 21),
+            ([20, 21 + 1e-12], 20),
+            ([20, 20.999, 22], 20.999),
+            ([20, 20, 30, 30, 40], 30),  # a gap before others does not count
+            ([61.65, 61, 62.7, 64, 65.1], 61.65),
+            ([33], 33),
+            ([20, 22, 24], 20),
+        ],
+    )
+    def test_all_differences_past_it_are_more_than_a_metre(self, ranges, last_m):
+        assert self.found(ranges) == self.by_sorting(ranges) == last_m
+
+    def test_what_no_lidar_sees_is_left_out(self):
+        assert self.found([12, 12.5, 10_000, 10_000, 1e300]) == 12.5
+        assert self.found([]) is None
+
+    @pytest.mark.parametrize(
+        ("last_m", "end_m"), [(61.65, 70), (10.0, 25), (24.99, 25), (25.0, 25), (25.01, 40), (70.0, 70)]
+    )
+    def test_rounded_up_to_whole_rings(self, last_m, end_m):
+        ranges = np.append(np.arange(10, last_m, 0.5), last_m)
+        found = calibrate(ranges, np.ones(len(ranges)))
+        assert (found.last_m, found.end_m, len(found.rings)) == (last_m, end_m, (end_m - 10) / 15)
+
+    def test_rings_of_a_tenth_of_a_metre(self):
+        found = calibrate(np.arange(10, 11.2, 0.01), np.ones(120), ring_width_m=0.1, end_m=11)
+        assert found.end_m == 11.2
+        assert len(JointParams(ring_width_m=0.1, end_m=11.2, initial_thresholds=found.initial_thresholds).edges) == 13
+
+    def test_rounding_errors_make_no_ring(self):
+        assert (10.3 - 10) / 0.1 > 3
+        assert calibrate([10.0, 10.3], [1, 2], ring_width_m=0.1, end_m=11).end_m == 10.3
+
+    def test_farther_than_rings_can_reach(self):
+        with pytest.raises(InputError, match=r"clutter reaches to 59\.50 m, and 250 rings"):
+            calibrate(np.arange(10, 60, 0.5), np.ones(100), ring_width_m=0.1, end_m=20)
+
+    def test_one_wide_ring(self):
+        found = calibrate([12, 13, 500, 20_000], [1, 2, 3, 4], ring_width_m=1e6, end_m=70)
+        assert (found.end_m, found.last_m) == (1_000_010, 13)
+
+
+class TestCalibration:
+    @settings(deadline=None, max_examples=60)
+    @given(st.integers(0, 10**6), st.integers(1, 7), RATES, st.sampled_from(["whole", "unit", "tail", "equal"]))
+    def test_as_by_sorting(self, seed, parts, rate, kind):
+        rng = np.random.default_rng(seed)
+        size = int(rng.integers(1, 2000))
+        ranges = 10 + 30 * rng.weibull(1.2, size)
+        intensity = {
+            "whole": lambda: np.floor(rng.exponential(600 / ranges)),
+            "unit": lambda: rng.random(size).astype("f4").astype(float),
+            "tail": lambda: rng.pareto(0.7, size) - 0.2,
+            "equal": lambda: rng.choice([0.25, 0.5, 7], size),
+        }[kind]()
+        found = calibrate(ranges, intensity, parts=parts, filter_rate=rate)
+        assert found.last_m == TestFarLimit.by_sorting(ranges)
+        assert found.beyond == np.count_nonzero(ranges >= found.end_m)
+        whole = (intensity == np.floor(intensity)).all()
+        for number, ring in enumerate(found.rings):
+            inside = np.sort(intensity[(ranges >= 10 + 15 * number) & (ranges < 25 + 15 * number)])
+            assert ring.points == len(inside)
+            if not len(inside):
+                continue
+            last = last_below(inside, rate)
+            above = inside[inside > last].min(initial=math.inf)
+            assert last < ring.threshold <= (last + 1 if whole else above)
+            assert ring.below == np.count_nonzero(inside < ring.threshold) == np.count_nonzero(inside <= last)
+            assert ring.filter_rate >= rate
+            assert ring.few == (len(inside) < few_points(rate))
+
+    def test_thresholds_of_fractions_are_short(self):
+        ranges = np.full(1000, 20.0)
+        found = calibrate(ranges, np.linspace(0, 1, 1000).astype("f4"))
+        assert found.initial_thresholds == (0.8,)
+        assert [type(value) for value in calibrate(ranges, np.arange(1000)).initial_thresholds] == [int]
+
+    def test_rings_without_points_borrow(self):
+        ranges = np.repeat([26.0, 27, 30, 56, 57, 75], 100)
+        intensity = np.repeat([9, 9, 9, 4, 4, 2], 100)
+        found = calibrate(ranges, intensity, keep_end=True, end_m=90)
+        assert found.initial_thresholds == (10, 10, 10, 5, 3, 3)
+        assert [ring.taken_from for ring in found.rings] == [2, None, 2, None, None, 5]
+        assert [ring.points for ring in found.rings] == [0, 300, 0, 200, 100, 0]
+        assert found.rings[0].filter_rate is None
+
+    def test_a_ring_of_whole_numbers_in_a_log_of_fractions(self):
+        found = calibrate([20.0] * 10 + [20.5, 21.4, 22, 22.9, 23.8, 24.7, 25.5], [0] * 10 + [0.5] * 6 + [0])
+        assert found.initial_thresholds[1] < 0.01
+
+    def test_the_last_ring_is_cut_at_a_given_end(self):
+        found = calibrate([20, 21, 39.9, 40, 55], [1, 2, 3, 4, 5], keep_end=True, end_m=40, ring_width_m=20)
+        assert [(ring.start_m, ring.end_m, ring.points) for ring in found.rings] == [(10, 30, 2), (30, 40, 1)]
+        assert (found.end_m, found.beyond) == (40, 2)
+
+    @pytest.mark.parametrize(("rate", "points"), [(0.8, 100), (0.5, 100), (0.9, 200), (0.99, 2000), (1.0, 100)])
+    def test_few_points(self, rate, points):
+        assert few_points(rate) == points
+
+    def test_no_clutter(self):
+        with pytest.raises(InputError, match="no clutter point from 10 m on"):
+            calibrate([], [])
+        with pytest.raises(InputError, match="no clutter point between 10 and 70 m"):
+            calibrate([80.0], [3], keep_end=True)
+
+    def test_memory_is_bounded_by_rings(self):
+        calibration = Calibration(params(ring_width_m=0.5), filter_rate=0.8)
+        ranges = np.geomspace(10, 1e30, 10_000)
+        calibration.add(ranges, np.ones(len(ranges)))
+        assert len(calibration._rings) <= 250
+        assert calibration.points == len(ranges)
+
+
+class TestClutterReader:
+    @staticmethod
+    def read(frame, truth=None, *, labelled=False, margin_m=0.0, **given):
+        class Fixed:
+            def truth(self, _):
+                return truth
+
+            def finish(self):
+                pass
+
+        taken = []
+        take = lambda ranges, intensity: taken.append((ranges.tolist(), intensity.tolist()))
+        reader = ClutterReader(params(**given), take, Fixed() if labelled else None, margin_m)
+        result = reader.step(frame)
+        assert not result.reason.any()
+        return reader, taken[0] if taken else None
+
+    def test_every_valid_point_from_the_start_on(self):
+        frame = on_axis([5, 9.99, 10, 69, 70, 500, math.nan, 30], [1, 2, 3, 4, 5, 6, 7, math.nan])
+        reader, taken = self.read(frame)
+        assert taken == ([10, 69, 70, 500], [3, 4, 5, 6])
+        assert (reader.frames, reader.unlabelled, reader.marked) == (1, 0, 0)
+
+    def test_own_structure_is_none(self):
+        _, taken = self.read(on_axis([12, 20, 80], [1, 2, 3]), exclude_boxes=((11, 13, -1, 1, -1, 1),))
+        assert taken == ([20, 80], [2, 3])
+
+    def test_boxes_grow(self):
+        one = Boxes(("a",), ("ship",), np.array([[20.0, 0, 0]]), np.full((1, 3), 2.0), np.zeros(1))
+        area = Boxes(("b",), ("ignore",), np.array([[40.0, 0, 0]]), np.full((1, 3), 2.0), np.zeros(1))
+        frame = on_axis([18.4, 18.6, 20, 21.6, 30, 40, 41.4], 1)
+        for margin_m, left in ((0, [18.4, 18.6, 21.6, 30, 41.4]), (0.5, [18.4, 21.6, 30])):
+            reader, taken = self.read(frame, Truth(one, area), labelled=True, margin_m=margin_m)
+            assert taken[0] == left
+            assert reader.marked == 7 - len(left)
+
+    def test_labelled_points(self):
+        points = np.array([CLUTTER, 7, IGNORED, CLUTTER, 3])
+        reader, taken = self.read(on_axis([20, 21, 22, 23, 2], 1), Truth(None, points=points), labelled=True)
+        assert taken[0] == [20, 23]
+        assert reader.marked == 2
+
+    def test_frames_without_labels_are_counted(self):
+        reader, taken = self.read(on_axis([20]), None, labelled=True)
+        assert taken is None
+        assert (reader.frames, reader.unlabelled) == (0, 1)
+
+    @pytest.mark.parametrize("labelled", [False, True])
+    def test_fields_that_are_missing(self, labelled):
+        with pytest.raises(FieldError, match="no intensity field"):
+            self.read(make_frame([[20, 0, 0]]), labelled=labelled)
+
+    def test_a_sea_in_two_passes(self):
+        """What the ring filter then removes is what calibration says it would."""
+        from seaclutter_cli.filters.joint import RingIntensity, RingIntensityParams
+
+        frames = [sea_frame(5, index=index) for index in range(6)]
+        calibration = Calibration(params())
+        reader = ClutterReader(params(), calibration.add)
+        for frame in frames:
+            reader.step(frame)
+        found = calibration.thresholds()
+        method = RingIntensity(RingIntensityParams(end_m=found.end_m, initial_thresholds=found.initial_thresholds))
+        rings = [method.step(frame).rings for frame in frames]
+        assert [ring.points for ring in found.rings] == sum(ring.points for ring in rings).tolist()
+        assert [ring.below for ring in found.rings] == sum(ring.low_intensity for ring in rings).tolist()
