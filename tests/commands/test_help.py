@@ -48,7 +48,7 @@ def test_the_short_help_is_the_commands_own():
             assert command.get_short_help_str(200) == COMMANDS[path[0]]
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["filter", "--help"], ["info", "--help"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], *([*path, "--help"] for path in PATHS)])
 def test_help_does_not_import_what_takes_time(arguments):
     code = (
         "import sys; sys.argv = ['seaclutter', *%r]\n"
