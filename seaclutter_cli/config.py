@@ -18,7 +18,7 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.validation import as_lists, build, count_of, kind_of, read_yaml
+from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
 
 DEFAULT_METHOD = "joint"
 _SECTIONS = ("filter", "evaluation")
@@ -174,8 +174,7 @@ def _validate(raw: Mapping[str, Any], where: str) -> Config:
     else:
         params = build(FILTERS[method].Params, sections["filter"], "filter", f"method {method}", problems)
     evaluation = build(EvaluationParams, sections["evaluation"], "evaluation", "evaluation", problems)
-    if problems:
-        raise ConfigError("\n  ".join((f"{where}: {count_of(len(problems))}", *problems)))
+    refuse(where, problems)
     return Config(method, params, evaluation)
 
 

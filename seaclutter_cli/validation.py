@@ -110,6 +110,9 @@ def kind_of(value: Any) -> str:
     return {list: "a list", dict: "a section", str: "text", bool: "a truth value"}.get(type(value), "a number")
 
 
-def count_of(number: int) -> str:
-    """Return a number of problems in words."""
-    return "1 problem" if number == 1 else f"{number} problems"
+def refuse(where: str, problems: Sequence[str]) -> None:
+    """Raise `ConfigError` if there are problems, with all of them; a single one on one line."""
+    if len(problems) == 1:
+        raise ConfigError(f"{where}: {problems[0]}")
+    if problems:
+        raise ConfigError("\n  ".join((f"{where}: {len(problems)} problems", *problems)))

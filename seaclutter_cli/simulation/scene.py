@@ -12,7 +12,7 @@ from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.motion import Track
 from seaclutter_cli.simulation.sea import SeaParams
 from seaclutter_cli.simulation.shapes import SHAPES
-from seaclutter_cli.validation import as_lists, build, count_of, kind_of, read_yaml
+from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
 
 _SECTIONS = ("recording", "sea", "vessel", "objects")
 Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
@@ -210,8 +210,7 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
             values = {}
         parts[section] = build(kind, values, section, section, problems)
     objects = _objects(raw.get("objects") or [], problems)
-    if problems:
-        raise ConfigError("\n  ".join((f"{where}: {count_of(len(problems))}", *problems)))
+    refuse(where, problems)
     return Scene(**parts, objects=tuple(objects))
 
 
