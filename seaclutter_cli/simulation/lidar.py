@@ -28,6 +28,8 @@ class Lidar:
         Ranges between which echoes are reported.
     range_noise_m : float
         Standard deviation of the range.
+    lens_m : float
+        How far ahead of the axis the lens is, in the direction of the column.
     clockwise : bool
         Sense of rotation seen from above.
     rate_hz : float
@@ -42,6 +44,7 @@ class Lidar:
     max_range_m: float
     min_range_m: float = 0.4
     range_noise_m: float = 0.02
+    lens_m: float = 0.0
     clockwise: bool = True
     rate_hz: float = 10.0
 
@@ -62,11 +65,21 @@ class Lidar:
         return column[:, None] + np.array(self.firing_us) * 1e-6
 
     @cached_property
+    def _turned(self) -> NDArray[np.float64]:
+        """Angle by which the lidar has turned at each shot, counter-clockwise, shape (C, K), in radians."""
+        return (-1 if self.clockwise else 1) * self.times_s * self.rate_hz * 2 * np.pi
+
+    @cached_property
+    def lenses(self) -> NDArray[np.float64]:
+        """Where the lens is at each shot in the lidar's frame, shape (C, K, 3), in metres."""
+        return self.lens_m * np.stack(
+            (np.cos(self._turned), np.sin(self._turned), np.zeros_like(self._turned)), axis=-1
+        )
+
+    @cached_property
     def directions(self) -> NDArray[np.float64]:
         """Unit vector of each shot in the lidar's frame (x forward, y left, z up), shape (C, K, 3)."""
-        sense = -1 if self.clockwise else 1
-        turned = self.times_s * self.rate_hz * 2 * np.pi
-        azimuth = sense * turned - np.radians(self.azimuth_offsets_deg)
+        azimuth = self._turned - np.radians(self.azimuth_offsets_deg)
         elevation = np.broadcast_to(np.radians(self.elevations_deg), azimuth.shape)
         flat = np.cos(elevation)
         return np.stack((flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)), axis=-1)
@@ -83,7 +96,8 @@ _RS32_ELEVATIONS = (
     *(-25.0, -14.638, -7.91, -5.407, -3.667, -4.0, -4.333, -4.667),
     *(-2.333, -2.667, -3.0, -3.333, -1.0, -1.333, -1.667, -2.0),
 )
-# Four columns of lasers that look past each other; units differ from their design by fractions of a degree.
+# Four columns of lasers that look past each other. The manual prints the value of channel 10; the others follow the
+# pattern of the columns. Units differ from their design by fractions of a degree anyway.
 _RS32_OFFSETS = (-8.0, -2.672, 2.672, 8.0) * 8
 _RS32_FIRING = (
     *(2.88 * c for c in range(15)),
@@ -105,9 +119,9 @@ def _ouster(beams: int) -> Lidar:
 
 
 LIDARS: Mapping[str, Lidar] = {
-    "RS-LiDAR-32": Lidar(_RS32_ELEVATIONS, _RS32_OFFSETS, _RS32_FIRING, 1800, 150.0, 200.0),
+    "RS-LiDAR-32": Lidar(_RS32_ELEVATIONS, _RS32_OFFSETS, _RS32_FIRING, 1800, 150.0, 200.0, lens_m=0.03997),
     "RS-LiDAR-16": Lidar(
-        _RS16_ELEVATIONS, (0.0,) * 16, tuple(2.8 * c for c in range(16)), 1800, 100.0, 150.0, min_range_m=0.4
+        _RS16_ELEVATIONS, (0.0,) * 16, tuple(2.8 * c for c in range(16)), 1800, 100.0, 150.0, lens_m=0.03825
     ),
     "VLP-16": Lidar(
         _VLP16_ELEVATIONS, (0.0,) * 16, tuple(2.304 * c for c in range(16)), 1808, 80.0, 100.0, min_range_m=0.5

@@ -123,7 +123,8 @@ class Renderer:
         beams = len(self.lidar.elevations_deg)
         directions = (self.lidar.directions @ turns.transpose(0, 2, 1)).reshape(-1, 3)
         azimuths = np.arctan2(directions[:, 1], directions[:, 0])
-        return Shots(np.repeat(places, beams, axis=0), directions, azimuths)
+        origins = (self.lidar.lenses @ turns.transpose(0, 2, 1)).reshape(-1, 3) + np.repeat(places, beams, axis=0)
+        return Shots(origins, directions, azimuths)
 
     def _pose(self, item: ObjectParams, surface: Surface, start_s: float) -> tuple[Pose, Pose, float]:
         """Return the pose of an object when the lidar looks at it, that of the lidar then, and the sea's height."""
@@ -193,7 +194,7 @@ class Renderer:
         measured = range_m[kept] + lidar.range_noise_m * rng.standard_normal(int(kept.sum()))
         chosen = some[kept]
         points = np.empty(len(chosen), POINT)
-        place = lidar.directions.reshape(-1, 3)[chosen] * measured[:, None]
+        place = lidar.lenses.reshape(-1, 3)[chosen] + lidar.directions.reshape(-1, 3)[chosen] * measured[:, None]
         points["x"], points["y"], points["z"] = place.T
         points["intensity"] = np.minimum(np.floor(power[kept]), 255.0)
         points["ring"] = lidar.rings[chosen % len(lidar.elevations_deg)]
