@@ -16,7 +16,7 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.commands import cli
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from tests.paths import ROOT, SAMPLE
+from tests.paths import SAMPLE
 
 TYPE = "sensor_msgs/msg/PointCloud2"
 POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
@@ -69,14 +69,10 @@ def out(tmp_path):
     return tmp_path / "out.mcap"
 
 
-def test_the_sample_as_the_readme_shows_it(out):
+def test_the_real_sample(out):
     result = invoke(SAMPLE, "-c", "snow", "-o", out)
     assert result.exit_code == 0
-    shown = (ROOT / "README.md").read_text(encoding="utf-8")
-    lines = result.stdout.splitlines()
-    assert len(lines) == 11
-    for line in lines[1:-1]:
-        assert line in shown
+    assert "/points: 3 frames, 629,023 points in, 474,323 out (75.4 %)" in result.stdout
     assert len(messages(out, "/points")) == 3
 
 
