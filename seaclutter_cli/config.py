@@ -6,7 +6,7 @@ nowhere else, and the comments in written configs are its docstring.
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,23 @@ from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
 
 DEFAULT_METHOD = "joint"
-_SECTIONS = ("filter", "evaluation")
+_SECTIONS = ("filter", "evaluation", "sensor")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorParams:
+    """The sensor that the thresholds are for, as far as its packets tell; `calibrate` notes it.
+
+    Parameters
+    ----------
+    model : str or None
+        Name of the sensor.
+    intensity : str or None
+        Mode in which it gives intensities; thresholds do not carry over from one to another.
+    """
+
+    model: str | None = None
+    intensity: str | None = None
 
 
 @dataclass(frozen=True)
@@ -36,11 +52,14 @@ class Config:
         The method's ``Params``.
     evaluation : EvaluationParams
         Clustering and matching.
+    sensor : SensorParams
+        What the thresholds are for; unknown by default.
     """
 
     method: str
     filter: Any
     evaluation: EvaluationParams
+    sensor: SensorParams = field(default_factory=SensorParams)
 
     def make_filter(self) -> Filter:
         """Return a filter of the method, without state."""
@@ -55,7 +74,8 @@ class Config:
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return the configuration as it stands in a file."""
-        return {"filter": {"method": self.method, **_plain(self.filter)}, "evaluation": _plain(self.evaluation)}
+        sections = {"filter": {"method": self.method, **_plain(self.filter)}, "evaluation": _plain(self.evaluation)}
+        return sections if self.sensor == SensorParams() else {**sections, "sensor": _plain(self.sensor)}
 
     def to_yaml(self, *, comments: bool = False) -> str:
         """Return the configuration as a file's text, with a comment for every key if asked for."""
@@ -174,8 +194,9 @@ def _validate(raw: Mapping[str, Any], where: str) -> Config:
     else:
         params = build(FILTERS[method].Params, sections["filter"], "filter", f"method {method}", problems)
     evaluation = build(EvaluationParams, sections["evaluation"], "evaluation", "evaluation", problems)
+    sensor = build(SensorParams, sections["sensor"], "sensor", "sensor", problems)
     refuse(where, problems)
-    return Config(method, params, evaluation)
+    return Config(method, params, evaluation, sensor)
 
 
 def _check_method(method: str, where: str) -> None:

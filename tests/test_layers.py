@@ -26,7 +26,7 @@ ALLOWED = {
     "survey": BASE | {"sensors"},
     "calibration": BASE | {"filters", "pipeline"},
     "plots": BASE | {"evaluation", "calibration"},
-    "simulation": BASE | {"validation", "messages", "sinks"},
+    "simulation": BASE | {"validation", "messages", "sensors", "sinks"},
     "validation": {"errors"},
     "config": BASE | {"filters", "evaluation", "validation"},
     "commands": None,

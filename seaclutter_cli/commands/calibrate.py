@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from seaclutter_cli.commands.console import Progress, count, report_damage, warn
-from seaclutter_cli.commands.options import config_options, logs_argument, output_options, selection_options
+from seaclutter_cli.commands.options import (
+    config_options,
+    decoding_options,
+    logs_argument,
+    output_options,
+    selection_options,
+)
+from seaclutter_cli.commands.sensor_facts import facts_of
 from seaclutter_cli.commands.truths import label_options
 from seaclutter_cli.errors import InputError, LabelError, UsageError
 
@@ -139,7 +146,8 @@ class Job:
 
         calibrated = Calibrated(self._config, self._options["filter_rate"], labelled=self._labels[0] is not None)
         for recording, labels in zip(self._recordings, self._labels, strict=True):
-            with closing(recording.open(rate_hz=self._options["rate_hz"])) as source:
+            decoding = decoding_options(self._options)
+            with closing(recording.open(rate_hz=self._options["rate_hz"], decoding=decoding)) as source:
                 self._read(source, labels, calibrated)
                 calibrated.damage += source.damage
                 report_damage(source.damage, verbose=self._options["verbose"])
@@ -172,6 +180,7 @@ class Job:
         topics = sorted({channel.topic for channel in clouds})
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels are of one topic; choose from: -t {' -t '.join(topics)}")
+        told = len(source.warnings)
         for text in source.warnings:
             warn(text, quiet=self._options["quiet"])
         margin_m = self._config.evaluation.box_margin_m
@@ -185,10 +194,13 @@ class Job:
 
         with progress:
             run(source, lambda: reader, [], self._selection, on_frame)
+        for text in source.warnings[told:]:
+            warn(text, quiet=self._options["quiet"])
         if not reader.frames + reader.unlabelled and source.damage:
             raise InputError(f"{source.name}: no frame can be read; {source.damage[0]}")
         if labels and not source.damage and self._is_whole:
             labels.finish()
+        calibrated.facts += [facts for topic, facts in facts_of(source).items() if topic in topics]
         calibrated.count(source.name, reader)
 
     @property

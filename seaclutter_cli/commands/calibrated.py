@@ -10,9 +10,10 @@ from seaclutter_cli.errors import printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.calibration import ClutterReader, RingCalibration, Thresholds
-    from seaclutter_cli.config import Config
+    from seaclutter_cli.config import Config, SensorParams
     from seaclutter_cli.frame import Frame
     from seaclutter_cli.records import Damage
+    from seaclutter_cli.sensors.packets import Facts
 
 _COMMENT_WIDTH = 100
 _TEXT_WIDTH = 79
@@ -45,6 +46,7 @@ class Calibrated:
     sensors: list[str] = field(default_factory=list)
     intensity_fields: list[str] = field(default_factory=list)
     damage: list["Damage"] = field(default_factory=list)
+    facts: list["Facts"] = field(default_factory=list)
     _seen: set[tuple[str, str]] = field(default_factory=set)
 
     def __post_init__(self) -> None:
@@ -71,6 +73,17 @@ class Calibrated:
         self.unlabelled += reader.unlabelled
         self.marked += reader.marked
 
+    @property
+    def sensor(self) -> "SensorParams":
+        """What packets told of the sensor; where recordings differ, nothing."""
+        from seaclutter_cli.config import SensorParams
+
+        models = {facts.model for facts in self.facts}
+        modes = {facts.details.get("intensity") for facts in self.facts}
+        return SensorParams(
+            model=models.pop() if len(models) == 1 else None, intensity=modes.pop() if len(modes) == 1 else None
+        )
+
     def config_text(self) -> str:
         """Return the configuration with what was found, below comments that say where it comes from."""
         params = replace(self.config.filter, end_m=self.found.end_m, initial_thresholds=self.found.initial_thresholds)
@@ -80,7 +93,7 @@ class Calibrated:
         ]
         lines = [*_wrapped(" ".join(head)), *(line for text in self._said() for line in _wrapped(text))]
         comments = [*lines, *self._table().splitlines()]
-        body = replace(self.config, filter=params).to_yaml(comments=True)
+        body = replace(self.config, filter=params, sensor=self.sensor).to_yaml(comments=True)
         return "".join(f"# {line}".rstrip() + "\n" for line in comments) + body
 
     def as_text(self, output: Path) -> str:

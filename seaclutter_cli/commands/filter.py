@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from seaclutter_cli.commands.console import Progress, fail, report_damage, warn
-from seaclutter_cli.commands.options import config_options, logs_argument, output_options, selection_options
+from seaclutter_cli.commands.options import (
+    config_options,
+    decoding_options,
+    logs_argument,
+    output_options,
+    selection_options,
+)
+from seaclutter_cli.commands.sensor_facts import mismatches
 from seaclutter_cli.errors import InputError, SeaclutterError, UsageError, printable
 
 if TYPE_CHECKING:
@@ -20,6 +27,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.frame import FilterResult
     from seaclutter_cli.interfaces import Sink, Source
     from seaclutter_cli.pipeline import Selection
+    from seaclutter_cli.sensors.packets import DecoderOptions
     from seaclutter_cli.sinks import McapOptions
     from seaclutter_cli.sources import Recording
 
@@ -86,6 +94,7 @@ class Job:
     config: "Config"
     selection: "Selection"
     file_options: "McapOptions"
+    decoding: "DecoderOptions"
     rate_hz: float
     quiet: bool
     verbose: bool
@@ -108,6 +117,7 @@ class Job:
                 compression=_COMPRESSIONS.get(options["compression"]),
                 config=config.to_yaml(),
             ),
+            decoding_options(options),
             *(options[name] for name in ("rate_hz", "quiet", "verbose")),
         )
 
@@ -118,7 +128,7 @@ class Job:
         outcome = Outcome(recording.name, target, self.config.ring_edges)
         started = perf_counter()
         try:
-            with closing(recording.open(rate_hz=self.rate_hz)) as source:
+            with closing(recording.open(rate_hz=self.rate_hz, decoding=self.decoding)) as source:
                 self._stream(source, outcome, sinks)
                 outcome.damage = source.damage
                 report_damage(source.damage, verbose=self.verbose)
@@ -136,6 +146,7 @@ class Job:
         from seaclutter_cli.sinks import McapSink
 
         clouds = cloud_channels(source, self.selection.topics)
+        told = len(source.warnings)
         for text in source.warnings:
             warn(text, quiet=self.quiet)
         if self.verbose:
@@ -153,6 +164,8 @@ class Job:
             outcome.topics = run(source, self.config.make_filter, [sink, *sinks], self.selection, on_frame)
             if not outcome.frames and source.damage:
                 raise InputError(f"{source.name}: no frame can be read; {source.damage[0]}")
+        for text in (*source.warnings[told:], *mismatches(self.config.sensor, source)):
+            warn(text, quiet=self.quiet)
         for topic, fit in fits.items():
             self._warn(fit.verdict(), topic)
 

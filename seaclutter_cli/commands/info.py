@@ -5,20 +5,21 @@ import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from seaclutter_cli.commands.console import Progress, fail, report_damage, share, table, warn
-from seaclutter_cli.commands.options import logs_argument, output_options, selection_options
+from seaclutter_cli.commands.options import decoding_options, logs_argument, output_options, selection_options
 from seaclutter_cli.errors import SeaclutterError, printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.interfaces import Source
     from seaclutter_cli.pipeline import Selection
     from seaclutter_cli.records import Channel, Damage
+    from seaclutter_cli.sensors.packets import Facts
     from seaclutter_cli.sources import Recording
     from seaclutter_cli.survey import TopicSurvey
 
@@ -62,6 +63,7 @@ class Content:
     messages: Counter[str] = field(default_factory=Counter)
     times_ns: list[int] = field(default_factory=list)
     clouds: Mapping[str, "TopicSurvey"] = field(default_factory=dict)
+    facts: Mapping[str, "Facts"] = field(default_factory=dict)
     damage: Sequence["Damage"] = ()
     error: str | None = None
 
@@ -88,6 +90,7 @@ class Content:
             "start_ns": self.times_ns[0] if self.times_ns else None,
             "topics": [{**topic, "messages": self.messages[str(topic["topic"])]} for topic in topics],
             "clouds": {topic: survey.as_dict() for topic, survey in self.clouds.items()},
+            "sensors": {topic: asdict(facts) for topic, facts in self.facts.items()},
             "needs": self.needs(),
             "damage": [str(item) for item in self.damage],
             "error": self.error,
@@ -101,7 +104,7 @@ class Content:
         lines = [f"{self.path}: {self.format}, {self.duration_s:.1f} s{began}"]
         rows = {c.topic: (c.topic, self.messages[c.topic], c.schema.name if c.schema else "-") for c in self.channels}
         lines.append(table(("topic", "messages", "type"), list(rows.values())))
-        lines += [_describe(topic, survey) for topic, survey in self.clouds.items()]
+        lines += [_describe(topic, survey, self.facts.get(topic)) for topic, survey in self.clouds.items()]
         lines += [printable(need) for need in self.needs()]
         return "\n".join(lines)
 
@@ -124,7 +127,7 @@ class Content:
         return needs
 
 
-def _describe(topic: str, survey: "TopicSurvey") -> str:
+def _describe(topic: str, survey: "TopicSurvey", facts: "Facts | None") -> str:
     least, middle, most = survey.sizes()
     rate = f" at {survey.rate_hz:.2f} Hz" if survey.rate_hz else ""
     rows = [
@@ -138,6 +141,10 @@ def _describe(topic: str, survey: "TopicSurvey") -> str:
         ("range", f"{_span(survey.range_m).strip() or 'none'} m"),
         ("sensor", f"like {' or '.join(survey.sensors)}" if survey.sensors else "not recognised"),
     ]
+    if facts:
+        told = (f"{name}: {text}" for name, text in facts.details.items())
+        rows[-1] = ("sensor", "; ".join((facts.model, *told)))
+        rows.append(("packets", f"{facts.lost_packets:,} missing, {facts.bad_packets:,} not decodable"))
     return "\n".join((printable(topic), *(_wrap(f"  {name:<10} {text}") for name, text in rows)))
 
 
@@ -154,7 +161,7 @@ def _span(limits: Sequence[float]) -> str:
 def _look(recording: "Recording", selection: "Selection", options: Mapping[str, Any]) -> Content:
     content = Content(recording.name, str(recording.paths[0]))
     try:
-        with closing(recording.open(rate_hz=options["rate_hz"])) as source:
+        with closing(recording.open(rate_hz=options["rate_hz"], decoding=decoding_options(options))) as source:
             _read(source, content, selection, quiet=options["quiet"])
             content.damage = source.damage
             report_damage(source.damage, verbose=options["verbose"])
@@ -172,6 +179,7 @@ def _read(source: "Source", content: Content, selection: "Selection", *, quiet: 
     from seaclutter_cli.survey import TopicSurvey
 
     content.format, content.channels = source.format, source.channels
+    told = len(source.warnings)
     for text in source.warnings:
         warn(text, quiet=quiet)
     clouds = [c for c in source.channels if find_codec(c) and (not selection.topics or c.topic in selection.topics)]
@@ -187,3 +195,6 @@ def _read(source: "Source", content: Content, selection: "Selection", *, quiet: 
             if isinstance(record, Frame):
                 surveys[record.topic].add(record)
                 progress.step()
+    for text in source.warnings[told:]:
+        warn(text, quiet=quiet)
+    content.facts = getattr(source, "facts", {})

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import click
 
 from seaclutter_cli.commands.console import Progress, fail, report_damage, warn
+from seaclutter_cli.commands.options import decoding_options
+from seaclutter_cli.commands.sensor_facts import mismatches
 from seaclutter_cli.errors import InputError, SeaclutterError, UsageError, printable
 
 if TYPE_CHECKING:
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.frame import FilterResult, Frame
     from seaclutter_cli.interfaces import Labels, Source
     from seaclutter_cli.pipeline import Selection
+    from seaclutter_cli.sensors.packets import DecoderOptions
     from seaclutter_cli.sources import Recording
     from seaclutter_cli.truth import Truth
 
@@ -36,6 +39,7 @@ class Job:
 
     variants: "Sequence[Variant]"
     selection: "Selection"
+    decoding: "DecoderOptions"
     rate_hz: float
     quiet: bool
     verbose: bool
@@ -49,6 +53,7 @@ class Job:
         return cls(
             variants,
             Selection(**{name: options[name] for name in chosen}),
+            decoding_options(options),
             *(options[name] for name in ("rate_hz", "quiet", "verbose")),
         )
 
@@ -66,7 +71,7 @@ class Job:
         outcome = Evaluated(recording.name, {variant.name: Summary() for variant in self.variants})
         started = perf_counter()
         try:
-            with closing(recording.open(rate_hz=self.rate_hz)) as source:
+            with closing(recording.open(rate_hz=self.rate_hz, decoding=self.decoding)) as source:
                 judge = _Judge(self, labels, outcome, [table.begin(recording.name) for table in tables], watchers)
                 self._stream(source, judge)
                 self._finish(source, labels, outcome)
@@ -87,6 +92,7 @@ class Job:
         from seaclutter_cli.pipeline import cloud_channels, run_each
 
         clouds = cloud_channels(source, self.selection.topics)
+        told = len(source.warnings)
         for text in source.warnings:
             warn(text, quiet=self.quiet)
         if self.verbose:
@@ -102,6 +108,8 @@ class Job:
                 progress.step()
 
             run_each(source, filters, self.selection, on_frame)
+        for text in (*source.warnings[told:], *mismatches(self.variants[0].config.sensor, source)):
+            warn(text, quiet=self.quiet)
 
     def _finish(self, source: "Source", labels: "Labels", outcome: "Evaluated") -> None:
         """Check that a whole recording has been compared with all of its labels."""

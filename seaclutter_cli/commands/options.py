@@ -1,10 +1,13 @@
 """Options that several commands share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+if TYPE_CHECKING:
+    from seaclutter_cli.sensors.packets import DecoderOptions
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -26,6 +29,16 @@ debug_option = click.option(
     help="Show the traceback of an error.",
 )
 logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=True)
+
+
+def _known_sensor(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
+    """Return a sensor's name as it is written."""
+    from seaclutter_cli.sensors import SENSORS
+
+    names = {name.casefold(): name for name in SENSORS}
+    if value is not None and value.casefold() not in names:
+        raise click.BadParameter(f"{value} is not known; choose from: {', '.join(SENSORS)}")
+    return value and names[value.casefold()]
 
 
 def selection_options(command: F) -> F:
@@ -50,7 +63,23 @@ _SELECTION = (
         show_default=True,
         help="Frames per second where nothing carries a time.",
     ),
+    click.option(
+        "--calibration",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Angles or metadata of the sensor, where recorded packets lack them.",
+    ),
+    click.option(
+        "--sensor", metavar="MODEL", callback=_known_sensor, help="Sensor model, where packets of several look alike."
+    ),
 )
+
+
+def decoding_options(options: Mapping[str, Any]) -> "DecoderOptions":
+    """Return what the command line says of sensors whose packets are to be decoded."""
+    from seaclutter_cli.sensors.packets import DecoderOptions
+
+    return DecoderOptions(options["calibration"], options["sensor"])
 
 
 def output_options(command: F) -> F:

@@ -3,16 +3,20 @@
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from glob import glob
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources.bag import BagSource
+from seaclutter_cli.sources.capture import CAPTURE_MAGICS, CaptureSource
 from seaclutter_cli.sources.db3 import Db3Source
 from seaclutter_cli.sources.folder import FolderSource, is_frame_folder
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.mcap import McapSource
+from seaclutter_cli.sources.packet_topics import wrap_packets
 from seaclutter_cli.sources.rosbag2 import SplitSource, is_rosbag2_folder, open_rosbag2, split_groups
 
 _HEAD_BYTES = 16
@@ -28,29 +32,34 @@ class Format:
         Name for people.
     suffixes : tuple of str
         Usual file name endings.
-    magic : bytes
+    magics : tuple of bytes
         First bytes of a file; they decide before the ending does.
     open : callable
-        Opens a file as a source.
+        Opens a file as a source, if needed with what sensors' packets cannot tell.
     """
 
     title: str
     suffixes: tuple[str, ...]
-    magic: bytes
-    open: Callable[[Path], Source]
+    magics: tuple[bytes, ...]
+    open: Callable[[Path, DecoderOptions], Source]
+
+
+def _plain(make: Callable[[Path], Source]) -> Callable[[Path, DecoderOptions], Source]:
+    return lambda path, _: make(path)
 
 
 SOURCES: Mapping[str, Format] = {
-    "mcap": Format("MCAP", (".mcap",), b"\x89MCAP0\r\n", McapSource),
-    "bag": Format("ROS 1 bag", (".bag", ".bag.active"), b"#ROSBAG V2.0\n", BagSource),
-    "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), b"SQLite format 3\0", Db3Source),
+    "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), _plain(McapSource)),
+    "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), _plain(BagSource)),
+    "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), _plain(Db3Source)),
+    "capture": Format("PCAP", (".pcap", ".pcapng", ".cap"), CAPTURE_MAGICS, CaptureSource),
 }
 """Formats of log files. A new one is one line here; formats of single frames are in `FRAME_READERS`."""
 
 _LOG_SUFFIXES = tuple(suffix for form in SOURCES.values() for suffix in form.suffixes)
 
 
-def open_source(path: Path, *, rate_hz: float = 10.0) -> Source:
+def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
     """Open a recording: a log file, a rosbag2 folder, a folder of frames, or a single frame.
 
     Parameters
@@ -59,31 +68,34 @@ def open_source(path: Path, *, rate_hz: float = 10.0) -> Source:
         File or folder.
     rate_hz : float, optional
         Frames per second where nothing carries a time.
+    decoding : DecoderOptions, optional
+        What sensors' packets cannot tell.
 
     Raises
     ------
     InputError
         If it is no recording that can be read.
     """
+    decoding = decoding or DecoderOptions()
     if path.is_dir():
         if is_rosbag2_folder(path):
-            return open_rosbag2(path, _open_file)
+            return wrap_packets(open_rosbag2(path, partial(_open_file, decoding=decoding)), decoding)
         if is_frame_folder(path):
             return FolderSource(path, rate_hz=rate_hz)
         raise InputError(f"{path}: the folder holds no log and no frames ({_formats()} are read)")
     if path.suffix.lower() in FRAME_READERS and not _has_magic(path):
         return FolderSource(path, rate_hz=rate_hz)
-    return _open_file(path)
+    return wrap_packets(_open_file(path, decoding), decoding)
 
 
-def _open_file(path: Path) -> Source:
+def _open_file(path: Path, decoding: DecoderOptions) -> Source:
     head = _head(path)
     for form in SOURCES.values():
-        if head.startswith(form.magic):
-            return form.open(path)
+        if head.startswith(form.magics):
+            return form.open(path, decoding)
     for form in SOURCES.values():
         if path.name.lower().endswith(form.suffixes):
-            return form.open(path)
+            return form.open(path, decoding)
     raise InputError(f"{path}: the format is not known ({_formats()} are read)")
 
 
@@ -96,7 +108,7 @@ def _head(path: Path) -> bytes:
 
 
 def _has_magic(path: Path) -> bool:
-    return _head(path).startswith(tuple(form.magic for form in SOURCES.values()))
+    return _head(path).startswith(tuple(magic for form in SOURCES.values() for magic in form.magics))
 
 
 def _formats() -> str:
@@ -124,11 +136,12 @@ class Recording:
             return first.stem.rpartition("_")[0]
         return first.resolve().name if first.is_dir() else first.stem
 
-    def open(self, *, rate_hz: float = 10.0) -> Source:
+    def open(self, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
         """Open the recording."""
+        decoding = decoding or DecoderOptions()
         if len(self.paths) > 1:
-            return SplitSource(list(self.paths), _open_file)
-        return open_source(self.paths[0], rate_hz=rate_hz)
+            return wrap_packets(SplitSource(list(self.paths), partial(_open_file, decoding=decoding)), decoding)
+        return open_source(self.paths[0], rate_hz=rate_hz, decoding=decoding)
 
 
 def find_recordings(patterns: Iterable[str]) -> list[Recording]:

@@ -1,0 +1,78 @@
+"""Decoding of an RS-LiDAR-32 capture: frames a second and peak memory, on one core.
+
+Run as ``python benchmarks/capture.py FOLDER``, on Linux or macOS. What is timed is all from the file to structured
+frames: finding the sensor and its calibration in the whole capture, then decoding every packet of it.
+"""
+
+import resource
+import statistics
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+
+from seaclutter_cli.messages import find_codec
+from seaclutter_cli.sensors.robosense_angles import make_angles
+from seaclutter_cli.sensors.robosense_models import MODELS
+from seaclutter_cli.sensors.robosense_packets import Columns, write_data, write_info
+from seaclutter_cli.sinks.pcap import Ends, write_pcap
+from seaclutter_cli.sources import open_source
+
+PACKETS_A_TURN = 150
+COLUMNS = 12 * PACKETS_A_TURN
+START_NS = 1_700_000_000_000_000_000
+MODEL = MODELS["RS-LiDAR-32"]
+INFO = Ends(source_port=7788, target_port=7788)
+RUNS = 5
+
+
+def packets(turns: int, returns: float) -> Iterator[tuple[int, Ends, bytes]]:
+    random = np.random.default_rng(0)
+    angles = make_angles(np.arange(32) * 125 - 2500, np.arange(32) % 4 * 300 - 450)
+    for turn in range(turns):
+        distance = random.uniform(1, 200, (COLUMNS, 32)) * (random.random((COLUMNS, 32)) < returns)
+        times = START_NS + (turn * PACKETS_A_TURN + np.arange(PACKETS_A_TURN)) * MODEL.packet_ns
+        columns = Columns(np.arange(COLUMNS) * 20, distance, random.integers(0, 256, distance.shape), times)
+        for time_ns, payload in zip(times.tolist(), write_data(MODEL, columns), strict=True):
+            yield time_ns + MODEL.packet_ns, Ends(), payload.tobytes()
+        if turn % 10 == turns % 10:
+            yield int(times[-1]) + MODEL.packet_ns, INFO, write_info(MODEL, angles).tobytes()
+
+
+def decode(path: Path) -> tuple[int, int]:
+    """Return frames and points of a capture."""
+    frames = points = 0
+    with closing(open_source(path)) as source:
+        for message in source.records():
+            codec = find_codec(message.channel)
+            points += len(codec.decode(message.data).points) if codec else 0
+            frames += 1
+    return frames, points
+
+
+def peak_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def main(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"{'returns':<10}{'turns':>7}{'frames/s':>10}{'packets/s':>11}{'points/s':>12}{'peak MB':>9}")
+    for turns, returns in ((300, 1.0), (300, 0.5), (1200, 0.5)):
+        path = folder / f"rs-lidar-32-{turns}-{returns}.pcap"
+        with path.open("wb") as file:
+            file.writelines(write_pcap(packets(turns, returns)))
+        seconds = []
+        for _ in range(RUNS):
+            started = time.perf_counter()
+            frames, points = decode(path)
+            seconds.append(time.perf_counter() - started)
+        middle = statistics.median(seconds)
+        print(f"{returns:<10.0%}{turns:>7}{frames / middle:>10.0f}{frames * PACKETS_A_TURN / middle:>11.0f}", end="")
+        print(f"{points / middle:>12.3g}{peak_mb():>9.0f}")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,36 @@
+"""Angles of the channels of a Hesai sensor, from the correction file of the unit."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import InputError
+
+
+def read_angles(path: Path, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the elevation and the azimuth of each channel, shape (channels,), in degrees.
+
+    Parameters
+    ----------
+    path : Path
+        Angle correction file: lines of ``Laser id,Elevation,Azimuth`` in degrees, channels counted from 1.
+    channels : int
+        Number of channels.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or does not give these channels and no others.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = [row for row in csv.reader(file) if row and row[0].strip().isdecimal()]
+        angles = {int(row[0]): (float(row[1]), float(row[2])) for row in rows}
+    except (OSError, UnicodeDecodeError, ValueError, IndexError, csv.Error) as error:
+        raise InputError(f"{path}: not a Hesai angle correction file (Laser id,Elevation,Azimuth): {error}") from error
+    if sorted(angles) != list(range(1, channels + 1)) or not np.isfinite(list(angles.values())).all():
+        raise InputError(f"{path}: angles for {channels} channels are needed, 1 to {channels}; it has {len(angles)}")
+    table = np.array([angles[channel] for channel in sorted(angles)])
+    return table[:, 0], table[:, 1]

@@ -1,0 +1,158 @@
+"""What an Ouster sensor says of itself in its metadata: beams, frames and packets."""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import InputError
+
+_LEGACY_COLUMNS = 16
+_NESTED = ("sensor_info", "beam_intrinsics", "lidar_intrinsics", "lidar_data_format", "config_params")
+_LARGEST = 1 << 16
+
+
+@dataclass(frozen=True)
+class OusterMetadata:
+    """An Ouster sensor of H rows, W columns a turn.
+
+    Parameters
+    ----------
+    model : str
+        Name as in `SENSORS`.
+    serial, firmware, clock : str
+        Serial number, version of the firmware and source of the timestamps; empty if not told.
+    profile : str
+        Layout of the packets: ``LEGACY``, ``RNG19_RFL8_SIG16_NIR16`` and the like.
+    columns, packet_columns : int
+        Columns in a turn and in a packet.
+    window : tuple of int
+        First and last column that is sent; the first may be behind the last.
+    altitude_rad, azimuth_rad : ndarray, shape (H,), float64
+        Angles of the beams.
+    beam_offset_m : tuple of float
+        Where beams begin: distance from the axis, and height.
+    to_sensor : ndarray, shape (4, 4), float64
+        From the lidar's frame to the sensor's, in metres.
+    """
+
+    model: str
+    serial: str
+    firmware: str
+    clock: str
+    profile: str
+    columns: int
+    packet_columns: int
+    window: tuple[int, int]
+    altitude_rad: NDArray[np.float64]
+    azimuth_rad: NDArray[np.float64]
+    beam_offset_m: tuple[float, float]
+    to_sensor: NDArray[np.float64]
+
+    def expected_packets(self) -> NDArray[np.bool_]:
+        """Return which packets of a turn, shape (W / packet_columns,), have columns in the window."""
+        first, last = self.window
+        column = np.arange(self.columns)
+        inside = (column >= first) & (column <= last) if first <= last else (column >= first) | (column <= last)
+        return np.asarray(inside.reshape(-1, self.packet_columns).any(axis=1))
+
+    def directions(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return direction and origin of each beam in the sensor's frame, each of shape (3, W, H).
+
+        Notes
+        -----
+        As Ouster's manuals say: a point lies at range times direction plus origin. The range counts from the axis, so
+        the distance between axis and beam is taken off it again.
+        """
+        distance, height = self.beam_offset_m
+        encoder = 2 * np.pi * (1 - np.arange(self.columns) / self.columns)[:, None]
+        angle = encoder - self.azimuth_rad
+        across = np.cos(self.altitude_rad)
+        up = np.broadcast_to(np.sin(self.altitude_rad), angle.shape)
+        direction = np.stack([np.cos(angle) * across, np.sin(angle) * across, up])
+        foot = np.stack(np.broadcast_arrays(distance * np.cos(encoder), distance * np.sin(encoder), height))
+        origin = foot - np.hypot(distance, height) * direction
+        rotation, shift = self.to_sensor[:3, :3], self.to_sensor[:3, 3]
+        turned = np.tensordot(rotation, direction, 1)
+        moved = np.tensordot(rotation, origin, 1) + shift[:, None, None]
+        return turned.astype(np.float32), moved.astype(np.float32)
+
+
+def read_metadata(path: Path) -> OusterMetadata:
+    """Read the metadata of a sensor, in the flat form of older firmware or the nested one of newer.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or lacks what is needed.
+    """
+    try:
+        data = json.loads(path.read_bytes())
+        flat = dict(data)
+        for part in _NESTED:
+            flat.update(data.get(part, {}))
+        return _metadata(flat)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+        reason = f"{error} is missing" if isinstance(error, KeyError) else error
+        raise InputError(f"{path}: not the metadata of an Ouster sensor: {reason}") from error
+
+
+def _metadata(flat: Mapping[str, Any]) -> OusterMetadata:
+    layout = flat.get("data_format") or flat
+    altitude = _angles(flat["beam_altitude_angles"])
+    columns = int(layout.get("columns_per_frame") or str(flat["lidar_mode"]).partition("x")[0])
+    packet_columns = int(layout.get("columns_per_packet", _LEGACY_COLUMNS))
+    if not (0 < packet_columns <= columns < _LARGEST and columns % packet_columns == 0):
+        raise ValueError(f"{columns} columns a turn in packets of {packet_columns}")
+    first, last = layout.get("column_window") or (0, columns - 1)
+    azimuth = _angles(flat["beam_azimuth_angles"])
+    if len(altitude) != len(azimuth) or len(altitude) != layout.get("pixels_per_column", len(altitude)):
+        raise ValueError(f"{len(altitude)} altitude and {len(azimuth)} azimuth angles")
+    return OusterMetadata(
+        model=_model(str(flat.get("prod_line", "")), len(altitude)),
+        serial=str(flat.get("prod_sn", "")),
+        firmware=str(flat.get("build_rev", "")),
+        clock=str(flat.get("timestamp_mode", "")),
+        profile=str(layout.get("udp_profile_lidar") or "LEGACY"),
+        columns=columns,
+        packet_columns=packet_columns,
+        window=(int(first), int(last)),
+        altitude_rad=altitude,
+        azimuth_rad=azimuth,
+        beam_offset_m=_beam_offset(flat),
+        to_sensor=_transform(flat.get("lidar_to_sensor_transform"), [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 36.18]),
+    )
+
+
+def _angles(degrees: Any) -> NDArray[np.float64]:
+    angles = np.radians(np.asarray(degrees, np.float64))
+    if angles.ndim != 1 or not 0 < angles.size <= 1024 or not np.isfinite(angles).all():
+        raise ValueError("beam angles are needed, one a row")
+    return angles
+
+
+def _beam_offset(flat: Mapping[str, Any]) -> tuple[float, float]:
+    """Return where beams begin; the transform of newer firmware goes before the distance of older."""
+    distance = float(flat.get("lidar_origin_to_beam_origin_mm") or 0.0)
+    transform = _transform(flat.get("beam_to_lidar_transform"), [1, 0, 0, distance, 0, 1, 0, 0, 0, 0, 1, 0])
+    return float(transform[0, 3]), float(transform[2, 3])
+
+
+def _transform(values: Any, default: list[float]) -> NDArray[np.float64]:
+    """Return a 4 by 4 transform whose shift is in metres, from one in millimetres."""
+    matrix = np.array([*default, 0, 0, 0, 1] if values is None else values, np.float64).reshape(4, 4)
+    if not np.isfinite(matrix).all():
+        raise ValueError("a transform is not finite")
+    matrix[:3, 3] /= 1000
+    return matrix
+
+
+def _model(product: str, rows: int) -> str:
+    """Return the name of a sensor: OS1-128 for OS-1-128 or OS-1-128-U1."""
+    family = re.match(r"OS-?([0-9A-Z]+)", product)
+    return f"OS{family[1]}-{rows}" if family else f"OS-{rows}"

@@ -1,0 +1,140 @@
+"""Layouts of the packets of Ouster sensors."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_MOST_COLUMNS = 4096
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What each pixel of a column holds, by the name that Ouster gives it.
+
+    Parameters
+    ----------
+    pixel : dtype
+        Bytes of a pixel.
+    ranges, intensities : tuple of str
+        Fields with the range and the intensity of each return.
+    range_mask : int
+        Bits of the range.
+    range_unit_mm : int
+        Unit of the range.
+    has_signal : bool
+        Whether the intensity is the signal, and not the reflectivity.
+    """
+
+    pixel: np.dtype[Any]
+    ranges: tuple[str, ...]
+    intensities: tuple[str, ...]
+    range_mask: int
+    range_unit_mm: int = 1
+    has_signal: bool = True
+
+
+def _pixel(size: int, **fields: tuple[str, int]) -> np.dtype[Any]:
+    formats, offsets = zip(*fields.values(), strict=True)
+    return np.dtype({"names": list(fields), "formats": formats, "offsets": offsets, "itemsize": size})
+
+
+PROFILES = {
+    "LEGACY": Profile(_pixel(12, range=("<u4", 0), signal=("<u2", 6)), ("range",), ("signal",), 0xFFFFF),
+    "RNG19_RFL8_SIG16_NIR16": Profile(
+        _pixel(12, range=("<u4", 0), signal=("<u2", 6)), ("range",), ("signal",), 0x7FFFF
+    ),
+    "RNG19_RFL8_SIG16_NIR16_DUAL": Profile(
+        _pixel(16, range=("<u4", 0), range2=("<u4", 4), signal=("<u2", 8), signal2=("<u2", 10)),
+        ("range", "range2"),
+        ("signal", "signal2"),
+        0x7FFFF,
+    ),
+    "RNG15_RFL8_NIR8": Profile(
+        _pixel(4, range=("<u2", 0), reflectivity=("u1", 2)),
+        ("range",),
+        ("reflectivity",),
+        0x7FFF,
+        range_unit_mm=8,
+        has_signal=False,
+    ),
+}
+"""Profiles by name."""
+
+
+@cache
+def packet_layout(profile: str, rows: int, columns: int) -> np.dtype[Any]:
+    """Return the layout of packets of so many columns of so many rows."""
+    pixels = ("pixels", PROFILES[profile].pixel, rows)
+    if profile == "LEGACY":
+        head = [("time_ns", "<u8"), ("id", "<u2"), ("frame", "<u2"), ("encoder", "<u4")]
+        column = np.dtype([*head, pixels, ("status", "<u4")])
+        return np.dtype([("columns", column, columns)])
+    column = np.dtype([("time_ns", "<u8"), ("id", "<u2"), ("status", "<u2"), pixels])
+    start: list[Any] = [
+        ("type", "<u2"),
+        ("frame", "<u2"),
+        ("alerts", "u1", 3),
+        ("serial", "u1", 5),
+        ("state", "u1", 20),
+    ]
+    return np.dtype([*start, ("columns", column, columns), ("footer", "u1", 32)])
+
+
+def frame_ids(packets: NDArray[np.void]) -> NDArray[np.int64]:
+    """Return the number of the turn of each packet, shape (P,); it begins again after 16 bits."""
+    numbers = packets["frame"] if "frame" in (packets.dtype.names or ()) else packets["columns"]["frame"][:, 0]
+    return np.asarray(numbers, np.int64)
+
+
+def valid_columns(packets: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Return which columns of packets, shape (P, C), hold measurements."""
+    status = packets["columns"]["status"]
+    return np.asarray(status == 0xFFFFFFFF if status.dtype.itemsize == 4 else status & 1 == 1)
+
+
+def sound_packets(packets: NDArray[np.void], columns: int) -> NDArray[np.bool_]:
+    """Return which packets, shape (P,), are such: columns numbered one after the other, taken within a second.
+
+    Parameters
+    ----------
+    packets : ndarray, shape (P,)
+        As `packet_layout` has it.
+    columns : int
+        Columns in a turn.
+    """
+    ids = packets["columns"]["id"].astype(np.int64)
+    count = ids.shape[1]
+    valid = valid_columns(packets)
+    valid |= ~valid.any(axis=1, keepdims=True)
+    first = (ids - np.arange(count))[np.arange(len(ids)), valid.argmax(axis=1)]
+    sound = (((ids - np.arange(count)) == first[:, None]) | ~valid).all(axis=1)
+    sound &= (first >= 0) & (first % count == 0) & (first + count <= columns)
+    times_ns = packets["columns"]["time_ns"]
+    start_ns = times_ns[np.arange(len(ids)), valid.argmax(axis=1), None]
+    sound &= ((times_ns - start_ns <= 1_000_000_000) | ~valid).all(axis=1) & (start_ns[:, 0] < 1 << 62)
+    if "type" in (packets.dtype.names or ()):
+        sound &= packets["type"] == 1
+    return np.asarray(sound)
+
+
+def serial_number(packet: NDArray[np.void]) -> str | None:
+    """Return the serial number of the sensor in a packet, a scalar of `packet_layout`; None if it has none."""
+    if "serial" not in (packet.dtype.names or ()):
+        return None
+    return str(int.from_bytes(packet["serial"].tobytes(), "little"))
+
+
+def looks_like_packet(payload: NDArray[np.uint8]) -> bool:
+    """Tell whether a payload, shape (L,), is a data packet of any sensor and profile."""
+    for profile in PROFILES:
+        for rows in (128, 64, 32, 16):
+            for columns in (16, 8, 4):
+                layout = packet_layout(profile, rows, columns)
+                if layout.itemsize == len(payload):
+                    packet = np.ascontiguousarray(payload).view(layout)
+                    if sound_packets(packet, _MOST_COLUMNS)[0] and valid_columns(packet).any():
+                        return True
+    return False

@@ -1,0 +1,53 @@
+"""A writer of UDP captures: classic PCAP over Ethernet."""
+
+import ipaddress
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+_MAGIC_NS = 0xA1B23C4D
+_ETHERNET, _SNAP = 1, 262144
+_DONT_FRAGMENT = 0x4000
+
+
+@dataclass(frozen=True)
+class Ends:
+    """From where to where datagrams go."""
+
+    source: str = "192.168.1.200"
+    target: str = "192.168.1.102"
+    source_port: int = 6699
+    target_port: int = 6699
+
+
+def pcap_header(link: int = _ETHERNET) -> bytes:
+    """Return the beginning of a capture with times in nanoseconds."""
+    return struct.pack("<IHHiIII", _MAGIC_NS, 2, 4, 0, 0, _SNAP, link)
+
+
+def pcap_record(time_ns: int, packet: bytes) -> bytes:
+    """Return the record of a packet that was taken at a Unix time."""
+    return struct.pack("<IIII", *divmod(time_ns, 10**9), len(packet), len(packet)) + packet
+
+
+def ethernet_udp(ends: Ends, payload: bytes) -> bytes:
+    """Return a payload as UDP over IPv4 over Ethernet."""
+    udp = struct.pack(">HHHH", ends.source_port, ends.target_port, 8 + len(payload), 0) + payload
+    source, target = (ipaddress.IPv4Address(address).packed for address in (ends.source, ends.target))
+    head = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(udp), 0, _DONT_FRAGMENT, 64, 17, 0) + source + target
+    head = head[:10] + _checksum(head).to_bytes(2, "big") + head[12:]
+    return b"\x02\x00\x00\x00\x00\x01\x02\x00\x00\x00\x00\x02\x08\x00" + head + udp
+
+
+def write_pcap(packets: Iterable[tuple[int, Ends, bytes]]) -> Iterable[bytes]:
+    """Yield the bytes of a capture of payloads, each with its time and where it goes."""
+    yield pcap_header()
+    for time_ns, ends, payload in packets:
+        yield pcap_record(time_ns, ethernet_udp(ends, payload))
+
+
+def _checksum(header: bytes) -> int:
+    total: int = sum(struct.unpack(f">{len(header) // 2}H", header))
+    while total >> 16:
+        total = (total & 0xFFFF) + (total >> 16)
+    return ~total & 0xFFFF

@@ -1,0 +1,133 @@
+"""RoboSense packets decoded one value after the other, as the description of them reads."""
+
+import calendar
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+F = np.float32
+
+
+@dataclass
+class Kind:
+    """A model; times in microseconds."""
+
+    lasers: int
+    unit: float
+    least: float
+    most: float
+    block_us: float
+    rx: float
+    firing_us: list[float]
+    helios: bool = False
+    old: bool = False
+
+
+RS32_US = [2.88 * c for c in range(15)] + [44.64] + [1.44 + 2.88 * c for c in range(15)] + [46.08]
+KINDS = {
+    "RS-LiDAR-32": Kind(32, 0.005, 0.4, 230, 55.52, 0.03997, RS32_US),
+    "RS-LiDAR-16": Kind(16, 0.005, 0.4, 230, 55.50, 0.03825, [2.8 * c for c in range(16)]),
+    "RS-Helios": Kind(32, 0.0025, 0.1, 180, 55.56, 0.03498, [1.73 * c for c in range(32)], helios=True),
+    "old RS-LiDAR-32": Kind(32, 0.01, 0.4, 230, 50, 0.03997, [3.0 * (c % 16) for c in range(32)], old=True),
+}
+
+
+def sine(hundredths):
+    return F(math.sin(angle(hundredths)))
+
+
+def cosine(hundredths):
+    return F(math.cos(angle(hundredths)))
+
+
+def angle(hundredths):
+    return (hundredths if -9000 <= hundredths < 45000 else 0) * 0.01 * math.pi / 180
+
+
+def header_time(packet, helios):
+    if helios:
+        return int.from_bytes(packet[20:26], "big") + int.from_bytes(packet[26:30], "big") * 1e-6
+    year, *rest = packet[20:26]
+    sub = int.from_bytes(packet[26:28], "big") * 1e-3 + int.from_bytes(packet[28:30], "big") * 1e-6
+    return calendar.timegm((2000 + year, *rest)) + sub
+
+
+class Reference:
+    """Decodes packets into frames: lists of (x, y, z, intensity, ring, time, return), and the last channel's time."""
+
+    def __init__(self, name, vertical, horizontal, *, dual=False, rps=10, fov=(0, 36000)):
+        self.kind, self.dual, self.name = KINDS[name], dual, name
+        self.vertical, self.horizontal = list(vertical), list(horizontal)
+        self.az_step = round(36000 * rps * self.kind.block_us * 1e-6)
+        seen = fov[1] - fov[0] if fov[0] < fov[1] else fov[1] + 36000 - fov[0]
+        self.gap_us = (36000 - seen) / (36000 * rps) * 1e6
+        self.before = 0
+        self.frames, self.points, self.end = [], [], None
+
+    def add(self, packet):
+        kind = self.kind
+        blocks = [packet[42 + 100 * b : 142 + 100 * b] for b in range(12)]
+        az = [int.from_bytes(block[2:4], "big") for block in blocks]
+        start = header_time(packet, kind.helios)
+        for b, (us, d) in enumerate(self.steps(az)):
+            if blocks[b][:2] != b"\xff\xee":
+                break
+            self.split(az[b])
+            self.block(b, blocks[b], az[b], d, start + us * 1e-6)
+
+    def steps(self, az):
+        """Return time and step of each block."""
+        firings = 2 if self.kind.lasers == 16 and not self.dual else 1
+        stride = 2 if self.dual and self.kind.lasers == 32 else 1
+        us, found = 0.0, []
+        for b in range(0, 12, stride):
+            d, period = self.az_step * firings, self.kind.block_us * firings
+            if b + stride < 12:
+                step = az[b + stride] - az[b]
+                step += 36000 if step < 0 else 0
+                if step > 100:
+                    period = self.gap_us
+                else:
+                    d = step
+            found += [(us, d)] * stride
+            us += period
+        return found
+
+    def split(self, az):
+        before = self.before - 36000 if az < self.before else self.before
+        if before < 0 <= az and self.points is not None and self.end is not None:
+            self.finish()
+        self.before = az
+
+    def finish(self):
+        self.frames.append((self.points, self.end))
+        self.points, self.end = [], None
+
+    def block(self, number, block, az, d, start):
+        kind = self.kind
+        raw = [int.from_bytes(block[4 + 3 * c : 6 + 3 * c], "big") for c in range(32)]
+        intensity = [block[6 + 3 * c] for c in range(32)]
+        if kind.old:
+            if raw[0] & 0x8000:
+                raw, intensity = raw[16:] + raw[:16], intensity[16:] + intensity[:16]
+            raw = [value & 0x7FFF for value in raw]
+        for c in range(32):
+            laser, second = c % kind.lasers, c // kind.lasers
+            period, f = kind.block_us, kind.firing_us[laser]
+            if kind.lasers == 16 and not self.dual:
+                f += second * kind.block_us
+                period = 2 * kind.block_us
+            time = start + f * 1e-6
+            self.end = time
+            azimuth = az + int(F(d) * F(f / period))
+            r = F(raw[c]) * F(kind.unit)
+            if raw[c] == 0 or not F(kind.least) <= r <= F(kind.most):
+                continue
+            v, h = self.vertical[laser], self.horizontal[laser]
+            x = r * cosine(v) * cosine(azimuth + h) + F(kind.rx) * cosine(azimuth)
+            y = -r * cosine(v) * sine(azimuth + h) - F(kind.rx) * sine(azimuth)
+            z = r * sine(v)
+            ring = sum(other < v for other in self.vertical[: kind.lasers])
+            returned = 1 + (number % 2 if kind.lasers == 32 else second)
+            self.points.append((x, y, z, F(intensity[c]), ring, time, returned))
