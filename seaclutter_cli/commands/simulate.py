@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), metavar="LOG.mcap", help="The recording."
 )
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["mcap", "pcap"]),
+    help="MCAP with PointCloud2, or packets of a RoboSense lidar; by default as LOG ends.",
+)
 @click.option("--force", is_flag=True, help="Replace existing output.")
 @click.option("-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Turns, whatever the scene says.")
 @click.option("--seed", type=click.IntRange(min=0), metavar="N", help="Seed, whatever the scene says.")
@@ -31,15 +37,19 @@ def command(scene: str, output: Path, **options: Any) -> None:
     """Make a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in one.
 
     Writes LOG.mcap, whose clouds have a field ``label`` (0 clutter, 65535 own vessel or ignored, else the target), and
-    LOG.labels.csv with a box for each target and frame. ``seaclutter config sensors`` lists scenes and lidars.
+    LOG.labels.csv with a box for each target and frame. LOG.pcap holds packets instead, which have no labels.
+    ``seaclutter config sensors`` lists scenes and lidars.
     """
     from seaclutter_cli.commands.outputs import refuse_overwriting
+    from seaclutter_cli.simulation.formats import FORMATS
     from seaclutter_cli.simulation.recording import record
     from seaclutter_cli.simulation.scene import load_scene
 
     chosen = load_scene(scene).with_recording(**{name: options[name] for name in ("frames", "seed", "lidar")})
-    if output.suffix != ".mcap":
-        raise UsageError(f"{output}: recordings are MCAP files, so the name must end in .mcap")
+    form = options["form"] or output.suffix.removeprefix(".")
+    if form not in FORMATS or output.suffix != f".{form}":
+        endings = " or ".join(f".{name}" for name in ([form] if options["form"] else FORMATS))
+        raise UsageError(f"{output}: the name of the recording must end in {endings}")
     labels = output.with_suffix(".labels.csv")
     refuse_overwriting([output, labels], [], force=options["force"])
     tally = _Tally()

@@ -46,12 +46,18 @@ class Turn:
         Its number.
     points : ndarray, shape (N,), `POINT`
         Echoes in the order of firing, in the frame of the lidar; times in seconds from the start of the recording.
+    shots : ndarray, shape (N,), int64
+        Which shot of the turn each is of: its column times the number of beams, and its beam.
+    distances_m : ndarray, shape (N,), float64
+        Distance that was measured, from the lens.
     boxes : Boxes
         Own vessel and what else is within the lidar's range; of class ``ignore`` where it is no target.
     """
 
     index: int
     points: NDArray[np.void]
+    shots: NDArray[np.int64]
+    distances_m: Floats
     boxes: Boxes
 
 
@@ -101,7 +107,7 @@ class Renderer:
         water.meet(shots, echoes, rng)
         self._meet_bodies(shots, echoes, surface, start_s)
         self._meet_spray(shots, echoes, middle_s, rng)
-        return Turn(index, self._receive(echoes, times_s, rng), self._boxes(surface, start_s))
+        return Turn(index, *self._receive(echoes, times_s, rng), self._boxes(surface, start_s))
 
     def _ride(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Return place and attitude of the lidar at some times, shapes (T, 3) and (T, 3, 3)."""
@@ -181,8 +187,10 @@ class Renderer:
             bright = self.scene.sea.foam_reflectivity * rng.standard_exponential(len(met))
             echoes.add(near[met], distance, bright, CLUTTER)
 
-    def _receive(self, echoes: Echoes, times_s: Floats, rng: np.random.Generator) -> NDArray[np.void]:
-        """Return the points that the receiver makes of the echoes."""
+    def _receive(
+        self, echoes: Echoes, times_s: Floats, rng: np.random.Generator
+    ) -> tuple[NDArray[np.void], NDArray[np.int64], Floats]:
+        """Return the points that the receiver makes of the echoes, which shots they are of, and their distances."""
         lidar, recording = self.lidar, self.scene.recording
         some = np.flatnonzero(echoes.reflectance > 0)
         range_m = echoes.range_m[some]
@@ -200,7 +208,7 @@ class Renderer:
         points["ring"] = lidar.rings[chosen % len(lidar.elevations_deg)]
         points["timestamp"] = times_s.reshape(-1)[chosen]
         points["label"] = echoes.label[chosen]
-        return points
+        return points, chosen, measured
 
     def _boxes(self, surface: Surface, start_s: float) -> Boxes:
         """Return the boxes of what is within range, own vessel among them as an area to ignore."""

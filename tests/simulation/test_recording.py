@@ -8,7 +8,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.simulation import recording
-from seaclutter_cli.simulation.recording import START_NS, record, turns
+from seaclutter_cli.simulation.formats import START_NS
+from seaclutter_cli.simulation.recording import record, turns
 from seaclutter_cli.simulation.scene import load_scene
 
 
