@@ -12,6 +12,7 @@ from seaclutter_cli.filters.joint import Joint, RingIntensity, RingIntensityOutl
 from seaclutter_cli.filters.low_intensity import LowIntensityOutlierRemoval, Naive
 from seaclutter_cli.filters.nothing import Nothing
 from seaclutter_cli.filters.radius import RadiusOutlierRemoval
+from seaclutter_cli.filters.sea_surface import SeaSurface
 from seaclutter_cli.filters.statistical import StatisticalOutlierRemoval
 from seaclutter_cli.interfaces import Filter
 
@@ -27,6 +28,7 @@ FILTERS: Mapping[str, type[Filter]] = {
     "lior": LowIntensityOutlierRemoval,
     "lidsor": LowIntensityDynamicStatisticalOutlierRemoval,
     "naive": Naive,
+    "sea_surface": SeaSurface,
     "none": Nothing,
 }
 """Filter methods by the name they have in a config. A new method is one line here."""

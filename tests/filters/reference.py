@@ -348,6 +348,70 @@ class WeakAndNear(WholeFrame):
         return [i for i, point in enumerate(points) if point.intensity < threshold and point.range_m < end]
 
 
+class SeaSurface(WholeFrame):
+    """What is not above the opened surface of the lowest points of cells."""
+
+    def removed(self, points: list[Point]) -> list[int]:
+        params = self.params
+        axis = "xyz".index(params.up[-1])
+        sign = -1 if params.up.startswith("-") else 1
+        half = math.floor(params.window_m / (2 * params.cell_m))
+        cells, lowest = [], {}
+        for point in points:
+            place = [point.place[(axis + turn) % 3] for turn in (1, 2, 0)]
+            cell = math.floor(place[0] / params.cell_m), math.floor(place[1] / params.cell_m)
+            cells.append((cell, sign * place[2]))
+            lowest[cell] = min(lowest.get(cell, math.inf), sign * place[2])
+        surface = Opening(lowest, half)
+        return [i for i, (cell, height) in enumerate(cells) if height - surface.opened(cell) <= params.height_m]
+
+
+class Opening:
+    """Erosion and dilation of a grid that is a dict, cell by cell; it ends with its outermost cells."""
+
+    def __init__(self, lowest: dict[tuple[int, int], float], half: int) -> None:
+        self.lowest = lowest
+        self.half = half
+        self.ranges = [range(min(line), max(line) + 1) for line in zip(*lowest, strict=True)]
+        self.known: dict[tuple[str, tuple[int, int]], float] = {}
+
+    def filled(self, cell: tuple[int, int]) -> float:
+        """Return a cell's value, or the least of the nearest to four sides, no farther than a window is wide."""
+        if cell in self.lowest:
+            return self.lowest[cell]
+        found = [math.inf]
+        for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            line = ((cell[0] + i * step, cell[1] + j * step) for step in range(1, 2 * self.half + 2))
+            found += [self.lowest[there] for there in line if there in self.lowest][:1]
+        return min(found)
+
+    def eroded(self, cell: tuple[int, int]) -> float:
+        return min(self.once("eroded_row", (i, cell[1])) for i in self.window(cell, 0))
+
+    def eroded_row(self, cell: tuple[int, int]) -> float:
+        return min(self.once("filled", (cell[0], j)) for j in self.window(cell, 1))
+
+    def opened(self, cell: tuple[int, int]) -> float:
+        return max(self.once("dilated_row", (i, cell[1])) for i in self.window(cell, 0, whole=True))
+
+    def dilated_row(self, cell: tuple[int, int]) -> float:
+        eroded = [self.once("eroded", (cell[0], j)) for j in self.window(cell, 1, whole=True)]
+        return max((value for value in eroded if value < math.inf), default=-math.inf)
+
+    def window(self, cell: tuple[int, int], axis: int, *, whole: bool = False) -> range:
+        """Return the places about a cell along an axis; or those whose own window lies in the grid, among them."""
+        inside = self.ranges[axis]
+        half = min(self.half, (len(inside) - 1) // 2)
+        first, last = (inside[half], inside[-1 - half]) if whole else (inside[0], inside[-1])
+        return range(max(first, cell[axis] - half), min(last, cell[axis] + half) + 1)
+
+    def once(self, name: str, cell: tuple[int, int]) -> float:
+        """Return what a method says of a cell, asked only the first time."""
+        if (name, cell) not in self.known:
+            self.known[name, cell] = getattr(self, name)(cell)
+        return self.known[name, cell]
+
+
 class Nothing(WholeFrame):
     """Keeps everything, invalid points too."""
 
@@ -367,5 +431,6 @@ REFERENCES: dict[str, Callable[[Any], Any]] = {
     "lior": WeakRadiusOutliers,
     "lidsor": WeakDynamicStatisticalOutliers,
     "naive": WeakAndNear,
+    "sea_surface": SeaSurface,
     "none": Nothing,
 }

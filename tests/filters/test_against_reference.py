@@ -53,7 +53,13 @@ PARAMS = {
         {"range_multiplier_per_m": 0.01, "intensity_threshold": 7.0, "max_range_m": 200.0},
     ],
     "naive": [{}, {"intensity_threshold": 7.0, "max_range_m": 25.0}],
+    "sea_surface": [
+        {"cell_m": 5.0},
+        {"cell_m": 3.0, "window_m": 7.0, "height_m": 0.25, "up": "-z"},
+        {"cell_m": 8.0, "window_m": 4.0, "height_m": 2.0, "up": "x"},
+    ],
 }
+OF_FEW_CELLS = {"sea_surface": {"cell_m": 4.0, "window_m": 25.0}}
 CASES = [(name, params) for name in FILTERS for params in PARAMS.get(name, [{}])]
 
 
@@ -103,7 +109,7 @@ def test_random_sea(name, params, seed):
 @pytest.mark.parametrize("name", FILTERS)
 def test_types_of_the_fields(name, intensities, scale):
     thresholds = tuple(scale * value for value in (30, 16, 7, 4))
-    params = {"initial_thresholds": thresholds} if name in RING_METHODS else {}
+    params = {"initial_thresholds": thresholds} if name in RING_METHODS else OF_FEW_CELLS.get(name, {})
     frames = [sea_frame(5, index=i, coordinates="f8", intensities=intensities, scale=scale) for i in range(3)]
     assert_same(name, params, frames)
 
@@ -114,8 +120,8 @@ def test_types_of_the_fields(name, intensities, scale):
 def test_slower_search_for_neighbors(name, monkeypatch):
     """What runs where there is no wheel of the faster one."""
     monkeypatch.setattr(neighbors, "_FastTree", None)
-    assert_same(name, {}, [sea_frame(6, index=index) for index in range(3)])
-    assert_same(name, {}, sample_frames(200)[:1])
+    assert_same(name, OF_FEW_CELLS.get(name, {}), [sea_frame(6, index=index) for index in range(3)])
+    assert_same(name, OF_FEW_CELLS.get(name, {}), sample_frames(200)[:1])
 
 
 @pytest.mark.parametrize("name", ["joint", "sor", "ror"])
@@ -154,7 +160,7 @@ def sample_frames(step):
 def test_sample_log(name):
     """Falling snow, thinned out, with the config for it."""
     rings = {"start_m": 0.0, "end_m": 60.0, "initial_thresholds": (1, 1, 1, 1), "near": "keep"}
-    assert_same(name, rings if name in RING_METHODS else {}, sample_frames(90))
+    assert_same(name, rings if name in RING_METHODS else OF_FEW_CELLS.get(name, {}), sample_frames(90))
 
 
 @pytest.mark.parametrize("name", FILTERS)
@@ -166,7 +172,9 @@ def test_snow_in_a_sector(name):
         sector = np.abs(np.arctan2(y, x) - 0.5) < 0.025
         xyz = np.column_stack([x, y, z])[sector]
         frames.append(make_frame(xyz, intensity[sector], index=len(frames), coordinates="f4", intensities="f4"))
-    assert_same(name, {"initial_thresholds": (2, 2, 2, 2)} if name in RING_METHODS else {}, frames)
+    assert_same(
+        name, {"initial_thresholds": (2, 2, 2, 2)} if name in RING_METHODS else OF_FEW_CELLS.get(name, {}), frames
+    )
 
 
 @pytest.mark.parametrize("name", ["dror", "dsor", "lior", "lidsor", "naive"])
@@ -187,7 +195,7 @@ def test_frame_of_a_vlp16(name):
     pypcd4 = pytest.importorskip("pypcd4")
     points = pypcd4.PointCloud.from_path(next((shared("nebula") / "vlp16").glob("*.pcd"))).pc_data[::6]
     rings = {"start_m": 1.0, "end_m": 17.0, "ring_width_m": 4.0}
-    assert_same(name, rings if name in RING_METHODS else {}, [frame_of(from_array(points))])
+    assert_same(name, rings if name in RING_METHODS else OF_FEW_CELLS.get(name, {}), [frame_of(from_array(points))])
 
 
 def test_both_ways_of_the_reference_to_measure_agree(monkeypatch):

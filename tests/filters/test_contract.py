@@ -14,6 +14,7 @@ from seaclutter_cli.frame import Reason
 from tests.filters.frames import big_endian, frame_of, make_frame, organised, sea_frame, take
 
 KEEPS_INVALID = {"none"}
+LOOKS_DOWN = {"sea_surface"}
 RINGS = {"joint": 4, "ring_intensity": 4, "ring_intensity_outlier": 4, "global_intensity": 1}
 
 pytestmark = pytest.mark.parametrize("name", FILTERS)
@@ -205,7 +206,9 @@ def test_unit_of_intensity_does_not_matter(name, factor):
     [lambda x, y, z: (-y, x, z), lambda x, y, z: (x, -y, z), lambda x, y, z: (x, y, -z)],
     ids=["quarter turn", "port for starboard", "upside down"],
 )
-def test_heading_does_not_matter(name, turn):
+def test_heading_does_not_matter(name, turn, request):
+    if name in LOOKS_DOWN and "upside down" in request.node.callspec.id:
+        pytest.skip("up is up")
     assert reasons(make(name), [moved(frame, turn) for frame in sea()]) == reasons(make(name), sea())
 
 

@@ -7,6 +7,8 @@ So the sizes are checked here before they see them.
 import logging
 import os
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,9 +19,13 @@ from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError, MissingExtraError
 from seaclutter_cli.sources.frame_files.guard import check_size, reading
 
-_CHUNK_POINTS = 500_000
+CHUNK_POINTS = 500_000
+"""Points that are decompressed at a time."""
+
 _HEAD_BYTES = 104
 _VLR_BYTES = 54
+_EVLR_BYTES = 60
+_EVLRS_AT = 235
 _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # Point14, RGB14, RGBNIR14, WavePacket14
 _BYTE14 = 14
 _LASZIP_ITEMS_AT = 34
@@ -37,15 +43,43 @@ def read_las(path: Path) -> Cloud:
     MissingExtraError
         If laspy, or its part for LAZ, is not installed.
     """
-    try:
-        import laspy  # an extra
-    except ImportError as error:
-        raise MissingExtraError("LAS/LAZ", "las") from error
-    with reading("LAS"), path.open("rb") as file:
+    with reading("LAS"), open_las(path) as reader:
+        count = reader.header.point_count
+        laspy = _laspy()
+        empty = laspy.ScaleAwarePointRecord.zeros(0, header=reader.header)
+        points = np.concatenate([_structured(part) for part in (empty, *reader.chunk_iterator(CHUNK_POINTS))])
+        if len(points) != count:
+            raise CloudError(f"{len(points)} points where the header announces {count}")
+        return from_array(points)
+
+
+@contextmanager
+def open_las(path: Path, *, evlrs: bool = False) -> Iterator[Any]:
+    """Open a LAS or LAZ file whose sizes have been checked, as a ``laspy.LasReader``.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    evlrs : bool, optional
+        Whether its extended records behind the points are read too.
+
+    Raises
+    ------
+    CloudError
+        If the file is no LAS, or announces what it does not hold. Use it inside of ``reading``, which turns laspy's own
+        errors into this one.
+    MissingExtraError
+        If laspy, or its part for LAZ, is not installed.
+    """
+    laspy = _laspy()
+    with path.open("rb") as file:
         size = file.seek(0, os.SEEK_END)
         _check_head(file, size)
+        if evlrs:
+            _check_evlrs(file, size)
         # In several threads, lazrs believes a broken chunk table too.
-        with laspy.open(file, read_evlrs=False, laz_backend=laspy.LazBackend.Lazrs, closefd=False) as reader:
+        with laspy.open(file, read_evlrs=evlrs, laz_backend=laspy.LazBackend.Lazrs, closefd=False) as reader:
             count = reader.header.point_count
             if count and not reader.header.are_points_compressed:
                 check_size(reader.header.offset_to_point_data + count * reader.header.point_format.size, size)
@@ -53,11 +87,28 @@ def read_las(path: Path) -> Cloud:
                 if not laspy.LazBackend.Lazrs.is_available():
                     raise MissingExtraError("LAZ", "las")
                 _check_compressed(reader.header, file, size)
-            empty = laspy.ScaleAwarePointRecord.zeros(0, header=reader.header)
-            points = np.concatenate([_structured(part) for part in (empty, *reader.chunk_iterator(_CHUNK_POINTS))])
-        if len(points) != count:
-            raise CloudError(f"{len(points)} points where the header announces {count}")
-        return from_array(points)
+            yield reader
+
+
+def _laspy() -> Any:
+    try:
+        import laspy  # an extra
+    except ImportError as error:
+        raise MissingExtraError("LAS/LAZ", "las") from error
+    return laspy
+
+
+def _check_evlrs(file: BinaryIO, size: int) -> None:
+    """Follow the extended records of LAS 1.4 to the end of the file."""
+    major, minor = _unpack(file, 24, "<BB")
+    if (major, minor) >= (1, 4):
+        (at,) = _unpack(file, _EVLRS_AT, "<Q")
+        (count,) = _unpack(file, _EVLRS_AT + 8, "<I")
+        for _ in range(count):
+            (length,) = _unpack(file, at + 20, "<Q")
+            at += _EVLR_BYTES + length
+            check_size(at, size)
+    file.seek(0)
 
 
 def _check_head(file: BinaryIO, size: int) -> None:

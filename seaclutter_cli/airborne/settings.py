@@ -1,0 +1,91 @@
+"""Settings of the classification of tiles: defaults < file < command line, checked as a whole."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All settings.
+
+    Parameters
+    ----------
+    separation : SeparationParams
+        Sea and what is not.
+    """
+
+    separation: SeparationParams = field(default_factory=SeparationParams)
+
+    def as_dict(self) -> dict[str, dict[str, Any]]:
+        """Return the settings as they stand in a file."""
+        return {
+            section.name: {key.name: as_lists(getattr(part, key.name)) for key in fields(part)}
+            for section in fields(self)
+            for part in (getattr(self, section.name),)
+        }
+
+
+def _kinds() -> dict[str, type[Any]]:
+    return {section.name: type(getattr(Settings(), section.name)) for section in fields(Settings)}
+
+
+def parse_settings(raw: Mapping[str, Any], where: str) -> Settings:
+    """Return the settings that a mapping describes; ``where`` names it in errors."""
+    kinds = _kinds()
+    problems = [f"{key}: unknown section; allowed: {', '.join(kinds)}" for key in raw if key not in kinds]
+    parts: dict[str, Any] = {}
+    for section, kind in kinds.items():
+        values = raw.get(section) or {}
+        if not isinstance(values, dict):
+            problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
+            values = {}
+        parts[section] = build(kind, values, section, section, problems)
+    refuse(where, problems)
+    return Settings(**parts)
+
+
+def load_settings(path: Path | None, overrides: Sequence[str] = (), base: Settings | None = None) -> Settings:
+    """Return the effective settings.
+
+    Parameters
+    ----------
+    path : Path or None
+        YAML file.
+    overrides : sequence of str
+        ``section.key=value`` from the command line; values are YAML.
+    base : Settings, optional
+        What stands in for the defaults.
+
+    Raises
+    ------
+    ConfigError
+        If anything is wrong, with everything that is.
+    """
+    raw: dict[str, Any] = base.as_dict() if base else {}
+    if path:
+        given = read_yaml(path, list(_kinds()))
+        parse_settings(given, str(path))
+        raw = {section: {**(raw.get(section) or {}), **(given.get(section) or {})} for section in {**raw, **given}}
+    for text in overrides:
+        section, key, value = _parse_override(text)
+        raw[section] = {**(raw.get(section) or {}), key: value}
+    return parse_settings(raw, "command line" if overrides or not path else str(path))
+
+
+def _parse_override(text: str) -> tuple[str, str, Any]:
+    name, equals, value = text.partition("=")
+    section, dot, key = name.strip().partition(".")
+    if not (equals and dot and section in _kinds()):
+        raise ConfigError(f"--set {text}: write it as SECTION.KEY=VALUE; sections are {', '.join(_kinds())}")
+    try:
+        return section, key, yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"--set {text}: the value is no YAML") from error

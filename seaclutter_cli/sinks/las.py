@@ -1,0 +1,129 @@
+"""LAS and LAZ that keep everything of the file they come from."""
+
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
+from copy import deepcopy
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import MissingExtraError, OutputError
+from seaclutter_cli.sinks.atomic import AtomicFile
+
+Column = NDArray[Any]
+ExtraDims = Mapping[str, tuple[str, str]]
+"""Type, as numpy writes it, and description by the name of a dimension."""
+
+_KEPT = ("maxs", "mins", "number_of_points_by_return")
+
+
+class LasSink(AbstractContextManager["LasSink"]):
+    """Writes the points of a LAS or LAZ file again, with some of their dimensions changed or added.
+
+    Header, records (VLR and EVLR), scale, offset and every dimension stay as they are; so do coordinates, which are
+    never unpacked. LAZ or LAS goes by the ending of the target.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it appears when the context is left without an error.
+    header : laspy.LasHeader
+        That of the source, with its ``evlrs``.
+    extra : mapping of str to (str, str), optional
+        Dimensions to add. One of that name that is there already is overwritten.
+    whole : bool, optional
+        All points of the source are written, so its extents and counts stay as they are, even if they are wrong.
+
+    Raises
+    ------
+    MissingExtraError
+        If laspy, or its part for LAZ, is not installed.
+    OutputError
+        If the file cannot be written.
+    """
+
+    def __init__(self, path: Path, header: Any, extra: ExtraDims | None = None, *, whole: bool = True) -> None:
+        try:
+            import laspy  # an extra
+        except ImportError as error:
+            raise MissingExtraError("LAS/LAZ", "las") from error
+        self._laspy, self._whole = laspy, whole
+        self._header = deepcopy(header)
+        known = set(header.point_format.dimension_names)
+        added = {name: said for name, said in (extra or {}).items() if name not in known}
+        if added:
+            self._header.add_extra_dims(
+                [laspy.ExtraBytesParams(name, kind, text) for name, (kind, text) in added.items()]
+            )
+        self._grown = bool(added)
+        packed = path.suffix.lower() == ".laz"
+        if packed and not laspy.LazBackend.LazrsParallel.is_available():
+            raise MissingExtraError("LAZ", "las")
+        self._file = AtomicFile(path)
+        try:
+            backend = laspy.LazBackend.LazrsParallel if packed else None
+            self._writer = laspy.LasWriter(
+                self._file.stream, self._header, do_compress=packed, laz_backend=backend, closefd=False
+            )
+        except Exception as error:
+            self._file.__exit__(type(error), error, None)
+            raise OutputError(f"{path}: cannot be written as LAS ({error})") from error
+
+    def __enter__(self) -> Self:
+        """Return the sink."""
+        self._file.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Finish the file, or remove it after an error."""
+        try:
+            if kind is None:
+                self._finish()
+        except BaseException as failure:
+            self._file.__exit__(type(failure), failure, None)
+            raise
+        self._file.__exit__(kind, error, trace)
+
+    def write(self, points: Any, columns: Mapping[str, Column]) -> None:
+        """Write points of the source, with other values in some dimensions.
+
+        Parameters
+        ----------
+        points : laspy.PackedPointRecord
+            Points as they were read, N of them; they are not changed.
+        columns : mapping of str to ndarray, shape (N,)
+            Values by the name of the dimension.
+        """
+        record = self._laspy.PackedPointRecord(points.array.copy(), points.point_format)
+        if self._grown:
+            record = self._laspy.PackedPointRecord.from_point_record(record, self._header.point_format)
+        for name, values in columns.items():
+            record[name] = values
+        self._writer.write_points(record)
+
+    def _finish(self) -> None:
+        evlrs = getattr(self._header, "evlrs", None)
+        if evlrs:
+            self._writer.write_evlrs(evlrs)
+        if self._whole:
+            for name in _KEPT:
+                setattr(self._writer.header, name, getattr(self._header, name))
+        self._writer.close()
+
+
+def columns_at(columns: Mapping[str, Column], start: int, count: int) -> dict[str, Column]:
+    """Return a part of every column: ``count`` values from ``start`` on."""
+    return {name: values[start : start + count] for name, values in columns.items()}
+
+
+def write_las(path: Path, header: Any, points: Iterable[Any], columns: Mapping[str, Column], extra: ExtraDims) -> None:
+    """Write the points of a source, chunk by chunk, with columns that are as long as all chunks together."""
+    start = 0
+    with LasSink(path, header, extra) as sink:
+        for part in points:
+            sink.write(part, columns_at(columns, start, len(part)))
+            start += len(part)

@@ -1,0 +1,191 @@
+"""Tiles of an airborne survey: one file each, read in parts."""
+
+from collections.abc import Callable, Iterable, Iterator
+from glob import glob
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import CloudError, InputError
+from seaclutter_cli.frame import INTENSITY_NAMES
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from seaclutter_cli.sources.frame_files.guard import reading
+from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las
+
+if TYPE_CHECKING:
+    from seaclutter_cli.cloud import Cloud
+
+Columns = dict[str, NDArray[Any]]
+
+_KEPT_BYTES = 1 << 28
+
+
+class Tile(Protocol):
+    """The points of one file, in an order that stays."""
+
+    path: Path
+    size: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the points' fields."""
+        ...
+
+    def parts(self) -> Iterator[Any]:
+        """Yield the points, some at a time; can be called again."""
+        ...
+
+    def xyz(self, part: Any) -> NDArray[np.float64]:
+        """Return coordinates of a part's points in metres, shape (3, n)."""
+        ...
+
+    def column(self, part: Any, name: str) -> NDArray[Any]:
+        """Return a field of a part's points, shape (n,)."""
+        ...
+
+
+class LasTile:
+    """A LAS or LAZ file. Its points are kept as they are packed if they take less than 256 MB, else read each time.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    CloudError
+        If it cannot be read.
+    MissingExtraError
+        If laspy, or its part for LAZ, is not installed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with reading("LAS"), open_las(path, evlrs=True) as reader:
+            self.header = reader.header
+            self.size = int(reader.header.point_count)
+        self._small = self.size * self.header.point_format.size <= _KEPT_BYTES
+        self._kept: list[Any] | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the dimensions."""
+        return tuple(self.header.point_format.dimension_names)
+
+    def parts(self) -> Iterator[Any]:
+        """Yield the points in parts, as laspy's records."""
+        if self._kept is None and self._small:
+            self._kept = list(self._read())
+        yield from self._read() if self._kept is None else self._kept
+
+    def _read(self) -> Iterator[Any]:
+        count = 0
+        with reading("LAS"), open_las(self.path) as reader:
+            for part in reader.chunk_iterator(CHUNK_POINTS):
+                count += len(part)
+                yield part
+        if count != self.size:
+            raise CloudError(f"{count} points where the header announces {self.size}")
+
+    def xyz(self, part: Any) -> NDArray[np.float64]:
+        """Return coordinates in metres, shape (3, n): scaled and offset."""
+        return np.stack([np.asarray(part[axis], np.float64) for axis in "xyz"])
+
+    def column(self, part: Any, name: str) -> NDArray[Any]:
+        """Return a dimension, shape (n,)."""
+        return np.asarray(part[name])
+
+
+class CloudTile:
+    """A file that holds one frame, of any of the other formats.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    CloudError
+        If it cannot be read, or has no x, y and z.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.cloud: Cloud = FRAME_READERS[path.suffix.lower()](path)
+        self.size = self.cloud.size
+        missing = [axis for axis in "xyz" if axis not in self.names]
+        if missing:
+            raise CloudError(f"no field {missing[0]!r}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the fields."""
+        return self.cloud.dtype.names or ()
+
+    def parts(self) -> Iterator[Any]:
+        """Yield the points in parts, as structured arrays."""
+        for start in range(0, self.size, CHUNK_POINTS):
+            yield self.cloud.points[start : start + CHUNK_POINTS]
+
+    def xyz(self, part: Any) -> NDArray[np.float64]:
+        """Return coordinates in metres, shape (3, n)."""
+        return np.stack([part[axis].astype(np.float64) for axis in "xyz"])
+
+    def column(self, part: Any, name: str) -> NDArray[Any]:
+        """Return a field, shape (n,)."""
+        return np.asarray(part[name])
+
+
+def open_tile(path: Path) -> LasTile | CloudTile:
+    """Open a tile of any format in `FRAME_READERS`.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    MissingExtraError
+        If the format needs an extra that is not installed.
+    """
+    make: Callable[[Path], LasTile | CloudTile] = LasTile if path.suffix.lower() in (".las", ".laz") else CloudTile
+    try:
+        return make(path)
+    except CloudError as error:
+        raise InputError(f"{path}: {error}") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def read_columns(tile: Tile, names: Iterable[str]) -> Columns:
+    """Return whole fields of a tile, shape (N,) each; names that it does not have are left out."""
+    wanted = [name for name in names if name in tile.names]
+    parts = [[tile.column(part, name) for name in wanted] for part in tile.parts()]
+    return {name: np.concatenate([part[at] for part in parts]) for at, name in enumerate(wanted) if parts}
+
+
+def intensity_name(tile: Tile) -> str | None:
+    """Return the name of a tile's intensity field; None if it has none."""
+    folded = {name.lower(): name for name in reversed(tile.names)}
+    return next((folded[usual] for usual in INTENSITY_NAMES if usual in folded), None)
+
+
+def find_tiles(patterns: Iterable[str]) -> list[Path]:
+    """Return the files that names, folders and globs stand for; a folder stands for the tiles in it.
+
+    Raises
+    ------
+    InputError
+        If one stands for nothing, or is no tile.
+    """
+    found: dict[Path, None] = {}
+    for pattern in patterns:
+        paths = [Path(pattern)] if Path(pattern).exists() else [Path(name) for name in sorted(glob(pattern))]  # noqa: PTH207
+        files = [file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
+        tiles = [file for file in files if file.suffix.lower() in FRAME_READERS]
+        if not tiles:
+            raise InputError(f"{pattern}: no such tile; known are {', '.join(FRAME_READERS)}")
+        found.update(dict.fromkeys(tiles))
+    return list(found)

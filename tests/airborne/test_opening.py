@@ -1,0 +1,87 @@
+"""The opening equals scipy's on full grids and the definition, cell by cell, on any."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from seaclutter_cli.airborne import grid as grids
+from seaclutter_cli.airborne.grid import Grid
+from seaclutter_cli.airborne.opening import filled, half_window, open_grid, opened
+from seaclutter_cli.errors import InputError
+from tests.filters.reference import Opening
+
+GRIDS = st.builds(
+    lambda seed, rows, columns, empty: _random(seed, (rows, columns), empty),
+    st.integers(0, 2**32),
+    st.integers(1, 12),
+    st.integers(1, 12),
+    st.sampled_from([0.0, 0.3, 0.8]),
+)
+
+
+def _random(seed, shape, empty):
+    rng = np.random.default_rng(seed)
+    values = rng.integers(-5, 6, shape).astype(float)
+    values[rng.random(shape) < empty] = np.inf
+    return values
+
+
+@pytest.mark.parametrize("half", [0, 1, 3, 11])
+def test_a_full_grid_is_opened_as_by_scipy(half):
+    values = np.random.default_rng(1).normal(size=(37, 23))
+    np.testing.assert_array_equal(
+        opened(values, half), ndimage.grey_opening(values, 2 * half + 1, mode="constant", cval=-np.inf)
+    )
+
+
+@given(values=GRIDS, half=st.integers(0, 4))
+@settings(deadline=None)
+def test_any_grid_is_opened_as_defined(values, half):
+    """The loops know a grid by its cells with points; corners make it end where the array does."""
+    values[0, 0], values[-1, -1] = 1.0, 2.0
+    loops = Opening({cell: values[cell] for cell in zip(*np.nonzero(np.isfinite(values)), strict=True)}, half)
+    found = opened(filled(values, 2 * half + 1), half)
+    for cell in loops.lowest:
+        assert found[cell] == loops.opened(cell)
+
+
+@given(values=GRIDS, half=st.integers(0, 4))
+@settings(deadline=None)
+def test_an_opening_lies_below_and_changes_nothing_the_second_time(values, half):
+    once = opened(values, half)
+    assert (once <= values).all()
+    known = np.where(np.isinf(once), np.inf, once)
+    if np.isfinite(known).all():
+        np.testing.assert_array_equal(opened(known, half), once)
+
+
+@pytest.mark.parametrize("bits", [3, 4])
+def test_blocks_do_not_show(monkeypatch, bits):
+    rng = np.random.default_rng(3)
+    xyz = np.vstack([rng.uniform(-40, 50, (2, 900)), rng.normal(size=(1, 900))])
+    whole = Grid(1.0)
+    whole.add(xyz)
+    expected = open_grid(whole, 7.0).ravel()[whole.locate(*xyz[:2])]
+    for module in (grids, __import__("seaclutter_cli.airborne.opening", fromlist=["opening"])):
+        monkeypatch.setattr(module, "BLOCK", 1 << bits)
+    monkeypatch.setattr(grids, "_BITS", bits)
+    parted = Grid(1.0)
+    for start in range(0, 900, 250):
+        parted.add(xyz[:, start : start + 250])
+    assert len(parted.blocks) > 30
+    np.testing.assert_array_equal(open_grid(parted, 7.0).ravel()[parted.locate(*xyz[:2])], expected)
+
+
+def test_window_in_cells():
+    assert [half_window(w, 0.1) for w in (0.1, 0.2, 0.6, 20.0)] == [0, 1, 3, 100]
+
+
+def test_a_stray_point_costs_one_block_and_many_are_refused():
+    grid = Grid(1.0)
+    grid.add(np.array([[0.0, 1e9, -1e300], [0, 1e9, 1e300], [0, 1, 2]]))
+    assert len(grid.blocks) == 3
+    far = np.arange(1000) * 1e4
+    with pytest.raises(InputError, match="cut the tile, or choose a larger cell_m"):
+        grid.add(np.stack((far, far, far)))

@@ -1,0 +1,130 @@
+"""What is sea: waves, edges, empty cells, islands."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.airborne.separation import NEVER, OTHER, WATER, separate
+from seaclutter_cli.airborne.surface import SeparationParams, joined_cells
+from seaclutter_cli.errors import InputError
+
+PLAIN = SeparationParams(island_m=None)
+
+
+def plane(width=120, height=100, z=lambda x, y: 0 * x):
+    """Return a point in the middle of each cell of 1 m, shape (3, N)."""
+    x, y = (side.ravel() + 0.5 for side in np.mgrid[:width, :height].astype(float))
+    return np.stack((x, y, z(x, y)))
+
+
+def other(xyz, params=PLAIN):
+    return separate([xyz], params).classification == OTHER
+
+
+def inside(xyz, x, y):
+    return (xyz[0] >= x[0]) & (xyz[0] < x[1]) & (xyz[1] >= y[0]) & (xyz[1] < y[1])
+
+
+def raised(xyz, where, by):
+    out = xyz.copy()
+    out[2, where] += by
+    return out
+
+
+def test_what_is_narrower_than_the_window_stands_out_whatever_its_length():
+    flat = plane()
+    ship = inside(flat, (40, 60), (10, 90))
+    np.testing.assert_array_equal(other(raised(flat, ship, 3.0)), ship)
+
+
+def test_what_is_wider_stays_unless_it_is_an_island():
+    flat = plane()
+    island = inside(flat, (40, 80), (30, 70))
+    assert not other(raised(flat, island, 3.0)).any()
+    np.testing.assert_array_equal(other(raised(flat, island, 3.0), SeparationParams()), island)
+
+
+def test_a_low_bank_that_is_wide_is_no_island():
+    flat = plane()
+    assert not other(raised(flat, inside(flat, (40, 80), (30, 70)), 1.5), SeparationParams()).any()
+
+
+def test_the_shore_of_an_island_belongs_to_it_down_to_the_threshold():
+    cone = plane(z=lambda x, y: np.maximum(0, 8 - 0.2 * np.hypot(x - 60, y - 50)))
+    np.testing.assert_array_equal(other(cone, SeparationParams()), cone[2] > 0.5)
+
+
+def test_heights_over_land_are_above_the_level_of_the_sea():
+    flat = plane()
+    island = inside(flat, (40, 80), (30, 70))
+    found = separate([raised(flat, island, 3.0)], SeparationParams())
+    np.testing.assert_allclose(found.height_m[island], 3.0, atol=0.26)
+
+
+def test_long_swell_is_sea_and_a_wide_window_cuts_its_crests():
+    swell = plane(z=lambda x, y: 0.6 * np.sin(2 * np.pi * x / 80))
+    assert not other(swell).any()
+    assert other(swell, SeparationParams(window_m=90.0, island_m=None)).mean() > 0.2
+
+
+def test_a_shadow_beside_a_ship_does_not_widen_it():
+    flat = plane()
+    ship = inside(flat, (40, 56), (20, 80))
+    shown = ~inside(flat, (56, 68), (20, 80))
+    np.testing.assert_array_equal(other(raised(flat, ship, 3.0)[:, shown]), ship[shown])
+
+
+def test_a_point_in_four_of_ten_cells_is_enough():
+    rng = np.random.default_rng(1)
+    flat = plane(z=lambda x, y: 0.3 * np.sin(2 * np.pi * x / 60))
+    ship = inside(flat, (40, 50), (20, 80))
+    shown = rng.random(flat.shape[1]) < 0.4
+    np.testing.assert_array_equal(other(raised(flat, ship, 3.0)[:, shown]), ship[shown])
+
+
+def test_an_object_that_the_edge_cuts_counts_with_what_is_there():
+    flat = plane()
+    for side in ((0, 12), (108, 120)):
+        ship = inside(flat, side, (20, 80))
+        np.testing.assert_array_equal(other(raised(flat, ship, 3.0)), ship)
+
+
+def test_one_echo_from_below_spoils_its_cell_only():
+    flat = plane()
+    deep = np.append(flat, [[60.5], [50.5], [-20.0]], axis=1)
+    found = other(deep)
+    assert found.sum() == 1
+    assert found[(flat[0] == 60.5).nonzero()[0][50]]
+
+
+def test_points_without_a_place_are_never_classified():
+    flat = plane(40, 40)
+    flat[1, 7], flat[2, 9] = np.nan, np.inf
+    found = separate([flat[:, :500], flat[:, 500:]], PLAIN)
+    assert set(np.flatnonzero(found.classification == NEVER)) == {7, 9}
+    assert (found.classification[[0, 1]] == WATER).all()
+    assert np.isnan(found.height_m[[7, 9]]).all()
+
+
+@pytest.mark.parametrize("xyz", [np.empty((3, 0)), np.full((3, 5), np.nan)])
+def test_no_points(xyz):
+    with pytest.raises(InputError, match="no points"):
+        separate([xyz], PLAIN)
+
+
+def test_parameters_that_do_not_fit():
+    with pytest.raises(ValueError, match="must not exceed 1000 cells"):
+        SeparationParams(cell_m=0.01)
+    with pytest.raises(ValueError, match="island_m"):
+        SeparationParams(island_m=0.2)
+
+
+def test_joined_cells_are_those_that_touch():
+    rng = np.random.default_rng(5)
+    from scipy import ndimage
+
+    image = rng.random((40, 30)) < 0.3
+    labels, _ = ndimage.label(image, np.ones((3, 3)))
+    column, row = np.nonzero(image)
+    found = joined_cells(column - 7, row + 1000)
+    pairs = set(zip(found.tolist(), labels[image].tolist(), strict=True))
+    assert len(pairs) == len(set(found.tolist())) == len(set(labels[image].tolist()))

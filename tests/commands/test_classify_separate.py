@@ -1,0 +1,151 @@
+"""``classify separate``: everything of a tile stays but the class."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.commands import cli
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from tests.airborne.tiles import box, read, sea, write
+from tests.paths import shared
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, ["classify", "separate", *map(str, arguments)])
+
+
+def points():
+    rng = np.random.default_rng(2)
+    return np.concatenate([sea(rng), box(rng, (20, 30), (10, 40), (2, 3))])
+
+
+def header_bytes(path):
+    """Return the file's bytes up to the points, but for what must differ: lengths, offsets, counts of records."""
+    las = read(path)
+    head = las.header
+    fields = ("file_source_id", "uuid", "system_identifier", "generating_software", "creation_date", "version")
+    values = [getattr(head, name) for name in fields]
+    arrays = [np.asarray(getattr(head, name)).tolist() for name in ("scales", "offsets", "mins", "maxs")]
+    vlrs = [(v.user_id, v.record_id, v.description, v.record_data_bytes()) for v in head.vlrs if v.record_id != 22204]
+    evlrs = [(v.user_id, v.record_id, v.record_data_bytes()) for v in las.evlrs or []]
+    return values, arrays, vlrs, evlrs, head.number_of_points_by_return.tolist(), head.global_encoding.value
+
+
+def assert_same_but_class(source, target, added=()):
+    one, other = read(source), read(target)
+    assert header_bytes(source)[1:2] == header_bytes(target)[1:2]
+    if not added:
+        assert header_bytes(source) == header_bytes(target)
+    for name in one.point_format.dimension_names:
+        if name != "classification":
+            np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+    assert set(other.point_format.dimension_names) == {*one.point_format.dimension_names, *added}
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+@pytest.mark.parametrize("point_format", [1, 3, 6, 8])
+def test_las_keeps_everything(tmp_path, suffix, point_format):
+    xyz = points()
+    extra = [("echo_width", "f4", np.arange(len(xyz))), ("class_hint", "u1", np.full(len(xyz), 3))]
+    tile = write(tmp_path / f"tile{suffix}", xyz, point_format=point_format, extra=extra)
+    out = tmp_path / f"out{'.laz' if suffix == '.las' else '.las'}"
+    result = run(tile, "-o", out, "--json")
+    assert result.exit_code == 0, result.output
+    assert_same_but_class(tile, out)
+    found = np.asarray(read(out).classification)
+    assert (found[4000:] == 1).all()
+    assert (found[:4000][np.abs(xyz[:4000, 0] - 25) > 6] == 9).all()
+    assert json.loads(result.stdout)[0]["other"] == (found == 1).sum()
+
+
+def test_height_as_a_further_dimension(tmp_path):
+    tile = write(tmp_path / "tile.laz", points())
+    assert run(tile, "-o", tmp_path / "out.laz", "--with-height").exit_code == 0
+    assert_same_but_class(tile, tmp_path / "out.laz", added=("height_above_sea",))
+    height = np.asarray(read(tmp_path / "out.laz")["height_above_sea"])
+    assert 2 < height[4000:].min() < height[4000:].max() < 3.5
+
+
+def test_large_tiles_are_read_in_parts(tmp_path, monkeypatch):
+    from seaclutter_cli.sources import tiles
+
+    tile = write(tmp_path / "tile.laz", points())
+    assert run(tile, "-o", tmp_path / "whole.laz").exit_code == 0
+    monkeypatch.setattr(tiles, "CHUNK_POINTS", 700)
+    monkeypatch.setattr(tiles, "_KEPT_BYTES", 0)
+    assert run(tile, "-o", tmp_path / "parts.laz").exit_code == 0
+    np.testing.assert_array_equal(read(tmp_path / "whole.laz").points.array, read(tmp_path / "parts.laz").points.array)
+
+
+@pytest.mark.parametrize("suffix", [".pcd", ".ply", ".mcap"])
+def test_other_formats(tmp_path, suffix):
+    tile = write(tmp_path / "tile.laz", points(), point_format=1)
+    assert run(tile, "-o", tmp_path / "out.las").exit_code == 0
+    out = tmp_path / f"out{suffix}"
+    assert run(tile, "-o", out).exit_code == 0
+    if suffix == ".mcap":
+        result = CliRunner().invoke(cli, ["filter", str(out), "-o", str(tmp_path / "f.mcap"), "-m", "none", "--json"])
+        assert json.loads(result.stdout)[0]["topics"]["/points"]["points_in"] == 4400
+        return
+    found = FRAME_READERS[suffix](out).points
+    expected = read(tmp_path / "out.las")
+    for name in ("x", "y", "z", "intensity", "classification", "gps_time"):
+        np.testing.assert_array_equal(found[name], np.asarray(expected[name]), err_msg=name)
+    again = tmp_path / f"again{suffix}"
+    assert run(out, "-o", again).exit_code == 0
+    assert set(FRAME_READERS[suffix](again).points["classification"]) == {1, 9}
+
+
+def test_several_tiles_go_to_a_folder(tmp_path):
+    (tmp_path / "in").mkdir()
+    for name in "ab":
+        write(tmp_path / "in" / f"{name}.las", points())
+    result = run(tmp_path / "in", "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.las", "b.las"]
+
+
+def test_bad_command_lines(tmp_path):
+    tile = write(tmp_path / "tile.las", points())
+    assert run(tmp_path / "none.las", "-o", tmp_path / "o.las").exit_code == 1
+    assert "is part of the input" in run(tile, "-o", tile, "--force").stderr
+    assert run(tile, "-o", tmp_path / "o.xyz").exit_code == 2
+    (tmp_path / "o.las").write_text("mine")
+    assert "--force" in run(tile, "-o", tmp_path / "o.las").stderr
+    assert "unknown key" in run(tile, "-o", tmp_path / "p.las", "-s", "separation.window=3").stderr
+    assert "must not exceed" in run(tile, "-o", tmp_path / "p.las", "-s", "separation.window_m=3000").stderr
+    np.save(tmp_path / "cloud.npy", np.zeros((5, 4), "f4"))
+    assert "only LAS and LAZ tiles" in run(tmp_path / "cloud.npy", "-o", tmp_path / "p.las").stderr
+    assert not (tmp_path / "p.las").exists()
+
+
+def test_bad_tiles(tmp_path):
+    empty = write(tmp_path / "empty.las", np.empty((0, 3)))
+    assert "no points" in run(empty, "-o", tmp_path / "o.las").stderr
+    good = write(tmp_path / "good.laz", points())
+    (tmp_path / "cut.laz").write_bytes(good.read_bytes()[:9000])
+    result = run(tmp_path / "cut.laz", "-o", tmp_path / "o.laz")
+    assert (result.exit_code, "cut.laz" in result.stderr) == (1, True)
+    far = np.arange(2000.0)[:, None] * np.array([900.0, 900, 0])
+    result = run(write(tmp_path / "far.las", far, offset=(0, 0, 0)), "-o", tmp_path / "o.las")
+    assert (result.exit_code, "larger cell_m" in result.stderr) == (1, True)
+    assert not list(tmp_path.glob("o.*"))
+
+
+def test_evlrs_that_lie_are_refused(tmp_path):
+    good = write(tmp_path / "good.las", points())
+    data = bytearray(good.read_bytes())
+    at = int.from_bytes(data[235:243], "little")
+    data[at + 20 : at + 28] = (2**60).to_bytes(8, "little")
+    (tmp_path / "bad.las").write_bytes(data)
+    assert "it was cut short" in run(tmp_path / "bad.las", "-o", tmp_path / "o.las").stderr
+
+
+def test_a_real_tile_of_land(tmp_path):
+    tile = shared("las") / "autzen_trim.laz"
+    result = run(tile, "-o", tmp_path / "out.laz")
+    assert result.exit_code == 0, result.output
+    assert_same_but_class(tile, tmp_path / "out.laz")
+    assert set(np.asarray(read(tmp_path / "out.laz").classification)) == {1, 9}
