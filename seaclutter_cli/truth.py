@@ -8,6 +8,18 @@ from numpy.typing import NDArray
 CLUTTER = 0
 IGNORED = 65535
 
+OBJECT_CLASSES = (
+    "ship",
+    "reef",
+    "shoal",
+    "aquaculture",
+    "seaweed",
+    "island",
+    "fishing fence",
+    "garbage patch",
+)
+"""What lies in the water, seen from the air (S1). In tiles, a class is its place here, from 1; 0 is none."""
+
 
 @dataclass(frozen=True)
 class Boxes:

@@ -7,6 +7,9 @@ from typing import Any
 
 import yaml
 
+from seaclutter_cli.airborne.features import FeatureParams
+from seaclutter_cli.airborne.forest import ForestParams
+from seaclutter_cli.airborne.objects import ObjectParams
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
@@ -20,9 +23,18 @@ class Settings:
     ----------
     separation : SeparationParams
         Sea and what is not.
+    features : FeatureParams
+        What the forest is told.
+    forest : ForestParams
+        How it is trained.
+    objects : ObjectParams
+        What makes an object.
     """
 
     separation: SeparationParams = field(default_factory=SeparationParams)
+    features: FeatureParams = field(default_factory=FeatureParams)
+    forest: ForestParams = field(default_factory=ForestParams)
+    objects: ObjectParams = field(default_factory=ObjectParams)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return the settings as they stand in a file."""

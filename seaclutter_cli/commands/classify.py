@@ -62,3 +62,67 @@ def separate(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
     from seaclutter_cli.commands.classify_separate import run
 
     run(tiles, output, options)
+
+
+_path = click.Path(path_type=Path)
+
+
+@command.command()
+@_tiles_argument
+@click.option("-o", "--output", required=True, type=_path, metavar="MODEL", help="The model to write.")
+@click.option(
+    "--class-field",
+    default="object_class",
+    metavar="NAME",
+    show_default=True,
+    help="Field with classes, 1 to 8; 0 is none.",
+)
+@click.option(
+    "--object-field",
+    default="object_id",
+    metavar="NAME",
+    show_default=True,
+    help="Field that tells objects apart; without it, clusters of a class do.",
+)
+@click.option("--plot", "plot_file", type=_path, metavar="FILE", help="Draw the confusion matrix, as PNG or SVG.")
+@_force_option
+@_setting_options
+@output_options
+def train(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
+    """Train a random forest on labelled TILEs to tell the classes of objects.
+
+    A part of the tiles, or of the objects where there are fewer than four tiles, is held out, and the report is on
+    these. Classes are 1 ship, 2 reef, 3 shoal, 4 aquaculture, 5 seaweed, 6 island, 7 fishing fence, 8 garbage patch.
+    Needs the extra classify.
+    """
+    from seaclutter_cli.commands.classify_train import run
+
+    run(tiles, output, options)
+
+
+@command.command()
+@_tiles_argument
+@click.option("--model", required=True, type=_path, metavar="MODEL", help="A model that train has written.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=_path,
+    metavar="OUT",
+    help="File for one tile, folder for several: LAS, LAZ, PCD, PLY or MCAP.",
+)
+@click.option("--csv", "csv_file", type=_path, metavar="FILE", help="Also write a line for each object.")
+@click.option("--geojson", "geojson_file", type=_path, metavar="FILE", help="Also write the objects' boxes.")
+@click.option("--plot", "plot_file", type=_path, metavar="FILE", help="Draw the tile from above, as PNG or SVG.")
+@_force_option
+@_setting_options
+@output_options
+def predict(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
+    """Name what stands out of the sea in each TILE, by a model, and find the objects.
+
+    Each point gets predicted_class (0 none, else as in train), probability and predicted_object as further
+    dimensions, and classification as by separate. Boxes are in the tile's own coordinates.
+    """
+    from seaclutter_cli.commands.classify_predict import run
+
+    run(tiles, output, options)

@@ -57,6 +57,7 @@ def sensors(as_json: bool) -> None:
     from seaclutter_cli.sensors import SENSORS
     from seaclutter_cli.simulation.lidar import LIDARS
     from seaclutter_cli.simulation.scene import builtin_scenes
+    from seaclutter_cli.simulation.tiles_scene import builtin_tiles
     from seaclutter_cli.sources import SOURCES
     from seaclutter_cli.sources.frame_files import FRAME_READERS
 
@@ -65,6 +66,7 @@ def sensors(as_json: bool) -> None:
         "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
         "configs": [path.name for path in builtin_configs()],
         "scenes": list(builtin_scenes()),
+        "tiles": list(builtin_tiles()),
         "lidars": list(LIDARS),
     }
     if as_json:

@@ -20,7 +20,12 @@ if TYPE_CHECKING:
 @click.command(name="simulate", short_help="Make a labelled lidar recording of a scene at sea.")
 @click.argument("scene")
 @click.option(
-    "-o", "--output", required=True, type=click.Path(path_type=Path), metavar="LOG.mcap", help="The recording."
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="LOG.mcap",
+    help="The recording; a tile ends in .las or .laz.",
 )
 @click.option(
     "--format",
@@ -38,8 +43,14 @@ def command(scene: str, output: Path, **options: Any) -> None:
 
     Writes LOG.mcap, whose clouds have a field ``label`` (0 clutter, 65535 own vessel or ignored, else the target), and
     LOG.labels.csv with a box for each target and frame. LOG.pcap holds packets instead, which have no labels.
-    ``seaclutter config sensors`` lists scenes and lidars.
+    ``seaclutter config sensors`` lists scenes and lidars. Of a scene with a section ``tile``, seen from the air, it
+    writes a LAS or LAZ file with the truth of each point: classification, object_class, object_id.
     """
+    if output.suffix.lower() in (".las", ".laz"):
+        from seaclutter_cli.commands.simulate_tile import run
+
+        run(scene, output, options)
+        return
     from seaclutter_cli.commands.outputs import refuse_overwriting
     from seaclutter_cli.simulation.formats import FORMATS
     from seaclutter_cli.simulation.recording import record

@@ -1,0 +1,135 @@
+"""What a classifier is told of each point."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.neighborhoods import Block, Neighborhoods
+from seaclutter_cli.airborne.texture import TEXTURE, Levels, levels_of, texture
+
+Values = NDArray[np.float64]
+
+FEATURES = {
+    "texture": TEXTURE,
+    "full": (
+        *TEXTURE,
+        "height",
+        "mean_height",
+        "height_deviation",
+        "density",
+        "linearity",
+        "planarity",
+        "intensity",
+        "intensity_deviation",
+    ),
+}
+"""Names of the features of each set."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeatureParams:
+    """Features of the points that are no sea.
+
+    Parameters
+    ----------
+    features : {"texture", "full"}
+        Texture alone, or with height, density, shape and intensity of the neighbourhood.
+    radius_m : float
+        Neighbours lie within this distance in the plane, r.
+    shift_m : float
+        How far the cloud is shifted for its co-occurrence matrix, d.
+    levels : int
+        Grey levels of height, K.
+    max_height_m : float
+        Height above the sea of the last level.
+    """
+
+    features: Literal["texture", "full"] = "full"
+    radius_m: Annotated[float, Gt(0)] = 3.0
+    shift_m: Annotated[float, Gt(0)] = 1.0
+    levels: Annotated[int, Interval(ge=2, le=64)] = 32
+    max_height_m: Annotated[float, Gt(0)] = 8.0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the features."""
+        return FEATURES[self.features]
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The points of a tile that stand out of the sea, N of them.
+
+    Parameters
+    ----------
+    xy : ndarray, shape (2, N), float64
+        Places in metres.
+    height_m : ndarray, shape (N,), float64
+        Height above the sea surface.
+    intensity : ndarray, shape (N,), float64
+        In the sensor's unit; 0 where there is none.
+    points_per_m2 : float
+        Density of the whole tile where it has points, sea and all.
+    """
+
+    xy: Values
+    height_m: Values
+    intensity: Values
+    points_per_m2: float
+
+
+def features_of(points: Standing, params: FeatureParams) -> Values:
+    r"""Return the features of points, shape (N, F), in the order of ``params.names``.
+
+    Notes
+    -----
+    Texture is that of `texture`. The full set adds, over the neighbours within r: mean height and its deviation;
+    density, in units of the tile's own, since that is a matter of the flight; linearity and planarity,
+    :math:`(l_1 - l_2) / l_1` and :math:`(l_2 - l_3) / l_1` for the eigenvalues :math:`l_1 \ge l_2 \ge l_3` of the
+    covariance of the places; mean and relative deviation of the intensity; and the point's own height.
+    """
+    if not len(points.height_m):
+        return np.empty((0, len(params.names)))
+    near = Neighborhoods(points.xy)
+    levels = levels_of(near, points.height_m, params.levels, params.max_height_m, params.shift_m)
+    if params.features == "texture":
+        return near.apply(params.radius_m, lambda block: texture(block, levels))
+    return near.apply(params.radius_m, lambda block: _full(block, levels, points, params.radius_m))
+
+
+def _full(block: Block, levels: Levels, points: Standing, radius_m: float) -> Values:
+    count = block.count
+    height, intensity = points.height_m[block.neighbor], points.intensity[block.neighbor]
+    mean = block.total(height) / count
+    brightness = block.total(intensity) / count
+    spread = np.sqrt(block.total((intensity - brightness[block.own]) ** 2) / count)
+    deviation = np.sqrt(block.total((height - mean[block.own]) ** 2) / count)
+    columns = (
+        points.height_m[block.points],
+        mean,
+        deviation,
+        count / (np.pi * radius_m**2 * points.points_per_m2),
+        *_shape(block, points),
+        brightness,
+        spread / np.maximum(brightness, 1e-9),
+    )
+    return np.column_stack((texture(block, levels), *columns))
+
+
+def _shape(block: Block, points: Standing) -> tuple[Values, Values]:
+    """Return linearity and planarity, shape (B,) each; 0 where all neighbours are in one place."""
+    center = block.points[block.own]
+    apart = [axis[block.neighbor] - axis[center] for axis in (points.xy[0], points.xy[1], points.height_m)]
+    count = block.count
+    mean = [block.total(axis) / count for axis in apart]
+    covariance = np.empty((len(block.points), 3, 3))
+    for i in range(3):
+        for j in range(i + 1):
+            product = block.total(apart[i] * apart[j]) / count - mean[i] * mean[j]
+            covariance[:, i, j] = covariance[:, j, i] = product
+    least, middle, most = np.maximum(np.linalg.eigvalsh(covariance), 0).T
+    some = np.where(most > 0, most, 1)
+    return (most - middle) / some, (middle - least) / some

@@ -1,0 +1,183 @@
+"""The random forest that names points."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge, Interval
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.neighborhoods import threads
+from seaclutter_cli.errors import InputError, MissingExtraError
+from seaclutter_cli.truth import OBJECT_CLASSES
+
+Values = NDArray[np.float64]
+Codes = NDArray[np.int64]
+
+_BLOCK = 20_000
+_LEAST_TILES = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForestParams:
+    """Training of the random forest.
+
+    Parameters
+    ----------
+    trees : int
+        Trees, N_t.
+    features_per_node : int or None
+        Features that a node chooses from, N_f; null: the square root of their number.
+    min_leaf_points : int
+        Points that a leaf holds at least.
+    points_per_object : int
+        Of each object at most so many points are trained on, chosen by chance, so that islands do not drown the rest.
+    held_out : float
+        Share of the tiles, or objects, that is kept for the test.
+    seed : int
+        What all chance comes from.
+    """
+
+    trees: Annotated[int, Interval(ge=1, le=2000)] = 100
+    features_per_node: Annotated[int, Ge(1)] | None = None
+    min_leaf_points: Annotated[int, Ge(1)] = 3
+    points_per_object: Annotated[int, Ge(1)] = 500
+    held_out: Annotated[float, Interval(gt=0, lt=1)] = 0.3
+    seed: Annotated[int, Ge(0)] = 1
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Points with features and truth, N of them.
+
+    Parameters
+    ----------
+    features : ndarray, shape (N, F), float64
+        What the forest is told.
+    code : ndarray, shape (N,), int64
+        Class, from 1; 0 for points that stand out of the sea and belong to no object.
+    tile, number : ndarray, shape (N,), int64
+        Which tile, and which object in it.
+    """
+
+    features: Values
+    code: Codes
+    tile: Codes
+    number: Codes
+
+    @property
+    def objects(self) -> tuple[Codes, Codes]:
+        """Tile, number and class of each object, shape (3, M), and which object each point belongs to, shape (N,)."""
+        found, which = np.unique(np.stack((self.tile, self.number, self.code)), axis=1, return_inverse=True)
+        return found, which.reshape(-1)
+
+
+def join(samples: Sequence[Samples]) -> Samples:
+    """Return the labelled points of several tiles together.
+
+    Raises
+    ------
+    InputError
+        If there are none, or of one class only.
+    """
+    labelled = [part.code > 0 for part in samples]
+    joined = Samples(
+        *(
+            np.concatenate([getattr(part, name)[known] for part, known in zip(samples, labelled, strict=True)])
+            for name in ("features", "code", "tile", "number")
+        )
+    )
+    classes = np.unique(joined.code)
+    if not len(classes):
+        raise InputError("no points left: none that stands out of the sea belongs to an object")
+    if len(classes) == 1:
+        raise InputError(f"all objects are of one class ({class_name(classes[0])}); training needs two or more")
+    return joined
+
+
+def class_name(code: int) -> str:
+    """Return the name of a class.
+
+    Examples
+    --------
+    >>> class_name(8)
+    'garbage patch'
+    """
+    return OBJECT_CLASSES[code - 1] if 1 <= code <= len(OBJECT_CLASSES) else f"class {code}"
+
+
+def hold_out(samples: Samples, params: ForestParams) -> tuple[NDArray[np.bool_], str]:
+    """Return which points are kept for the test, shape (N,), and what was divided: ``tile`` or ``object``.
+
+    Of four tiles or more, whole tiles are held out; of fewer, whole objects, of each class that has two or more. A
+    point never decides: its neighbours are too much like it.
+    """
+    rng = np.random.default_rng([params.seed, 1])
+    tiles = np.unique(samples.tile)
+    if len(tiles) >= _LEAST_TILES:
+        for _ in range(100):
+            chosen = rng.permutation(tiles)[: max(1, round(params.held_out * len(tiles)))]
+            test = np.isin(samples.tile, chosen)
+            if set(samples.code[~test]) == set(samples.code):
+                return test, "tile"
+    objects, which = samples.objects
+    chosen_objects = np.zeros(objects.shape[1], np.bool_)
+    for code in np.unique(objects[2]):
+        members = rng.permutation(np.flatnonzero(objects[2] == code))
+        if len(members) > 1:
+            chosen_objects[members[: min(max(1, round(params.held_out * len(members))), len(members) - 1)]] = True
+    return chosen_objects[which], "object"
+
+
+def train(samples: Samples, params: ForestParams) -> Any:
+    """Return a forest trained on samples.
+
+    Notes
+    -----
+    Trees grow on bootstrap samples and split by information gain (Eq. 10 to 12), each node by the best of N_f features
+    chosen by chance; classes weigh alike whatever their number of points. The number of threads makes no difference.
+
+    Raises
+    ------
+    MissingExtraError
+        If scikit-learn is not installed.
+    """
+    try:
+        from sklearn.ensemble import RandomForestClassifier  # an extra
+    except ImportError as error:
+        raise MissingExtraError("classification", "classify") from error
+    chosen = _few_of_each(samples, params)
+    forest = RandomForestClassifier(
+        params.trees,
+        criterion="entropy",
+        max_features=min(params.features_per_node or 10**6, samples.features.shape[1])
+        if params.features_per_node
+        else "sqrt",
+        min_samples_leaf=params.min_leaf_points,
+        class_weight="balanced",
+        random_state=params.seed,
+        n_jobs=threads(),
+    )
+    forest.fit(samples.features[chosen].astype(np.float32), samples.code[chosen])
+    forest.n_jobs = None
+    return forest
+
+
+def _few_of_each(samples: Samples, params: ForestParams) -> NDArray[np.intp]:
+    """Return some points of each object, so many at most, in their order."""
+    _, which = samples.objects
+    luck = np.random.default_rng([params.seed, 2]).random(len(which))
+    order = np.lexsort((luck, which))
+    starts = np.flatnonzero(np.diff(which[order], prepend=-1))
+    rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
+    return np.sort(order[rank < params.points_per_object])
+
+
+def predict(forest: Any, features: Values) -> Values:
+    """Return probabilities of each of the forest's classes, shape (N, C); the same for any number of threads."""
+    parts = [features[start : start + _BLOCK].astype(np.float32) for start in range(0, len(features), _BLOCK)]
+    with ThreadPoolExecutor(threads()) as pool:
+        found = list(pool.map(forest.predict_proba, parts))
+    return np.concatenate([np.empty((0, len(forest.classes_))), *found])

@@ -1,0 +1,193 @@
+"""Objects from named points: clusters with a class, a box and an area."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from seaclutter_cli.airborne.features import Standing
+from seaclutter_cli.airborne.forest import class_name
+from seaclutter_cli.evaluation.clustering import euclidean_clusters
+
+Values = NDArray[np.float64]
+
+COLUMNS = (
+    *("tile", "object", "class", "probability", "points", "x", "y", "length", "width", "yaw"),
+    *("height", "area_m2"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectParams:
+    """Clusters that are objects.
+
+    Parameters
+    ----------
+    tolerance_m : float
+        Points closer than this in the plane belong to one object.
+    min_points : int
+        Points that make an object.
+    """
+
+    tolerance_m: Annotated[float, Gt(0)] = 4.0
+    min_points: Annotated[int, Ge(1)] = 15
+
+
+@dataclass(frozen=True)
+class Found:
+    """An object.
+
+    Parameters
+    ----------
+    number : int
+        Its number in the tile, from 1.
+    code : int
+        Class.
+    probability : float
+        Mean probability of that class over its points.
+    points : int
+        How many there are.
+    center : (float, float)
+        Middle of its box in metres.
+    size : (float, float)
+        Length and width of the least rectangle about it.
+    yaw : float
+        Direction of its length in radians, counter-clockwise from x, from -pi/2 to pi/2.
+    height_m : float
+        That one point in a hundred exceeds, above the sea.
+    area_m2 : float
+        Of its convex hull.
+    """
+
+    number: int
+    code: int
+    probability: float
+    points: int
+    center: tuple[float, float]
+    size: tuple[float, float]
+    yaw: float
+    height_m: float
+    area_m2: float
+
+    @property
+    def name(self) -> str:
+        """Name of the class."""
+        return class_name(self.code)
+
+    @property
+    def corners(self) -> Values:
+        """Corners of the box, shape (4, 2), counter-clockwise."""
+        half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(self.size) / 2
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return np.asarray(half @ np.array([[c, s], [-s, c]]) + self.center)
+
+
+def find_objects(
+    points: Standing, probability: Values, classes: Sequence[int], params: ObjectParams
+) -> tuple[list[Found], NDArray[np.int64]]:
+    """Return the objects of a tile, and each point's object, shape (N,), 0 for none.
+
+    Parameters
+    ----------
+    points : Standing
+        Points that stand out of the sea, N of them.
+    probability : ndarray, shape (N, C), float64
+        Of each class.
+    classes : sequence of int
+        Codes of the C classes.
+    params : ObjectParams
+        What makes an object.
+
+    Notes
+    -----
+    An object's class is the one that most of its points have, a point's being its likeliest; of two equal ones, the
+    first.
+    """
+    flat = np.vstack((points.xy, np.zeros(points.xy.shape[1])))
+    number = euclidean_clusters(flat, params.tolerance_m, params.min_points) + 1
+    likeliest = probability.argmax(axis=1) if len(probability) else np.empty(0, np.int64)
+    found = []
+    order = np.argsort(number, kind="stable")
+    ends = np.searchsorted(number[order], np.arange(1, number.max(initial=0) + 2))
+    for one, (start, end) in enumerate(pairwise(ends), 1):
+        own = order[start:end]
+        best = int(np.argmax(np.bincount(likeliest[own], minlength=len(classes))))
+        center, size, yaw, area = least_rectangle(points.xy[:, own].T)
+        sure, height = float(probability[own, best].mean()), float(np.quantile(points.height_m[own], 0.99))
+        found.append(Found(one, int(classes[best]), sure, len(own), center, size, yaw, height, area))
+    return found, number
+
+
+def least_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float], float, float]:
+    """Return middle, length and width, direction and hull area of the least rectangle about points, shape (N, 2).
+
+    Notes
+    -----
+    One side of it lies on a side of the convex hull. Points on one line have a rectangle of no width.
+
+    Examples
+    --------
+    >>> center, size, yaw, area = least_rectangle(np.array([[0.0, 0], [4, 0], [4, 2], [0, 2], [1, 1]]))
+    >>> center, size, yaw, area
+    ((2.0, 1.0), (4.0, 2.0), 0.0, 8.0)
+    """
+    origin = xy.mean(axis=0)
+    try:
+        hull = ConvexHull(xy - origin)
+        corners, area = (xy - origin)[hull.vertices], float(hull.volume)
+    except (QhullError, ValueError):
+        far = (xy - origin)[[np.argmin(xy @ [1.0, 1e-3]), np.argmax(xy @ [1.0, 1e-3])]]
+        corners, area = far, 0.0
+    sides = np.roll(corners, -1, axis=0) - corners
+    angles = np.unique(np.arctan2(sides[:, 1], sides[:, 0]) % (np.pi / 2))
+    c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    along, across = c * corners[:, 0] + s * corners[:, 1], c * corners[:, 1] - s * corners[:, 0]
+    spans = np.ptp(along, axis=1), np.ptp(across, axis=1)
+    best = int(np.argmin(spans[0] * spans[1] + 1e-12 * (spans[0] + spans[1])))
+    middle = [(axis[best].max() + axis[best].min()) / 2 for axis in (along, across)]
+    c1, s1, yaw = float(c[best, 0]), float(s[best, 0]), float(angles[best])
+    center = c1 * middle[0] - s1 * middle[1] + origin[0], s1 * middle[0] + c1 * middle[1] + origin[1]
+    length, width = float(spans[0][best]), float(spans[1][best])
+    if width > length:
+        length, width, yaw = width, length, yaw - np.pi / 2
+    return (float(center[0]), float(center[1])), (length, width), float(yaw), area
+
+
+def as_csv(tiles: Sequence[tuple[str, Sequence[Found]]]) -> str:
+    """Return a table with a line for each object of each tile; lengths in metres, yaw in radians."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for tile, objects in tiles:
+        for one in objects:
+            numbers = [f"{value:.3f}" for value in (*one.center, *one.size)]
+            last = [f"{one.yaw:.4f}", f"{one.height_m:.2f}", f"{one.area_m2:.1f}"]
+            writer.writerow((tile, one.number, one.name, f"{one.probability:.3f}", one.points, *numbers, *last))
+    return text.getvalue()
+
+
+def as_geojson(tiles: Sequence[tuple[str, Sequence[Found]]]) -> str:
+    """Return the boxes as a GeoJSON feature collection, in the coordinates of the tiles."""
+    return json.dumps({"type": "FeatureCollection", "features": [_feature(t, one) for t, own in tiles for one in own]})
+
+
+def _feature(tile: str, one: Found) -> dict[str, Any]:
+    ring = [[round(float(x), 3), round(float(y), 3)] for x, y in (*one.corners, one.corners[0])]
+    properties = {
+        "tile": tile,
+        "object": one.number,
+        "class": one.name,
+        "probability": round(one.probability, 3),
+        "points": one.points,
+        "height": round(one.height_m, 2),
+        "area_m2": round(one.area_m2, 1),
+    }
+    return {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [ring]}, "properties": properties}

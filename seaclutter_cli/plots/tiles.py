@@ -1,0 +1,99 @@
+"""Tiles from above, and what a classifier mistakes for what."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLORS: Mapping[str, str] = {
+    "ship": "#0072B2",
+    "reef": "#8C510A",
+    "shoal": "#E69F00",
+    "aquaculture": "#D55E00",
+    "seaweed": "#009E73",
+    "island": "#4D4D4D",
+    "fishing fence": "#CC79A7",
+    "garbage patch": "#000000",
+}
+"""Colours of the classes, most of them told apart by colour-blind readers; boxes have names besides."""
+
+_SHOWN_SEA = 40_000
+Box = tuple[str, NDArray[np.float64]]
+
+
+def draw_tile(
+    figure: "Figure", sea: NDArray[np.float64], points: Mapping[str, NDArray[np.float64]], boxes: Sequence[Box]
+) -> None:
+    """Draw a tile from above, points coloured by class and objects in boxes (S1, Fig. 3).
+
+    Parameters
+    ----------
+    figure : Figure
+        Empty.
+    sea : ndarray, shape (2, N), float64
+        Places of the sea's points in metres; a part of them is shown.
+    points : mapping of str to ndarray, shape (2, M), float64
+        Places of the points of each class by its name.
+    boxes : sequence of (str, ndarray of shape (4, 2))
+        Class and corners of each object.
+    """
+    axes = figure.add_subplot()
+    corner = np.array(
+        [min(axis.min(initial=np.inf) for axis in (sea[k], *(p[k] for p in points.values()))) for k in (0, 1)]
+    )
+    some = sea[:, :: max(1, sea.shape[1] // _SHOWN_SEA)] - corner[:, None]
+    axes.scatter(some[0], some[1], s=0.2, color="#C6DBEF", linewidths=0, rasterized=True)
+    for name, places in points.items():
+        color = COLORS.get(name, "red")
+        x, y = places - corner[:, None]
+        axes.scatter(x, y, s=0.5, color=color, linewidths=0, rasterized=True)
+        axes.scatter([], [], s=10, color=color, label=name)
+    for name, corners in boxes:
+        _draw_box(axes, name, corners - corner)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    if points:
+        figure.legend(loc="outside upper center", ncols=min(4, len(points)), handletextpad=0.2, columnspacing=1.0)
+
+
+def _draw_box(axes: "Axes", name: str, corners: NDArray[np.float64]) -> None:
+    middle = corners.mean(axis=0)
+    ring = middle + (corners - middle) * (1 + 6 / np.maximum(np.hypot(*(corners - middle).T), 3)[:, None])
+    color = COLORS.get(name, "red")
+    axes.plot(*np.vstack((ring, ring[:1])).T, color=color, linewidth=0.7)
+    axes.annotate(
+        name, (middle[0], ring[:, 1].max()), (0, 1), textcoords="offset points", fontsize=5, ha="center", color=color
+    )
+
+
+def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.int64]) -> None:
+    """Draw a confusion matrix: shares of each row, which is what the points are.
+
+    Parameters
+    ----------
+    figure : Figure
+        Empty.
+    names : sequence of str
+        Classes, C of them.
+    matrix : ndarray, shape (C, C), int64
+        Points of each class, by row, called what, by column.
+    """
+    axes = figure.add_subplot()
+    share = matrix / np.maximum(matrix.sum(axis=1, keepdims=True), 1)
+    image = axes.imshow(share, cmap="Blues", vmin=0, vmax=1)
+    for row, column in np.ndindex(*matrix.shape):
+        if matrix[row, column]:
+            color = "white" if share[row, column] > 0.6 else "black"
+            text = f"{100 * share[row, column]:.0f}" if share[row, column] >= 0.005 else "<1"
+            axes.text(column, row, text, ha="center", va="center", fontsize=6, color=color)
+    axes.set_xticks(range(len(names)), names, rotation=45, ha="right", rotation_mode="anchor")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_xlabel("called")
+    axes.set_ylabel("is")
+    figure.colorbar(image, ax=axes, label="share of the class (%)", format=lambda value, _: f"{100 * value:.0f}")

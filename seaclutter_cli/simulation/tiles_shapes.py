@@ -1,0 +1,272 @@
+"""What lies in the water, seen from above: small height maps with chance in them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+Map = NDArray[np.float64]
+Size = tuple[float, float, float]
+Motion = Literal["fixed", "floats", "drifts"]
+
+STEP_M = 0.25
+"""Width of a map's cells in metres."""
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Maps of one object in its own axes, length along the first; cells of `STEP_M`, L by W of them.
+
+    Parameters
+    ----------
+    top : ndarray, shape (L, W), float64
+        Height above the waterline in metres; minus infinity where there is nothing.
+    cover : ndarray, shape (L, W), float64
+        Share of the rays that what is there stops: less than 1 for nets, debris and leaves.
+    depth : ndarray, shape (L, W), float64
+        How far below ``top`` it may stop them, in metres.
+    base : ndarray, shape (L, W), float64
+        Height of the ground beneath; minus infinity over water.
+    reflectivity : ndarray, shape (L, W), float64
+        Met head on.
+    motion : str
+        Fixed to the ground; floating as one body; or drifting, following the surface everywhere.
+    """
+
+    top: Map
+    cover: Map
+    depth: Map
+    base: Map
+    reflectivity: Map
+    motion: Motion
+
+
+def _axes(length_m: float, width_m: float) -> tuple[Map, Map]:
+    """Return coordinates of the cells' middles, shape (L, 1) and (1, W), 0 in the middle."""
+    sides = (max(1, round(side / STEP_M)) for side in (length_m, width_m))
+    x, y = (np.asarray((np.arange(cells) - (cells - 1) / 2) * STEP_M, np.float64) for cells in sides)
+    return x[:, None], y[None, :]
+
+
+def _noise(rng: np.random.Generator, shape: tuple[int, ...], scale_m: float) -> Map:
+    """Return smooth noise of about mean 0 and deviation 1."""
+    raw = ndimage.gaussian_filter(rng.standard_normal(shape), scale_m / STEP_M, mode="reflect")
+    return np.asarray((raw - raw.mean()) / max(float(raw.std()), 1e-9))
+
+
+def _blob(rng: np.random.Generator, x: Map, y: Map, ragged: float) -> Map:
+    """Return 1 in the middle of an irregular shape that fills its rectangle, 0 at its edge, less outside."""
+    bearing = np.arctan2(y / (y.max() + STEP_M), x / (x.max() + STEP_M))
+    lobes = np.arange(2, 7)
+    swing = rng.normal(0, ragged, (5, 2)) / lobes[:, None]
+    waves = sum(a * np.cos(n * bearing) + b * np.sin(n * bearing) for n, (a, b) in zip(lobes, swing, strict=True))
+    edge = np.clip(0.88 + np.asarray(waves), 0.4, 1.0)
+    return np.asarray(1 - np.hypot(x / (x.max() + STEP_M), y / (y.max() + STEP_M)) / edge)
+
+
+def _solid(top: Map, reflectivity: Map | float, motion: Motion) -> Patch:
+    """Return a patch that lets nothing through."""
+    whole, none = np.ones_like(top), np.zeros_like(top)
+    return Patch(top, whole, none, np.full_like(top, -np.inf), np.broadcast_to(reflectivity, top.shape) * whole, motion)
+
+
+def _ship(rng: np.random.Generator, size: Size, shade: float) -> Patch:
+    """Make a hull with bulwark, house, containers, masts: a freighter, a tanker or a fishing boat."""
+    length, width, height = size
+    x, y = _axes(length, width)
+    along = x / (length / 2)
+    half = width / 2 * np.clip(1.15 - np.abs(np.clip(along, 0, 1)) ** rng.uniform(1.8, 4), 0, 1) * (along > -0.97)
+    inside = np.abs(y) <= np.minimum(half, width / 2)
+    deck = height * rng.uniform(0.18, 0.35)
+    top = np.where(inside, deck * (1 + 0.25 * np.clip(along, 0, 1) ** 2), -np.inf)
+    rail = inside & ~ndimage.binary_erosion(inside, iterations=2)
+    top[rail] += min(1.1, 0.12 * height)
+    paint = np.where(_noise(rng, top.shape, 1.5) > rng.uniform(-0.8, 0.8), shade, shade * rng.uniform(0.35, 0.9))
+    kind = rng.choice(["freighter", "tanker", "fishing"]) if length > 35 else "fishing"
+    if kind == "freighter":
+        _stack(rng, top, inside & (np.abs(along) < 0.62), deck, (height - deck) * 0.75)
+    elif kind == "tanker":
+        pipes = inside & (np.abs(y) < 0.09 * width) & (np.abs(along) < 0.7)
+        top[pipes] += rng.uniform(0.8, 1.8)
+    house = rng.choice([-0.72, -0.68, 0.3]) if kind != "fishing" else rng.uniform(-0.4, 0.45)
+    ends = np.abs(along - house) < rng.uniform(0.1, 0.2)
+    top[inside & ends & (np.abs(y) < 0.4 * width)] = height * rng.uniform(0.7, 0.85)
+    for place in rng.uniform(-0.5, 0.8, rng.integers(1, 4)):
+        top[inside & (np.abs(x - place * length / 2) <= STEP_M) & (np.abs(y) <= STEP_M)] = height
+    return _solid(top, paint, "floats")
+
+
+def _stack(rng: np.random.Generator, top: Map, where: NDArray[np.bool_], deck: float, most: float) -> None:
+    """Pile up containers of 6 by 2.5 m to random heights."""
+    rows, columns = (np.arange(cells) // step for cells, step in zip(top.shape, (26, 10), strict=True))
+    piles = rng.integers(0, max(2, int(most / 2.6)) + 1, (rows[-1] + 1, columns[-1] + 1))
+    top[where] = (deck + 2.6 * piles[rows[:, None], columns[None, :]])[where]
+
+
+def _reef(rng: np.random.Generator, size: Size, shade: float) -> Patch:
+    """Make bare rocks, rough at all scales, with channels between them."""
+    x, y = _axes(*size[:2])
+    body = _blob(rng, x, y, 0.35)
+    rough = sum(weight * _noise(rng, body.shape, scale) for weight, scale in ((0.30, 3.0), (0.18, 1.2), (0.12, 0.5)))
+    top = size[2] * (1.1 * np.sqrt(np.clip(body, 0, 1)) * (0.62 + rough) - 0.08)
+    top[(body <= 0) | (top < -0.3)] = -np.inf
+    return _solid(top, shade * (1 + 0.25 * _noise(rng, body.shape, 0.8)).clip(0.3, 2), "fixed")
+
+
+def _shoal(rng: np.random.Generator, size: Size, shade: float) -> Patch:
+    """Make a bank of sand that falls dry: smooth, with ripples, darker where it is wet."""
+    x, y = _axes(*size[:2])
+    body = _blob(rng, x, y, 0.25)
+    ripples = 0.03 * np.sin(2 * np.pi * (x * rng.uniform(0.2, 0.5) + y * rng.uniform(-0.3, 0.3)))
+    top = size[2] * np.clip(body, 0, 1) ** 0.33 * (1 + 0.10 * _noise(rng, body.shape, 6.0)) + ripples
+    top[body <= 0] = -np.inf
+    return _solid(top, shade * np.clip(0.45 + 0.55 * top / size[2], 0.4, 1.1), "fixed")
+
+
+def _aquaculture(rng: np.random.Generator, size: Size, shade: float) -> Patch:
+    """Make round cages with rails and nets over them in rows, or rafts of beams with a hut."""
+    x, y = _axes(*size[:2])
+    shape = (x.size, y.size)
+    top, cover = np.full(shape, -np.inf), np.ones(shape)
+    if rng.random() < 0.55:
+        _cages(rng, x, y, top, cover, size)
+    else:
+        _rafts(rng, x, y, top, size)
+    none = np.zeros(shape)
+    tint = shade * (1 + 0.2 * _noise(rng, shape, 1.0)).clip(0.3, 2)
+    return Patch(top, cover, none, np.full(shape, -np.inf), tint, "drifts")
+
+
+def _cages(rng: np.random.Generator, x: Map, y: Map, top: Map, cover: Map, size: Size) -> None:
+    across = rng.uniform(8, 15)
+    pitch = across + rng.uniform(2, 5)
+    rows = [max(1, int((side + pitch - across) / pitch)) for side in size[:2]]
+    for i in range(rows[0]):
+        for j in range(rows[1]):
+            place = ((i - (rows[0] - 1) / 2) * pitch, (j - (rows[1] - 1) / 2) * pitch)
+            apart = np.hypot(x - place[0], y - place[1]) - across / 2
+            net, rail, tube = apart < -0.4, np.abs(apart) <= 0.3, np.abs(apart + 0.5) <= 0.5
+            top[net], cover[net] = size[2] * (0.75 + 0.25 * np.clip(-apart[net] / across, 0, 1)), 0.12
+            top[tube], cover[tube] = rng.uniform(0.35, 0.7), 0.95
+            top[rail], cover[rail] = size[2] * rng.uniform(0.55, 0.8), 0.6
+
+
+def _rafts(rng: np.random.Generator, x: Map, y: Map, top: Map, size: Size) -> None:
+    pitch, beam, deck = rng.uniform(2.5, 4.5), rng.uniform(0.5, 0.8), rng.uniform(0.6, 0.95)
+    beams = (np.mod(x, pitch) < beam) | (np.mod(y, pitch) < beam)
+    top[beams] = deck
+    for _ in range(rng.integers(1, 4)):
+        place = [rng.uniform(-0.4, 0.4) * side for side in size[:2]]
+        top[(np.abs(x - place[0]) < rng.uniform(1.2, 2.5)) & (np.abs(y - place[1]) < rng.uniform(1.2, 2))] = size[2]
+
+
+def _seaweed(rng: np.random.Generator, size: Size, shade: float) -> Patch:
+    """Make a floating mat, dense, with soft humps; leaves are bright in the near infrared."""
+    x, y = _axes(*size[:2])
+    body = _blob(rng, x, y, 0.5)
+    humps = 0.8 + 0.16 * _noise(rng, body.shape, 2.5) + 0.08 * _noise(rng, body.shape, 0.6)
+    top = size[2] * np.clip(body, 0, 1) ** 0.3 * humps.clip(0.2, 1.2)
+    holes = _noise(rng, body.shape, 2.0) > rng.uniform(1.1, 2.0)
+    top[(body <= 0) | holes] = -np.inf
+    cover = np.full(body.shape, rng.uniform(0.8, 0.97))
+    tint = shade * (1 + 0.15 * _noise(rng, body.shape, 1.5)).clip(0.4, 1.6)
+    return Patch(top, cover, np.full(body.shape, 0.12), np.full(body.shape, -np.inf), tint, "drifts")
+
+
+def _island(rng: np.random.Generator, size: Size, shade: float) -> Patch:
+    """Make ground with hills and a shore of rock or sand; trees and bushes on a part of it."""
+    x, y = _axes(*size[:2])
+    body = _blob(rng, x, y, 0.25)
+    hills = 1 + 0.25 * _noise(rng, body.shape, 12.0) + 0.05 * _noise(rng, body.shape, 2.0)
+    ground = 0.65 * size[2] * np.clip(body, 0, 1) ** rng.uniform(0.4, 0.8) * hills.clip(0.3, 2)
+    ground[body <= 0] = -np.inf
+    tall = rng.uniform(0.2, 0.35) * size[2]
+    crowns = np.clip(0.7 + 0.35 * _noise(rng, body.shape, 1.2), 0.15, 1.3)
+    green = (_noise(rng, body.shape, 7.0) > rng.uniform(-1.2, 0.5)) & (body > 0.08)
+    top = np.where(green, ground + tall * crowns, ground)
+    leaves = np.where(green, rng.uniform(0.5, 0.75), 1.0)
+    tint = np.where(green, rng.uniform(0.35, 0.55), shade) * (1 + 0.15 * _noise(rng, body.shape, 1.0)).clip(0.4, 1.6)
+    return Patch(top, leaves, np.where(green, 0.5 * tall, 0.0), ground, tint, "fixed")
+
+
+def _fence(rng: np.random.Generator, size: Size, shade: float) -> Patch:
+    """Make rows of stakes with nets between them: a leader, wings and a pen, or several rows side by side."""
+    x, y = _axes(*size[:2])
+    shape, (length, width, height) = (x.size, y.size), size
+    top, cover = np.full(shape, -np.inf), np.ones(shape)
+    spacing, sag = rng.uniform(2, 5), rng.uniform(0.55, 0.85)
+    mesh = rng.uniform(0.35, 0.6)
+    if rng.random() < 0.5:
+        ends = [(-length / 2, 0.0, 0.3 * length, 0.0), (0.3 * length, 0.0, 0.48 * length, 0.4 * width)]
+        ends += [
+            (0.3 * length, 0, 0.48 * length, -0.4 * width),
+            (0.48 * length, 0.4 * width, 0.48 * length, -0.4 * width),
+        ]
+    else:
+        rows = max(1, round(width / rng.uniform(7, 14)))
+        ends = [(-0.48 * length, y0, 0.48 * length, y0) for y0 in np.linspace(-0.45, 0.45, rows) * width * (rows > 1)]
+    for x0, y0, x1, y1 in ends:
+        run = float(np.hypot(x1 - x0, y1 - y0))
+        for net, step in ((True, STEP_M / 2), (False, spacing)):
+            along = np.arange(0, run, step) / run
+            i = np.clip(np.round((x0 + along * (x1 - x0)) / STEP_M + (shape[0] - 1) / 2), 0, shape[0] - 1).astype(int)
+            j = np.clip(np.round((y0 + along * (y1 - y0)) / STEP_M + (shape[1] - 1) / 2), 0, shape[1] - 1).astype(int)
+            top[i, j] = height * sag if net else height * rng.uniform(0.8, 1.0, len(i))
+            cover[i, j] = mesh if net else 0.9
+    depth = np.where(cover < 0.9, 0.6 * height * sag, 0.2)
+    tint = shade * rng.uniform(0.7, 1.3, shape)
+    return Patch(top, cover, depth, np.full(shape, -np.inf), tint, "fixed")
+
+
+def _garbage(rng: np.random.Generator, size: Size, shade: float) -> Patch:
+    """Make loose things of all sizes and shades, close together in a drifting patch."""
+    x, y = _axes(*size[:2])
+    body = _blob(rng, x, y, 0.5)
+    top, tint = np.full(body.shape, -np.inf), np.full(body.shape, shade)
+    for side, share in ((2, 0.35), (3, 0.30), (5, 0.15), (8, 0.05)):
+        rows, columns = (np.arange(cells) // side for cells in body.shape)
+        count = rows[-1] + 1, columns[-1] + 1
+        lies, high = rng.random(count) < share, size[2] * rng.beta(1.6, 2.2, count)
+        bright = np.clip(shade * rng.lognormal(0, 0.7, count), 0.03, 0.9)
+        here = lies[rows[:, None], columns[None, :]] & (body > 0)
+        top[here], tint[here] = (
+            high[rows[:, None], columns[None, :]][here],
+            bright[rows[:, None], columns[None, :]][here],
+        )
+    return _solid(top, tint, "drifts")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A class of objects.
+
+    Parameters
+    ----------
+    make : callable
+        Makes one, from chance, size and reflectivity.
+    least, most : (float, float, float)
+        Length, width and height in metres between which chance decides.
+    shades : (float, float)
+        Reflectivity, likewise.
+    """
+
+    make: Callable[[np.random.Generator, Size, float], Patch]
+    least: Size
+    most: Size
+    shades: tuple[float, float]
+
+
+KINDS: Mapping[str, Kind] = {
+    "ship": Kind(_ship, (12, 3.5, 4), (110, 19, 22), (0.12, 0.6)),
+    "reef": Kind(_reef, (7, 6, 1.2), (26, 18, 4.5), (0.08, 0.3)),
+    "shoal": Kind(_shoal, (22, 9, 0.9), (75, 18, 1.9), (0.22, 0.5)),
+    "aquaculture": Kind(_aquaculture, (28, 22, 1.4), (80, 55, 3.2), (0.12, 0.5)),
+    "seaweed": Kind(_seaweed, (10, 7, 0.9), (40, 16, 1.6), (0.3, 0.6)),
+    "island": Kind(_island, (35, 28, 5), (130, 90, 28), (0.15, 0.4)),
+    "fishing fence": Kind(_fence, (60, 14, 1.6), (200, 45, 4), (0.12, 0.4)),
+    "garbage patch": Kind(_garbage, (9, 7, 1.0), (32, 16, 1.9), (0.1, 0.45)),
+}
+"""Classes of objects by the name that they have in truth; a new one is a line here and one in `OBJECT_CLASSES`."""

@@ -1,0 +1,81 @@
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from seaclutter_cli.airborne.features import Standing
+from seaclutter_cli.airborne.objects import ObjectParams, as_csv, as_geojson, find_objects, least_rectangle
+
+
+def rectangle(rng, center, size, yaw, count=300):
+    inside = (rng.random((count, 2)) - 0.5) * size
+    inside[:4] = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(size) / 2
+    c, s = np.cos(yaw), np.sin(yaw)
+    return inside @ np.array([[c, s], [-s, c]]) + center
+
+
+@given(seed=st.integers(0, 2**32), yaw=st.floats(-1.5, 1.5), length=st.floats(5, 50), width=st.floats(1, 4))
+@settings(deadline=None, max_examples=40)
+def test_the_least_rectangle_about_a_rectangle_is_itself(seed, yaw, length, width):
+    points = rectangle(np.random.default_rng(seed), (5e5, 4e6), (length, width), yaw)
+    center, size, found, area = least_rectangle(points)
+    np.testing.assert_allclose(center, (5e5, 4e6), atol=1e-5)
+    np.testing.assert_allclose(size, (length, width), atol=1e-5)
+    assert found == pytest.approx(yaw, abs=1e-4)
+    assert area == pytest.approx(length * width, rel=1e-5)
+
+
+@pytest.mark.parametrize("points", [[(1, 2)], [(1, 2), (4, 6)], [(0, 0), (3, 4), (6, 8)]])
+def test_points_on_a_line(points):
+    center, size, yaw, area = least_rectangle(np.array(points, float))
+    assert size == pytest.approx((5.0 * (len(points) - 1), 0))
+    assert area == 0
+    np.testing.assert_allclose(center, np.mean(points, axis=0))
+    if len(points) > 1:
+        assert np.tan(yaw) == pytest.approx(4 / 3)
+
+
+def two_objects():
+    rng = np.random.default_rng(0)
+    ship, mat = rectangle(rng, (100, 50), (40, 8), 0.4), rectangle(rng, (200, 80), (10, 9), 0.0, 60)
+    stray = np.array([[300.0, 300], [301, 300]])
+    xy = np.concatenate([ship, mat, stray])
+    probability = np.tile([0.7, 0.3], (len(xy), 1))
+    probability[300:360] = [0.2, 0.8]
+    probability[310:320] = [1.0, 0.0]
+    height = np.concatenate([np.linspace(1, 9, 300), np.full(62, 0.8)])
+    points = Standing(xy.T, height, np.ones(len(xy)), 1.0)
+    return find_objects(points, probability, (1, 5), ObjectParams())
+
+
+def test_objects_have_the_class_of_most_of_their_points():
+    objects, number = two_objects()
+    assert [(one.number, one.name, one.points) for one in objects] == [(1, "ship", 300), (2, "seaweed", 60)]
+    assert np.bincount(number).tolist() == [2, 300, 60]
+    assert objects[0].probability == pytest.approx(0.7)
+    assert objects[0].size == pytest.approx((40, 8), abs=1e-6)
+    assert objects[0].height_m == pytest.approx(9, abs=0.1)
+
+
+def test_no_points_no_objects():
+    empty = Standing(np.empty((2, 0)), np.empty(0), np.empty(0), 1.0)
+    objects, number = find_objects(empty, np.empty((0, 2)), (1, 5), ObjectParams())
+    assert (objects, len(number)) == ([], 0)
+
+
+def test_tables_and_maps_of_objects():
+    objects, _ = two_objects()
+    rows = list(csv.DictReader(io.StringIO(as_csv([("a", objects), ("b", [])]))))
+    assert [row["class"] for row in rows] == ["ship", "seaweed"]
+    assert (rows[0]["tile"], float(rows[0]["length"]), float(rows[0]["yaw"])) == ("a", 40.0, 0.4)
+    features = json.loads(as_geojson([("a", objects)]))["features"]
+    ring = np.array(features[0]["geometry"]["coordinates"][0])
+    assert (ring[0] == ring[-1]).all()
+    x, y = ring[:-1].T
+    shoelace = 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    assert shoelace == pytest.approx(320, rel=1e-3), "counter-clockwise, as GeoJSON has it"
+    assert features[1]["properties"]["class"] == "seaweed"
