@@ -1,0 +1,193 @@
+"""``classify train`` and ``predict``: from labelled tiles to named objects."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.commands import cli
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from tests.airborne.tiles import box, read, sea, write
+
+pytest.importorskip("skops")
+pytest.importorskip("sklearn")
+
+SCENE = """
+tile: {size_m: [200, 150], gap_m: 8}
+lidar: {pulses_m2: 1.0}
+random: {ship: 2, shoal: 1, reef: 2}
+"""
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def tiles(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tiles")
+    (folder / "scene.yaml").write_text(SCENE)
+    for seed in range(5):
+        result = run("simulate", folder / "scene.yaml", "-o", folder / f"t{seed}.laz", "--seed", seed)
+        assert result.exit_code == 0, result.output
+    return folder
+
+
+@pytest.fixture(scope="module")
+def trained(tiles):
+    """Return a model and the report on it."""
+    files = [tiles / f"t{seed}.laz" for seed in range(4)]
+    model, plot = tiles / "model.skops", tiles / "confusion.png"
+    result = run("classify", "train", *files, "-o", model, "--plot", plot, "--json", "-s", "forest.trees=20")
+    assert result.exit_code == 0, result.output
+    return model, json.loads(result.stdout)
+
+
+def test_the_report(trained, tiles):
+    _, report = trained
+    assert report["held_out"] == "tile"
+    assert [row["class"] for row in report["classes"]] == ["ship", "reef", "shoal"]
+    assert report["accuracy"] > 0.6
+    matrix = np.array(report["confusion"])
+    assert matrix.sum() == report["points_tested"]
+    assert [row["points"] for row in report["classes"]] == matrix.sum(axis=1).tolist()
+    assert sum(report["importances"].values()) == pytest.approx(1, abs=0.01)
+    assert (tiles / "confusion.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_training_again_gives_the_same_model(trained, tiles):
+    files = [tiles / f"t{seed}.laz" for seed in range(4)]
+    result = run("classify", "train", *files, "-o", tiles / "again.skops", "-s", "forest.trees=20")
+    assert "overall accuracy" in result.stdout
+    assert all(len(line) <= 80 for line in result.stdout.splitlines()[:-1])
+    one, other = (
+        run("classify", "predict", tiles / "t4.laz", "--model", m, "-o", tiles / "o.laz", "--json", "--force")
+        for m in (trained[0], tiles / "again.skops")
+    )
+    assert one.stdout == other.stdout
+
+
+def test_predict_writes_points_objects_and_a_picture(trained, tiles, tmp_path):
+    out = [tmp_path / name for name in ("out.laz", "o.csv", "o.geojson", "o.png")]
+    options = zip(("-o", "--csv", "--geojson", "--plot"), out, strict=True)
+    result = run("classify", "predict", tiles / "t4.laz", "--model", trained[0], *(x for pair in options for x in pair))
+    assert result.exit_code == 0, result.output
+    one, other = read(tiles / "t4.laz"), read(out[0])
+    for name in one.point_format.dimension_names:
+        if name != "classification":
+            np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+    called, sure, number = (np.asarray(other[name]) for name in ("predicted_class", "probability", "predicted_object"))
+    water = np.asarray(other.classification) == 9
+    assert (called[water] == 0).all()
+    assert set(called[~water]) <= {1, 2, 3}
+    assert ((sure > 0) == ~water).all()
+    assert sure.max() <= 1
+    truth = np.asarray(one["object_class"])
+    assert (called == truth)[~water & (truth > 0)].mean() > 0.7
+    rows = list(csv.DictReader(out[1].open()))
+    assert len(rows) == number.max() == len(json.loads(out[2].read_text())["features"])
+    counts = np.bincount(number)[1:]
+    assert [int(row["points"]) for row in rows] == counts.tolist()
+    for row in rows:
+        members = number == int(row["object"])
+        assert abs(np.asarray(one.x)[members].mean() - float(row["x"])) < 15
+    assert out[3].read_bytes().startswith(b"\x89PNG")
+
+
+def test_predict_takes_other_clouds(trained, tmp_path):
+    rng = np.random.default_rng(3)
+    xyz = np.concatenate([sea(rng), box(rng, (20, 30), (10, 40), (2, 3))])
+    write(tmp_path / "tile.las", xyz, point_format=1)
+    run("classify", "separate", tmp_path / "tile.las", "-o", tmp_path / "tile.ply")
+    result = run("classify", "predict", tmp_path / "tile.ply", "--model", trained[0], "-o", tmp_path / "o.pcd")
+    assert result.exit_code == 0, result.output
+    points = FRAME_READERS[".pcd"](tmp_path / "o.pcd").points
+    assert {"predicted_class", "probability", "predicted_object", "gps_time"} <= set(points.dtype.names)
+
+
+def test_a_tile_of_nothing_but_sea_has_no_objects(trained, tmp_path):
+    tile = write(tmp_path / "sea.laz", sea(np.random.default_rng(1)))
+    options = ("--csv", tmp_path / "o.csv", "--plot", tmp_path / "o.png")
+    result = run("classify", "predict", tile, "--model", trained[0], "-o", tmp_path / "o.laz", *options)
+    assert result.exit_code == 0, result.output
+    assert "no objects" in result.stdout
+    assert (tmp_path / "o.csv").read_text().count("\n") == 1
+
+
+def test_a_model_for_another_feature_set_is_refused(trained, tiles, tmp_path):
+    for setting in ("features.features=texture", "features.radius_m=2"):
+        result = run(
+            "classify", "predict", tiles / "t4.laz", "--model", trained[0], "-o", tmp_path / "o.laz", "-s", setting
+        )
+        assert (result.exit_code, "for another feature set" in result.stderr) == (2, True)
+    ok = ("-s", "objects.min_points=40", "-s", "separation.height_m=0.6")
+    assert (
+        run("classify", "predict", tiles / "t4.laz", "--model", trained[0], "-o", tmp_path / "o.laz", *ok).exit_code
+        == 0
+    )
+
+
+def test_texture_alone(tiles, tmp_path):
+    files = [tiles / f"t{seed}.laz" for seed in range(4)]
+    settings = ("-s", "features.features=texture", "-s", "forest.trees=10")
+    result = run("classify", "train", *files, "-o", tmp_path / "m", "--json", *settings)
+    assert list(json.loads(result.stdout)["importances"]) == ["homogeneity", "dissimilarity", "second_moment"]
+    assert (
+        run("classify", "predict", tiles / "t4.laz", "--model", tmp_path / "m", "-o", tmp_path / "o.laz").exit_code == 0
+    )
+
+
+def labelled(path, codes, **kwargs):
+    """Write a tile with boxes of the given classes."""
+    rng = np.random.default_rng(4)
+    boxes = [box(rng, (10 + 15 * k, 16 + 15 * k), (10, 30), (1 + k, 2 + k), 200) for k in range(len(codes))]
+    xyz = np.concatenate([sea(rng), *boxes])
+    truth = np.concatenate([np.zeros(4000), np.repeat(codes, 200)])
+    return write(path, xyz, extra=[("object_class", "u1", truth)], **kwargs)
+
+
+def test_objects_without_numbers_are_clusters(tmp_path):
+    tile = labelled(tmp_path / "t.laz", [1, 1, 2])
+    result = run("classify", "train", tile, "-o", tmp_path / "m", "--json", "-s", "forest.trees=5")
+    assert result.exit_code == 0, result.output
+    report = json.loads(result.stdout)
+    assert (report["held_out"], report["points_tested"]) == ("object", 200)
+
+
+def test_bad_tiles_for_training(tmp_path):
+    plain = write(tmp_path / "plain.laz", sea(np.random.default_rng(1)))
+    cases = {
+        plain: "no ground truth: no field 'object_class'",
+        labelled(tmp_path / "one.laz", [2, 2, 2]): "all objects are of one class (reef)",
+        labelled(tmp_path / "none.laz", [0, 0, 0]): "no points left",
+        labelled(tmp_path / "nine.laz", [1, 2, 9]): "classes are 1 to 8",
+    }
+    for tile, said in cases.items():
+        result = run("classify", "train", tile, "-o", tmp_path / "m")
+        assert (result.exit_code, said in result.stderr) == (1, True), result.stderr
+    assert not (tmp_path / "m").exists()
+
+
+def test_bad_command_lines(trained, tiles, tmp_path):
+    predict = ("classify", "predict", tiles / "t4.laz", "-o", tmp_path / "o.laz")
+    (tmp_path / "text").write_text("no model")
+    assert "no model of seaclutter" in run(*predict, "--model", tmp_path / "text").stderr
+    both = ("classify", "predict", tiles / "t3.laz", tiles / "t4.laz", "-o", tmp_path / "o", "--model", trained[0])
+    assert "one tile at a time" in run(*both, "--plot", tmp_path / "p.png").stderr
+    assert "pictures end in" in run(*predict, "--model", trained[0], "--plot", tmp_path / "p.gif").stderr
+    assert "unknown section" in run(*predict, "--model", trained[0], "-c", _file(tmp_path, "filter: {}")).stderr
+    assert "write it as SECTION.KEY=VALUE" in run(*predict, "--model", trained[0], "-s", "radius=3").stderr
+    assert not (tmp_path / "o.laz").exists()
+
+
+def _file(folder, text):
+    (folder / "settings.yaml").write_text(text)
+    return folder / "settings.yaml"
+
+
+def test_without_the_extra(tiles, tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "sklearn.ensemble", None)
+    result = run("classify", "train", tiles / "t0.laz", tiles / "t1.laz", "-o", tmp_path / "m")
+    assert (result.exit_code, "seaclutter[classify]" in result.stderr) == (1, True)

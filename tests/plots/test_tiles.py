@@ -1,0 +1,40 @@
+"""Pictures of tiles and of confusion: the same bytes each time, also of next to nothing."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.plots.tiles import COLORS, draw_confusion, draw_tile
+from seaclutter_cli.truth import OBJECT_CLASSES
+
+pytest.importorskip("matplotlib")
+
+
+def tile(sea, points, boxes):
+    from seaclutter_cli.plots.figure import render
+
+    return render(lambda figure: draw_tile(figure, sea, points, boxes), ".png", aspect=0.92)
+
+
+def test_every_class_has_a_colour_of_its_own():
+    assert set(COLORS) == set(OBJECT_CLASSES)
+    assert len(set(COLORS.values())) == len(COLORS)
+
+
+def test_a_tile_is_drawn_the_same_each_time():
+    rng = np.random.default_rng(0)
+    sea, ship = rng.uniform(0, 100, (2, 500)) + 5e5, rng.uniform(40, 50, (2, 80)) + 5e5
+    corners = np.array([[40, 40], [50, 40], [50, 50], [40, 50]]) + 5e5
+    one, other, bare = (tile(sea, {"ship": ship}, boxes) for boxes in ([("ship", corners)], [("ship", corners)], []))
+    assert one == other != bare
+
+
+def test_a_tile_without_objects():
+    assert tile(np.zeros((2, 3)), {}, []).startswith(b"\x89PNG")
+
+
+def test_confusion():
+    from seaclutter_cli.plots.figure import render
+
+    matrix = np.array([[5, 1], [0, 0]])
+    one, other = (render(lambda figure, m=m: draw_confusion(figure, ["a", "b"], m), ".svg") for m in (matrix, matrix.T))
+    assert one != other
