@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from seaclutter_cli.commands import cli
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from tests.airborne.tiles import box, read, sea, write
-from tests.paths import shared
+from tests.paths import ROOT, shared
 
 
 def run(*arguments):
@@ -149,3 +149,38 @@ def test_a_real_tile_of_land(tmp_path):
     assert result.exit_code == 0, result.output
     assert_same_but_class(tile, tmp_path / "out.laz")
     assert set(np.asarray(read(tmp_path / "out.laz").classification)) == {1, 9}
+
+
+def test_the_sample_tile(tmp_path):
+    from seaclutter_cli.airborne.scores import Scores, confusion
+
+    sample = ROOT / "samples" / "tile.laz"
+    result = run(sample, "-o", tmp_path / "out.laz")
+    assert result.exit_code == 0, result.output
+    truth, found = (np.asarray(read(path).classification) for path in (sample, tmp_path / "out.laz"))
+    assert Scores(confusion(truth, found, (1, 9))).kappa > 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["calm_ships", "reefs", "farms", "high"])
+def test_kappa_rises_to_20_m_and_falls(name):
+    """Table 1 of S1, with the paper's method and with islands told."""
+    from dataclasses import replace
+
+    from seaclutter_cli.airborne.scores import Scores, confusion
+    from seaclutter_cli.airborne.separation import separate
+    from seaclutter_cli.airborne.surface import SeparationParams
+    from seaclutter_cli.simulation.tiles import strips_of
+    from seaclutter_cli.simulation.tiles_scene import load_tile_scene
+
+    points = np.concatenate(list(strips_of(load_tile_scene(name))))
+    xyz = np.stack([points[axis] for axis in "xyz"])
+
+    def kappa(window_m, params):
+        found = separate([xyz], replace(params, window_m=window_m)).classification
+        return Scores(confusion(points["classification"], found, (1, 9))).kappa
+
+    narrow, best, wide = (kappa(window_m, SeparationParams(island_m=None)) for window_m in (4.0, 20.0, 80.0))
+    assert narrow < 0.8 * best
+    assert wide < 0.95 * best
+    assert kappa(20.0, SeparationParams()) > 0.95

@@ -1,0 +1,227 @@
+"""Tables and figures of Shi et al. 2022 on simulated tiles: python benchmarks/tiles.py FOLDER [SEEDS].
+
+Tiles go to FOLDER as features (.npz), made once; tables go to standard output, pictures and a model to FOLDER.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seaclutter_cli.airborne.features import FEATURES, Standing, features_of
+from seaclutter_cli.airborne.forest import Samples, class_name, hold_out, predict, train
+from seaclutter_cli.airborne.model import Model
+from seaclutter_cli.airborne.objects import Found, find_objects
+from seaclutter_cli.airborne.scores import Scores, confusion
+from seaclutter_cli.airborne.separation import OTHER, WATER, Separation, separate
+from seaclutter_cli.airborne.settings import Settings
+from seaclutter_cli.commands.classify_train import Report, fit
+from seaclutter_cli.plots.figure import render
+from seaclutter_cli.plots.tiles import COLORS, draw_confusion, draw_tile
+from seaclutter_cli.simulation.tiles import strips_of
+from seaclutter_cli.simulation.tiles_scene import TileScene, load_tile_scene
+from seaclutter_cli.truth import OBJECT_CLASSES
+
+WINDOWS_M = (4, 8, 12, 16, 20, 24, 30, 40, 60, 80)
+TABLE_1 = ("calm_ships", "reefs", "farms", "high")
+HEIGHTS_M = (300, 500, 800, 1200, 400, 600, 1000, 2000, 500, 350, 3000, 700, 250, 1500)
+PULSES_M2 = (1.6, 1.6, 1.2, 1.2, 2.4, 1.6, 1.2, 1.0, 2.0, 1.6, 1.0, 1.5, 2.0, 1.2)
+
+
+def points_of(scene: TileScene) -> tuple[Any, Any]:
+    points = np.concatenate(list(strips_of(scene)))
+    return points, np.stack([points[axis] for axis in "xyz"])
+
+
+def head(title: str, *columns: str) -> None:
+    """Print the head of a table."""
+    print(f"\n## {title}\n\n| {' | '.join(columns)} |\n|{' --- |' * len(columns)}")
+
+
+def kappa(points: Any, classification: Any) -> float:
+    return Scores(confusion(points["classification"], classification, (OTHER, WATER))).kappa
+
+
+def windows() -> None:
+    """Table 1: kappa over the window, islands told by their level, and the paper's method as it is."""
+    head("Table 1: kappa over the window (m)", "tile", "islands", *map(str, WINDOWS_M))
+    for name in TABLE_1:
+        points, xyz = points_of(load_tile_scene(name))
+        for island_m in (2.0, None):
+            row = []
+            for window_m in WINDOWS_M:
+                params = replace(Settings().separation, window_m=float(window_m), island_m=island_m)
+                row.append(f"{kappa(points, separate([xyz], params).classification):.3f}")
+            print(f"| {name} | {'told' if island_m else 'not told'} |", " | ".join(row), "|", flush=True)
+
+
+def standing(points: Any, xyz: Any) -> tuple[Separation, Standing, Any]:
+    found = separate([xyz], Settings().separation)
+    other = found.other
+    part = points[other]
+    stood = Standing(
+        xyz[:2, other], found.height_m[other].astype(float), part["intensity"].astype(float), found.points_per_cell
+    )
+    return found, stood, part
+
+
+def mixed(folder: Path, number: int) -> dict[str, Any]:
+    """Return the samples of a tile of its own height, density and gain, and the kappa of its separation."""
+    path = folder / f"mixed{number}.npz"
+    if not path.exists():
+        scene = load_tile_scene("mixed").with_tile(seed=number + 1)
+        at = number % len(HEIGHTS_M)
+        gain = 7000.0 + 200 * (3 * number % 10)
+        lidar = replace(scene.lidar, height_m=float(HEIGHTS_M[at]), pulses_m2=PULSES_M2[at], gain=gain)
+        points, xyz = points_of(replace(scene, lidar=lidar))
+        found, stood, part = standing(points, xyz)
+        features = features_of(stood, Settings().features)
+        np.savez(
+            path,
+            features=features,
+            code=part["object_class"],
+            number=part["object_id"],
+            kappa=kappa(points, found.classification),
+            size=len(points),
+            height=HEIGHTS_M[at],
+        )
+    return dict(np.load(path))
+
+
+def samples_of(tiles: list[dict[str, Any]]) -> Samples:
+    columns = [np.concatenate([tile[name] for tile in tiles]) for name in ("features", "code", "number")]
+    tile = np.repeat(np.arange(len(tiles)), [len(one["code"]) for one in tiles])
+    known = columns[1] > 0
+    return Samples(columns[0][known], columns[1][known].astype(int), tile[known], columns[2][known].astype(int))
+
+
+def only(samples: Samples, names: Sequence[str]) -> Samples:
+    at = [FEATURES["full"].index(name) for name in names]
+    return replace(samples, features=samples.features[:, at])
+
+
+def spread(values: Sequence[float]) -> str:
+    return f"{np.mean(values):.3f} ({min(values):.3f} to {max(values):.3f})"
+
+
+def classes(folder: Path, seeds: int) -> tuple[Samples, Model]:
+    """Train on some tiles and test on the others, with texture alone and with all features."""
+    tiles = [mixed(folder, number) for number in range(len(HEIGHTS_M))]
+    head("Tiles `mixed`", "seed", "height (m)", "points", "not sea", "kappa, 20 m")
+    for number, tile in enumerate(tiles):
+        print(f"| {number + 1} | {tile['height']} | {tile['size']:,} | {len(tile['code']):,} | {tile['kappa']:.3f} |")
+    samples = samples_of(tiles)
+    for name in ("texture", "full"):
+        chosen = only(samples, FEATURES[name])
+        runs = [fit(chosen, settings_of(name, seed)) for seed in range(1, seeds + 1)]
+        tell(folder, name, [report for _, report in runs])
+    first = runs[0][0]
+    (folder / "model.skops").write_bytes(first.to_bytes())
+    alone = {name: of_one(only(samples, [name])) for name in FEATURES["full"]}
+    print("\nmacro F1 of one feature alone:", ", ".join(f"{name} {value:.2f}" for name, value in alone.items()))
+    return samples, first
+
+
+def settings_of(features: str, seed: int) -> Settings:
+    base = Settings()
+    chosen: Any = features
+    return replace(base, features=replace(base.features, features=chosen), forest=replace(base.forest, seed=seed))
+
+
+def tell(folder: Path, name: str, reports: Sequence[Report]) -> None:
+    """Print the scores of several divisions, and draw what is mistaken for what in all of them."""
+    seeds = f"{name}: {len(reports)} divisions of the tiles"
+    head(seeds, "macro F1, points", "macro F1, objects", "accuracy", "kappa")
+    columns = [(r.points.macro_f1, r.objects.macro_f1, r.points.accuracy, r.points.kappa) for r in reports]
+    print("|", " | ".join(spread(values) for values in zip(*columns, strict=True)), "|")
+    head(f"{name}: classes, all divisions", "class", "precision", "recall", "F1", "F1, objects")
+    total, objects = (Scores(sum(getattr(r, kind).matrix for r in reports)) for kind in ("points", "objects"))
+    for row in zip(OBJECT_CLASSES, total.precision, total.recall, total.f1, objects.f1, strict=True):
+        print(f"| {row[0]} |", " | ".join(f"{value:.3f}" for value in row[1:]), "|")
+    print("\nimportances:", reports[0].importances, flush=True)
+    picture = render(lambda figure: draw_confusion(figure, OBJECT_CLASSES, total.matrix), ".png", aspect=0.85)
+    (folder / f"confusion_{name}.png").write_bytes(picture)
+
+
+def of_one(samples: Samples) -> float:
+    """Return the macro F1 of a forest that is told a single feature."""
+    params = replace(Settings().forest, trees=30)
+    test, _ = hold_out(samples, params)
+    columns = ("features", "code", "tile", "number")
+    seen, unseen = (Samples(*(getattr(samples, name)[part] for name in columns)) for part in (~test, test))
+    forest = train(seen, params)
+    called = forest.classes_[predict(forest, unseen.features).argmax(axis=1)]
+    return Scores(confusion(unseen.code, called, range(1, len(OBJECT_CLASSES) + 1))).macro_f1
+
+
+def textures(folder: Path, samples: Samples) -> None:
+    """Fig. 2: how texture is distributed in each class."""
+    head("Fig. 2: texture by class, quartiles", "class", "homogeneity", "dissimilarity", "second moment")
+    groups = [samples.features[samples.code == code, :3] for code in range(1, len(OBJECT_CLASSES) + 1)]
+    for name, values in zip(OBJECT_CLASSES, groups, strict=True):
+        cells = ["{:.2f} {:.2f} {:.2f}".format(*np.quantile(values[:, k], (0.25, 0.5, 0.75))) for k in range(3)]
+        print(f"| {name} |", " | ".join(cells), "|")
+
+    def draw(figure: Any) -> None:
+        for row, title in enumerate(("homogeneity", "dissimilarity", "second moment")):
+            axes = figure.add_subplot(3, 1, row + 1)
+            top = np.quantile(samples.features[:, row], 0.99)
+            for name, values in zip(OBJECT_CLASSES, groups, strict=True):
+                share, edges = np.histogram(values[:, row], 40, (0, top), density=True)
+                axes.plot((edges[1:] + edges[:-1]) / 2, share, color=COLORS[name], linewidth=0.8, label=name)
+            axes.set_xlabel(title)
+            axes.set_yticks([])
+        handles, labels = axes.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=4)
+
+    (folder / "fig2.png").write_bytes(render(draw, ".png", aspect=1.3))
+
+
+def figure_3(folder: Path, model: Model, seeds: int) -> None:
+    """Fig. 3: is every object found and rightly named?"""
+    head("Fig. 3: 4 ships, 2 farms, 1 garbage patch", "seed", "found and rightly named", "other objects", "probability")
+    for seed in range(77, 77 + seeds):
+        points, xyz = points_of(load_tile_scene("fig3").with_tile(seed=seed))
+        found, stood, part = standing(points, xyz)
+        probability = predict(model.forest, features_of(stood, model.settings.features))
+        objects, number = find_objects(stood, probability, model.forest.classes_.tolist(), model.settings.objects)
+        right, other, sure = Counter(), Counter(), []
+        for one in objects:
+            own = part[number == one.number]
+            pairs = Counter(zip(own["object_id"].tolist(), own["object_class"].tolist(), strict=True))
+            truth = pairs.most_common(1)[0][0]
+            if truth[1] == one.code:
+                right[truth] += 1
+                sure.append(one.probability)
+            else:
+                other[f"{one.name} ({class_name(truth[1]) if truth[1] else 'sea'})"] += 1
+        named = Counter(class_name(code) for _, code in right)
+        shown = ", ".join(f"{many} {name}" for name, many in sorted(named.items()))
+        print(f"| {seed} | {shown} | {dict(other) or 'none'} | {min(sure):.2f} to {max(sure):.2f} |", flush=True)
+        if seed == 77:
+            _draw(folder, xyz, found, stood, number, objects)
+
+
+def _draw(folder: Path, xyz: Any, found: Separation, stood: Standing, number: Any, objects: list[Found]) -> None:
+    sea = xyz[:2, found.classification == WATER]
+    code = np.array([0, *(one.code for one in objects)])[number]
+    points = {class_name(one): stood.xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
+    boxes = [(one.name, one.corners) for one in objects]
+    (folder / "fig3.png").write_bytes(render(lambda figure: draw_tile(figure, sea, points, boxes), ".png", aspect=0.92))
+
+
+def main() -> None:
+    folder, seeds = Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 5
+    folder.mkdir(parents=True, exist_ok=True)
+    windows()
+    samples, model = classes(folder, seeds)
+    textures(folder, samples)
+    figure_3(folder, model, seeds)
+
+
+if __name__ == "__main__":
+    main()
