@@ -24,6 +24,9 @@ FEATURES = {
         "planarity",
         "intensity",
         "intensity_deviation",
+        "context_height",
+        "context_height_deviation",
+        "context_density",
     ),
 }
 """Names of the features of each set."""
@@ -45,6 +48,8 @@ class FeatureParams:
         Grey levels of height, K.
     max_height_m : float
         Height above the sea of the last level.
+    context_m : float
+        The wider surroundings reach to this distance.
     """
 
     features: Literal["texture", "full"] = "full"
@@ -52,6 +57,7 @@ class FeatureParams:
     shift_m: Annotated[float, Gt(0)] = 1.0
     levels: Annotated[int, Interval(ge=2, le=64)] = 32
     max_height_m: Annotated[float, Gt(0)] = 8.0
+    context_m: Annotated[float, Gt(0)] = 10.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -89,7 +95,9 @@ def features_of(points: Standing, params: FeatureParams) -> Values:
     Texture is that of `texture`. The full set adds, over the neighbours within r: mean height and its deviation;
     density, in units of the tile's own, since that is a matter of the flight; linearity and planarity,
     :math:`(l_1 - l_2) / l_1` and :math:`(l_2 - l_3) / l_1` for the eigenvalues :math:`l_1 \ge l_2 \ge l_3` of the
-    covariance of the places; mean and relative deviation of the intensity; and the point's own height.
+    covariance of the places; mean and relative deviation of the intensity; and the point's own height. The wider
+    surroundings tell the shore of an island from a rock: mean and deviation of the height, and density, of the cells
+    half as wide as r whose points' mean place is within ``context_m`` of that of the point's own cell.
     """
     if not len(points.height_m):
         return np.empty((0, len(params.names)))
@@ -97,7 +105,8 @@ def features_of(points: Standing, params: FeatureParams) -> Values:
     levels = levels_of(near, points.height_m, params.levels, params.max_height_m, params.shift_m)
     if params.features == "texture":
         return near.apply(params.radius_m, lambda block: texture(block, levels))
-    return near.apply(params.radius_m, lambda block: _full(block, levels, points, params.radius_m))
+    own = near.apply(params.radius_m, lambda block: _full(block, levels, points, params.radius_m))
+    return np.hstack((own, _context(points, params)))
 
 
 def _full(block: Block, levels: Levels, points: Standing, radius_m: float) -> Values:
@@ -117,6 +126,26 @@ def _full(block: Block, levels: Levels, points: Standing, radius_m: float) -> Va
         spread / np.maximum(brightness, 1e-9),
     )
     return np.column_stack((texture(block, levels), *columns))
+
+
+def _context(points: Standing, params: FeatureParams) -> Values:
+    """Return mean height, its deviation and relative density of the wider surroundings, shape (N, 3), cell by cell."""
+    side = np.floor((points.xy - points.xy.min(axis=1, keepdims=True)) / (params.radius_m / 2)).astype(np.int64)
+    _, which, count = np.unique(side[0] * (side[1].max() + 1) + side[1], return_inverse=True, return_counts=True)
+    which = which.reshape(-1)
+    x, y, height = (np.bincount(which, values) / count for values in (*points.xy, points.height_m))
+    square = np.bincount(which, (points.height_m - height[which]) ** 2)
+    expected = np.pi * params.context_m**2 * points.points_per_m2
+
+    def summed(block: Block) -> Values:
+        weight = count[block.neighbor].astype(np.float64)
+        total = block.total(weight)
+        mean = block.total(weight * height[block.neighbor]) / total
+        within = block.total(square[block.neighbor])
+        between = block.total(weight * (height[block.neighbor] - mean[block.own]) ** 2)
+        return np.column_stack((mean, np.sqrt((within + between) / total), total / expected))
+
+    return Neighborhoods(np.stack((x, y))).apply(params.context_m, summed)[which]
 
 
 def _shape(block: Block, points: Standing) -> tuple[Values, Values]:

