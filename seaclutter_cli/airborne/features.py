@@ -134,7 +134,7 @@ def _context(points: Standing, params: FeatureParams) -> Values:
     _, which, count = np.unique(side[0] * (side[1].max() + 1) + side[1], return_inverse=True, return_counts=True)
     which = which.reshape(-1)
     x, y, height = (np.bincount(which, values) / count for values in (*points.xy, points.height_m))
-    square = np.bincount(which, (points.height_m - height[which]) ** 2)
+    square = np.asarray(np.bincount(which, (points.height_m - height[which]) ** 2), np.float64)
     expected = np.pi * params.context_m**2 * points.points_per_m2
 
     def summed(block: Block) -> Values:
