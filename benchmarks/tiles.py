@@ -27,6 +27,7 @@ from seaclutter_cli.simulation.tiles_scene import TileScene, load_tile_scene
 from seaclutter_cli.truth import OBJECT_CLASSES
 
 WINDOWS_M = (4, 8, 12, 16, 20, 24, 30, 40, 60, 80)
+FRESH = (40, 41, 42, 43)
 TABLE_1 = ("calm_ships", "reefs", "farms", "high")
 HEIGHTS_M = (300, 500, 800, 1200, 400, 600, 1000, 2000, 500, 350, 3000, 700, 250, 1500)
 PULSES_M2 = (1.6, 1.6, 1.2, 1.2, 2.4, 1.6, 1.2, 1.0, 2.0, 1.6, 1.0, 1.5, 2.0, 1.2)
@@ -158,6 +159,22 @@ def of_one(samples: Samples) -> float:
     return Scores(confusion(unseen.code, called, range(1, len(OBJECT_CLASSES) + 1))).macro_f1
 
 
+def fresh(folder: Path, model: Model) -> None:
+    """Try the model on tiles that nothing was set, trained or chosen on."""
+    tiles = [mixed(folder, number) for number in FRESH]
+    samples = samples_of(tiles)
+    called = model.forest.classes_[predict(model.forest, samples.features).argmax(axis=1)]
+    points = Scores(confusion(samples.code, called, range(1, len(OBJECT_CLASSES) + 1)))
+    objects, which = samples.objects
+    votes = np.zeros((objects.shape[1], len(OBJECT_CLASSES) + 1), np.int64)
+    np.add.at(votes, (which, called), 1)
+    by_object = Scores(confusion(objects[2], votes.argmax(axis=1), range(1, len(OBJECT_CLASSES) + 1)))
+    head("Fresh tiles", "macro F1, points", "macro F1, objects", "accuracy", "kappa", "kappa of the separation")
+    values = (points.macro_f1, by_object.macro_f1, points.accuracy, points.kappa)
+    kappas = " ".join(f"{tile['kappa']:.3f}" for tile in tiles)
+    print("|", " | ".join(f"{value:.3f}" for value in values), "|", kappas, "|", flush=True)
+
+
 def textures(folder: Path, samples: Samples) -> None:
     """Fig. 2: how texture is distributed in each class."""
     head("Fig. 2: texture by class, quartiles", "class", "homogeneity", "dissimilarity", "second moment")
@@ -219,6 +236,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     windows()
     samples, model = classes(folder, seeds)
+    fresh(folder, model)
     textures(folder, samples)
     figure_3(folder, model, seeds)
 
