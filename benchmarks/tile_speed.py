@@ -57,7 +57,7 @@ def main() -> None:
         "predict, 100,000 not sea": ("predict", str(made["dense"]), "--model", model, "-o", str(folder / "d.laz")),
     }
     for name, arguments in jobs.items():
-        found = [run(*arguments) for _ in range(5)]
+        found = [run(*arguments) for _ in range(3)]
         clock, cores, memory = (median(column) for column in zip(*found, strict=True))
         least = min(seconds for seconds, *_ in found)
         print(f"{name}: {clock:.2f} s (least {least:.2f}), {cores:.2f} s of CPU, {memory:.0f} MB", flush=True)

@@ -8,6 +8,8 @@ from seaclutter_cli.airborne.grid import BLOCK, Grid
 
 Cells = NDArray[np.float64]
 
+_NEIGHBORS = 5
+
 
 def half_window(window_m: float, cell_m: float) -> int:
     """Return how many cells a window reaches to each side of its middle one; it is that many twice, and one, wide.
@@ -96,8 +98,28 @@ def _carried(values: Cells, reach: int) -> Cells:
     return np.asarray(carried)
 
 
-def open_grid(grid: Grid, window_m: float) -> Cells:
+def without_pits(grid: Grid, depth_m: float) -> Cells:
+    """Return the lowest elevations, shape (S, 256, 256), without pits that are one cell wide.
+
+    A cell that lies deeper than ``depth_m`` below each of at least five neighbours with points holds an echo from below
+    the surface, and gets the least of their values. An opening leaves such a cell as it is, but near the edge of a
+    tile, where no window can avoid it, it would draw the surface down all along its row.
+    """
+    out = grid.lowest.copy()
+    around = np.ones((3, 3), np.bool_)
+    around[1, 1] = False
+    for slot, cells, _ in grid.padded(grid.lowest, 1):
+        least = ndimage.minimum_filter(cells, footprint=around, mode="constant", cval=np.inf)
+        known = ndimage.convolve(np.isfinite(cells).astype(np.int8), around.astype(np.int8), mode="constant")
+        pits = ((cells < least - depth_m) & (known >= _NEIGHBORS) & np.isfinite(cells))[1:-1, 1:-1]
+        out[slot][pits] = least[1:-1, 1:-1][pits]
+    return out
+
+
+def open_grid(grid: Grid, window_m: float, lowest: Cells | None = None) -> Cells:
     """Return the opened surface of a grid, shape (S, 256, 256), block by block; minus infinity where unknown.
+
+    The elevations are those of the grid, unless others are given for its cells.
 
     The grid ends where its points end. Empty cells are `filled` from as far as a window is wide. The blocks do not show
     in the result.
@@ -106,7 +128,7 @@ def open_grid(grid: Grid, window_m: float) -> Cells:
     reach = 2 * half + 1
     halo = 2 * half + reach
     out = np.full(grid.lowest.shape, -np.inf)
-    for slot, cells, inside in grid.padded(grid.lowest, halo):
+    for slot, cells, inside in grid.padded(grid.lowest if lowest is None else lowest, halo):
         part = np.full(cells.shape, -np.inf)
         part[inside] = opened(filled(cells[inside], reach), half)
         out[slot] = part[halo : halo + BLOCK, halo : halo + BLOCK]

@@ -10,10 +10,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from seaclutter_cli.airborne.grid import BLOCK, Grid
-from seaclutter_cli.airborne.opening import open_grid
+from seaclutter_cli.airborne.opening import open_grid, without_pits
 from seaclutter_cli.errors import InputError
 
 MAX_WINDOW_CELLS = 1000
+_PIT = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +79,7 @@ class Surface:
       height of crests above it otherwise. A window much wider than the objects cuts off the crests of swell.
     * Edges of a tile: windows lie in the least rectangle about all points. An object that the edge cuts is told by the
       part inside, as if there were nothing beyond.
+    * Of a tile, echoes from below the surface are left out: cells alone, deeper than twice ``height_m``.
     * Empty cells are filled as `filled` tells, from as far as the window is wide; beyond they count as nothing.
     * An object wider than the window leaves its inner part in the opened surface, as if it were sea. With ``island_m``
       that part is told by its level: cells that are (lowest point or opened surface) more than ``height_m`` above the
@@ -94,8 +96,10 @@ class Surface:
     def __init__(self, grid: Grid, params: SurfaceParams) -> None:
         self._grid = grid
         self.params = params
-        self._opened = open_grid(grid, params.window_m)
-        island_m = getattr(params, "island_m", None)
+        tile = isinstance(params, SeparationParams)
+        lowest = without_pits(grid, _PIT * params.height_m) if tile else grid.lowest
+        self._opened = open_grid(grid, params.window_m, lowest)
+        island_m = params.island_m if isinstance(params, SeparationParams) else None
         if island_m is not None and len(self._opened):
             level = self._level(island_m / 4)
             self._opened[self._land_cells(level, island_m)] = level

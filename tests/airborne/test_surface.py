@@ -88,12 +88,21 @@ def test_an_object_that_the_edge_cuts_counts_with_what_is_there():
         np.testing.assert_array_equal(other(raised(flat, ship, 3.0)), ship)
 
 
-def test_one_echo_from_below_spoils_its_cell_only():
+@pytest.mark.parametrize("at", [(60.5, 50.5), (60.5, 95.5), (2.5, 3.5)])
+def test_an_echo_from_below_spoils_nothing(at):
+    """Near the edge no window can avoid it."""
     flat = plane()
-    deep = np.append(flat, [[60.5], [50.5], [-20.0]], axis=1)
-    found = other(deep)
-    assert found.sum() == 1
-    assert found[(flat[0] == 60.5).nonzero()[0][50]]
+    deep = np.append(flat, [[at[0]], [at[1]], [-20.0]], axis=1)
+    found = separate([deep], PLAIN)
+    assert (found.classification == WATER).all()
+    assert found.height_m[-1] == -20
+
+
+def test_water_beside_a_few_points_of_a_ship_is_no_pit():
+    flat = plane(30, 30)
+    ship = inside(flat, (10, 12), (10, 12))
+    shown = ship | ((flat[0] == 12.5) & (flat[1] == 12.5)) | (flat[0] > 16)
+    np.testing.assert_array_equal(other(raised(flat, ship, 5.0)[:, shown]), ship[shown])
 
 
 def test_points_without_a_place_are_never_classified():
