@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.grid import Grid
-from seaclutter_cli.airborne.surface import SeparationParams, Surface
+from seaclutter_cli.airborne.surface import Surface, SurfaceParams
 from seaclutter_cli.errors import InputError
 
 NEVER, OTHER, WATER = 0, 1, 9
@@ -43,15 +43,15 @@ class Separation:
         return float(np.count_nonzero(self.classification != NEVER) / max(self.cells, 1))
 
 
-def separate(parts: Iterable[NDArray[np.float64]], params: SeparationParams) -> Separation:
+def separate(parts: Iterable[NDArray[np.float64]], params: SurfaceParams) -> Separation:
     """Separate a tile.
 
     Parameters
     ----------
     parts : iterable of ndarray, shape (3, n), float64
         Coordinates in metres; gone through twice.
-    params : SeparationParams
-        Window and heights.
+    params : SurfaceParams
+        Window and heights. `SeparationParams` tell islands, and echoes from below.
 
     Raises
     ------
