@@ -49,7 +49,7 @@ def temperatures_degc(packets: NDArray[Any]) -> NDArray[np.float64]:
     """
     low, high = packets["temperature"].astype(np.int64).T
     sixteenths = (high & 0x7F) << 5 | low >> 3
-    return np.where(high & 0x80, -sixteenths, sixteenths) / 16
+    return np.asarray(np.where(high & 0x80, -sixteenths, sixteenths) / 16)
 
 
 @dataclass(frozen=True)
