@@ -11,12 +11,13 @@ from annotated_types import Ge, Gt, Interval, Len
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.motion import Track
-from seaclutter_cli.simulation.sea import SeaParams
+from seaclutter_cli.simulation.noise import NoiseParams
 from seaclutter_cli.simulation.shapes import SHAPES
+from seaclutter_cli.simulation.terrain import TERRAINS, TerrainParams, terrain_name
 from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
 
-_SECTIONS = ("recording", "sea", "vessel", "objects")
+_SECTIONS = ("recording", *TERRAINS, "vessel", "noise", "objects")
 Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
 
 
@@ -144,18 +145,21 @@ class Scene:
     ----------
     recording : RecordingParams
         Lidar, length, seed.
-    sea : SeaParams
-        The water.
+    terrain : SeaParams or GroundParams
+        What it lies on: a section named as in `TERRAINS`.
     vessel : VesselParams
-        Own vessel.
+        Own vessel, or the vehicle on land.
     objects : tuple of ObjectParams
         What else is there.
+    noise : NoiseParams, optional
+        False returns; by default those of the lidar.
     """
 
     recording: RecordingParams
-    sea: SeaParams
+    terrain: TerrainParams
     vessel: VesselParams
     objects: tuple[ObjectParams, ...]
+    noise: NoiseParams | None = None
 
     def with_recording(self, **changes: Any) -> "Scene":
         """Return the scene with other frames, seed or lidar; None leaves a value as it is; `ConfigError`."""
@@ -167,7 +171,13 @@ class Scene:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the scene as it stands in a file, with all defaults."""
-        sections = {name: _plain(getattr(self, name)) for name in ("recording", "sea", "vessel")}
+        sections = {
+            "recording": _plain(self.recording),
+            terrain_name(self.terrain): _plain(self.terrain),
+            "vessel": _plain(self.vessel),
+        }
+        if self.noise is not None:
+            sections["noise"] = _plain(self.noise)
         return {**sections, "objects": [_plain(item) for item in self.objects]}
 
 
@@ -210,7 +220,16 @@ def save_scene(scene: Scene, path: Path) -> None:
 def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
     """Return the scene that a mapping describes; ``where`` names it in errors."""
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
-    kinds = {"recording": RecordingParams, "sea": SeaParams, "vessel": VesselParams}
+    chosen = [name for name in TERRAINS if name in raw] or [next(iter(TERRAINS))]
+    if len(chosen) > 1:
+        problems.append(f"{' and '.join(chosen)}: a scene has one of them")
+    kinds: dict[str, type[Any]] = {
+        "recording": RecordingParams,
+        chosen[0]: TERRAINS[chosen[0]][0],
+        "vessel": VesselParams,
+    }
+    if "noise" in raw:
+        kinds["noise"] = NoiseParams
     parts: dict[str, Any] = {}
     for section, kind in kinds.items():
         values = raw.get(section) or {}
@@ -220,6 +239,7 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
         parts[section] = build(kind, values, section, section, problems)
     objects = _objects(raw.get("objects") or [], problems)
     refuse(where, problems)
+    parts["terrain"] = parts.pop(chosen[0])
     return Scene(**parts, objects=tuple(objects))
 
 
