@@ -12,7 +12,7 @@ from seaclutter_cli.truth import CLUTTER
 
 Floats = NDArray[np.float64]
 
-_SURFACE_M = 0.05
+_SURFACE_M = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ def mix_edges(echoes: Echoes, columns: int, noise: NoiseParams, rng: np.random.G
     either with the same chance, and its larger part, a share s uniform from 0.5 to 1, is on the beam's own surface. The
     light of both parts adds up, so that the beam reports the mean of their ranges weighted by their power,
     :math:`s P_1` and :math:`(1-s) P_2` with :math:`P \propto \rho \cos\theta / R^2`. It is clutter where it is more
-    than 5 cm from both.
+    than 10 cm from both.
     """
     if not noise.edge_share:
         return

@@ -169,20 +169,22 @@ class Scene:
         except ValueError as error:
             raise ConfigError(str(error)) from error
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the scene as it stands in a file, with all defaults."""
-        sections = {
-            "recording": _plain(self.recording),
-            terrain_name(self.terrain): _plain(self.terrain),
-            "vessel": _plain(self.vessel),
+    def as_dict(self, *, defaults: bool = True) -> dict[str, Any]:
+        """Return the scene as it stands in a file, with or without what is a default."""
+        parts: dict[str, Any] = {
+            "recording": self.recording,
+            terrain_name(self.terrain): self.terrain,
+            "vessel": self.vessel,
         }
         if self.noise is not None:
-            sections["noise"] = _plain(self.noise)
-        return {**sections, "objects": [_plain(item) for item in self.objects]}
+            parts["noise"] = self.noise
+        sections = {name: _plain(params, defaults=defaults) for name, params in parts.items()}
+        return {**sections, "objects": [_plain(item, defaults=defaults) for item in self.objects]}
 
 
-def _plain(params: Any) -> dict[str, Any]:
-    return {field.name: as_lists(getattr(params, field.name)) for field in fields(params)}
+def _plain(params: Any, *, defaults: bool) -> dict[str, Any]:
+    values = {field.name: (getattr(params, field.name), field.default) for field in fields(params)}
+    return {name: as_lists(value) for name, (value, default) in values.items() if defaults or value != default}
 
 
 def builtin_scenes() -> Mapping[str, Path]:
@@ -211,8 +213,21 @@ def load_scene(name: str) -> Scene:
 
 
 def save_scene(scene: Scene, path: Path) -> None:
-    """Write a scene to a file that `load_scene` reads; `OutputError` if it cannot be written."""
-    text = yaml.safe_dump(scene.as_dict(), sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+    """Write a scene to a file that `load_scene` reads, without what is a default and each object on a line.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    sections = scene.as_dict(defaults=False)
+    objects = sections.pop("objects")
+    text = yaml.safe_dump(sections, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+    if objects:
+        text += "objects:\n"
+    for item in objects:
+        line = yaml.safe_dump(item, sort_keys=False, default_flow_style=True, width=10**6, allow_unicode=True)
+        text += f"  - {line}"
     with AtomicFile(path) as file:
         file.stream.write(text.encode())
 
