@@ -49,6 +49,8 @@ def test_defaults_are_those_of_the_paper():
         "evaluation": {
             "cluster_tolerance_m": 1.5,
             "min_cluster_points": 5,
+            "clustering": "euclidean",
+            "dbscan_min_points": 5,
             "box_margin_m": 0.5,
             "min_visible_points": 5,
         },

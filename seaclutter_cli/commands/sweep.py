@@ -77,7 +77,7 @@ def parse_sweep(text: str) -> Sweep:
     """
     name, equals, given = text.partition("=")
     key = name.strip().removeprefix("filter.")
-    if not equals or not all(key.split(".")):
+    if not equals or not all(key.split(".")) or key.startswith(("evaluation.", "sensor.")):
         raise UsageError(f"--sweep {text}: write it as KEY=V1,V2,... or KEY=START:STOP:STEP, with a key of the filter")
     try:
         values = _steps(given) if _RANGE.fullmatch(given) else yaml.safe_load(f"[{given}]")

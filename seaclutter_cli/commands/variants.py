@@ -12,7 +12,7 @@ _GLOBAL_INTENSITY_AT = {
     f"global_intensity@{rate}": ("filter.threshold=null", f"filter.filter_rate={rate}") for rate in ("0.80", "0.90")
 }
 _PAPER = (*_GLOBAL_INTENSITY_AT, "ring_intensity", "ring_intensity_outlier", "joint")
-_PEERS = ("joint", "sor", "ror", "dror", "dsor", "lior", "lidsor", "naive")
+_PEERS = ("joint", "sor", "ror", "dror", "adaptive_radius", "dsor", "lior", "lidsor", "naive")
 
 COMPARISONS: Mapping[str, Sequence[str]] = {
     "paper": _PAPER,

@@ -37,10 +37,16 @@ class Preset:
 
 
 PRESETS: Mapping[str, Preset] = {
-    "open": Preset(radius_ratio=0.02, min_neighbors=4),
-    "confined": Preset(radius_ratio=0.03, min_neighbors=8),
+    "open": Preset(radius_ratio=0.015, min_neighbors=8),
+    "confined": Preset(radius_ratio=0.03, min_neighbors=20),
 }
-"""Presets for open water and for confined (quay walls, moored rows, channels)."""
+"""Presets for open water and for confined (quay walls, moored rows, channels).
+
+Made for the steps of an RS-LiDAR-32, 0.2° and, where its beams are dense, 0.33°: K is 3.3 and 6.6 times the spacing of
+its points by range, so that a surface that faces the lidar has about 35 and 139 of them within the radius. N is a
+quarter and a seventh of that, found by ``tune`` on simulated scenes (docs/density.md). K of another lidar follows from
+its steps: `seaclutter_cli.sensors.density.radius_ratio`.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +121,7 @@ def sparse(points: NDArray[np.float64], radius_ratio: float, min_neighbors: int)
 
 
 class AdaptiveRadius(SpatialFilter):
-    r"""Adaptive radius filter: the radius is proportional to range, its presets go by the scene.
+    r"""Adaptive radius filter: the radius is a share of the range, by scene.
 
     Parameters
     ----------

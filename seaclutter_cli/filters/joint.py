@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval, Len
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.adaptive_radius import PRESETS, Preset, sparse
+from seaclutter_cli.filters.adaptive_radius import Preset, sparse
 from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.statistical import outliers
 from seaclutter_cli.filters.zones import ZoneParams, Zones, ring_edges
@@ -59,9 +59,9 @@ class RingIntensityOutlierParams(RingIntensityParams):
     outlier_stage : {"sor", "adaptive_radius"}
         Rule for outliers: the three keys above, or a radius that grows with range: the two keys below.
     outlier_radius_ratio : float or None
-        Search radius by range, K; that of the adaptive radius filter in open water if nothing is said.
+        Search radius by range, K; 0.02 if nothing is said.
     outlier_min_neighbors : int or None
-        Other points that are needed within it, N; likewise.
+        Other points that are needed within it, N; 4 if nothing is said.
     """
 
     max_neighbors: Annotated[int, Ge(1)] = 30
@@ -87,11 +87,9 @@ class RingIntensityOutlierParams(RingIntensityParams):
         """K and N of the stage ``adaptive_radius``; None for the other one."""
         if self.outlier_stage == "sor":
             return None
-        usual, ratio, needed = PRESETS["open"], self.outlier_radius_ratio, self.outlier_min_neighbors
-        return Preset(
-            radius_ratio=usual.radius_ratio if ratio is None else ratio,
-            min_neighbors=usual.min_neighbors if needed is None else needed,
-        )
+        # Fewer neighbours than in the adaptive radius filter: thresholds have thinned the points out.
+        ratio, needed = self.outlier_radius_ratio, self.outlier_min_neighbors
+        return Preset(radius_ratio=0.02 if ratio is None else ratio, min_neighbors=4 if needed is None else needed)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -54,7 +54,7 @@ class TestRule:
     def test_no_points(self, make):
         assert reasons(make("adaptive_radius"), on_axis([], [])) == []
 
-    @pytest.mark.parametrize("spacing", [0.2, 0.33])
+    @pytest.mark.parametrize("spacing", [0.2, 0.25])
     @pytest.mark.parametrize("range_m", [5, 20, 80])
     def test_a_wall_stays_wherever_it_stands(self, make, range_m, spacing):
         """The point of it: with beams at even angles, range changes nothing."""
@@ -64,7 +64,9 @@ class TestRule:
         assert reasons(make("adaptive_radius"), make_frame(xyz)) == [KEPT] * len(xyz)
 
     def test_defaults(self):
-        assert vars(AdaptiveRadiusParams()) | {"scene": "open", "presets": PRESETS} == vars(AdaptiveRadiusParams())
+        assert AdaptiveRadiusParams().scene == "open"
+        assert vars(PRESETS["open"]) == {"radius_ratio": 0.015, "min_neighbors": 8}
+        assert vars(PRESETS["confined"]) == {"radius_ratio": 0.03, "min_neighbors": 20}
 
     def test_a_large_radius_takes_no_memory(self):
         frame = make_frame(np.random.default_rng(1).normal(0, 30, (57_600, 3)))
@@ -191,13 +193,14 @@ class TestStageOfJoint:
         """Where all points are in rings and pass."""
         frame = sea_frame(3)
         everything = {"start_m": 0.0, "end_m": 1e6, "ring_width_m": 1e6, "initial_thresholds": (0.0,)}
-        joint = FILTERS["ring_intensity_outlier"].Params(**everything, outlier_stage="adaptive_radius")
+        stage = {f"outlier_{name}": value for name, value in vars(PRESETS["open"]).items()}
+        joint = FILTERS["ring_intensity_outlier"].Params(**everything, outlier_stage="adaptive_radius", **stage)
         alone = AdaptiveRadius(AdaptiveRadiusParams()).step(frame).reason
         np.testing.assert_array_equal(FILTERS["ring_intensity_outlier"](joint).step(frame).reason, alone)
 
     def test_keys_are_filled_in_or_refused(self):
         params = FILTERS["joint"].Params
         made = params(outlier_stage="adaptive_radius", outlier_min_neighbors=9)
-        assert (made.outlier_radius_ratio, made.outlier_min_neighbors) == (PRESETS["open"].radius_ratio, 9)
+        assert (made.outlier_radius_ratio, made.outlier_min_neighbors) == (0.02, 9)
         with pytest.raises(ValueError, match="outlier_min_neighbors: belongs to outlier_stage adaptive_radius"):
             params(outlier_min_neighbors=3)
