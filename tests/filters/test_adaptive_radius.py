@@ -66,7 +66,7 @@ class TestRule:
     def test_defaults(self):
         assert AdaptiveRadiusParams().scene == "open"
         assert vars(PRESETS["open"]) == {"radius_ratio": 0.015, "min_neighbors": 8}
-        assert vars(PRESETS["confined"]) == {"radius_ratio": 0.03, "min_neighbors": 20}
+        assert vars(PRESETS["confined"]) == {"radius_ratio": 0.018, "min_neighbors": 8}
 
     def test_a_large_radius_takes_no_memory(self):
         frame = make_frame(np.random.default_rng(1).normal(0, 30, (57_600, 3)))
