@@ -15,7 +15,7 @@ from logs import SHARES, frame
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.filters.adaptive_radius import AdaptiveRadiusParams, Preset
+from seaclutter_cli.filters.adaptive_radius import PRESETS, AdaptiveRadiusParams, Preset
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.records import Channel, Message
@@ -53,13 +53,17 @@ def timed(method: Filter, cloud: Cloud) -> float:
 def main() -> None:
     frames = {"harbour, all walls": harbour_walls(), **{name: frame(1, share) for name, share in SHARES.items()}}
     compared = methods()
-    print(f"{'frame':<20}{'points':>8}" + "".join(f"{name + ' ms':>14}" for name in compared) + f"{'open / sor':>14}")
+    print(
+        f"{'frame':<20}{'points':>8}"
+        + "".join(f"{name + ' ms':>14}" for name in compared)
+        + "".join(f"{name + ' / sor':>16}" for name in PRESETS)
+    )
     for name, points in frames.items():
         cloud = from_array(points)
         rows = [[timed(method, cloud) for method in compared.values()] for _ in range(RUNS)]
         times = "".join(f"{statistics.median(column):>14.1f}" for column in zip(*rows, strict=True))
-        ratio = statistics.median(row[1] / row[0] for row in rows)
-        print(f"{name:<20}{len(points):>8}{times}{ratio:>14.2f}")
+        ratios = "".join(f"{statistics.median(row[k] / row[0] for row in rows):>16.2f}" for k in (1, 2))
+        print(f"{name:<20}{len(points):>8}{times}{ratios}")
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ GRIDS = {
     "ror": ("radius_m=0.1,0.2,0.35,0.5,0.8,1.2", "min_neighbors=4,8,12,20"),
     "adaptive_radius": (
         "presets.{scene}.radius_ratio=0.0075,0.01,0.015,0.02,0.03,0.05",
-        "presets.{scene}.min_neighbors=4,8,12,20",
+        "presets.{scene}.min_neighbors=4,6,9,12,20",
     ),
 }
 TRAINING_PART = 0.4

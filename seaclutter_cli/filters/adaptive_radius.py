@@ -37,13 +37,13 @@ class Preset:
 
 
 PRESETS: Mapping[str, Preset] = {
-    "open": Preset(radius_ratio=0.015, min_neighbors=8),
-    "confined": Preset(radius_ratio=0.03, min_neighbors=20),
+    "open": Preset(radius_ratio=0.015, min_neighbors=9),
+    "confined": Preset(radius_ratio=0.022, min_neighbors=10),
 }
 """Presets for open water and for confined (quay walls, moored rows, channels).
 
-Made for the steps of an RS-LiDAR-32, 0.2° and, where its beams are dense, 0.33°: K is 3.3 and 6.6 times the spacing of
-its points by range, so that a surface that faces the lidar has about 35 and 139 of them within the radius. N is a
+Made for the steps of an RS-LiDAR-32, 0.2° and, where its beams are dense, 0.33°: K is 3.3 and 4.9 times the spacing of
+its points by range, so that a surface that faces the lidar has about 35 and 75 of them within the radius. N is a
 quarter and a seventh of that, found by ``tune`` on simulated scenes (docs/density.md). K of another lidar follows from
 its steps: `seaclutter_cli.sensors.density.radius_ratio`.
 """

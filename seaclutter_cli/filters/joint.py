@@ -59,9 +59,9 @@ class RingIntensityOutlierParams(RingIntensityParams):
     outlier_stage : {"sor", "adaptive_radius"}
         Rule for outliers: the three keys above, or a radius that grows with range: the two keys below.
     outlier_radius_ratio : float or None
-        Search radius by range, K; 0.02 if nothing is said.
+        Search radius by range, K; 0.025 if nothing is said.
     outlier_min_neighbors : int or None
-        Other points that are needed within it, N; 4 if nothing is said.
+        Other points that are needed within it, N; 7 if nothing is said.
     """
 
     max_neighbors: Annotated[int, Ge(1)] = 30
@@ -87,9 +87,9 @@ class RingIntensityOutlierParams(RingIntensityParams):
         """K and N of the stage ``adaptive_radius``; None for the other one."""
         if self.outlier_stage == "sor":
             return None
-        # Fewer neighbours than in the adaptive radius filter: thresholds have thinned the points out.
+        # A wider net than the adaptive radius filter has: thresholds have thinned the points out.
         ratio, needed = self.outlier_radius_ratio, self.outlier_min_neighbors
-        return Preset(radius_ratio=0.02 if ratio is None else ratio, min_neighbors=4 if needed is None else needed)
+        return Preset(radius_ratio=0.025 if ratio is None else ratio, min_neighbors=7 if needed is None else needed)
 
 
 @dataclass(frozen=True, kw_only=True)

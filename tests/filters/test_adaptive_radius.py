@@ -54,7 +54,7 @@ class TestRule:
     def test_no_points(self, make):
         assert reasons(make("adaptive_radius"), on_axis([], [])) == []
 
-    @pytest.mark.parametrize("spacing", [0.2, 0.25])
+    @pytest.mark.parametrize("spacing", [0.15, 0.2])
     @pytest.mark.parametrize("range_m", [5, 20, 80])
     def test_a_wall_stays_wherever_it_stands(self, make, range_m, spacing):
         """The point of it: with beams at even angles, range changes nothing."""
@@ -65,8 +65,8 @@ class TestRule:
 
     def test_defaults(self):
         assert AdaptiveRadiusParams().scene == "open"
-        assert vars(PRESETS["open"]) == {"radius_ratio": 0.015, "min_neighbors": 8}
-        assert vars(PRESETS["confined"]) == {"radius_ratio": 0.03, "min_neighbors": 20}
+        assert vars(PRESETS["open"]) == {"radius_ratio": 0.015, "min_neighbors": 9}
+        assert vars(PRESETS["confined"]) == {"radius_ratio": 0.022, "min_neighbors": 10}
 
     def test_a_large_radius_takes_no_memory(self):
         frame = make_frame(np.random.default_rng(1).normal(0, 30, (57_600, 3)))
@@ -201,6 +201,6 @@ class TestStageOfJoint:
     def test_keys_are_filled_in_or_refused(self):
         params = FILTERS["joint"].Params
         made = params(outlier_stage="adaptive_radius", outlier_min_neighbors=9)
-        assert (made.outlier_radius_ratio, made.outlier_min_neighbors) == (0.02, 9)
+        assert (made.outlier_radius_ratio, made.outlier_min_neighbors) == (0.025, 9)
         with pytest.raises(ValueError, match="outlier_min_neighbors: belongs to outlier_stage adaptive_radius"):
             params(outlier_min_neighbors=3)
