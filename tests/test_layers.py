@@ -25,6 +25,7 @@ ALLOWED = {
     "pipeline": BASE | {"messages"},
     "survey": BASE | {"sensors"},
     "calibration": BASE | {"filters", "pipeline"},
+    "scenes": BASE,
     "plots": BASE | {"evaluation", "calibration"},
     "simulation": BASE | {"validation", "messages", "sensors", "sinks"},
     "validation": {"errors"},
