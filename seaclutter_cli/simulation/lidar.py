@@ -47,6 +47,7 @@ class Lidar:
     lens_m: float = 0.0
     clockwise: bool = True
     rate_hz: float = 10.0
+    field_deg: float = 360.0
 
     @property
     def gain(self) -> float:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import yaml
 from annotated_types import Ge, Gt, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
@@ -12,6 +13,7 @@ from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.motion import Track
 from seaclutter_cli.simulation.sea import SeaParams
 from seaclutter_cli.simulation.shapes import SHAPES
+from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
 
 _SECTIONS = ("recording", "sea", "vessel", "objects")
@@ -196,6 +198,13 @@ def load_scene(name: str) -> Scene:
             raise ConfigError(f"{name}: there is no such scene file; built in are {', '.join(builtin)}")
         path = builtin[name]
     return parse_scene(read_yaml(path, _SECTIONS), str(path))
+
+
+def save_scene(scene: Scene, path: Path) -> None:
+    """Write a scene to a file that `load_scene` reads; `OutputError` if it cannot be written."""
+    text = yaml.safe_dump(scene.as_dict(), sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+    with AtomicFile(path) as file:
+        file.stream.write(text.encode())
 
 
 def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:

@@ -101,6 +101,41 @@ def _wall() -> Mesh:
     return _mesh((_prism(_box((-0.5, 0.5), (-0.5, 0.5)), -0.5, 1.0), 1.0))
 
 
+def _barge() -> Mesh:
+    """Return a hull with straight sides, a low house astern and two holds."""
+    holds = [(_prism(_box((start, start + 0.34), (-0.4, 0.4)), 0.55, 0.75), 0.7) for start in (-0.28, 0.1)]
+    house = _prism(_box((-0.48, -0.34), (-0.42, 0.42)), 0.55, 1.0)
+    return _mesh((_prism(_box((-0.5, 0.5), (-0.5, 0.5)), -0.3, 0.55), 1.0), *holds, (house, 1.0))
+
+
+def _cargo_ship() -> Mesh:
+    """Return a high hull with its house astern and stacks of containers of uneven height."""
+    heights = (0.72, 0.6, 0.78, 0.66)
+    stacks = [
+        (_prism(_box((-0.2 + 0.15 * k, -0.08 + 0.15 * k), (-0.45, 0.45)), 0.45, height), 0.5 + 0.15 * (k % 2))
+        for k, height in enumerate(heights)
+    ]
+    house = _prism(_box((-0.42, -0.28), (-0.48, 0.48)), 0.45, 1.0)
+    return _mesh((_prism(_hull(0.34), -0.1, 0.45), 0.8), *stacks, (house, 1.0))
+
+
+def _pile() -> Mesh:
+    return _mesh((_prism(_circle(0.5, 8), -0.5, 1.0), 1.0))
+
+
+def _bank() -> Mesh:
+    """Return a slope that rises from the water on the right to a level top on the left."""
+    profile = [(-0.5, -0.2), (0.1, 1.0), (0.5, 1.0), (0.5, -0.2)]
+    ends = [np.array([(x, y, z) for y, z in profile]) for x in (-0.5, 0.5)]
+    after = np.roll(np.arange(4), -1)
+    sides = [
+        np.stack((ends[0], ends[0][after], ends[1]), 1),
+        np.stack((ends[0][after], ends[1][after], ends[1]), 1),
+    ]
+    caps = [end[[[0, 1, 2], [0, 2, 3]]] for end in ends]
+    return _mesh((np.concatenate((*sides, *caps)), 1.0))
+
+
 def _deck() -> Mesh:
     """Own vessel: a hull with a low house behind the lidar's mast."""
     house = _prism(_box((-0.3, 0.0), (-0.3, 0.3)), 0.5, 1.0)
@@ -113,7 +148,13 @@ SHAPES: Mapping[str, Callable[[], Mesh]] = {
     "sailing_boat": _sailing_boat,
     "cruise_ship": _cruise_ship,
     "kayak": _kayak,
+    "barge": _barge,
+    "cargo_ship": _cargo_ship,
     "quay_wall": _wall,
+    "pontoon": _wall,
+    "building": _wall,
+    "pile": _pile,
+    "bank": _bank,
     "own_vessel": _deck,
 }
 """Makers of meshes in a box of unit length, width and height above the waterline; a new shape is a line here."""
