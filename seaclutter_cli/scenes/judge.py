@@ -1,6 +1,7 @@
 """The scene of each frame: looked at every so often, and held steady."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,11 +24,14 @@ class SceneDecision:
         What the classifier gave this scene when it last looked.
     decided : bool
         Whether it looked at this very frame; else the decision is carried on from an earlier one.
+    probabilities : mapping of str to float
+        What it gave each scene when it last looked.
     """
 
     name: str
     probability: float
     decided: bool
+    probabilities: Mapping[str, float] = field(default_factory=dict)
 
 
 class SceneJudge:
@@ -59,7 +63,8 @@ class SceneJudge:
 
     def reset(self) -> None:
         """Forget all state: a recording starts."""
-        self._decision = SceneDecision(self.classes[0], 1 / len(self.classes), False)
+        even = dict.fromkeys(self.classes, 1 / len(self.classes))
+        self._decision = SceneDecision(self.classes[0], 1 / len(self.classes), False, even)
         self._wait = 0
         self._looked = False
         self._rival, self._for_rival = self.classes[0], 0
@@ -83,7 +88,7 @@ class SceneJudge:
         if not self._looked or self._for_rival >= self._hold:
             name = likeliest
         self._looked = True
-        self._decision = SceneDecision(name, probabilities[name], True)
+        self._decision = SceneDecision(name, probabilities[name], True, probabilities)
         return self._decision
 
 
