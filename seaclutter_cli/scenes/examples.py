@@ -92,8 +92,8 @@ class Examples:
                     f"{len(members)} recordings of {name}: at least {len(SHARES)} are needed, one each to train on, to "
                     "choose the best epoch by, and to test on"
                 )
-            ends = np.clip(np.round(np.cumsum(SHARES) * len(members)), (1, 2, 3), None).astype(int)
-            part[rng.permutation(members)] = np.searchsorted(ends, np.arange(len(members)), side="right")
+            held = [max(1, round(share * len(members))) for share in SHARES[1:]]
+            part[rng.permutation(members)] = np.repeat(range(len(SHARES)), (len(members) - sum(held), *held))
         of_frame = part[self._recording]
         return Split(*(np.flatnonzero(of_frame == number) for number in range(len(SHARES))))
 

@@ -44,11 +44,13 @@ class SceneModel:
 
     def __init__(self, name: str) -> None:
         self.name = name
+        runtime = _runtime()
         data = _read(_find(name))
+        options = runtime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 4  # what fails is raised as well
         try:
-            self._session = _start(data)
-        except MissingExtraError:
-            raise
+            self._session = runtime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's errors have no class in common
             raise ModelError(f"{name}: no ONNX file that can be used ({_first_line(error)})") from error
         self._input = self._check_shape()
@@ -125,15 +127,12 @@ def _read(path: Path) -> bytes:
     return data
 
 
-def _start(data: bytes) -> Any:
+def _runtime() -> Any:
     try:
         import onnxruntime
     except ImportError as error:
         raise MissingExtraError("the scene classifier", "scene") from error
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.log_severity_level = 4  # its warnings would go to the terminal; what fails is raised as well
-    return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+    return onnxruntime
 
 
 def _first_line(error: Exception) -> str:
