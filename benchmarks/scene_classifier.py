@@ -118,7 +118,7 @@ def every(sequences: int) -> None:
     part = Part(6, 1.0, True, None, None)
     looks = []
     for kind in CLASSES:
-        for _, scene in scenes(part, kind, sequences):
+        for _, scene, _ in scenes(part, kind, sequences):
             renderer = Renderer(scene)
             looks.append((kind, [frame_of(renderer.turn(i).points, i) for i in range(scene.recording.frames)]))
     print(f"{'every':>6}{'hold':>6}{'right':>9}{'changes':>9}")

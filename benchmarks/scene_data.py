@@ -2,6 +2,7 @@
 
 Run as ``python benchmarks/scene_data.py FOLDER [RECORDINGS]``. Makes FOLDER/train and FOLDER/test/NAME for what the
 network never sees in training: layouts, lidars, rough seas, all of these together. In each, a folder for each scene.
+In a quarter of the recordings the vessel lies exactly parallel to the longest thing about it, as if moored alongside.
 What is there already is kept, so an interrupted run can be taken up again.
 """
 
@@ -47,8 +48,8 @@ PARTS = {
 }
 
 
-def scenes(part: Part, kind: str, number: int) -> Iterator[tuple[str, Scene]]:
-    """Yield random scenes of a class, layout by layout in turn."""
+def scenes(part: Part, kind: str, number: int) -> Iterator[tuple[str, Scene, bool]]:
+    """Yield random scenes of a class, layout by layout in turn, and whether the vessel is to lie parallel."""
     rng = np.random.default_rng([part.seed, CLASSES.index(kind)])
     names = [name for name, layout in LAYOUTS.items() if layout.scene_class == kind]
     names = [name for name in names if part.layout is None or (name in HELD_LAYOUTS) == part.layout]
@@ -57,18 +58,29 @@ def scenes(part: Part, kind: str, number: int) -> Iterator[tuple[str, Scene]]:
         scene = LAYOUTS[name].make(rng)
         while not part.has(name, scene):
             scene = LAYOUTS[name].make(rng)
-        yield name, scene
+        yield name, scene, index // len(names) % 4 == 3
 
 
-def write(scene: Scene, folder: Path) -> None:
+def turned(scene: Scene, time_s: float) -> float:
+    """Return by how many radians the longest thing is turned against the vessel."""
+    item = max(scene.objects, key=lambda one: one.size_m[0], default=None)
+    if item is None:
+        return 0.0
+    time = np.array([time_s])
+    return float(item.track.at(time)[2][0] - scene.vessel.track.at(time)[2][0])
+
+
+def write(scene: Scene, folder: Path, *, parallel: bool) -> None:
     """Write a few turns of a scene, seconds apart."""
     renderer = Renderer(scene)
     folder.mkdir(parents=True, exist_ok=True)
     for index in np.linspace(0, scene.recording.frames - 1, FRAMES).astype(int).tolist():
         points = renderer.turn(index).points
+        angle = turned(scene, index / 10) if parallel else 0.0
         kept = np.empty(len(points), [(axis, "<f4") for axis in "xyz"])
-        for axis in "xyz":
-            kept[axis] = points[axis]
+        kept["x"] = np.cos(angle) * points["x"] + np.sin(angle) * points["y"]
+        kept["y"] = np.cos(angle) * points["y"] - np.sin(angle) * points["x"]
+        kept["z"] = points["z"]
         np.save(folder / f"{index:04d}.npy", kept)
 
 
@@ -76,10 +88,10 @@ def main(folder: Path, recordings: int) -> None:
     for name, part in PARTS.items():
         for kind in CLASSES:
             number = round(part.share * recordings / len(CLASSES))
-            for index, (layout, scene) in enumerate(scenes(part, kind, number)):
+            for index, (layout, scene, parallel) in enumerate(scenes(part, kind, number)):
                 target = folder / name / kind / f"{layout}-{index:04d}"
                 if not target.exists() or len(list(target.glob("*.npy"))) < FRAMES:
-                    write(scene, target)
+                    write(scene, target, parallel=parallel)
             print(f"{name}, {kind}: {number} recordings", flush=True)
 
 

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 @click.option(
     "--epochs",
     type=click.IntRange(min=1),
-    default=40,
+    default=30,
     metavar="N",
     show_default=True,
     help="Rounds through all frames.",
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 @click.option(
     "--learning-rate",
     type=click.FloatRange(min=0, min_open=True),
-    default=0.01,
+    default=0.005,
     metavar="RATE",
     show_default=True,
     help="Of Adam in the beginning; it falls to 0 along half a cosine.",

@@ -12,6 +12,7 @@ from seaclutter_cli.scenes.image import IMAGE_SIZE, mark_cells
 
 _FINER = 4
 _WIDER = 1.5
+_WHOLE_QUARTERS = 1 / 3
 _SKETCH_SIZE = int(_FINER * _WIDER * IMAGE_SIZE)
 SHARES = (0.6, 0.2, 0.2)
 """Shares of the recordings of each class for training, validation and test, as in S3."""
@@ -69,8 +70,16 @@ class Examples:
         return mark_cells(np.stack((cos * x - sin * y, sin * x + cos * y, np.zeros(len(x)))), self.extent_m, IMAGE_SIZE)
 
     def images(self, indices: Sequence[int] | NDArray[np.int64], rng: np.random.Generator | None) -> NDArray[np.uint8]:
-        """Return top views, shape (B, 1, 224, 224), each turned at random if there is a generator."""
-        turns = np.zeros(len(indices)) if rng is None else rng.uniform(0, 2 * np.pi, len(indices))
+        """Return top views, shape (B, 1, 224, 224), each turned at random if there is a generator.
+
+        A third of them is turned by whole quarters: a quay exactly parallel to the vessel looks unlike all others, and
+        would never come up.
+        """
+        turns = np.zeros(len(indices))
+        if rng is not None:
+            turns = rng.uniform(0, 2 * np.pi, len(indices))
+            whole = rng.random(len(indices)) < _WHOLE_QUARTERS
+            turns[whole] = rng.integers(4, size=len(indices))[whole] * np.pi / 2
         views = [self.image(int(index), turn) for index, turn in zip(indices, turns.tolist(), strict=True)]
         return np.stack(views)[:, None]
 

@@ -34,8 +34,8 @@ class TrainingParams:
     """
 
     epochs: Annotated[int, Ge(1)] = 30
-    batch: Annotated[int, Ge(2)] = 128
-    learning_rate: Annotated[float, Gt(0)] = 0.01
+    batch: Annotated[int, Ge(2)] = 32
+    learning_rate: Annotated[float, Gt(0)] = 0.005
     seed: Annotated[int, Ge(0)] = 1
 
 
