@@ -75,6 +75,9 @@ def command(scene: str, output: Path, **options: Any) -> None:
         click.echo(tally.as_text(chosen, output, labels, seconds))
 
 
+_MOST_TARGETS = 12
+
+
 class _Tally:
     """Points of the recording by what they belong to."""
 
@@ -94,8 +97,20 @@ class _Tally:
 
         targets = [(f"{item.track_id} {item.class_name or item.shape}", item) for item in scene.objects]
         rows = [("clutter", self.points[CLUTTER])]
-        rows += [(name, self.points[item.track_id]) for name, item in targets if not item.ignore]
+        shown = [(name, self.points[item.track_id]) for name, item in targets if not item.ignore]
+        if len(shown) > _MOST_TARGETS:
+            shown = self._by_class(scene)
+        rows += shown
         return [*rows, ("own vessel or ignored", self.points[IGNORED])]
+
+    def _by_class(self, scene: "Scene") -> list[tuple[str, int]]:
+        points, targets = Counter[str](), Counter[str]()
+        for item in scene.objects:
+            if not item.ignore:
+                name = item.class_name or item.shape
+                targets[name] += 1
+                points[name] += self.points[item.track_id]
+        return [(f"{number} {name}", points[name]) for name, number in sorted(targets.items())]
 
     def as_dict(self, scene: "Scene", log: Path, labels: Path) -> dict[str, Any]:
         rows = [{"what": name, "points": points} for name, points in self._rows(scene)]

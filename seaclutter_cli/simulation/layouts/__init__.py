@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.simulation.layouts import confined_water, open_water
+from seaclutter_cli.simulation.layouts import confined_water, open_water, plantations
 from seaclutter_cli.simulation.layouts.rule import scene_class
 from seaclutter_cli.simulation.scene import Scene, builtin_scenes, load_scene
 
@@ -22,7 +22,7 @@ class Layout:
     Parameters
     ----------
     scene_class : str
-        ``open`` or ``confined``.
+        ``open`` or ``confined`` on water, ``dense`` or ``sparse`` in a plantation.
     about : str
         What its scenes show.
     draw : callable
@@ -34,7 +34,7 @@ class Layout:
     draw: Maker
 
     def make(self, rng: np.random.Generator) -> Scene:
-        """Return a random scene that is of the class by the rule of `Horizon.scene_class`, over all of its frames."""
+        """Return a random scene that is of the class by the rule of `scene_class`, over all its frames."""
         for _ in range(_TRIES):
             scene = self.draw(rng)
             if scene_class(scene) == self.scene_class:
@@ -59,6 +59,9 @@ LAYOUTS: Mapping[str, Layout] = {
     "channel": _layout("confined", confined_water.narrow_channel),
     "lock_chamber": _layout("confined", confined_water.lock),
     "river": _layout("confined", confined_water.river),
+    "apple_rows": _layout("dense", plantations.apple_rows),
+    "poplar_grove": _layout("sparse", plantations.poplar_grove),
+    "willow_grove": _layout("sparse", plantations.willow_grove),
 }
 """Layouts by name; a new one is a line here."""
 

@@ -15,7 +15,7 @@ _MOORED = ("speedboat", "sailing_boat", "cruise_ship", "barge")
 def harbour_basin(rng: np.random.Generator) -> Scene:
     """Make a basin with quays on two to four sides, with gaps, and boats along them."""
     plan = Plan(rng)
-    turned, height = plan.uniform(-180, 180), plan.log(0.8, 5.0)
+    turned, height = plan.uniform(-180, 180), plan.log(0.6, 4.0)
     shares = np.array([plan.uniform(0.2, 0.8), plan.uniform(0.2, 0.8)])
     spans = np.array([plan.log(22, 95), plan.log(22, 95)])
     ahead, left = (spans * shares).tolist()
@@ -81,7 +81,7 @@ def _row(
             beyond = length / 2 + plan.uniform(0, 0.4) if second else longest - length / 2 - plan.uniform(0, 0.4)
             heading = line.side * 90 + 180 * plan.count(0, 1) + plan.uniform(-3, 3)
             place = line.at(along + width / 2, beyond)
-            plan.add(shape, place, (length, width, height), heading, reflectivity=plan.log(0.06, 0.8))
+            plan.add(shape, place, (length, width, height), heading, reflectivity=plan.log(0.03, 0.8))
         along += width + plan.log(0.4, 1.5)
 
 
@@ -90,7 +90,7 @@ def narrow_channel(rng: np.random.Generator) -> Scene:
     plan = Plan(rng)
     width, share = plan.log(14, 55), plan.uniform(0.3, 0.7)
     bend = plan.log(90, 500) * (1 if plan.chance(0.5) else -1) if plan.chance(0.6) else np.inf
-    kind, height = ("quay_wall" if plan.chance(0.6) else "bank"), plan.log(0.8, 6.0)
+    kind, height = ("quay_wall" if plan.chance(0.6) else "bank"), plan.log(0.6, 5.0)
     ends = -plan.uniform(45, 130), plan.uniform(45, 130)
     for side, part in ((1, share), (-1, 1 - share)):
         line = Line(part * width, 0.0, side, bend)
@@ -119,10 +119,10 @@ def _bridge(plan: Plan, middle: Line, along_m: float, width_m: float) -> None:
 def lock(rng: np.random.Generator) -> Scene:
     """Make a lock: close walls on both sides, gates ahead and astern, one of which may be open."""
     plan = Plan(rng)
-    width, height = plan.log(8, 26), plan.log(1.5, 8.0)
+    width, height = plan.log(8, 26), plan.log(0.9, 7.0)
     share = plan.uniform(0.3, 0.7)
     ahead, astern = plan.log(18, 140), plan.log(14, 120)
-    bright = plan.log(0.04, 0.5)
+    bright = plan.log(0.02, 0.5)
     for side, part in ((1, share), (-1, 1 - share)):
         line = Line(part * width, side=side)
         shore(plan, line, (-astern - 10, ahead + 10), "quay_wall", height)
@@ -144,7 +144,7 @@ def river(rng: np.random.Generator) -> Scene:
     ends = -plan.uniform(60, 150), plan.uniform(60, 150)
     for side, part in ((1, share), (-1, 1 - share)):
         line = Line(part * width, 0.0, side, bend, _uneven(plan, plan.uniform(0.3, 2.5)))
-        shore(plan, line, ends, "bank", plan.log(1.0, 6.0), houses=plan.uniform(0, 0.3))
+        shore(plan, line, ends, "bank", plan.log(0.6, 5.0), houses=plan.uniform(0, 0.3))
         moor(plan, line, ends, _MOORED[:2], plan.uniform(0, 0.4))
         _piles(plan, line, ends)
     heading = plan.uniform(-20, 20) + 180 * plan.count(0, 1)

@@ -131,7 +131,7 @@ class Plan:
 
     def scene(self, about: str, *, heading_deg: float = 0.0, speed_ms: float = 0.0, **sea: float) -> Scene:
         """Return the scene: what was gathered, with a random lidar on a random vessel on a random sea."""
-        rotating = [name for name, lidar in LIDARS.items() if lidar.field_deg == 360]
+        rotating = [name for name, lidar in LIDARS.items() if lidar.rotates]
         recording = RecordingParams(
             about=about, lidar=self.pick(rotating), frames=FRAMES, seed=int(self.rng.integers(2**31))
         )

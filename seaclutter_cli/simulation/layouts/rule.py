@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from seaclutter_cli.simulation.ground import GroundParams
 from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.scene import ObjectParams, Scene
 
@@ -83,10 +85,25 @@ def horizon(scene: Scene, time_s: float = 0.0) -> Horizon:
 
 
 def scene_class(scene: Scene) -> str | None:
-    """Return the class that a scene has from its first frame to its last, or None."""
+    """Return the class that a scene has from its first frame to its last, or None.
+
+    On water it is that of the horizon. Of a plantation it is that of the gaps between neighbouring trees at breast
+    height: dense where their median is at most 0.1 m, so that a row is one facade; sparse where it is at least 1.5 m.
+    """
+    if isinstance(scene.terrain, GroundParams):
+        return _planting(scene)
     seconds = scene.recording.frames / 10
     classes = {horizon(scene, time_s).scene_class for time_s in np.linspace(0, seconds, 4).tolist()}
     return classes.pop() if len(classes) == 1 else None
+
+
+def _planting(scene: Scene) -> str | None:
+    """Return the class of a plantation."""
+    trees = [item for item in scene.objects if not item.ignore]
+    places = np.array([item.path[0] for item in trees])
+    away, _ = cKDTree(places).query(places, k=2)
+    gap = float(np.median(away[:, 1] - [float(item.size_m[0]) for item in trees]))
+    return "dense" if gap <= 0.1 else "sparse" if gap >= 1.5 else None
 
 
 def _distances(rays: Floats, origin: Floats, item: ObjectParams, time_s: float) -> Floats:

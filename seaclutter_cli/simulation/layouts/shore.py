@@ -75,7 +75,7 @@ def shore(
     houses : float
         Share of the pieces with a house.
     """
-    bright = plan.log(0.05, 0.6)
+    bright = plan.log(0.015, 0.6)
     step = 12.0 if kind == "bank" or not np.isinf(line.bend_m) else 40.0
     depth = height_m * plan.uniform(1.0, 3.0) + 3 if kind == "bank" else plan.uniform(1.0, 6.0)
     pieces = max(1, round((extent_m[1] - extent_m[0]) / step))
@@ -102,5 +102,5 @@ def moor(plan: Plan, line: Line, extent_m: tuple[float, float], kinds: tuple[str
             heading = line.piece(along, along + size[0], 1.0)[2] + 180 * plan.count(0, 1) + plan.uniform(-2, 2)
             place = line.at(along + size[0] / 2, -size[1] / 2 - plan.uniform(0.2, 0.8))
             if np.hypot(*place) > size[0] / 2 + 5:
-                plan.add(shape, place, size, heading, reflectivity=plan.log(0.06, 0.8))
+                plan.add(shape, place, size, heading, reflectivity=plan.log(0.03, 0.8))
         along += size[0] + plan.uniform(0.5, 4.0)

@@ -4,7 +4,7 @@ import yaml
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene
-from seaclutter_cli.simulation.layouts.rule import horizon
+from seaclutter_cli.simulation.layouts.rule import scene_class
 from seaclutter_cli.simulation.scene import builtin_scenes, load_scene, parse_scene
 
 SEEDS = range(6)
@@ -20,7 +20,7 @@ class TestEveryLayout:
         for seed in SEEDS:
             scene = made(name, seed)
             assert parse_scene(yaml.safe_load(yaml.safe_dump(scene.as_dict())), "again") == scene
-            assert horizon(scene).scene_class == LAYOUTS[name].scene_class
+            assert scene_class(scene) == LAYOUTS[name].scene_class
 
     def test_makes_another_one_of_each_seed(self, name):
         scenes = [made(name, seed) for seed in SEEDS]
