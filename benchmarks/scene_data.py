@@ -1,7 +1,8 @@
 """Recordings to train and test the scene classifier on: random scenes of every layout, a folder of frames each.
 
 Run as ``python benchmarks/scene_data.py FOLDER [RECORDINGS]``. Makes FOLDER/train and FOLDER/test/NAME for what the
-network never sees in training: layouts, lidars, rough seas, all of these together. In each, a folder for each scene.
+network never sees in training: layouts, lidars, rough seas, all of these together; and, of half as many recordings,
+FOLDER/plantation for the case of the paper. In each, a folder for each scene.
 In a quarter of the recordings the vessel lies exactly parallel to the longest thing about it, as if moored alongside.
 What is there already is kept, so an interrupted run can be taken up again.
 """
@@ -18,6 +19,7 @@ from seaclutter_cli.simulation.render import Renderer
 from seaclutter_cli.simulation.scene import Scene
 
 CLASSES = ("open", "confined")
+PLANTATIONS = ("dense", "sparse")
 HELD_LAYOUTS = {"regatta", "pile_field", "lock_chamber", "river"}
 HELD_LIDARS = {"VLP-16", "OS1-64"}
 ROUGH = 3.8
@@ -35,7 +37,11 @@ class Part(NamedTuple):
     rough: bool | None
 
     def has(self, layout: str, scene: Scene) -> bool:
-        held = (layout in HELD_LAYOUTS, scene.recording.lidar in HELD_LIDARS, scene.sea.sea_state >= ROUGH)
+        held = (
+            layout in HELD_LAYOUTS,
+            scene.recording.lidar in HELD_LIDARS,
+            getattr(scene.terrain, "sea_state", 0.0) >= ROUGH,
+        )
         return all(want is None or want == has for want, has in zip(self[2:], held, strict=True))
 
 
@@ -45,12 +51,13 @@ PARTS = {
     "test/lidars": Part(3, 0.15, False, True, False),
     "test/rough": Part(4, 0.15, False, False, True),
     "test/all": Part(5, 0.15, True, True, None),
+    "plantation": Part(7, 0.5, None, None, None),
 }
 
 
 def scenes(part: Part, kind: str, number: int) -> Iterator[tuple[str, Scene, bool]]:
     """Yield random scenes of a class, layout by layout in turn, and whether the vessel is to lie parallel."""
-    rng = np.random.default_rng([part.seed, CLASSES.index(kind)])
+    rng = np.random.default_rng([part.seed, (*CLASSES, *PLANTATIONS).index(kind)])
     names = [name for name, layout in LAYOUTS.items() if layout.scene_class == kind]
     names = [name for name in names if part.layout is None or (name in HELD_LAYOUTS) == part.layout]
     for index in range(number):
@@ -86,8 +93,8 @@ def write(scene: Scene, folder: Path, *, parallel: bool) -> None:
 
 def main(folder: Path, recordings: int) -> None:
     for name, part in PARTS.items():
-        for kind in CLASSES:
-            number = round(part.share * recordings / len(CLASSES))
+        for kind in PLANTATIONS if name == "plantation" else CLASSES:
+            number = round(part.share * recordings / 2)
             for index, (layout, scene, parallel) in enumerate(scenes(part, kind, number)):
                 target = folder / name / kind / f"{layout}-{index:04d}"
                 if not target.exists() or len(list(target.glob("*.npy"))) < FRAMES:
