@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
+from functools import cache
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -71,18 +72,25 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
 
 def _type_problems(kind: type[Any], values: Mapping[str, Any], section: str) -> list[str]:
     """Tell which values are of a wrong type or beyond their limits."""
-    from pydantic import ConfigDict, ValidationError, create_model
+    from pydantic import ValidationError
+
+    try:
+        _model(kind).model_validate(values)  # type: ignore[arg-type] # a class is hashable
+    except ValidationError as error:
+        return [_explain(problem, section) for problem in error.errors()]
+    return []
+
+
+@cache
+def _model(kind: type[Any]) -> Any:
+    """Return the pydantic model of a dataclass; a scene has hundreds of one kind."""
+    from pydantic import ConfigDict, create_model
 
     hints = get_type_hints(kind, include_extras=True)
     declared: dict[str, Any] = {
         field.name: (hints[field.name], ... if field.default is MISSING else field.default) for field in fields(kind)
     }
-    config = ConfigDict(strict=True, allow_inf_nan=False)
-    try:
-        create_model(kind.__name__, __config__=config, **declared).model_validate(values)
-    except ValidationError as error:
-        return [_explain(problem, section) for problem in error.errors()]
-    return []
+    return create_model(kind.__name__, __config__=ConfigDict(strict=True, allow_inf_nan=False), **declared)
 
 
 def _explain(problem: Any, section: str) -> str:

@@ -7,7 +7,7 @@ from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene
 from seaclutter_cli.simulation.layouts.rule import scene_class
 from seaclutter_cli.simulation.scene import builtin_scenes, load_scene, parse_scene
 
-SEEDS = range(6)
+SEEDS = range(3)
 
 
 def made(name, seed):
