@@ -80,18 +80,18 @@ class MovingParams:
 
 @dataclass(frozen=True, kw_only=True)
 class VesselParams(MovingParams):
-    """Own vessel, and the lidar on it.
+    """Own vessel, or the vehicle on land, and the lidar on it.
 
     Parameters
     ----------
     length_m, width_m : float
         Of the hull.
     lidar_height_m : float
-        Height of the lidar above the waterline.
+        Height of the lidar above the waterline or the ground.
     lidar_forward_m : float
         How far ahead of the vessel's middle the lidar stands.
     sway : float
-        How much of the waves' height and slope the vessel follows, 0 to 1.
+        How much of the height and slope of waves or ground the vessel follows, 0 to 1.
     """
 
     length_m: Annotated[float, Gt(0)] = 7.0
@@ -103,7 +103,7 @@ class VesselParams(MovingParams):
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectParams(MovingParams):
-    """Something in the water.
+    """Something in the scene.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class ObjectParams(MovingParams):
     shape : str
         A shape by name.
     size_m : tuple of float
-        Length, width and height above the waterline.
+        Length, width and height above the waterline or the ground.
     reflectivity : float
         Of its brightest parts, met head on.
     sway : float

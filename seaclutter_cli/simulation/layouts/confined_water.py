@@ -120,7 +120,8 @@ def lock(rng: np.random.Generator) -> Scene:
     """Make a lock: close walls on both sides, gates ahead and astern, one of which may be open."""
     plan = Plan(rng)
     width, height = plan.log(8, 26), plan.log(0.9, 7.0)
-    share = plan.uniform(0.3, 0.7)
+    aside = min(0.2, 0.5 - 3.2 / width)  # room for own hull
+    share = plan.uniform(0.5 - aside, 0.5 + aside)
     ahead, astern = plan.log(18, 140), plan.log(14, 120)
     bright = plan.log(0.02, 0.5)
     for side, part in ((1, share), (-1, 1 - share)):

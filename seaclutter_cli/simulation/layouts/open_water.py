@@ -67,11 +67,11 @@ def regatta(rng: np.random.Generator) -> Scene:
 def coast(rng: np.random.Generator) -> Scene:
     """Make open water off a coast on one side, farther away than where facades count."""
     plan = Plan(rng)
-    away, bearing = plan.uniform(68, 150), plan.uniform(-180, 180)
+    away, bearing = plan.log(68, 115), plan.uniform(-180, 180)
     wiggle, wave = plan.uniform(0, 7), plan.log(40, 120)
     line = Line(away, bearing - 90, wiggle=lambda along: wiggle * float(np.sin(along / wave * 2 * np.pi)))
     kind = "bank" if plan.chance(0.7) else "quay_wall"
-    shore(plan, line, (-140, 140), kind, plan.log(1.0, 8.0), houses=plan.uniform(0, 0.5))
+    shore(plan, line, (-140, 140), kind, plan.log(2.0, 9.0), houses=plan.uniform(0, 0.5))
     plan.scatter(_ALL, plan.count(0, 7), 10, 70)
     return plan.scene("Open water off a coast.", speed_ms=plan.uniform(0, 8))
 

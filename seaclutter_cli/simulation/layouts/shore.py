@@ -8,6 +8,8 @@ import numpy as np
 
 from seaclutter_cli.simulation.layouts.plan import Place, Plan
 
+_FAR_M = 60.0
+
 
 @dataclass(frozen=True)
 class Line:
@@ -75,7 +77,8 @@ def shore(
     houses : float
         Share of the pieces with a house.
     """
-    bright = plan.log(0.015, 0.6)
+    # Dark walls keep the number of points from telling the classes apart; dark and far ones would not be seen.
+    bright = plan.log(0.015 if line.aside_m < _FAR_M else 0.12, 0.6)
     step = 12.0 if kind == "bank" or not np.isinf(line.bend_m) else 40.0
     depth = height_m * plan.uniform(1.0, 3.0) + 3 if kind == "bank" else plan.uniform(1.0, 6.0)
     pieces = max(1, round((extent_m[1] - extent_m[0]) / step))
