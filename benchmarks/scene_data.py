@@ -47,21 +47,21 @@ class Part(NamedTuple):
 
 PARTS = {
     "train": Part(1, 1.0, False, False, False),
-    "test/layouts": Part(2, 0.15, True, False, False),
-    "test/lidars": Part(3, 0.15, False, True, False),
-    "test/rough": Part(4, 0.15, False, False, True),
-    "test/all": Part(5, 0.15, True, True, None),
+    "test/layouts": Part(12, 0.125, True, False, False),
+    "test/lidars": Part(13, 0.125, False, True, False),
+    "test/rough": Part(14, 0.125, False, False, True),
+    "test/all": Part(15, 0.125, True, True, None),
     "plantation": Part(7, 0.5, None, None, None),
 }
 
 
 def scenes(part: Part, kind: str, number: int) -> Iterator[tuple[str, Scene, bool]]:
     """Yield random scenes of a class, layout by layout in turn, and whether the vessel is to lie parallel."""
-    rng = np.random.default_rng([part.seed, (*CLASSES, *PLANTATIONS).index(kind)])
     names = [name for name, layout in LAYOUTS.items() if layout.scene_class == kind]
     names = [name for name in names if part.layout is None or (name in HELD_LAYOUTS) == part.layout]
     for index in range(number):
         name = names[index % len(names)]
+        rng = np.random.default_rng([part.seed, (*CLASSES, *PLANTATIONS).index(kind), index])
         scene = LAYOUTS[name].make(rng)
         while not part.has(name, scene):
             scene = LAYOUTS[name].make(rng)
