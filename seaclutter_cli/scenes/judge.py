@@ -1,9 +1,8 @@
 """The scene of each frame: looked at every so often, and held steady."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-
-import numpy as np
 
 from seaclutter_cli.errors import ModelError
 from seaclutter_cli.frame import Frame
@@ -103,7 +102,7 @@ def make_judge(params: SceneParams) -> SceneJudge:
         If the model cannot be used, or sees another square than the configuration asks for.
     """
     model = SceneModel(params.scene_model)
-    if params.scene_extent_m is not None and not np.isclose(params.scene_extent_m, model.extent_m, rtol=1e-6):
+    if params.scene_extent_m is not None and not math.isclose(params.scene_extent_m, model.extent_m, rel_tol=1e-6):
         raise ModelError(
             f"{params.scene_model}: sees {model.extent_m:g} m to each side, scene_extent_m is {params.scene_extent_m:g}"
         )

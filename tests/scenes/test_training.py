@@ -95,5 +95,5 @@ def test_the_best_epoch_is_kept(torch):
 
 @pytest.mark.slow
 def test_it_learns(torch):
-    trained = train(toys(80), TrainingParams(epochs=12, batch=16))
+    trained = train(toys(80), TrainingParams(epochs=25, batch=8))
     assert trained.test.accuracy == 1
