@@ -1,0 +1,61 @@
+"""Top views of frames: what the scene classifier looks at."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+IMAGE_SIZE = 224
+"""Rows and columns of a top view."""
+
+
+def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
+    """Return a frame as seen from above: which cells of a square around the lidar hold a point.
+
+    Parameters
+    ----------
+    xyz : ndarray, shape (3, N), float64
+        Coordinates in metres; x points forward, which is up in the image, y to the left. Points with a coordinate that
+        is not finite, and those exactly at the origin, are no returns and not seen.
+    extent_m : float
+        Half the side of the square; > 0.
+
+    Returns
+    -------
+    ndarray, shape (224, 224), uint8
+        1 where there is a point, else 0; all 0 if there is none. The upper and the left edge of a cell belong to it.
+
+    Notes
+    -----
+    The binary image of S3 (its point cloud to image converter), computed in single precision: a cell's edge is as good
+    some micrometres further on.
+
+    Examples
+    --------
+    >>> np.argwhere(top_view(np.array([[50.0, 90], [0, 0], [1, 1]]), 60)).tolist()
+    [[18, 112]]
+    """
+    return mark_cells(xyz, extent_m, IMAGE_SIZE)
+
+
+def mark_cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[np.uint8]:
+    """Return a `top_view` of any even size: uint8, shape (size, size)."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        place = np.subtract(np.float32(extent_m), xyz[:2].astype(np.float32))
+        place *= np.float32(size / (2 * extent_m))
+        row, column = place
+        seen = row >= 0
+        seen &= row < size
+        seen &= column >= 0
+        seen &= column < size
+        seen &= np.isfinite(xyz[2])
+        cell, column_cell = place.astype(np.int32)
+    cell *= size
+    cell += column_cell
+    cells = cell[seen]
+    image = np.zeros(size * size, np.uint8)
+    image[cells] = 1
+    middle = (size + 1) * (size // 2)
+    if image[middle]:
+        at_origin = np.flatnonzero(xyz[0] == 0)
+        at_origin = at_origin[~xyz[:, at_origin].any(axis=0)]
+        image[middle] = np.count_nonzero(cells == middle) > len(at_origin)
+    return image.reshape(size, size)
