@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 GRIDS = {
-    "sor": ("neighbors=5,10,30,50", "std_ratio=0,0.25,0.5,1,2,3"),
-    "ror": ("radius_m=0.1,0.2,0.35,0.5,0.8,1.2", "min_neighbors=4,8,12,20"),
+    "sor": ("neighbors=5,10,30,60", "std_ratio=0,0.25,0.5,1,2,3,5"),
+    "ror": ("radius_m=0.1,0.2,0.35,0.5,0.8,1.2,2", "min_neighbors=2,4,8,12,20,30"),
     "adaptive_radius": (
-        "presets.{scene}.radius_ratio=0.0075,0.01,0.015,0.02,0.03,0.05",
-        "presets.{scene}.min_neighbors=4,6,9,12,20",
+        "presets.{scene}.radius_ratio=0.0075,0.01,0.015,0.02,0.03,0.05,0.08",
+        "presets.{scene}.min_neighbors=2,4,6,9,12,20,30",
     ),
 }
 TRAINING_PART = 0.4

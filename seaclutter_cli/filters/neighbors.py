@@ -103,7 +103,7 @@ def _over_neighbors(
     out = np.empty(len(distinct))
     size = max(1, _BLOCK_DISTANCES // k)
     for start in range(0, len(asked), size):
-        block = asked[start : start + size]
+        block = slice(start, start + size) if len(asked) == len(distinct) else asked[start : start + size]
         index, distance = search(distinct[block], k)
         if distinct is points:
             out[block] = reduce_distinct(distance)
