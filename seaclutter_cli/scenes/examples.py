@@ -132,7 +132,7 @@ def _most_in_line(x: NDArray[np.float64], y: NDArray[np.float64], turns: NDArray
         lines = ((axis - axis.min()) / cell_m for axis in (cos * x - sin * y, sin * x + cos * y))
         return sum(int((np.bincount(line.astype(np.int64)) ** 2).sum()) for line in lines)
 
-    return max(turns.tolist(), key=gathered)
+    return float(max(turns.tolist(), key=gathered))
 
 
 class Split(NamedTuple):
