@@ -39,18 +39,17 @@ def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
 def mark_cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[np.uint8]:
     """Return a `top_view` of any even size: uint8, shape (size, size)."""
     with np.errstate(invalid="ignore", over="ignore"):
-        place = np.subtract(np.float32(extent_m), xyz[:2].astype(np.float32))
+        place = xyz[:2].astype(np.float32)
+        np.subtract(np.float32(extent_m), place, out=place)
         place *= np.float32(size / (2 * extent_m))
         row, column = place
-        seen = row >= 0
-        seen &= row < size
-        seen &= column >= 0
-        seen &= column < size
-        seen &= np.isfinite(xyz[2])
-        cell, column_cell = place.astype(np.int32)
-    cell *= size
-    cell += column_cell
-    cells = cell[seen]
+        inside = np.minimum(row, column) >= 0  # not where either is NaN
+        inside &= np.maximum(row, column) < size
+        inside &= np.isfinite(xyz[2])
+        seen = np.flatnonzero(inside)
+    cells = row.take(seen).astype(np.int32)
+    cells *= size
+    cells += column.take(seen).astype(np.int32)
     image = np.zeros(size * size, np.uint8)
     image[cells] = 1
     middle = (size + 1) * (size // 2)
