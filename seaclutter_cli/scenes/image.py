@@ -46,7 +46,7 @@ def mark_cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[
     for start in range(0, xyz.shape[1], _BLOCK):
         cells = _cells(xyz[:, start : start + _BLOCK], extent_m, size)
         image[cells] = 1
-        in_middle += np.count_nonzero(cells == middle)
+        in_middle += int(np.count_nonzero(cells == middle))
     if in_middle:
         at_origin = np.flatnonzero(xyz[0] == 0)
         image[middle] = in_middle > np.count_nonzero(~xyz[:, at_origin].any(axis=0))
@@ -64,7 +64,7 @@ def _cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[np.i
         inside &= np.maximum(row, column) < size
         inside &= np.isfinite(xyz[2])
     seen = np.flatnonzero(inside)
-    cells = row.take(seen).astype(np.int32)
+    cells: NDArray[np.int32] = row.take(seen).astype(np.int32)
     cells *= size
     cells += column.take(seen).astype(np.int32)
     return cells
