@@ -5,7 +5,6 @@ Run as ``python benchmarks/scene_classifier.py rules FOLDER`` on the recordings 
 """
 
 import itertools
-import os
 import statistics
 import sys
 import time
@@ -96,9 +95,7 @@ def frame_of(points: NDArray[np.void], index: int = 0) -> Frame:
 
 
 def speed() -> None:
-    """Print the times of a frame of 57,600 points."""
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {0})
+    """Print the times of a frame of 57,600 points; all of it runs on one thread."""
     model = SceneModel("open_confined")
     full = frame_of(frame(1, 0.4))
     _ = full.xyz

@@ -12,7 +12,7 @@ from seaclutter_cli.scenes.image import IMAGE_SIZE, mark_cells
 
 _FINER = 4
 _WIDER = 1.5
-_WHOLE_QUARTERS = 1 / 3
+_ENOUGH_CELLS = 1500
 _SKETCH_SIZE = int(_FINER * _WIDER * IMAGE_SIZE)
 SHARES = (0.6, 0.2, 0.2)
 """Shares of the recordings of each class for training, validation and test, as in S3."""
@@ -39,6 +39,7 @@ class Examples:
     """Name and class of each recording."""
     _recording: list[int] = field(default_factory=list)
     _sketches: list[NDArray[np.int32]] = field(default_factory=list)
+    _straight: dict[int, float] = field(default_factory=dict)
 
     def begin(self, recording: str, scene: int) -> None:
         """Start a recording of a scene, given by its place among the classes."""
@@ -63,25 +64,41 @@ class Examples:
 
     def image(self, index: int, turn_rad: float = 0.0) -> NDArray[np.uint8]:
         """Return the top view of a frame, shape (224, 224), with the lidar turned; as it was seen if not turned."""
-        row, column = np.divmod(self._sketches[index], _SKETCH_SIZE)
-        middle, cell_m = _SKETCH_SIZE / 2 - 0.5, 2 * self.extent_m / (IMAGE_SIZE * _FINER)
-        x, y = (middle - row) * cell_m, (middle - column) * cell_m
+        x, y = self._places(index)
         cos, sin = np.cos(turn_rad), np.sin(turn_rad)
         return mark_cells(np.stack((cos * x - sin * y, sin * x + cos * y, np.zeros(len(x)))), self.extent_m, IMAGE_SIZE)
 
     def images(self, indices: Sequence[int] | NDArray[np.int64], rng: np.random.Generator | None) -> NDArray[np.uint8]:
-        """Return top views, shape (B, 1, 224, 224), each turned at random if there is a generator.
+        """Return top views, shape (B, 1, 224, 224), turned at random if there is a generator.
 
-        A third of them is turned by whole quarters: a quay exactly parallel to the vessel looks unlike all others, and
-        would never come up.
+        Half of them are turned by any angle, a quarter by whole quarters, and a quarter so that the `straight` lines in
+        them run along rows or columns: a quay parallel to the vessel looks unlike all others, and would hardly come up.
         """
         turns = np.zeros(len(indices))
         if rng is not None:
-            turns = rng.uniform(0, 2 * np.pi, len(indices))
-            whole = rng.random(len(indices)) < _WHOLE_QUARTERS
-            turns[whole] = rng.integers(4, size=len(indices))[whole] * np.pi / 2
+            kinds, quarters = rng.integers(4, size=(2, len(indices)))
+            turns = np.where(kinds < 2, rng.uniform(0, 2 * np.pi, len(indices)), quarters * np.pi / 2)
+            turns += [
+                self.straight(int(index)) if kind == 3 else 0.0 for index, kind in zip(indices, kinds, strict=True)
+            ]
         views = [self.image(int(index), turn) for index, turn in zip(indices, turns.tolist(), strict=True)]
         return np.stack(views)[:, None]
+
+    def straight(self, index: int) -> float:
+        """Return by how many radians a frame has to be turned so that its straight lines run along rows or columns."""
+        if index not in self._straight:
+            x, y = self._places(index)
+            step = -(-len(x) // _ENOUGH_CELLS)
+            turn = _most_in_line(x[::step], y[::step], np.radians(np.arange(90)), 2 * self.extent_m / IMAGE_SIZE)
+            nearby = turn + np.radians(np.linspace(-1, 1, 21))
+            self._straight[index] = _most_in_line(x[::step], y[::step], nearby, 2 * self.extent_m / IMAGE_SIZE)
+        return self._straight[index]
+
+    def _places(self, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return x and y of a frame's cells in metres."""
+        row, column = np.divmod(self._sketches[index], _SKETCH_SIZE)
+        middle, cell_m = _SKETCH_SIZE / 2 - 0.5, 2 * self.extent_m / (IMAGE_SIZE * _FINER)
+        return (middle - row) * cell_m, (middle - column) * cell_m
 
     def split(self, seed: int) -> "Split":
         """Part the frames by their recordings, each class in the shares of `SHARES`.
@@ -105,6 +122,17 @@ class Examples:
             part[rng.permutation(members)] = np.repeat(range(len(SHARES)), (len(members) - sum(held), *held))
         of_frame = part[self._recording]
         return Split(*(np.flatnonzero(of_frame == number) for number in range(len(SHARES))))
+
+
+def _most_in_line(x: NDArray[np.float64], y: NDArray[np.float64], turns: NDArray[np.float64], cell_m: float) -> float:
+    """Return the one of some turns, in radians, that gathers most cells in few rows and columns."""
+
+    def gathered(turn: float) -> int:
+        cos, sin = np.cos(turn), np.sin(turn)
+        lines = ((axis - axis.min()) / cell_m for axis in (cos * x - sin * y, sin * x + cos * y))
+        return sum(int((np.bincount(line.astype(np.int64)) ** 2).sum()) for line in lines)
+
+    return float(max(turns.tolist(), key=gathered))
 
 
 class Split(NamedTuple):

@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 IMAGE_SIZE = 224
 """Rows and columns of a top view."""
 
+_BLOCK = 16384
+
 
 def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
     """Return a frame as seen from above: which cells of a square around the lidar hold a point.
@@ -38,24 +40,31 @@ def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
 
 def mark_cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[np.uint8]:
     """Return a `top_view` of any even size: uint8, shape (size, size)."""
+    image = np.zeros(size * size, np.uint8)
+    middle, in_middle = (size + 1) * (size // 2), 0
+    # Arrays of a whole frame would be new memory from the system each time, which costs more than the work itself.
+    for start in range(0, xyz.shape[1], _BLOCK):
+        cells = _cells(xyz[:, start : start + _BLOCK], extent_m, size)
+        image[cells] = 1
+        in_middle += int(np.count_nonzero(cells == middle))
+    if in_middle:
+        at_origin = np.flatnonzero(xyz[0] == 0)
+        image[middle] = in_middle > np.count_nonzero(~xyz[:, at_origin].any(axis=0))
+    return image.reshape(size, size)
+
+
+def _cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[np.int32]:
+    """Return the cells of the points that lie in the square, counted along the rows."""
     with np.errstate(invalid="ignore", over="ignore"):
-        place = np.subtract(np.float32(extent_m), xyz[:2].astype(np.float32))
+        place = xyz[:2].astype(np.float32)
+        np.subtract(np.float32(extent_m), place, out=place)
         place *= np.float32(size / (2 * extent_m))
         row, column = place
-        seen = row >= 0
-        seen &= row < size
-        seen &= column >= 0
-        seen &= column < size
-        seen &= np.isfinite(xyz[2])
-        cell, column_cell = place.astype(np.int32)
-    cell *= size
-    cell += column_cell
-    cells = cell[seen]
-    image = np.zeros(size * size, np.uint8)
-    image[cells] = 1
-    middle = (size + 1) * (size // 2)
-    if image[middle]:
-        at_origin = np.flatnonzero(xyz[0] == 0)
-        at_origin = at_origin[~xyz[:, at_origin].any(axis=0)]
-        image[middle] = np.count_nonzero(cells == middle) > len(at_origin)
-    return image.reshape(size, size)
+        inside = np.minimum(row, column) >= 0  # not where either is NaN
+        inside &= np.maximum(row, column) < size
+        inside &= np.isfinite(xyz[2])
+    seen = np.flatnonzero(inside)
+    cells: NDArray[np.int32] = row.take(seen).astype(np.int32)
+    cells *= size
+    cells += column.take(seen).astype(np.int32)
+    return cells

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError
@@ -25,6 +25,7 @@ def examples_of(recordings):
     return examples
 
 
+@settings(deadline=None)  # a sketch takes a millisecond
 @given(st.lists(st.tuples(st.integers(0, 1), st.integers(1, 2)), min_size=1, max_size=15), st.integers(0, 5))
 def test_split_by_recording(recordings, seed):
     examples = examples_of(recordings)
@@ -93,3 +94,26 @@ def test_batches_of_images():
     np.testing.assert_array_equal(*turned)
     assert (turned[0] != plain).any()
     assert examples.scenes.tolist() == [0, 0, 0, 1, 1]
+
+
+@pytest.mark.parametrize("turned_deg", [0, 13, 47.3, 88])
+def test_straight_lines_are_laid_along_rows_or_columns(turned_deg):
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(-55, 55, 900), np.where(rng.random(900) < 0.5, 14.0, -21.0)
+    turn = np.radians(turned_deg)
+    noise = rng.uniform(-50, 50, (2, 300))
+    walls = np.stack((np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y))
+    examples = Examples(("open", "confined"), 60.0)
+    examples.begin("r", 1)
+    examples.add(np.concatenate((np.concatenate((walls, noise), axis=1), np.ones((1, 1200)))))
+    off_deg = np.degrees(examples.straight(0) + turn) % 90
+    assert min(off_deg, 90 - off_deg) < 0.3
+    image = examples.image(0, examples.straight(0))
+    assert max(image.sum(axis=0).max(), image.sum(axis=1).max()) > 100
+
+
+def test_a_single_cell_has_no_lines_and_can_be_turned():
+    examples = Examples(("open", "confined"), 60.0)
+    examples.begin("r", 0)
+    examples.add(np.array([[5.0], [5.0], [1.0]]))
+    assert examples.image(0, examples.straight(0)).sum() == 1

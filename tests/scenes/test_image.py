@@ -100,6 +100,13 @@ def test_the_input_is_not_changed():
 
 
 def test_finer_cells_nest_in_those_of_a_view():
-    xyz = np.random.default_rng(1).uniform(-70, 70, (3, 5000))
+    xyz = np.random.default_rng(1).uniform(-70, 70, (3, 40000))
     finer = mark_cells(xyz, 60.0, 4 * IMAGE_SIZE).reshape(IMAGE_SIZE, 4, IMAGE_SIZE, 4)
     np.testing.assert_array_equal(finer.any(axis=(1, 3)), top_view(xyz, 60.0))
+
+
+def test_a_large_frame_is_all_of_its_points():
+    rng = np.random.default_rng(1)
+    xyz = rng.uniform(-70, 70, (3, 40000)) * (rng.random(40000) < 0.01)  # most are at the origin
+    np.testing.assert_array_equal(top_view(xyz, 60.0), top_view(xyz[:, xyz.any(axis=0)], 60.0))
+    assert not top_view(np.zeros((3, 40000)), 60.0).any()
