@@ -1,11 +1,12 @@
-"""Decoding of an RS-LiDAR-32 capture: frames a second and peak memory, on one core.
+"""RS-LiDAR-32 captures: decoding on one core, and the whole of ``seaclutter filter``.
 
-Run as ``python benchmarks/capture.py FOLDER``, on Linux or macOS. What is timed is all from the file to structured
-frames: finding the sensor and its calibration in the whole capture, then decoding every packet of it.
+Run as ``python benchmarks/capture.py FOLDER``, on Linux or macOS. What is timed of decoding is all from the file to
+structured frames: finding the sensor and its calibration in the whole capture, then decoding every packet of it.
 """
 
 import resource
 import statistics
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -27,6 +28,8 @@ START_NS = 1_700_000_000_000_000_000
 MODEL = MODELS["RS-LiDAR-32"]
 INFO = Ends(source_port=7788, target_port=7788)
 RUNS = 5
+SCENES = ("calm", "buoy_speedboat", "departure", "rough", "harbour")
+TURNS = 200
 
 
 def packets(turns: int, returns: float) -> Iterator[tuple[int, Ends, bytes]]:
@@ -57,8 +60,24 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 
 
-def main(folder: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
+def filter_scenes(folder: Path) -> None:
+    """Time the whole process on captures of simulated scenes; the sensor makes ten turns a second."""
+    print(f"\n{'scene':<16}{'turns':>7}{'seconds':>9}{'turns/s':>9}")
+    for scene in SCENES:
+        path = folder / f"{scene}.pcap"
+        tool = [sys.executable, "-m", "seaclutter_cli"]
+        if not path.exists():
+            subprocess.run([*tool, "simulate", scene, "-n", str(TURNS), "-o", str(path), "-q"], check=True)
+        seconds = []
+        for _ in range(RUNS):
+            started = time.perf_counter()
+            subprocess.run([*tool, "filter", str(path), "-o", str(folder / "out.mcap"), "--force", "-q"], check=True)
+            seconds.append(time.perf_counter() - started)
+        middle = statistics.median(seconds)
+        print(f"{scene:<16}{TURNS:>7}{middle:>9.2f}{TURNS / middle:>9.0f}", flush=True)
+
+
+def decode_captures(folder: Path) -> None:
     print(f"{'returns':<10}{'turns':>7}{'frames/s':>10}{'packets/s':>11}{'points/s':>12}{'peak MB':>9}")
     for turns, returns in ((300, 1.0), (300, 0.5), (1200, 0.5)):
         path = folder / f"rs-lidar-32-{turns}-{returns}.pcap"
@@ -71,7 +90,13 @@ def main(folder: Path) -> None:
             seconds.append(time.perf_counter() - started)
         middle = statistics.median(seconds)
         print(f"{returns:<10.0%}{turns:>7}{frames / middle:>10.0f}{frames * PACKETS_A_TURN / middle:>11.0f}", end="")
-        print(f"{points / middle:>12.3g}{peak_mb():>9.0f}")
+        print(f"{points / middle:>12.3g}{peak_mb():>9.0f}", flush=True)
+
+
+def main(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    decode_captures(folder)
+    filter_scenes(folder)
 
 
 if __name__ == "__main__":

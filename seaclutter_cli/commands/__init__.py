@@ -23,6 +23,7 @@ COMMANDS: Mapping[str, str] = {
     "evaluate": "Count false and omitted alarms against labels; compare methods.",
     "tune": "Sweep parameters over labelled logs and report the best.",
     "simulate": "Make a labelled lidar recording of a scene at sea.",
+    "scene": "Train, test and use the classifier of scenes.",
     "classify": "Take the sea out of airborne lidar tiles and name what is in it.",
     "config": "Show and check configurations; list what is built in.",
 }

@@ -32,6 +32,7 @@ class Sensor:
 _ROBOSENSE = frozenset({"ring", "timestamp"})
 _VELODYNE = frozenset({"ring", "time"})
 _OUSTER = frozenset({"t", "reflectivity", "ring", "range"})
+_PHOTONS = "photon counts; reflectivity 0 to 255"
 _HESAI = frozenset({"ring", "timestamp"})
 
 SENSORS: Mapping[str, Sensor] = {
@@ -39,11 +40,22 @@ SENSORS: Mapping[str, Sensor] = {
     "RS-LiDAR-16": Sensor("RoboSense", 16, 1800, "0 to 255", _ROBOSENSE),
     "RS-Helios": Sensor("RoboSense", 32, 1800, "0 to 255", _ROBOSENSE),
     "VLP-16": Sensor("Velodyne", 16, 1800, "0 to 255", _VELODYNE),
+    "Puck Hi-Res": Sensor("Velodyne", 16, 1800, "0 to 255", _VELODYNE),
+    "VLP-32A": Sensor("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
+    "VLP-32B": Sensor("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
     "VLP-32C": Sensor("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
+    "HDL-32E": Sensor("Velodyne", 32, 2170, "0 to 255", _VELODYNE),
+    "Alpha Prime": Sensor("Velodyne", 128, 1800, "0 to 255", _VELODYNE),
     "HDL-64E": Sensor("Velodyne", 64, 2083, "0 to 255", _VELODYNE),
-    "OS1-32": Sensor("Ouster", 32, 1024, "photon counts; reflectivity 0 to 255", _OUSTER),
-    "OS1-64": Sensor("Ouster", 64, 1024, "photon counts; reflectivity 0 to 255", _OUSTER),
-    "OS1-128": Sensor("Ouster", 128, 1024, "photon counts; reflectivity 0 to 255", _OUSTER),
+    "OS0-32": Sensor("Ouster", 32, 1024, _PHOTONS, _OUSTER),
+    "OS0-64": Sensor("Ouster", 64, 1024, _PHOTONS, _OUSTER),
+    "OS0-128": Sensor("Ouster", 128, 1024, _PHOTONS, _OUSTER),
+    "OS1-32": Sensor("Ouster", 32, 1024, _PHOTONS, _OUSTER),
+    "OS1-64": Sensor("Ouster", 64, 1024, _PHOTONS, _OUSTER),
+    "OS1-128": Sensor("Ouster", 128, 1024, _PHOTONS, _OUSTER),
+    "OS2-32": Sensor("Ouster", 32, 1024, _PHOTONS, _OUSTER),
+    "OS2-64": Sensor("Ouster", 64, 1024, _PHOTONS, _OUSTER),
+    "OS2-128": Sensor("Ouster", 128, 1024, _PHOTONS, _OUSTER),
     "Pandar40P": Sensor("Hesai", 40, 1800, "0 to 255", _HESAI),
     "PandarXT-32": Sensor("Hesai", 32, 2000, "0 to 255", _HESAI),
 }
@@ -65,7 +77,7 @@ def guess_sensors(fields: Collection[str], rings: int | None, points: int) -> li
     Examples
     --------
     >>> guess_sensors(["x", "y", "z", "intensity", "ring", "time"], 16, 28000)
-    ['VLP-16']
+    ['Puck Hi-Res', 'VLP-16']
     >>> guess_sensors(["x", "y", "z", "intensity"], None, 28000)
     []
     """

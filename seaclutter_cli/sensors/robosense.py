@@ -14,7 +14,7 @@ from seaclutter_cli.sensors.robosense_clock import Clock, are_off, header_times
 from seaclutter_cli.sensors.robosense_device import Device, assumed_device, guess_model, read_device
 from seaclutter_cli.sensors.robosense_losses import Losses
 from seaclutter_cli.sensors.robosense_models import BLOCKS, CLASSIC_ID, HELIOS_ID, MODELS, Model
-from seaclutter_cli.sensors.robosense_packets import DATA, INFO_ID, PACKET_BYTES
+from seaclutter_cli.sensors.robosense_packets import DATA, INFO_ID, PACKET_BYTES, temperatures_degc
 from seaclutter_cli.sensors.robosense_points import Geometry
 
 _WHOLE = 100
@@ -153,6 +153,8 @@ class RoboSenseDecoder:
         self.facts = Facts(device.model.name, dict(device.details), warnings=warnings)
         header_ns = header_times(sample.payloads.view(DATA)[:, 0], helios=self._helios)
         wrong = bool(are_off(header_ns, sample.times_ns).mean() > 0.5)
+        warmth = temperatures_degc(sample.payloads.view(DATA)[:1, 0])[0]
+        self.facts.details["temperature"] = f"{warmth:.1f} °C at the beginning"
         self.facts.details["clock"] = "of the recording; the sensor's is off" if wrong else "of the sensor, as UTC"
         if wrong:
             warnings.append("the sensor's clock is off by more than a day: stamps are those of the recording")

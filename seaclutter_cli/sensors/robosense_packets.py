@@ -37,6 +37,21 @@ def channels(raw: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(raw).view(CHANNEL).reshape(-1, CHANNELS)
 
 
+def temperatures_degc(packets: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the temperature in data packets, shape (P,), in degrees Celsius.
+
+    Examples
+    --------
+    >>> packets = np.zeros(2, DATA)
+    >>> packets["temperature"] = (0x18, 0x01), (0x18, 0x81)
+    >>> temperatures_degc(packets)
+    array([ 2.1875, -2.1875])
+    """
+    low, high = packets["temperature"].astype(np.int64).T
+    sixteenths = (high & 0x7F) << 5 | low >> 3
+    return np.asarray(np.where(high & 0x80, -sixteenths, sixteenths) / 16)
+
+
 @dataclass(frozen=True)
 class Columns:
     """What a sensor measured, block by block; P packets of 12 blocks.

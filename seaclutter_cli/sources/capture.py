@@ -95,6 +95,15 @@ class CaptureSource:
             cut += len(datagrams.cut)
         udp.fragments.finish()
         self.damage += reader.damage
+        self.damage += [
+            Damage(
+                self._path,
+                None,
+                f"{stray.count} packets from {stray.ends}, too few for a sensor",
+                stray.count * stray.length,
+            )
+            for stray in survey.strays()
+        ]
         if udp.fragments.lost:
             self.warnings.append(f"fragments of {udp.fragments.lost} datagrams are missing")
         if not survey.sensors():

@@ -13,6 +13,7 @@ from seaclutter_cli.sources.capture_udp import Datagrams, Udp
 _TRIED_AT_ONCE, _TRIED = 4, 256
 _SAMPLES, _CALIBRATIONS = 64, 32
 _MOST_FLOWS = 10_000
+_FEW = 10
 
 Kind = tuple[int, int]
 """Flow and length of a payload."""
@@ -47,9 +48,14 @@ class Flow:
     samples: list[tuple[int, NDArray[np.uint8]]] = field(default_factory=list)
     calibrations: list[tuple[int, NDArray[np.uint8]]] = field(default_factory=list)
 
+    @property
+    def ends(self) -> str:
+        """Sender and receiver, for people."""
+        return f"{self.address}:{self.source_port} to port {self.port}"
+
     def __str__(self) -> str:
         """Return what is said where no flow is of a sensor."""
-        return f"{self.count} of {self.length} bytes from {self.address}:{self.source_port} to port {self.port}"
+        return f"{self.count} of {self.length} bytes from {self.ends}"
 
 
 @dataclass
@@ -142,11 +148,20 @@ class Survey:
         if len(flow.calibrations) >= _CALIBRATIONS:
             self._calibrated.add(sensor)
 
+    def strays(self) -> list[Flow]:
+        """Return flows of so few data packets that those are rather damaged ones of another flow."""
+        most: dict[tuple[str | None, int], int] = defaultdict(int)
+        for flow in self.flows.values():
+            most[flow.family, flow.length] = max(most[flow.family, flow.length], flow.count)
+        few = [flow for flow in self.flows.values() if flow.count < _FEW and flow.samples and not flow.calibrations]
+        return [flow for flow in few if flow.count * 100 < most[flow.family, flow.length]]
+
     def sensors(self) -> list[Sensor]:
         """Return the sensors, by address."""
         groups: dict[tuple[str, str], dict[Kind, Flow]] = defaultdict(dict)
+        strays = {id(flow) for flow in self.strays()}
         for kind, flow in self.flows.items():
-            if flow.family is not None:
+            if flow.family is not None and id(flow) not in strays:
                 groups[flow.address, flow.family][kind] = flow
         found = [sensor for group in groups.values() for sensor in _split(group)]
         addresses = [sensor.address for sensor in found]

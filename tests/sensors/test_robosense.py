@@ -146,11 +146,13 @@ def test_values_of_the_vendors_own_tests():
     info[468:474] = 1, 0x28, 0x29, 0, 0x09, 0x1D
     columns = columns_of(model, np.r_[1, 21, 51, np.full(9, 51)])
     payload = write_data(model, columns)[0]
+    payload[38:40] = 0x18, 0x01
     payload[46:49] = 0x03, 0xE8, 7
-    _, (frame,) = decode(payload[None], columns.times_ns, info)
+    decoder, (frame,) = decode(payload[None], columns.times_ns, info)
     first = frame.points[0]
     assert first["z"] == np.float32(5.0) * np.float32(np.sin(np.radians(-10.28)))
     assert first["intensity"] == 7
+    assert decoder.facts.details["temperature"] == "2.2 °C at the beginning"
     device = read_device(model, info)
     assert list(device.angles.vertical[:2]) == [-1028, 233]
     step, _ = steps(np.array([[1, 21, 51, *[76] * 9]]), replace(device, turns_hz=12))

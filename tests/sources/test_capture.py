@@ -249,6 +249,16 @@ class TestDamage:
                 assert sum(cloud.size for cloud in clouds["/points"]) == (whole - 1) * 12 * 32
                 assert source.damage == reader.damage
 
+    @pytest.mark.parametrize("stray", [{"source": "192.168.1.72"}, {}])
+    def test_damaged_addresses_make_no_sensors(self, tmp_path, stray):
+        rows = captures.sensor_packets(300)
+        records = frames(rows)
+        records[50:52] = frames([(time, data, 6699 if stray else 99) for time, data, _ in rows[50:52]], **stray)
+        source, clouds = read(tmp_path / "log.pcap", pcap(records))
+        assert list(clouds) == ["/points"]
+        assert [(item.what.partition(" from ")[0], item.lost_bytes) for item in source.damage] == [("2 packets", 2496)]
+        assert sum(cloud.size for cloud in clouds["/points"]) == 298 * 12 * 32
+
     def test_bad_packets_are_counted(self, tmp_path):
         rows = [
             (time, b"\1" * 1248 if number in (3, 9) else data, port) for number, (time, data, port) in enumerate(ROWS)
