@@ -76,6 +76,32 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
         return None
 
 
+def build_sections(kinds: Mapping[str, type[Any]], raw: Mapping[str, Any], problems: list[str]) -> dict[str, Any]:
+    """Make the parameter object of each section, with defaults for one that is not there; see `build`."""
+    parts = {}
+    for section, kind in kinds.items():
+        values = raw.get(section) or {}
+        if not isinstance(values, dict):
+            problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
+            values = {}
+        parts[section] = build(kind, values, section, section, problems)
+    return parts
+
+
+def build_list(kind: type[Any], raw: Any, section: str, owner: str, problems: list[str]) -> list[Any]:
+    """Make a parameter object of each entry of a list, as far as nothing is wrong with it; see `build`."""
+    if not isinstance(raw, list):
+        problems.append(f"{section}: must be a list, is {kind_of(raw)}")
+        return []
+    found = []
+    for number, values in enumerate(raw):
+        if isinstance(values, dict):
+            found.append(build(kind, values, f"{section}.{number}", owner, problems))
+        else:
+            problems.append(f"{section}.{number}: must be a section with keys, is {kind_of(values)}")
+    return [entry for entry in found if entry is not None]
+
+
 def merged(values: Any, over: Any) -> Any:
     """Return settings with others laid over them, key by key where both are mappings.
 

@@ -12,7 +12,7 @@ from seaclutter_cli.airborne.forest import ForestParams
 from seaclutter_cli.airborne.objects import ObjectParams
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
+from seaclutter_cli.validation import build_sections, plain, read_yaml, refuse
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,7 @@ class Settings:
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return the settings as they stand in a file."""
-        return {
-            section.name: {key.name: as_lists(getattr(part, key.name)) for key in fields(part)}
-            for section in fields(self)
-            for part in (getattr(self, section.name),)
-        }
+        return {section.name: plain(getattr(self, section.name)) for section in fields(self)}
 
 
 def _kinds() -> dict[str, type[Any]]:
@@ -53,13 +49,7 @@ def parse_settings(raw: Mapping[str, Any], where: str) -> Settings:
     """Return the settings that a mapping describes; ``where`` names it in errors."""
     kinds = _kinds()
     problems = [f"{key}: unknown section; allowed: {', '.join(kinds)}" for key in raw if key not in kinds]
-    parts: dict[str, Any] = {}
-    for section, kind in kinds.items():
-        values = raw.get(section) or {}
-        if not isinstance(values, dict):
-            problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
-            values = {}
-        parts[section] = build(kind, values, section, section, problems)
+    parts = build_sections(kinds, raw, problems)
     refuse(where, problems)
     return Settings(**parts)
 

@@ -1,14 +1,11 @@
 """``seaclutter classify``: sea and objects in tiles of an airborne lidar."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
-from seaclutter_cli.commands.options import output_options
-
-F = TypeVar("F", bound=Callable[..., Any])
+from seaclutter_cli.commands.options import config_file_option, output_options, set_option
 
 
 @click.group(name="classify")
@@ -16,41 +13,28 @@ def command() -> None:
     """Take the sea out of airborne lidar tiles and name what is in it."""
 
 
-def _setting_options(command: F) -> F:
-    """Add the options that make up the settings."""
-    for option in reversed(_SETTINGS):
-        command = option(command)
-    return command
-
-
-_SETTINGS = (
-    click.option("-c", "--config", "config_file", type=click.Path(path_type=Path), metavar="FILE", help="Settings."),
-    click.option(
-        "-s",
-        "--set",
-        "overrides",
-        multiple=True,
-        metavar="KEY=VALUE",
-        help="Set a key, as in separation.window_m=30; repeatable.",
-    ),
-)
+_path = click.Path(path_type=Path)
 _tiles_argument = click.argument("tiles", metavar="TILE...", nargs=-1, required=True)
-_force_option = click.option("--force", is_flag=True, help="Replace existing output.")
-
-
-@command.command()
-@_tiles_argument
-@click.option(
+_output_option = click.option(
     "-o",
     "--output",
     required=True,
-    type=click.Path(path_type=Path),
+    type=_path,
     metavar="OUT",
     help="File for one tile, folder for several: LAS, LAZ, PCD, PLY or MCAP.",
 )
+_force_option = click.option("--force", is_flag=True, help="Replace existing output.")
+_config_option = config_file_option("Settings.")
+_set_option = set_option("separation.window_m=30")
+
+
+@command.command(short_help="Tell sea from what stands out of it.")
+@_tiles_argument
+@_output_option
 @click.option("--with-height", is_flag=True, help="Also write each point's height above the sea surface.")
 @_force_option
-@_setting_options
+@_config_option
+@_set_option
 @output_options
 def separate(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
     """Tell the sea in each TILE from what stands out of it, by morphological opening.
@@ -64,10 +48,7 @@ def separate(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
     run(tiles, output, options)
 
 
-_path = click.Path(path_type=Path)
-
-
-@command.command()
+@command.command(short_help="Train a random forest on labelled tiles.")
 @_tiles_argument
 @click.option("-o", "--output", required=True, type=_path, metavar="MODEL", help="The model to write.")
 @click.option(
@@ -86,7 +67,8 @@ _path = click.Path(path_type=Path)
 )
 @click.option("--plot", "plot_file", type=_path, metavar="FILE", help="Draw the confusion matrix, as PNG or SVG.")
 @_force_option
-@_setting_options
+@_config_option
+@_set_option
 @output_options
 def train(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
     """Train a random forest on labelled TILEs to tell the classes of objects.
@@ -100,22 +82,16 @@ def train(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
     run(tiles, output, options)
 
 
-@command.command()
+@command.command(short_help="Name points and objects, by a model.")
 @_tiles_argument
 @click.option("--model", required=True, type=_path, metavar="MODEL", help="A model that train has written.")
-@click.option(
-    "-o",
-    "--output",
-    required=True,
-    type=_path,
-    metavar="OUT",
-    help="File for one tile, folder for several: LAS, LAZ, PCD, PLY or MCAP.",
-)
+@_output_option
 @click.option("--csv", "csv_file", type=_path, metavar="FILE", help="Also write a line for each object.")
 @click.option("--geojson", "geojson_file", type=_path, metavar="FILE", help="Also write the objects' boxes.")
 @click.option("--plot", "plot_file", type=_path, metavar="FILE", help="Draw the tile from above, as PNG or SVG.")
 @_force_option
-@_setting_options
+@_config_option
+@_set_option
 @output_options
 def predict(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
     """Name what stands out of the sea in each TILE, by a model, and find the objects.

@@ -97,6 +97,17 @@ _OUTPUT = (
 )
 
 
+def config_file_option(said: str) -> Callable[[F], F]:
+    """Return the option for a file of settings."""
+    return click.option("-c", "--config", "config_file", type=click.Path(path_type=Path), metavar="FILE", help=said)
+
+
+def set_option(example: str) -> Callable[[F], F]:
+    """Return the option for single settings."""
+    said = f"Set a key, as in {example}; repeatable."
+    return click.option("-s", "--set", "overrides", multiple=True, metavar="KEY=VALUE", help=said)
+
+
 def config_options(command: F) -> F:
     """Add the options that make up the configuration."""
     for option in reversed(_CONFIG):
@@ -105,16 +116,7 @@ def config_options(command: F) -> F:
 
 
 _CONFIG = (
-    click.option(
-        "-c", "--config", "config_file", type=click.Path(path_type=Path), metavar="FILE", help="Configuration file."
-    ),
+    config_file_option("Configuration file."),
     click.option("-m", "--method", metavar="NAME", help="Filter method, whatever the configuration says."),
-    click.option(
-        "-s",
-        "--set",
-        "overrides",
-        multiple=True,
-        metavar="KEY=VALUE",
-        help="Set a key, as in filter.start_m=5; repeatable.",
-    ),
+    set_option("filter.start_m=5"),
 )

@@ -15,7 +15,7 @@ from seaclutter_cli.simulation.noise import NoiseParams
 from seaclutter_cli.simulation.shapes import SHAPES
 from seaclutter_cli.simulation.terrain import TERRAINS, TerrainParams, terrain_name
 from seaclutter_cli.sinks.atomic import AtomicFile
-from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
+from seaclutter_cli.validation import as_lists, build_list, build_sections, read_yaml, refuse
 
 _SECTIONS = ("recording", *TERRAINS, "vessel", "noise", "objects")
 Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
@@ -245,13 +245,7 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
     }
     if "noise" in raw:
         kinds["noise"] = NoiseParams
-    parts: dict[str, Any] = {}
-    for section, kind in kinds.items():
-        values = raw.get(section) or {}
-        if not isinstance(values, dict):
-            problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
-            values = {}
-        parts[section] = build(kind, values, section, section, problems)
+    parts = build_sections(kinds, raw, problems)
     objects = _objects(raw.get("objects") or [], problems)
     refuse(where, problems)
     parts["terrain"] = parts.pop(chosen[0])
@@ -259,16 +253,7 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
 
 
 def _objects(raw: Any, problems: list[str]) -> list[ObjectParams]:
-    if not isinstance(raw, list):
-        problems.append(f"objects: must be a list, is {kind_of(raw)}")
-        return []
-    found: list[ObjectParams] = []
-    for number, values in enumerate(raw):
-        section = f"objects.{number}"
-        if isinstance(values, dict):
-            found.append(build(ObjectParams, values, section, "an object", problems))
-        else:
-            problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
-    ids = [item.track_id for item in found if item]
+    found: list[ObjectParams] = build_list(ObjectParams, raw, "objects", "an object", problems)
+    ids = [item.track_id for item in found]
     problems += [f"objects: track_id {one} occurs twice" for one in sorted({i for i in ids if ids.count(i) > 1})]
     return found

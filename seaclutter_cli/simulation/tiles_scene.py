@@ -1,7 +1,7 @@
 """Scenes of airborne tiles: what lies where, the sea, and the lidar above it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +11,7 @@ from annotated_types import Ge, Gt, Interval, Len
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.tiles_shapes import KINDS, Size
 from seaclutter_cli.truth import OBJECT_CLASSES
-from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
+from seaclutter_cli.validation import build_list, build_sections, kind_of, plain, read_yaml, refuse
 
 _TRIES = 4000
 _MARGIN_M = 12.0
@@ -203,12 +203,8 @@ class TileScene:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the scene as it stands in a file, with all defaults."""
-        sections = {name: _plain(getattr(self, name)) for name in ("tile", "lidar", "water")}
-        return {**sections, "objects": [_plain(item) for item in self.objects]}
-
-
-def _plain(params: Any) -> dict[str, Any]:
-    return {field.name: as_lists(getattr(params, field.name)) for field in fields(params)}
+        sections = {name: plain(getattr(self, name)) for name in ("tile", "lidar", "water")}
+        return {**sections, "objects": [plain(item) for item in self.objects]}
 
 
 def _bounds(size: Size, heading: float) -> tuple[float, float]:
@@ -250,29 +246,11 @@ def load_tile_scene(name: str) -> TileScene:
 def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
     """Return the scene that a mapping describes; ``where`` names it in errors."""
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
-    parts: dict[str, Any] = {}
-    for section, kind in _KINDS.items():
-        values = raw.get(section) or {}
-        if not isinstance(values, dict):
-            problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
-            values = {}
-        parts[section] = build(kind, values, section, section, problems)
-    objects = [*_listed(raw.get("objects") or [], problems), *_random(raw.get("random") or {}, problems)]
+    parts = build_sections(_KINDS, raw, problems)
+    listed = build_list(ThingParams, raw.get("objects") or [], "objects", "an object", problems)
+    objects = [*listed, *_random(raw.get("random") or {}, problems)]
     refuse(where, problems)
     return TileScene(**parts, objects=tuple(objects))
-
-
-def _listed(raw: Any, problems: list[str]) -> list[ThingParams]:
-    if not isinstance(raw, list):
-        problems.append(f"objects: must be a list, is {kind_of(raw)}")
-        return []
-    found = []
-    for number, values in enumerate(raw):
-        if isinstance(values, dict):
-            found.append(build(ThingParams, values, f"objects.{number}", "an object", problems))
-        else:
-            problems.append(f"objects.{number}: must be a section with keys, is {kind_of(values)}")
-    return found
 
 
 def _random(raw: Any, problems: list[str]) -> list[ThingParams]:
