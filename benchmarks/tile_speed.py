@@ -1,12 +1,14 @@
-"""Times of the classification of tiles: python benchmarks/tile_speed.py FOLDER MODEL.
+"""Times of the classification of tiles: python benchmarks/tile_speed.py FOLDER MODEL [PDAL].
 
-Whole processes, file to file: `classify separate` of one million points, LAS and LAZ; `classify predict` of a tile with
-100,000 points that are no sea. MODEL is one that benchmarks/tiles.py has written.
+Whole processes, file to file: `classify separate` of one million points, LAS and LAZ, in turns with PDAL's ground
+filters if PDAL is its program; `classify predict` of a tile with 100,000 points that are no sea. MODEL is one that
+benchmarks/tiles.py has written.
 """
 
 import os
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -33,34 +35,48 @@ def tiles(folder: Path) -> dict[str, Path]:
     return {"las": folder / "million.las", "laz": folder / "million.laz", "dense": dense}
 
 
-def run(*arguments: str) -> tuple[float, float, float]:
+def classify(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "seaclutter_cli", "classify", *arguments, "--force", "-q"]
+
+
+def run(command: Sequence[str]) -> tuple[float, float, float]:
     """Return seconds by the clock, seconds of both cores together, and peak memory in MB."""
-    command = [sys.executable, "-m", "seaclutter_cli", "classify", *arguments, "--force"]
     started = perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    text = process.stdout.read() if process.stdout else ""
+    if process.stdout:
+        process.stdout.read()
     _, status, usage = os.wait4(process.pid, 0)
     if status:
         raise SystemExit(f"{' '.join(command)} failed")
     seconds = perf_counter() - started
-    print("   ", text.splitlines()[-1], flush=True)
     return seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
 
 
 def main() -> None:
-    folder, model = Path(sys.argv[1]), sys.argv[2]
+    folder, model, *pdal = Path(sys.argv[1]), *sys.argv[2:]
     made = tiles(folder)
-    jobs = {
-        "separate, LAS": ("separate", str(made["las"]), "-o", str(folder / "o.las")),
-        "separate, LAZ": ("separate", str(made["laz"]), "-o", str(folder / "o.laz")),
-        "separate, 100,000 not sea": ("separate", str(made["dense"]), "-o", str(folder / "d.laz")),
-        "predict, 100,000 not sea": ("predict", str(made["dense"]), "--model", model, "-o", str(folder / "d.laz")),
-    }
-    for name, arguments in jobs.items():
-        found = [run(*arguments) for _ in range(3)]
-        clock, cores, memory = (median(column) for column in zip(*found, strict=True))
-        least = min(seconds for seconds, *_ in found)
-        print(f"{name}: {clock:.2f} s (least {least:.2f}), {cores:.2f} s of CPU, {memory:.0f} MB", flush=True)
+    las, laz, dense = (str(path) for path in made.values())
+    out = str(folder / "out")
+    separate = {"separate, LAS": classify("separate", las, "-o", f"{out}.las")}
+    filters = {f"PDAL {name}, LAS": [*pdal, "translate", las, f"{out}.p.las", name] for name in ("pmf", "smrf") if pdal}
+    tell({**separate, **filters})
+    tell({"separate, LAZ": classify("separate", laz, "-o", f"{out}.laz")})
+    named = classify("predict", dense, "--model", model, "-o", f"{out}.d.laz")
+    tell({"separate, dense tile": classify("separate", dense, "-o", f"{out}.d.laz"), "predict, dense tile": named})
+
+
+def tell(commands: Mapping[str, Sequence[str]], runs: int = 5) -> None:
+    """Run commands in turns and print the medians, and the first one's time as a share of each."""
+    found: dict[str, list[tuple[float, float, float]]] = {name: [] for name in commands}
+    for _ in range(runs):
+        for name, command in commands.items():
+            found[name].append(run(command))
+    first = next(iter(found.values()))
+    for name, times in found.items():
+        clock, cores, memory = (median(column) for column in zip(*times, strict=True))
+        ratio = median(one[0] / other[0] for one, other in zip(first, times, strict=True))
+        spread = f"{min(times)[0]:.2f} to {max(times)[0]:.2f}"
+        print(f"| {name} | {clock:.2f} s ({spread}) | {cores:.2f} s | {memory:.0f} MB | {ratio:.2f} |", flush=True)
 
 
 if __name__ == "__main__":

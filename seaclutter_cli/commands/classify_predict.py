@@ -19,13 +19,15 @@ from seaclutter_cli.airborne.separation import WATER
 from seaclutter_cli.airborne.settings import load_settings
 from seaclutter_cli.commands.console import table
 from seaclutter_cli.commands.standing import Stood, stand_out
-from seaclutter_cli.commands.tiles import plan_tiles, refuse_overwriting_tiles, write_tile
+from seaclutter_cli.commands.tiles import plan_tiles, write_tile
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import draw_tile
 from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles, open_tile
 
+_INPUTS = ("model", "config_file")
+_TABLES = ("csv_file", "geojson_file", "plot_file")
 DIMENSIONS = {
     "predicted_class": ("u1", "0 none, 1 ship ... 8 garbage"),
     "probability": ("f4", "of the predicted class"),
@@ -80,9 +82,8 @@ def name_points(tile: LasTile | CloudTile, model: Model, *, quiet: bool) -> Name
 def run(patterns: Sequence[str], output: Path, options: Mapping[str, Any]) -> None:
     """Name the points of tiles and write them, and their objects."""
     tiles = find_tiles(patterns)
-    targets = plan_tiles(tiles, output, force=options["force"])
-    tables = [options[name] for name in ("csv_file", "geojson_file", "plot_file") if options[name]]
-    refuse_overwriting_tiles(tables, tiles, force=options["force"])
+    tables, inputs = ([options[name] for name in names if options[name]] for names in (_TABLES, _INPUTS))
+    targets = plan_tiles(tiles, output, tables, inputs, force=options["force"])
     _check_picture(options["plot_file"], len(tiles))
     model = _load(options)
     found: list[tuple[str, list[Found]]] = []

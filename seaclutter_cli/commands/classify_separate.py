@@ -56,7 +56,8 @@ def run(patterns: Sequence[str], output: Path, options: Mapping[str, Any]) -> No
     """Separate tiles and print what was found."""
     settings = load_settings(options["config_file"], options["overrides"])
     tiles = find_tiles(patterns)
-    targets = plan_tiles(tiles, output, force=options["force"])
+    config = [options["config_file"]] if options["config_file"] else []
+    targets = plan_tiles(tiles, output, inputs=config, force=options["force"])
     rows = [
         _separate(path, target, settings.separation, with_height=options["with_height"])
         for path, target in zip(tiles, targets, strict=True)

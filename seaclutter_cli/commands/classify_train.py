@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import click
@@ -14,9 +15,9 @@ from seaclutter_cli.airborne.forest import Samples, class_name, hold_out, join, 
 from seaclutter_cli.airborne.model import Model
 from seaclutter_cli.airborne.scores import Scores, confusion
 from seaclutter_cli.airborne.settings import Settings, load_settings
-from seaclutter_cli.commands.console import table
+from seaclutter_cli.commands.console import table, warn
+from seaclutter_cli.commands.outputs import refuse_replacing
 from seaclutter_cli.commands.standing import stand_out
-from seaclutter_cli.commands.tiles import refuse_overwriting_tiles
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.clustering import euclidean_clusters
 from seaclutter_cli.plots.figure import check_target, render
@@ -91,7 +92,7 @@ class Report:
                 f"trained on {self.trained:,} points, tested on {self.tested:,} of other {self.split}s",
                 table(head, rows),
                 f"overall accuracy {points.accuracy:.3f}, kappa {points.kappa:.3f}",
-                "importance: " + ", ".join(f"{name} {value:.2f}" for name, value in ranked),
+                fill("importance: " + ", ".join(f"{name} {value:.2f}" for name, value in ranked), 80),
             )
         )
 
@@ -112,7 +113,8 @@ def run(patterns: Sequence[str], output: Path, options: Mapping[str, Any]) -> No
     plot_file: Path | None = options["plot_file"]
     if plot_file:
         check_target(plot_file)
-    refuse_overwriting_tiles([output, *([plot_file] if plot_file else [])], tiles, force=options["force"])
+    config = [options["config_file"]] if options["config_file"] else []
+    refuse_replacing([output, *([plot_file] if plot_file else [])], [*tiles, *config], force=options["force"])
     parts = [_samples(number, path, settings, options) for number, path in enumerate(tiles)]
     model, report = fit(join(parts), settings)
     files = {output: model.to_bytes()}
@@ -123,6 +125,10 @@ def run(patterns: Sequence[str], output: Path, options: Mapping[str, Any]) -> No
     for path, data in files.items():
         with AtomicFile(path) as file:
             file.stream.write(data)
+    missing = [name for name, points in zip(report.names, report.points.matrix.sum(axis=1), strict=True) if not points]
+    if missing:
+        said = f"nothing of {', '.join(missing)} could be held out, so the test says nothing of that"
+        warn(f"{said}; train on more tiles, or on more objects", quiet=options["quiet"])
     click.echo(json.dumps(report.as_dict(), indent=2) if options["as_json"] else report.as_text())
 
 

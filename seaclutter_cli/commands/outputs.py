@@ -32,11 +32,21 @@ def plan_outputs(recordings: Sequence[Recording], output: Path) -> list[Path]:
 
 
 def refuse_overwriting(targets: Iterable[Path], recordings: Sequence[Recording], *, force: bool) -> None:
-    """Raise `UsageError` if a target is an input, or exists and may not be replaced."""
-    inputs = {path.resolve() for recording in recordings for path in recording.paths}
+    """Raise `UsageError` if a target is an input, comes twice, or exists and may not be replaced."""
+    refuse_replacing(targets, [path for recording in recordings for path in recording.paths], force=force)
+
+
+def refuse_replacing(targets: Iterable[Path], paths: Iterable[Path], *, force: bool) -> None:
+    """Raise `UsageError` if a target is one of the input's paths, comes twice, or exists and may not be replaced."""
+    inputs = {path.resolve() for path in paths}
+    seen: set[Path] = set()
     for target in targets:
-        if target.resolve() in inputs or inputs & set(target.resolve().parents):
+        file = target.resolve()
+        if file in inputs or inputs & set(file.parents):
             raise UsageError(f"{target}: is part of the input; choose another output")
+        if file in seen:
+            raise UsageError(f"{target}: is named for two outputs")
+        seen.add(file)
         if target.is_dir():
             raise UsageError(f"{target}: is a folder")
         if target.exists() and not force:

@@ -60,7 +60,10 @@ def command(scene: str, output: Path, **options: Any) -> None:
     from seaclutter_cli.simulation.layouts import find_scene
     from seaclutter_cli.simulation.recording import record
     from seaclutter_cli.simulation.scene import save_scene
+    from seaclutter_cli.simulation.tiles_scene import is_tile_scene
 
+    if is_tile_scene(scene):
+        raise UsageError(f"{output}: {scene} is seen from the air; the name of its tile must end in .las or .laz")
     chosen = find_scene(scene, options["seed"]).with_recording(frames=options["frames"], lidar=options["lidar"])
     form = options["form"] or output.suffix.removeprefix(".")
     if form not in FORMATS or output.suffix != f".{form}":

@@ -11,8 +11,9 @@ import click
 import numpy as np
 
 from seaclutter_cli.commands.console import table
-from seaclutter_cli.commands.tiles import refuse_overwriting_tiles
+from seaclutter_cli.commands.outputs import refuse_replacing
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.simulation.scene import write_scene
 from seaclutter_cli.simulation.tiles import record_tile
 from seaclutter_cli.simulation.tiles_scene import load_tile_scene
 from seaclutter_cli.truth import OBJECT_CLASSES
@@ -27,7 +28,11 @@ def run(scene: str, output: Path, options: Mapping[str, Any]) -> None:
                 f"--{said}: tiles have none; height, density and returns stand in the scene's lidar section"
             )
     chosen = load_tile_scene(scene).with_tile(seed=options["seed"])
-    refuse_overwriting_tiles([output], [], force=options["force"])
+    scene_file = options["scene_file"]
+    given = [Path(scene)] if Path(scene).exists() else []
+    refuse_replacing([output, *([scene_file] if scene_file else [])], given, force=options["force"])
+    if scene_file:
+        write_scene(chosen.as_dict(), scene_file)
     points: Counter[int] = Counter()
     started = perf_counter()
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from seaclutter_cli.commands.outputs import refuse_replacing
 from seaclutter_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -16,8 +17,21 @@ if TYPE_CHECKING:
 _LAS = (".las", ".laz")
 
 
-def plan_tiles(tiles: Sequence[Path], output: Path, *, force: bool) -> list[Path]:
+def plan_tiles(
+    tiles: Sequence[Path], output: Path, further: Sequence[Path] = (), inputs: Sequence[Path] = (), *, force: bool
+) -> list[Path]:
     """Return the file for each tile: ``output`` itself for one, files of the tiles' names in it for several.
+
+    Parameters
+    ----------
+    tiles : sequence of Path
+        Tiles that are read.
+    output : Path
+        From the command line.
+    further, inputs : sequence of Path, optional
+        What else will be written, and what else is read.
+    force : bool
+        Whether files may be replaced.
 
     Raises
     ------
@@ -33,22 +47,10 @@ def plan_tiles(tiles: Sequence[Path], output: Path, *, force: bool) -> list[Path
         targets = [t if t.suffix.lower() in (*_LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
     if len(set(targets)) < len(targets):
         raise UsageError(f"{output}: two tiles have the same name; write them one by one")
-    refuse_overwriting_tiles(targets, tiles, force=force)
+    refuse_replacing([*targets, *further], [*tiles, *inputs], force=force)
     for tile, target in zip(tiles, targets, strict=True):
         _check_format(tile, target)
     return targets
-
-
-def refuse_overwriting_tiles(targets: Sequence[Path], tiles: Sequence[Path], *, force: bool) -> None:
-    """Raise `UsageError` if a target is a tile, a folder, or exists and may not be replaced."""
-    inputs = {tile.resolve() for tile in tiles}
-    for target in targets:
-        if target.resolve() in inputs:
-            raise UsageError(f"{target}: is part of the input; choose another output")
-        if target.is_dir():
-            raise UsageError(f"{target}: is a folder")
-        if target.exists() and not force:
-            raise UsageError(f"{target}: exists already; --force replaces it")
 
 
 def _check_format(tile: Path, target: Path) -> None:

@@ -220,7 +220,12 @@ def save_scene(scene: Scene, path: Path) -> None:
     OutputError
         If it cannot be written.
     """
-    sections = scene.as_dict(defaults=False)
+    write_scene(scene.as_dict(defaults=False), path)
+
+
+def write_scene(scene: Mapping[str, Any], path: Path) -> None:
+    """Write a scene as it stands in a file, each object on a line; `OutputError` if that cannot be done."""
+    sections = dict(scene)
     objects = sections.pop("objects")
     text = yaml.safe_dump(sections, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
     if objects:

@@ -69,6 +69,7 @@ def record_tile(scene: TileScene, path: Path, on_strip: Callable[[NDArray[np.voi
     header.system_identifier, header.generating_software = "simulated", "seaclutter simulate"
     header.creation_date = _MADE_ON
     header.uuid = UUID(int=0)
+    header.global_encoding.wkt = True  # as LAS 1.4 has it from point format 6 on; some readers insist
     empty = laspy.ScaleAwarePointRecord.zeros(0, header=header)
     with LasSink(path, header, TRUTH, whole=False) as sink:
         for points in strips_of(scene):

@@ -204,7 +204,8 @@ class TileScene:
     def as_dict(self) -> dict[str, Any]:
         """Return the scene as it stands in a file, with all defaults."""
         sections = {name: plain(getattr(self, name)) for name in ("tile", "lidar", "water")}
-        return {**sections, "objects": [plain(item) for item in self.objects]}
+        objects = [{key: value for key, value in plain(item).items() if value is not None} for item in self.objects]
+        return {**sections, "objects": objects}
 
 
 def _bounds(size: Size, heading: float) -> tuple[float, float]:
@@ -230,6 +231,12 @@ def builtin_tiles() -> Mapping[str, Path]:
     folders = (package / "configs", package.parent / "configs")  # installed; in a checkout
     folder = next((folder for folder in folders if folder.is_dir()), package) / "scenes" / "tiles"
     return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+def is_tile_scene(name: str) -> bool:
+    """Whether a name is that of a built-in tile scene, or of a file with a section ``tile``."""
+    path = Path(name)
+    return "tile" in read_yaml(path, _SECTIONS) if path.exists() else name in builtin_tiles()
 
 
 def load_tile_scene(name: str) -> TileScene:

@@ -16,14 +16,30 @@ Column = NDArray[Any]
 ExtraDims = Mapping[str, tuple[str, str]]
 """Type, as numpy writes it, and description by the name of a dimension."""
 
+_DIMENSIONS = ("LASF_Spec", 4)
+"""The record that describes further dimensions, in so many bytes each."""
+_DIMENSION_BYTES = 192
 _KEPT = ("maxs", "mins", "number_of_points_by_return")
+
+
+def _add(laspy: Any, header: Any, added: ExtraDims) -> None:
+    """Add dimensions to a header, and what describes them to its records, of which all else stays as it is."""
+    records = list(header.vlrs)
+    header.add_extra_dims([laspy.ExtraBytesParams(name, kind, text) for name, (kind, text) in added.items()])
+    whole = header.vlrs.get("ExtraBytesVlr")[0].record_data_bytes()
+    new = whole[-_DIMENSION_BYTES * len(added) :]
+    old = next((one for one in records if (one.user_id, one.record_id) == _DIMENSIONS), None)
+    sound = old is not None and len(old.record_data_bytes()) + len(new) == len(whole)
+    data = old.record_data_bytes() + new if old is not None and sound else whole
+    described = laspy.VLR(*_DIMENSIONS, old.description if old is not None else "Extra Bytes Record", data)
+    header.vlrs[:] = [described if one is old else one for one in records] + ([described] if old is None else [])
 
 
 class LasSink(AbstractContextManager["LasSink"]):
     """Writes the points of a LAS or LAZ file again, with some of their dimensions changed or added.
 
-    Header, records (VLR and EVLR), scale, offset and every dimension stay as they are; so do coordinates, which are
-    never unpacked. LAZ or LAS goes by the ending of the target.
+    Scale, offset and every dimension stay as they are; so do coordinates, which are never unpacked, and the header with
+    the records (VLR and EVLR) that it holds. LAZ or LAS goes by the ending of the target.
 
     Parameters
     ----------
@@ -41,7 +57,7 @@ class LasSink(AbstractContextManager["LasSink"]):
     MissingExtraError
         If laspy, or its part for LAZ, is not installed.
     OutputError
-        If the file cannot be written.
+        If the file cannot be written, or the source has waveforms between its points and records.
     """
 
     def __init__(self, path: Path, header: Any, extra: ExtraDims | None = None, *, whole: bool = True) -> None:
@@ -54,13 +70,13 @@ class LasSink(AbstractContextManager["LasSink"]):
         known = set(header.point_format.dimension_names)
         added = {name: said for name, said in (extra or {}).items() if name not in known}
         if added:
-            self._header.add_extra_dims(
-                [laspy.ExtraBytesParams(name, kind, text) for name, (kind, text) in added.items()]
-            )
+            _add(laspy, self._header, added)
         self._grown = bool(added)
         packed = path.suffix.lower() == ".laz"
         if packed and not laspy.LazBackend.LazrsParallel.is_available():
             raise MissingExtraError("LAZ", "las")
+        if self._header.global_encoding.waveform_data_packets_internal:
+            raise OutputError(f"{path}: the tile holds waveforms, which would be lost; keep them in a file beside it")
         self._file = AtomicFile(path)
         try:
             backend = laspy.LazBackend.LazrsParallel if packed else None

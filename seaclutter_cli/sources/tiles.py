@@ -12,7 +12,7 @@ from seaclutter_cli.errors import CloudError, InputError
 from seaclutter_cli.frame import INTENSITY_NAMES
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.guard import reading
-from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las
+from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, with_records
 
 if TYPE_CHECKING:
     from seaclutter_cli.cloud import Cloud
@@ -65,7 +65,7 @@ class LasTile:
     def __init__(self, path: Path) -> None:
         self.path = path
         with reading("LAS"), open_las(path, evlrs=True) as reader:
-            self.header = reader.header
+            self.header = with_records(reader.header, path)
             self.size = int(reader.header.point_count)
         self._small = self.size * self.header.point_format.size <= _KEPT_BYTES
         self._kept: list[Any] | None = None

@@ -1,7 +1,11 @@
 """Small tiles for the tests, made with laspy."""
 
+import struct
+
 import numpy as np
 import pytest
+
+GEO_KEYS = struct.pack("<8H", 1, 1, 0, 1, 1024, 0, 1, 1) + bytes(16)
 
 
 def sea(rng, size=4000, extent=(60.0, 50.0), wave=0.05):
@@ -23,6 +27,7 @@ def write(path, xyz, *, point_format=6, classification=None, extra=(), scale=0.0
     header.scales, header.offsets = [scale] * 3, offset
     header.system_identifier, header.generating_software = "test lidar", "test"
     header.vlrs.append(laspy.VLR("seaclutter", 7, "kept", b"abc"))
+    header.vlrs.append(laspy.VLR("LASF_Projection", 34735, "one key, and room for two more", GEO_KEYS))
     for name, kind, _ in extra:
         header.add_extra_dim(laspy.ExtraBytesParams(name, kind))
     out = laspy.LasData(header)
@@ -42,6 +47,25 @@ def write(path, xyz, *, point_format=6, classification=None, extra=(), scale=0.0
         out.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("seaclutter", 9, "behind", b"xyz" * 100)])
     out.write(path)
     return path
+
+
+def raw_records(path):
+    """Return a file's header and its records, before and behind the points, as bytes; without laspy."""
+    data = path.read_bytes()
+    size, (count,) = int.from_bytes(data[94:96], "little"), struct.unpack_from("<I", data, 100)
+    before = _records(data, size, count, "<xx16sHH32s")
+    behind = _records(data, *struct.unpack_from("<QI", data, 235), "<xx16sHQ32s") if data[25] > 3 else []
+    return data[:size], [one for one in before if one[1] != 22204], behind
+
+
+def _records(data, at, count, layout):
+    out = []
+    for _ in range(count):
+        user, number, length, said = struct.unpack_from(layout, data, at)
+        at += struct.calcsize(layout)
+        out.append((user.rstrip(b"\0"), number, said.rstrip(b"\0"), data[at : at + length]))
+        at += length
+    return out
 
 
 def read(path):

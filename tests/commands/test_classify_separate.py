@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.sources.frame_files import FRAME_READERS
-from tests.airborne.tiles import box, read, sea, write
+from tests.airborne.tiles import box, raw_records, read, sea, write
 from tests.paths import ROOT, shared
 
 
@@ -21,23 +21,21 @@ def points():
     return np.concatenate([sea(rng), box(rng, (20, 30), (10, 40), (2, 3))])
 
 
-def header_bytes(path):
-    """Return the file's bytes up to the points, but for what must differ: lengths, offsets, counts of records."""
-    las = read(path)
-    head = las.header
-    fields = ("file_source_id", "uuid", "system_identifier", "generating_software", "creation_date", "version")
-    values = [getattr(head, name) for name in fields]
-    arrays = [np.asarray(getattr(head, name)).tolist() for name in ("scales", "offsets", "mins", "maxs")]
-    vlrs = [(v.user_id, v.record_id, v.description, v.record_data_bytes()) for v in head.vlrs if v.record_id != 22204]
-    evlrs = [(v.user_id, v.record_id, v.record_data_bytes()) for v in las.evlrs or []]
-    return values, arrays, vlrs, evlrs, head.number_of_points_by_return.tolist(), head.global_encoding.value
+def headers(path, added):
+    """Return header and records, the former without lengths, offsets and counts of what is compressed or added."""
+    head, before, behind = raw_records(path)
+    changing = {*range(96, 105), *range(235, 243), *([105, 106] if added else [])}
+    return bytes(byte for at, byte in enumerate(head) if at not in changing), before, behind
 
 
 def assert_same_but_class(source, target, added=()):
     one, other = read(source), read(target)
-    assert header_bytes(source)[1:2] == header_bytes(target)[1:2]
+    old, new = headers(source, added), headers(target, added)
+    assert (old[0], old[2]) == (new[0], new[2])
     if not added:
-        assert header_bytes(source) == header_bytes(target)
+        assert old[1] == new[1]
+    for record in old[1]:
+        assert any(record[:3] == found[:3] and found[3].startswith(record[3]) for found in new[1])
     for name in one.point_format.dimension_names:
         if name != "classification":
             np.testing.assert_array_equal(one[name], other[name], err_msg=name)
@@ -60,8 +58,31 @@ def test_las_keeps_everything(tmp_path, suffix, point_format):
     assert json.loads(result.stdout)[0]["other"] == (found == 1).sum()
 
 
-def test_height_as_a_further_dimension(tmp_path):
-    tile = write(tmp_path / "tile.laz", points())
+def _describe(path, name):
+    """Say of a dimension which value stands for none, and its extent, which laspy would not write again."""
+    data = bytearray(path.read_bytes())
+    at = data.index(name) - 4
+    data[at + 3] |= 0b111
+    data[at + 40 : at + 48] = np.float64(-1).tobytes()
+    data[at + 64 : at + 72], data[at + 88 : at + 96] = np.float64(0).tobytes(), np.float64(5000).tobytes()
+    path.write_bytes(data)
+
+
+def test_waveforms_inside_are_refused(tmp_path):
+    tile = write(tmp_path / "tile.las", points())
+    data = bytearray(tile.read_bytes())
+    data[6] |= 2
+    tile.write_bytes(data)
+    result = run(tile, "-o", tmp_path / "out.las")
+    assert (result.exit_code, "waveforms, which would be lost" in result.stderr) == (1, True)
+
+
+@pytest.mark.parametrize("described", [False, True])
+def test_height_as_a_further_dimension(tmp_path, described):
+    extra = [("echo_width", "f8", np.arange(4400))] if described else []
+    tile = write(tmp_path / "tile.laz", points(), extra=extra)
+    if described:
+        _describe(tile, b"echo_width")
     assert run(tile, "-o", tmp_path / "out.laz", "--with-height").exit_code == 0
     assert_same_but_class(tile, tmp_path / "out.laz", added=("height_above_sea",))
     height = np.asarray(read(tmp_path / "out.laz")["height_above_sea"])

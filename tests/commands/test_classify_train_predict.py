@@ -61,7 +61,7 @@ def test_training_again_gives_the_same_model(trained, tiles):
     files = [tiles / f"t{seed}.laz" for seed in range(4)]
     result = run("classify", "train", *files, "-o", tiles / "again.skops", "-s", "forest.trees=20")
     assert "overall accuracy" in result.stdout
-    assert all(len(line) <= 80 for line in result.stdout.splitlines()[:-1])
+    assert all(len(line) <= 80 for line in result.stdout.splitlines())
     one, other = (
         run("classify", "predict", tiles / "t4.laz", "--model", m, "-o", tiles / "o.laz", "--json", "--force")
         for m in (trained[0], tiles / "again.skops")
@@ -168,6 +168,27 @@ def test_bad_tiles_for_training(tmp_path):
         result = run("classify", "train", tile, "-o", tmp_path / "m")
         assert (result.exit_code, said in result.stderr) == (1, True), result.stderr
     assert not (tmp_path / "m").exists()
+
+
+def test_what_could_not_be_tested_is_said(tmp_path):
+    tile = labelled(tmp_path / "t.laz", [1, 1, 2])
+    result = run("classify", "train", tile, "-o", tmp_path / "m", "-s", "forest.trees=5")
+    assert "nothing of reef could be held out" in result.stderr
+    assert all(len(line) <= 80 for line in result.stdout.splitlines())
+
+
+def test_no_output_takes_the_place_of_an_input_or_another(trained, tiles, tmp_path):
+    model, settings = trained[0], _file(tmp_path, "objects: {min_points: 9}")
+    before = model.read_bytes()
+    predict = ("classify", "predict", tiles / "t4.laz", "--model", model, "-c", settings, "--force")
+    for name in (model, settings, tiles / "t4.laz"):
+        result = run(*predict, "-o", tmp_path / "o.laz", "--csv", name)
+        assert (result.exit_code, "is part of the input" in result.stderr) == (2, True)
+    result = run(*predict, "-o", tmp_path / "o.laz", "--geojson", tmp_path / "." / "o.laz")
+    assert (result.exit_code, "is named for two outputs" in result.stderr) == (2, True)
+    result = run("classify", "train", tiles / "t4.laz", "-c", settings, "-o", settings, "--force")
+    assert (result.exit_code, "is part of the input" in result.stderr) == (2, True)
+    assert (model.read_bytes(), settings.read_text()) == (before, "objects: {min_points: 9}")
 
 
 def test_bad_command_lines(trained, tiles, tmp_path):

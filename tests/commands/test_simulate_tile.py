@@ -32,11 +32,23 @@ def test_a_scene_file(tmp_path, scene):
     assert told["sea"] > 2000
 
 
+def test_a_scene_that_is_saved_makes_the_same_tile(tmp_path, scene):
+    scene.write_text(SCENE + "random: {ship: 1}\n")
+    for path, out in ((scene, "a.laz"), (tmp_path / "saved.yaml", "b.laz")):
+        result = run(path, "-o", tmp_path / out, "--scene-file", tmp_path / f"{out}.yaml", "--seed", 7)
+        assert result.exit_code == 0, result.output
+        (tmp_path / "saved.yaml").write_bytes((tmp_path / "a.laz.yaml").read_bytes())
+    assert (tmp_path / "a.laz").read_bytes() == (tmp_path / "b.laz").read_bytes()
+
+
 def test_wrong_command_lines(tmp_path, scene):
     (tmp_path / "a.laz").write_text("mine")
     assert "--force" in run(scene, "-o", tmp_path / "a.laz").stderr
     assert "tiles have none" in run(scene, "-o", tmp_path / "b.laz", "-n", 3).stderr
     assert "there is no such tile scene; built in are" in run("nowhere", "-o", tmp_path / "b.laz").stderr
-    assert "unknown section" in run(scene, "-o", tmp_path / "b.mcap").stderr
+    for name in (scene, "small"):
+        result = run(name, "-o", tmp_path / "b.mcap")
+        assert (result.exit_code, "must end in .las or .laz" in result.stderr) == (2, True)
+    assert "is part of the input" in run(scene, "-o", tmp_path / "b.laz", "--scene-file", scene, "--force").stderr
     assert run("calm", "-o", tmp_path / "b.laz").exit_code == 2
     assert not (tmp_path / "b.laz").exists()

@@ -59,6 +59,13 @@ def test_every_object_is_where_the_scene_has_it(small):
         assert own["z"].max() > 0.45 * thing.size_m[2]
 
 
+def test_the_file_keeps_to_the_format(tmp_path):
+    laspy = pytest.importorskip("laspy")
+    record_tile(scene([{"kind": "reef", "at_m": [60, 50]}]), tmp_path / "t.laz")
+    header = laspy.read(tmp_path / "t.laz").header
+    assert (header.point_format.id, str(header.version), header.global_encoding.wkt) == (6, "1.4", True)
+
+
 def test_truth_fits_itself(small):
     _, points = small
     sea = points["object_id"] == 0

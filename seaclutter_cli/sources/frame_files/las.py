@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError, MissingExtraError
 from seaclutter_cli.sources.frame_files.guard import check_size, reading
+from seaclutter_cli.sources.frame_files.las_records import read_records
 
 CHUNK_POINTS = 500_000
 """Points that are decompressed at a time."""
@@ -88,6 +89,16 @@ def open_las(path: Path, *, evlrs: bool = False) -> Iterator[Any]:
                     raise MissingExtraError("LAZ", "las")
                 _check_compressed(reader.header, file, size)
             yield reader
+
+
+def with_records(header: Any, path: Path) -> Any:
+    """Return the header of a file that `open_las` has opened, with its records as they are in the file."""
+    laspy = _laspy()
+    with path.open("rb") as file:
+        vlrs, evlrs = read_records(laspy, file)
+    header.vlrs[:] = vlrs  # its setter would write some of them anew
+    header.evlrs = laspy.vlrs.vlrlist.VLRList(evlrs)
+    return header
 
 
 def _laspy() -> Any:
