@@ -29,7 +29,7 @@ from seaclutter_cli.truth import OBJECT_CLASSES
 
 WINDOWS_M = (4, 8, 12, 16, 20, 24, 30, 40, 60, 80)
 THRESHOLDS_M = (0.5, 0.8, 1.2)
-FRESH = (40, 41, 42, 43)
+FRESH = (50, 51, 52, 53)
 TABLE_1 = ("calm_ships", "reefs", "farms", "high")
 HEIGHTS_M = (300, 500, 800, 1200, 400, 600, 1000, 2000, 500, 350, 3000, 700, 250, 1500)
 PULSES_M2 = (1.6, 1.6, 1.2, 1.2, 2.4, 1.6, 1.2, 1.0, 2.0, 1.6, 1.0, 1.5, 2.0, 1.2)

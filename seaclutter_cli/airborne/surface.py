@@ -48,8 +48,8 @@ class SeparationParams(SurfaceParams):
     Parameters
     ----------
     island_m : float or None
-        What the opening leaves standing this far above the level of the sea is land, down to ``height_m`` above it;
-        null: it is sea, as in the paper.
+        What the opening leaves standing is land, down to ``height_m`` above the level of the sea, if it rises this far
+        above it; null: it is sea, as in the paper.
     """
 
     island_m: Annotated[float, Gt(0)] | None = 2.0
@@ -83,9 +83,9 @@ class Surface:
     * Empty cells are filled as `filled` tells, from as far as the window is wide; beyond they count as nothing.
     * An object wider than the window leaves its inner part in the opened surface, as if it were sea. With ``island_m``
       that part is told by its level: cells that are (lowest point or opened surface) more than ``height_m`` above the
-      sea level, and joined by side or corner with one whose opened surface is more than ``island_m`` above it, are
-      land; heights over land are above the sea level. That is the median of the opened surface in its commonest
-      ``island_m`` / 4: land has many elevations, the sea few.
+      sea level, and joined by side or corner with one that the opening leaves standing above that and whose lowest
+      point (or opened surface) is more than ``island_m`` above it, are land; heights over land are above the sea level.
+      That is the median of the opened surface in its commonest ``island_m`` / 4: land has many elevations, the sea few.
 
     References
     ----------
@@ -131,7 +131,9 @@ class Surface:
             corners[number] = key
         column, row = corners[slot, 0] * BLOCK + i, corners[slot, 1] * BLOCK + j
         part = joined_cells(column, row)
-        high = self._opened[land] > level + island_m
+        left = self._opened[land]
+        peak = np.where(np.isfinite(lowest[land]), lowest[land], left)
+        high = (left > above) & (np.maximum(left, peak) > level + island_m)
         islands = np.zeros(part.max(initial=-1) + 1, np.bool_)
         islands[part[high]] = True
         land[land] = islands[part]

@@ -77,8 +77,8 @@ def command(logs: tuple[str, ...], output: Path, **options: Any) -> None:
     config = _config(options)
     recordings = find_recordings(logs)
     plot_file: Path | None = options["plot_file"]
-    _check_plot(plot_file, output)
     refuse_overwriting([output, *([plot_file] if plot_file else [])], recordings, force=options["force"])
+    _check_plot(plot_file, output)
     job = Job(config, recordings, options)
     calibrated = job.run()
     text = calibrated.config_text()

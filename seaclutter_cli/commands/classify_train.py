@@ -16,7 +16,7 @@ from seaclutter_cli.airborne.model import Model
 from seaclutter_cli.airborne.scores import Scores, confusion
 from seaclutter_cli.airborne.settings import Settings, load_settings
 from seaclutter_cli.commands.console import table, warn
-from seaclutter_cli.commands.outputs import refuse_replacing
+from seaclutter_cli.commands.outputs import refuse_replacing, refuse_twice
 from seaclutter_cli.commands.standing import stand_out
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.clustering import euclidean_clusters
@@ -114,7 +114,9 @@ def run(patterns: Sequence[str], output: Path, options: Mapping[str, Any]) -> No
     if plot_file:
         check_target(plot_file)
     config = [options["config_file"]] if options["config_file"] else []
-    refuse_replacing([output, *([plot_file] if plot_file else [])], [*tiles, *config], force=options["force"])
+    outputs = [output, *([plot_file] if plot_file else [])]
+    refuse_twice(outputs)
+    refuse_replacing(outputs, [*tiles, *config], force=options["force"])
     parts = [_samples(number, path, settings, options) for number, path in enumerate(tiles)]
     model, report = fit(join(parts), settings)
     files = {output: model.to_bytes()}

@@ -32,21 +32,25 @@ def plan_outputs(recordings: Sequence[Recording], output: Path) -> list[Path]:
 
 
 def refuse_overwriting(targets: Iterable[Path], recordings: Sequence[Recording], *, force: bool) -> None:
-    """Raise `UsageError` if a target is an input, comes twice, or exists and may not be replaced."""
+    """Raise `UsageError` if a target is an input, or exists and may not be replaced."""
     refuse_replacing(targets, [path for recording in recordings for path in recording.paths], force=force)
 
 
+def refuse_twice(targets: Sequence[Path]) -> None:
+    """Raise `UsageError` if two targets are the same file."""
+    files = [target.resolve() for target in targets]
+    for number, target in enumerate(targets):
+        if files[number] in files[:number]:
+            raise UsageError(f"{target}: is named for two outputs")
+
+
 def refuse_replacing(targets: Iterable[Path], paths: Iterable[Path], *, force: bool) -> None:
-    """Raise `UsageError` if a target is one of the input's paths, comes twice, or exists and may not be replaced."""
+    """Raise `UsageError` if a target is one of the input's paths, or exists and may not be replaced."""
     inputs = {path.resolve() for path in paths}
-    seen: set[Path] = set()
     for target in targets:
         file = target.resolve()
         if file in inputs or inputs & set(file.parents):
             raise UsageError(f"{target}: is part of the input; choose another output")
-        if file in seen:
-            raise UsageError(f"{target}: is named for two outputs")
-        seen.add(file)
         if target.is_dir():
             raise UsageError(f"{target}: is a folder")
         if target.exists() and not force:

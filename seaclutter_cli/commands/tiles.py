@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seaclutter_cli.commands.outputs import refuse_replacing
+from seaclutter_cli.commands.outputs import refuse_replacing, refuse_twice
 from seaclutter_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def plan_tiles(
         targets = [t if t.suffix.lower() in (*_LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
     if len(set(targets)) < len(targets):
         raise UsageError(f"{output}: two tiles have the same name; write them one by one")
+    refuse_twice([*targets, *further])
     refuse_replacing([*targets, *further], [*tiles, *inputs], force=force)
     for tile, target in zip(tiles, targets, strict=True):
         _check_format(tile, target)

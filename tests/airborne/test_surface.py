@@ -43,6 +43,20 @@ def test_what_is_wider_stays_unless_it_is_an_island():
     np.testing.assert_array_equal(other(raised(flat, island, 3.0), SeparationParams()), island)
 
 
+def test_a_low_shore_belongs_to_a_peak_that_is_narrower_than_the_window():
+    """The opening leaves the shore alone standing, lower than ``island_m``."""
+    flat = plane()
+    shore, peak = inside(flat, (40, 80), (30, 70)), inside(flat, (52, 68), (42, 58))
+    found = other(raised(raised(flat, shore, 1.5), peak, 3.0), SeparationParams())
+    np.testing.assert_array_equal(found, shore)
+
+
+def test_a_ship_does_not_make_an_island_of_the_sea():
+    flat = plane(z=lambda x, y: 0.3 * np.sin(2 * np.pi * x / 80))
+    ship = inside(flat, (16, 28), (20, 60))
+    np.testing.assert_array_equal(other(raised(flat, ship, 9.0), SeparationParams()), ship)
+
+
 def test_a_low_bank_that_is_wide_is_no_island():
     flat = plane()
     assert not other(raised(flat, inside(flat, (40, 80), (30, 70)), 1.5), SeparationParams()).any()

@@ -33,7 +33,7 @@ def test_a_scene_file(tmp_path, scene):
 
 
 def test_a_scene_that_is_saved_makes_the_same_tile(tmp_path, scene):
-    scene.write_text(SCENE + "random: {ship: 1}\n")
+    scene.write_text(SCENE.replace("[90, 80]", "[200, 160]") + "random: {ship: 1}\n")
     for path, out in ((scene, "a.laz"), (tmp_path / "saved.yaml", "b.laz")):
         result = run(path, "-o", tmp_path / out, "--scene-file", tmp_path / f"{out}.yaml", "--seed", 7)
         assert result.exit_code == 0, result.output
