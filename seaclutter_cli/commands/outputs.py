@@ -3,12 +3,15 @@
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.sources import Recording
+
+if TYPE_CHECKING:
+    from seaclutter_cli.sources import Recording
 
 
-def plan_outputs(recordings: Sequence[Recording], output: Path) -> list[Path]:
+def plan_outputs(recordings: "Sequence[Recording]", output: Path) -> list[Path]:
     """Return the file for each recording: ``output`` itself for one, files in it for several.
 
     Raises
@@ -31,7 +34,7 @@ def plan_outputs(recordings: Sequence[Recording], output: Path) -> list[Path]:
     return list(targets)
 
 
-def refuse_overwriting(targets: Iterable[Path], recordings: Sequence[Recording], *, force: bool) -> None:
+def refuse_overwriting(targets: Iterable[Path], recordings: "Sequence[Recording]", *, force: bool) -> None:
     """Raise `UsageError` if a target is an input, or exists and may not be replaced."""
     refuse_replacing(targets, [path for recording in recordings for path in recording.paths], force=force)
 
