@@ -57,10 +57,11 @@ def main() -> None:
     made = tiles(folder)
     las, laz, dense = (str(path) for path in made.values())
     out = str(folder / "out")
-    separate = {"separate, LAS": classify("separate", las, "-o", f"{out}.las")}
-    filters = {f"PDAL {name}, LAS": [*pdal, "translate", las, f"{out}.p.las", name] for name in ("pmf", "smrf") if pdal}
-    tell({**separate, **filters})
-    tell({"separate, LAZ": classify("separate", laz, "-o", f"{out}.laz")})
+    for tile, suffix in ((las, ".las"), (laz, ".laz")):
+        separate = {f"separate, {suffix}": classify("separate", tile, "-o", out + suffix)}
+        names = ("pmf", "smrf") if pdal else ()
+        filters = {f"PDAL {name}, {suffix}": [*pdal, "translate", tile, f"{out}.p{suffix}", name] for name in names}
+        tell({**separate, **filters})
     named = classify("predict", dense, "--model", model, "-o", f"{out}.d.laz")
     tell({"separate, dense tile": classify("separate", dense, "-o", f"{out}.d.laz"), "predict, dense tile": named})
 

@@ -212,7 +212,7 @@ def textures(folder: Path, samples: Samples) -> None:
             axes.set_xlabel(title)
             axes.set_yticks([])
         handles, labels = axes.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=4)
+        figure.legend(handles, labels, loc="outside upper center", ncols=4, handlelength=1.0, columnspacing=1.0)
 
     (folder / "fig2.png").write_bytes(render(draw, ".png", aspect=1.3))
 
