@@ -57,5 +57,5 @@ def test_the_slope_is_that_of_the_density(size_m):
 def test_steps_are_those_of_the_simulated_lidars(name):
     horizontal, vertical = STEPS_DEG[name]
     lidar = LIDARS[name]
-    assert horizontal == pytest.approx(360 / lidar.columns, rel=0.01)
+    assert horizontal == pytest.approx(lidar.field_deg / lidar.columns, rel=0.01)
     assert vertical == pytest.approx(np.median(np.diff(sorted(lidar.elevations_deg))), rel=0.02)
