@@ -5,10 +5,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 Values = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ class Neighborhoods:
     def __init__(self, xy: NDArray[np.float64]) -> None:
         # Near the origin, distances are not rounded by coordinates of millions of metres.
         self._places = np.ascontiguousarray((xy - xy.min(axis=1, keepdims=True, initial=0.0)).T)
-        self._tree = KDTree(self._places, balanced_tree=False, compact_nodes=False)
+        self._tree = _tree(self._places)
 
     def nearest(self, shift_m: tuple[float, float]) -> NDArray[np.int64]:
         """Return for each point the nearest one of the cloud shifted by so much, shape (N,)."""
@@ -101,7 +101,7 @@ class Neighborhoods:
         return np.asarray(self._tree.indices, np.int64)
 
     def _block(self, points: NDArray[np.int64], radius_m: float) -> Block:
-        part = KDTree(self._places[points], balanced_tree=False, compact_nodes=False)
+        part = _tree(self._places[points])
         found = part.sparse_distance_matrix(self._tree, radius_m, output_type="ndarray")
         order = np.argsort(found["i"].astype(np.uint16), kind="stable")
         return Block(points, found["i"][order], found["j"][order])
@@ -112,3 +112,10 @@ def threads() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def _tree(places: NDArray[np.float64]) -> Any:
+    """Return a tree of places, shape (N, 2), that is quick to build."""
+    from scipy.spatial import KDTree  # takes a while to load, which settings alone are spared
+
+    return KDTree(places, balanced_tree=False, compact_nodes=False)

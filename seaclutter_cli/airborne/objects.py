@@ -11,11 +11,9 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from seaclutter_cli.airborne.features import Standing
 from seaclutter_cli.airborne.forest import class_name
-from seaclutter_cli.evaluation.clustering import euclidean_clusters
 
 Values = NDArray[np.float64]
 
@@ -114,6 +112,8 @@ def find_objects(
     An object's class is the one that most of its points have, a point's being its likeliest; of two equal ones, the
     first.
     """
+    from seaclutter_cli.evaluation.clustering import euclidean_clusters  # slow to load, and settings need it not
+
     flat = np.vstack((points.xy, np.zeros(points.xy.shape[1])))
     number = euclidean_clusters(flat, params.tolerance_m, params.min_points) + 1
     likeliest = probability.argmax(axis=1) if len(probability) else np.empty(0, np.int64)
@@ -149,6 +149,8 @@ def least_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float
     >>> center, size, yaw, area
     ((2.0, 1.0), (4.0, 2.0), 0.0, 8.0)
     """
+    from scipy.spatial import ConvexHull, QhullError
+
     origin = xy.mean(axis=0)
     try:
         hull = ConvexHull(xy - origin)

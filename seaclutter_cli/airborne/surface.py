@@ -6,8 +6,6 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from seaclutter_cli.airborne.grid import BLOCK, Grid
 from seaclutter_cli.airborne.opening import open_grid, without_pits
@@ -125,15 +123,17 @@ class Surface:
         """Return which cells are land, shape (S, 256, 256)."""
         lowest, above = self._grid.lowest, level + self.params.height_m
         land = (self._opened > above) | (np.isfinite(lowest) & (lowest > above))
+        left = self._opened[land]
+        peak = np.where(np.isfinite(lowest[land]), lowest[land], left)
+        high = (left > above) & (np.maximum(left, peak) > level + island_m)
+        if not high.any():
+            return np.zeros_like(land)
         slot, i, j = np.nonzero(land)
         corners = np.empty((len(self._grid.blocks), 2), np.int64)
         for key, number in self._grid.blocks.items():
             corners[number] = key
         column, row = corners[slot, 0] * BLOCK + i, corners[slot, 1] * BLOCK + j
         part = joined_cells(column, row)
-        left = self._opened[land]
-        peak = np.where(np.isfinite(lowest[land]), lowest[land], left)
-        high = (left > above) & (np.maximum(left, peak) > level + island_m)
         islands = np.zeros(part.max(initial=-1) + 1, np.bool_)
         islands[part[high]] = True
         land[land] = islands[part]
@@ -148,6 +148,9 @@ def joined_cells(column: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[n
     >>> joined_cells(np.array([0, 1, 5]), np.array([0, 1, 5]))
     array([0, 0, 1])
     """
+    from scipy.sparse import coo_array  # takes a while to load, which tiles without islands are spared
+    from scipy.sparse.csgraph import connected_components
+
     if not len(column):
         return np.empty(0, np.int64)
     span = int(row.max() - row.min()) + 3
