@@ -18,7 +18,7 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
+from seaclutter_cli.validation import as_lists, build, kind_of, parse_yaml, read_yaml, refuse
 
 DEFAULT_METHOD = "joint"
 _SECTIONS = ("filter", "evaluation", "sensor")
@@ -152,6 +152,11 @@ def load_config(
         section, key, value = _parse_override(override)
         merged[section][key] = value
     return _validate(prepare(merged), "command line")
+
+
+def parse_config(text: str, where: str) -> Config:
+    """Return a configuration from the text of a file, as `Config.to_yaml` writes it; ``where`` is for messages."""
+    return _validate(parse_yaml(text, where, _SECTIONS), where)
 
 
 def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:

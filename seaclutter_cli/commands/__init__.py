@@ -22,6 +22,7 @@ COMMANDS: Mapping[str, str] = {
     "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
     "evaluate": "Count false and omitted alarms against labels; compare methods.",
     "tune": "Sweep parameters over labelled logs and report the best.",
+    "report": "Show what a filter did, and how well, in one page.",
     "simulate": "Make a labelled lidar recording of a scene at sea.",
     "config": "Show and check configurations; list what is built in.",
 }

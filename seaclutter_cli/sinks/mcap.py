@@ -12,12 +12,11 @@ from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import CloudCodec, Source
 from seaclutter_cli.messages import find_codec
+from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
 from seaclutter_cli.messages.diagnostics import Diagnostics, diagnostics_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.sinks.mcap_writer import McapWriter
-
-DIAGNOSTICS_TOPIC = "/seaclutter/diagnostics"
 
 _NEW = -1
 _MAX_CHANNELS = 2**16

@@ -1,0 +1,121 @@
+"""Which frames of a recording are worth looking at: chosen while they pass, in bounded memory."""
+
+from bisect import insort
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+_APART = 5
+"""Frames that are closer look alike; one of them is enough."""
+
+WHY = ("worst", "best", "even", "picked")
+"""Why a frame was chosen: among the worst, among the best, one of those evenly spread, or asked for."""
+
+
+@dataclass(frozen=True)
+class Chosen(Generic[T]):
+    """A frame that was chosen.
+
+    Parameters
+    ----------
+    row : int
+        Its place among all frames.
+    why : str
+        One of `WHY`.
+    item : object
+        What was kept of it.
+    """
+
+    row: int
+    why: str
+    item: T
+
+
+class Choice(Generic[T]):
+    """Keeps the worst, the best and evenly spread frames of a stream whose length is not known.
+
+    Of those evenly spread every n-th is kept; n doubles whenever there are four times too many.
+
+    Parameters
+    ----------
+    frames : int
+        How many to choose, at least 1: half of them worst, a sixth best, the rest evenly spread.
+
+    Examples
+    --------
+    >>> choice = Choice(6)
+    >>> for row in range(100):
+    ...     choice.offer(row, badness=float(row == 42), merit=0.0, make=lambda row=row: f"frame {row}")
+    >>> [(chosen.row, chosen.why) for chosen in choice.chosen()]
+    [(42, 'worst'), (0, 'best'), (16, 'even'), (32, 'even'), (64, 'even'), (80, 'even')]
+    """
+
+    def __init__(self, frames: int) -> None:
+        self._bad, self._good = frames // 2, frames // 6
+        self._even = frames - self._bad - self._good
+        self._worst: list[tuple[float, int, T]] = []
+        self._best: list[tuple[float, int, T]] = []
+        self._spread: dict[int, T] = {}
+        self._stride = 1
+
+    def offer(self, row: int, *, badness: float | None, merit: float | None, make: Callable[[], T]) -> None:
+        """Offer a frame, in order of rows.
+
+        Parameters
+        ----------
+        row : int
+            Its place among all frames.
+        badness : float or None
+            How bad it is; 0 and None are not bad.
+        merit : float or None
+            How good it is; None cannot be among the best.
+        make : callable
+            Returns what to keep; called if the frame is kept for now.
+        """
+        made: list[T] = []
+
+        def item() -> T:
+            if not made:
+                made.append(make())
+            return made[0]
+
+        if badness:
+            _enter(self._worst, -badness, row, self._bad, item)
+        if merit is not None:
+            _enter(self._best, -merit, row, self._good, item)
+        if row % self._stride == 0:
+            self._spread[row] = item()
+            if len(self._spread) > 4 * self._even:
+                self._stride *= 2
+                self._spread = {kept: item for kept, item in self._spread.items() if kept % self._stride == 0}
+
+    def chosen(self) -> list[Chosen[T]]:
+        """Return the chosen frames, each once: the worst first, then the best, then others by their rows."""
+        found = {row: Chosen(row, "worst", item) for _, row, item in self._worst}
+        for _, row, item in self._best:
+            found.setdefault(row, Chosen(row, "best", item))
+        others = [Chosen(row, "even", item) for row, item in self.spread() if row not in found]
+        return [*found.values(), *_thinned(others, self._bad + self._good + self._even - len(found))]
+
+    def spread(self) -> list[tuple[int, T]]:
+        """Return all evenly spread frames that are still kept, with their rows."""
+        return sorted(self._spread.items(), key=lambda pair: pair[0])
+
+
+def _enter(ranked: list[tuple[float, int, T]], key: float, row: int, size: int, item: Callable[[], T]) -> None:
+    """Enter a frame into a list of the best, in place of one close to it if there is any."""
+    close = next((number for number, (_, other, _) in enumerate(ranked) if row - other < _APART), None)
+    rival = close if close is not None else len(ranked) - 1 if len(ranked) == size else None
+    if not size or (rival is not None and (key, row) >= ranked[rival][:2]):
+        return
+    if rival is not None:
+        del ranked[rival]
+    insort(ranked, (key, row, item()), key=lambda entry: entry[:2])
+
+
+def _thinned(items: list[Chosen[T]], count: int) -> list[Chosen[T]]:
+    if len(items) <= count:
+        return items
+    return [items[number * len(items) // count] for number in range(count)]

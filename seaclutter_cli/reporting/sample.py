@@ -1,0 +1,180 @@
+"""One frame to look at: its points, thinned, with reasons, truth, boxes and clusters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.matching import Found, Scene, finder_of, judge, point_truth, scene_of
+from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
+
+UNKNOWN, IS_CLUTTER, IS_TARGET, IS_IGNORED = range(4)
+"""What a point truly is."""
+
+_MAX_CLUSTERS = 400
+_FIRST_SHARE = 0.75
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A frame to look at, n of its points.
+
+    Parameters
+    ----------
+    frame : int
+        Number of the frame in its topic.
+    size, valid : int
+        Points of the frame, and those of them that are returns.
+    xyz : ndarray, shape (n, 3), float32
+        Metres.
+    intensity : ndarray, shape (n,), float32
+        In the sensor's unit; NaN where there is none.
+    reasons : ndarray, shape (methods, n), uint8
+        `Reason` by each method.
+    truth : ndarray, shape (n,), uint8
+        `UNKNOWN`, `IS_CLUTTER`, `IS_TARGET` or `IS_IGNORED`.
+    weight : ndarray, shape (n,), float32
+        Points of the frame that a shown one stands for.
+    boxes : list of dict
+        Labelled objects and areas to ignore: ``track``, ``class``, ``center``, ``size``, ``yaw``, and ``state``:
+        ``ignored``, ``hidden`` if not visible, else one of ``found`` and ``lost`` for each method.
+    clusters : list of list of dict
+        For each method ``low`` and ``high`` corners, ``points`` and ``kind``: ``target``, ``false``, or ``unknown``
+        without labels.
+    """
+
+    frame: int
+    size: int
+    valid: int
+    xyz: NDArray[np.float32]
+    intensity: NDArray[np.float32]
+    reasons: NDArray[np.uint8]
+    truth: NDArray[np.uint8]
+    weight: NDArray[np.float32]
+    boxes: list[dict[str, Any]]
+    clusters: list[list[dict[str, Any]]]
+
+    @property
+    def range_m(self) -> NDArray[np.float64]:
+        """Distance from the lidar in metres, shape (n,)."""
+        return np.asarray(np.linalg.norm(self.xyz.astype(np.float64), axis=1))
+
+
+def take_sample(
+    frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams, limit: int
+) -> Sample:
+    """Return what there is to see in a frame, in at most ``limit`` points.
+
+    Points that a method keeps, or that belong to a target, come first: a buoy of five points is to be seen among tens
+    of thousands. Where not all of either kind can be shown, they are thinned evenly.
+    """
+    points = np.zeros(frame.size, np.int64) if truth is None else point_truth(frame, truth, params)
+    kept = np.zeros(frame.size, np.bool_)
+    for result in results:
+        if result is not None:
+            kept |= result.keep
+    first = frame.valid & (kept | ((points != CLUTTER) & (points != IGNORED)))
+    shown, weight = _thin(np.flatnonzero(first), np.flatnonzero(frame.valid & ~first), limit)
+    reasons = np.full((len(results), len(shown)), Reason.INVALID, np.uint8)
+    for row, result in zip(reasons, results, strict=True):
+        if result is not None:
+            row[:] = result.reason[shown]
+    intensity = np.full(frame.size, np.nan) if frame.intensity_name is None else frame.intensity
+    scene = None if truth is None else scene_of(frame, truth, params)
+    judged = _judge(frame, results, scene, params)
+    return Sample(
+        frame.index,
+        frame.size,
+        int(np.count_nonzero(frame.valid)),
+        frame.xyz[:, shown].T.astype(np.float32),
+        intensity[shown].astype(np.float32),
+        reasons,
+        _truth(points[shown], known=truth is not None),
+        weight,
+        _boxes(truth, scene, [found for _, found in judged]),
+        [_clusters(frame, labels, found) for labels, found in judged],
+    )
+
+
+def _thin(
+    first: NDArray[np.int64], others: NDArray[np.int64], limit: int
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Return at most so many of the points, and how many each of them stands for."""
+    wanted = max(int(_FIRST_SHARE * limit), limit - len(others))
+    parts = [_evenly(first, wanted)]
+    parts.append(_evenly(others, limit - len(parts[0])))
+    weights = [
+        np.full(len(part), len(whole) / max(len(part), 1)) for part, whole in zip(parts, (first, others), strict=True)
+    ]
+    return np.concatenate(parts), np.concatenate(weights).astype(np.float32)
+
+
+def _evenly(members: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Return so many of the points, without a pattern: every n-th one could be all of the same beam."""
+    if len(members) <= count:
+        return members
+    scattered = np.arange(len(members), dtype=np.uint64) * np.uint64(2654435761) % np.uint64(2**32)
+    return members[np.sort(np.argpartition(scattered, count)[:count])]
+
+
+def _truth(points: NDArray[np.int64], *, known: bool) -> NDArray[np.uint8]:
+    if not known:
+        return np.full(len(points), UNKNOWN, np.uint8)
+    return np.select([points == CLUTTER, points == IGNORED], [IS_CLUTTER, IS_IGNORED], IS_TARGET).astype(np.uint8)
+
+
+def _judge(
+    frame: Frame, results: Sequence[FilterResult | None], scene: Scene | None, params: EvaluationParams
+) -> list[tuple[NDArray[np.int64], Found | None]]:
+    """Return for each method the cluster of each point, and what became of targets and clusters if that is known."""
+    finder = finder_of(frame, (result for result in results if result is not None), params)
+    judged = []
+    for result in results:
+        labels = np.full(frame.size, -1)
+        if result is not None:
+            labels = finder.clusters(result.keep & frame.valid, params.min_cluster_points)
+        judged.append((labels, None if scene is None or result is None else judge(labels, scene, params)))
+    return judged
+
+
+def _clusters(frame: Frame, labels: NDArray[np.int64], found: Found | None) -> list[dict[str, Any]]:
+    """Return the boxes around the clusters, the largest ones if there are very many."""
+    members = np.flatnonzero(labels >= 0)
+    if not len(members):
+        return []
+    members = members[np.argsort(labels[members], kind="stable")]
+    size = np.bincount(labels[members])
+    starts = np.cumsum(size) - size
+    xyz = frame.xyz[:, members]
+    low, high = (reduce.reduceat(xyz, starts, axis=1).T for reduce in (np.minimum, np.maximum))
+    kinds = ["unknown"] * len(size) if found is None else ["target" if own else "false" for own in found.belongs]
+    return [
+        {"low": _rounded(low[k]), "high": _rounded(high[k]), "points": int(size[k]), "kind": kinds[k]}
+        for k in np.sort(np.argsort(-size, kind="stable")[:_MAX_CLUSTERS]).tolist()
+    ]
+
+
+def _boxes(truth: Truth | None, scene: Scene | None, found: Sequence[Found | None]) -> list[dict[str, Any]]:
+    if truth is None or scene is None:
+        return []
+    boxes = [{**box, "state": "ignored"} for box in _described(truth.ignored)]
+    for number, box in enumerate(_described(truth.targets) if truth.targets is not None else ()):
+        states = [None if one is None else "found" if one.detected[number] else "lost" for one in found]
+        boxes.append({**box, "state": states if scene.visible[number] else "hidden"})
+    return boxes
+
+
+def _described(boxes: Boxes) -> list[dict[str, Any]]:
+    rows = zip(boxes.tracks, boxes.classes, boxes.centers, boxes.sizes, boxes.yaws, strict=True)
+    return [
+        {"track": track, "class": kind, "center": _rounded(center), "size": _rounded(size), "yaw": float(yaw)}
+        for track, kind, center, size, yaw in rows
+    ]
+
+
+def _rounded(values: NDArray[np.float64]) -> list[float]:
+    return [round(float(value), 3) for value in values]
