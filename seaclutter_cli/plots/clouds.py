@@ -88,7 +88,13 @@ def draw_boxes(axes: "Axes", sample: Sample, method: int) -> None:
     for box in sample.boxes:
         state = box["state"][method] if isinstance(box["state"], list) else box["state"]
         corners = _corners(box)
-        color = palette.STATES["omitted alarm"] if state == "lost" else "#0b6b50" if state == "found" else "0.5"
+        color = (
+            palette.STATES["omitted alarm"]
+            if state == "lost"
+            else palette.STATES["found"]
+            if state == "found"
+            else "0.5"
+        )
         axes.plot(-corners[:, 1], corners[:, 0], "-" if state == "found" else "--", color=color, linewidth=0.8)
     for cluster in sample.clusters[method]:
         if cluster["kind"] == "false":

@@ -198,7 +198,7 @@ class CloudView {
     }
     for (const box of boxes ? sample.boxes : []) {
       const state = Array.isArray(box.state) ? box.state[method] : box.state;
-      const color = state === "lost" ? states["omitted alarm"] : state === "found" ? "#0b6b50" : "#52606d";
+      const color = state === "lost" ? states["omitted alarm"] : state === "found" ? states.found : "#52606d";
       this.box(box.center, box.size, box.yaw, color, 1.6, state === "found" ? [] : [5, 4]);
       if (state === "ignored") continue;
       const note = { lost: " (lost)", hidden: " (not visible)" }[state] || "";

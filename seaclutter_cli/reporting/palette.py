@@ -18,7 +18,7 @@ REASONS: Mapping[Reason, str] = {
 TRUTH = {"unknown": "#8b8f94", "clutter": "#3f95e8", "target": "#14213d", "ignored": "#9a7400"}
 """Colours of what points truly are."""
 
-STATES = {"fine": "#d5dde3", "false alarm": "#c2410c", "omitted alarm": "#1d4ed8"}
+STATES = {"fine": "#d5dde3", "found": "#0b6b50", "false alarm": "#c2410c", "omitted alarm": "#1d4ed8"}
 """Colours of frames in the timeline of alarms, and of the boxes that caused them."""
 
 LINES = ("#14213d", "#d1661a", "#0b6b50", "#8a2bb0", "#2f7fd0", "#8a6d00")

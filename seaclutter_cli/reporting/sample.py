@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import Found, Scene, finder_of, judge, point_truth, scene_of
+from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.frame import FilterResult, Frame, Reason
-from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
+from seaclutter_cli.reporting.objects import objects_in
+from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 UNKNOWN, IS_CLUTTER, IS_TARGET, IS_IGNORED = range(4)
 """What a point truly is."""
 
-_MAX_CLUSTERS = 400
 _FIRST_SHARE = 0.75
 
 
@@ -40,11 +40,9 @@ class Sample:
     weight : ndarray, shape (n,), float32
         Points of the frame that a shown one stands for.
     boxes : list of dict
-        Labelled objects and areas to ignore: ``track``, ``class``, ``center``, ``size``, ``yaw``, and ``state``:
-        ``ignored``, ``hidden`` if not visible, else one of ``found`` and ``lost`` for each method.
+        Labelled objects and areas to ignore, as `objects_in` describes them.
     clusters : list of list of dict
-        For each method ``low`` and ``high`` corners, ``points`` and ``kind``: ``target``, ``false``, or ``unknown``
-        without labels.
+        Those of each method, likewise.
     """
 
     frame: int
@@ -84,8 +82,7 @@ def take_sample(
         if result is not None:
             row[:] = result.reason[shown]
     intensity = np.full(frame.size, np.nan) if frame.intensity_name is None else frame.intensity
-    scene = None if truth is None else scene_of(frame, truth, params)
-    judged = _judge(frame, results, scene, params)
+    boxes, clusters = objects_in(frame, results, truth, params)
     return Sample(
         frame.index,
         frame.size,
@@ -95,8 +92,8 @@ def take_sample(
         reasons,
         _truth(points[shown], known=truth is not None),
         weight,
-        _boxes(truth, scene, [found for _, found in judged]),
-        [_clusters(frame, labels, found) for labels, found in judged],
+        boxes,
+        clusters,
     )
 
 
@@ -125,56 +122,3 @@ def _truth(points: NDArray[np.int64], *, known: bool) -> NDArray[np.uint8]:
     if not known:
         return np.full(len(points), UNKNOWN, np.uint8)
     return np.select([points == CLUTTER, points == IGNORED], [IS_CLUTTER, IS_IGNORED], IS_TARGET).astype(np.uint8)
-
-
-def _judge(
-    frame: Frame, results: Sequence[FilterResult | None], scene: Scene | None, params: EvaluationParams
-) -> list[tuple[NDArray[np.int64], Found | None]]:
-    """Return for each method the cluster of each point, and what became of targets and clusters if that is known."""
-    finder = finder_of(frame, (result for result in results if result is not None), params)
-    judged = []
-    for result in results:
-        labels = np.full(frame.size, -1)
-        if result is not None:
-            labels = finder.clusters(result.keep & frame.valid, params.min_cluster_points)
-        judged.append((labels, None if scene is None or result is None else judge(labels, scene, params)))
-    return judged
-
-
-def _clusters(frame: Frame, labels: NDArray[np.int64], found: Found | None) -> list[dict[str, Any]]:
-    """Return the boxes around the clusters, the largest ones if there are very many."""
-    members = np.flatnonzero(labels >= 0)
-    if not len(members):
-        return []
-    members = members[np.argsort(labels[members], kind="stable")]
-    size = np.bincount(labels[members])
-    starts = np.cumsum(size) - size
-    xyz = frame.xyz[:, members]
-    low, high = (reduce.reduceat(xyz, starts, axis=1).T for reduce in (np.minimum, np.maximum))
-    kinds = ["unknown"] * len(size) if found is None else ["target" if own else "false" for own in found.belongs]
-    return [
-        {"low": _rounded(low[k]), "high": _rounded(high[k]), "points": int(size[k]), "kind": kinds[k]}
-        for k in np.sort(np.argsort(-size, kind="stable")[:_MAX_CLUSTERS]).tolist()
-    ]
-
-
-def _boxes(truth: Truth | None, scene: Scene | None, found: Sequence[Found | None]) -> list[dict[str, Any]]:
-    if truth is None or scene is None:
-        return []
-    boxes = [{**box, "state": "ignored"} for box in _described(truth.ignored)]
-    for number, box in enumerate(_described(truth.targets) if truth.targets is not None else ()):
-        states = [None if one is None else "found" if one.detected[number] else "lost" for one in found]
-        boxes.append({**box, "state": states if scene.visible[number] else "hidden"})
-    return boxes
-
-
-def _described(boxes: Boxes) -> list[dict[str, Any]]:
-    rows = zip(boxes.tracks, boxes.classes, boxes.centers, boxes.sizes, boxes.yaws, strict=True)
-    return [
-        {"track": track, "class": kind, "center": _rounded(center), "size": _rounded(size), "yaw": float(yaw)}
-        for track, kind, center, size, yaw in rows
-    ]
-
-
-def _rounded(values: NDArray[np.float64]) -> list[float]:
-    return [round(float(value), 3) for value in values]
