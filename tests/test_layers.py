@@ -26,6 +26,7 @@ ALLOWED = {
     "survey": BASE | {"sensors"},
     "calibration": BASE | {"filters", "pipeline"},
     "plots": BASE | {"evaluation", "calibration", "reporting"},
+    "viewing": BASE | {"evaluation", "messages", "reporting"},
     "reporting": BASE | {"evaluation", "messages", "pipeline"},
     "simulation": BASE | {"validation", "messages", "sensors", "sinks"},
     "validation": {"errors"},

@@ -23,6 +23,7 @@ COMMANDS: Mapping[str, str] = {
     "evaluate": "Count false and omitted alarms against labels; compare methods.",
     "tune": "Sweep parameters over labelled logs and report the best.",
     "report": "Show what a filter did, and how well, in one page.",
+    "view": "Open logs in the viewer of Rerun.",
     "simulate": "Make a labelled lidar recording of a scene at sea.",
     "config": "Show and check configurations; list what is built in.",
 }

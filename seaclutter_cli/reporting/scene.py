@@ -8,6 +8,7 @@ from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.messages.scene import Scene, SceneBox
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.objects import Described, objects_in
+from seaclutter_cli.truth import Truth
 
 _CLUSTERS = {
     "target": palette.STATES["found"],
@@ -27,14 +28,17 @@ def scene_maker(params: EvaluationParams, labels: Labels | None) -> Callable[[Fi
 
     def make(result: FilterResult) -> Scene:
         frame = result.frame
-        truth = labels.truth(frame) if labels else None
-        boxes, clusters = objects_in(frame, [result], truth, params)
-        groups = {f"{frame.topic} clusters": [_cluster(one) for one in clusters[0]]}
-        if labels:
-            groups[f"{frame.topic} labels"] = [_box(one) for one in boxes]
+        found = boxes_of(result, labels.truth(frame) if labels else None, params)
+        groups = {f"{frame.topic} {name}": boxes for name, boxes in found.items() if labels or name != "labels"}
         return Scene(frame.stamp_ns, frame.cloud.frame_id, groups)
 
     return make
+
+
+def boxes_of(result: FilterResult, truth: Truth | None, params: EvaluationParams) -> dict[str, list[SceneBox]]:
+    """Return the boxes of a filtered frame: around its ``clusters``, and of its ``labels``."""
+    boxes, clusters = objects_in(result.frame, [result], truth, params)
+    return {"clusters": [_cluster(one) for one in clusters[0]], "labels": [_box(one) for one in boxes]}
 
 
 def _cluster(one: Described) -> SceneBox:
