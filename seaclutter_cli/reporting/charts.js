@@ -8,7 +8,7 @@ function ticks(low, high, count) {
   for (let value = Math.ceil(low / step - 1e-9) * step; value <= high + 1e-9 * step; value += step) found.push(value);
   return found.map((value) => (Math.abs(value) < step * 1e-6 ? 0 : value));
 }
-const tickText = (value) => (Math.abs(value) >= 1e5 ? value.toExponential(0) : (+value.toPrecision(6)).toLocaleString("en-GB"));
+const tickText = (value) => (Math.abs(value) >= 1e7 ? value.toExponential(0) : (+value.toPrecision(6)).toLocaleString("en-GB"));
 
 // A plot with axes. `paint` draws into it; `stops` are the places of the cursor and `describe` says what is there.
 class Plot {
@@ -45,7 +45,7 @@ class Plot {
       this.root.append(svg("line", { class: "grid", x1: left, x2: right, y1: this.py(value), y2: this.py(value) }),
         svg("text", { x: left - 8, y: this.py(value) + 4, "text-anchor": "end" }, tickText(value)));
     }
-    for (const value of ticks(...this.x, this.width / 110)) {
+    for (const value of ticks(...this.x, this.width / 110).filter((tick) => !this.wholeX || Number.isInteger(tick))) {
       this.root.append(svg("line", { class: "axis", x1: this.px(value), x2: this.px(value), y1: floor, y2: floor + 4 }),
         svg("text", { x: this.px(value), y: floor + 18, "text-anchor": "middle" }, tickText(value)));
     }
@@ -106,7 +106,7 @@ function binName(i) {
 function overFrames(host, options) {
   const x = frames.count > 1 ? [0, frames.count - 1] : [-0.5, 0.5];
   const paint = (plot) => { boundaries(plot); options.paint(plot); };
-  return new Plot(host, { x, stops: binMiddles, xLabel: "frame", ...options, paint });
+  return new Plot(host, { x, wholeX: true, stops: binMiddles, xLabel: "frame", ...options, paint });
 }
 function boundaries(plot) {
   for (let row = 1; row < frames.count; row++) {

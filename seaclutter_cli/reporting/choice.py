@@ -55,8 +55,8 @@ class Choice(Generic[T]):
     def __init__(self, frames: int) -> None:
         self._bad, self._good = frames // 2, frames // 6
         self._even = frames - self._bad - self._good
-        self._worst: list[tuple[float, int, T]] = []
-        self._best: list[tuple[float, int, T]] = []
+        self._worst: list[_Ranked[T]] = []
+        self._best: list[_Ranked[T]] = []
         self._spread: dict[int, T] = {}
         self._stride = 1
 
@@ -93,9 +93,9 @@ class Choice(Generic[T]):
 
     def chosen(self) -> list[Chosen[T]]:
         """Return the chosen frames, each once: the worst first, then the best, then others by their rows."""
-        found = {row: Chosen(row, "worst", item) for _, row, item in self._worst}
-        for _, row, item in self._best:
-            found.setdefault(row, Chosen(row, "best", item))
+        found = {one.row: Chosen(one.row, "worst", one.item) for one in self._worst}
+        for one in self._best:
+            found.setdefault(one.row, Chosen(one.row, "best", one.item))
         others = [Chosen(row, "even", item) for row, item in self.spread() if row not in found]
         return [*found.values(), *_thinned(others, self._bad + self._good + self._even - len(found))]
 
@@ -104,15 +104,33 @@ class Choice(Generic[T]):
         return sorted(self._spread.items(), key=lambda pair: pair[0])
 
 
-def _enter(ranked: list[tuple[float, int, T]], key: float, row: int, size: int, item: Callable[[], T]) -> None:
+@dataclass(frozen=True)
+class _Ranked(Generic[T]):
+    """A frame among the worst or the best; the least key comes first, equal ones in no order that means anything."""
+
+    key: float
+    row: int
+    item: T
+
+    @property
+    def rank(self) -> tuple[float, int]:
+        return self.key, _scattered(self.row)
+
+
+def _scattered(row: int) -> int:
+    """Return a number by which frames that are as bad as each other are spread over the whole recording."""
+    return row * 2654435761 % 2**32
+
+
+def _enter(ranked: list[_Ranked[T]], key: float, row: int, size: int, item: Callable[[], T]) -> None:
     """Enter a frame into a list of the best, in place of one close to it if there is any."""
-    close = next((number for number, (_, other, _) in enumerate(ranked) if row - other < _APART), None)
+    close = next((number for number, one in enumerate(ranked) if row - one.row < _APART), None)
     rival = close if close is not None else len(ranked) - 1 if len(ranked) == size else None
-    if not size or (rival is not None and (key, row) >= ranked[rival][:2]):
+    if not size or (rival is not None and (key, _scattered(row)) >= ranked[rival].rank):
         return
     if rival is not None:
         del ranked[rival]
-    insort(ranked, (key, row, item()), key=lambda entry: entry[:2])
+    insort(ranked, _Ranked(key, row, item()), key=lambda one: one.rank)
 
 
 def _thinned(items: list[Chosen[T]], count: int) -> list[Chosen[T]]:

@@ -123,7 +123,7 @@ class CloudView {
     const { words, depths } = this;
     words.fill(0xffffffff);
     depths.fill(Infinity);
-    const place = [0, 0, 0];
+    const place = [0, 0, 0], bold = reasons.length > 8000 ? 2 : 3.2;
     for (let i = 0; i < reasons.length; i++) {
       if (!shows(reasons[i])) continue;
       this.project(xyz[3 * i] * scale, xyz[3 * i + 1] * scale, xyz[3 * i + 2] * scale, place);
@@ -131,7 +131,7 @@ class CloudView {
       if (depth < 0.5) continue;
       const word = color === "truth" ? TRUTH_WORDS[truth[i]] : color === "intensity" ? INTENSITIES[intensity[i]] : REASON_WORDS[reasons[i]];
       const large = color === "truth" ? truth[i] === 2 : reasons[i] === 0 || reasons[i] === 4;
-      const size = Math.round(this.ratio * (large ? 3.2 : 2));
+      const size = Math.round(this.ratio * (large ? bold : Math.min(bold, 2)));
       const [left, top] = [Math.round(place[0] - size / 2), Math.round(place[1] - size / 2)];
       if (left < 0 || top < 0 || left + size > width || top + size > height) continue;
       for (let row = top; row < top + size; row++) {
@@ -176,11 +176,13 @@ class CloudView {
   rings() {
     const edges = this.look.rings, place = [0, 0, 0];
     let last = Infinity;
-    for (const [k, radius] of edges.entries()) {
+    for (const radius of edges) {
+      this.project(0, radius, this.ground, place);
+      const crowded = Math.abs(place[0] - last) < 40 * this.ratio; // numbers would lie on each other
+      if (crowded && edges.length > 8) continue;
       const circle = Array.from({ length: 97 }, (_, i) => [radius * Math.sin((i * Math.PI) / 48), radius * Math.cos((i * Math.PI) / 48), this.ground]);
       this.line(circle, "rgba(82,96,109,.35)", 1);
-      this.project(0, radius, this.ground, place);
-      if (Math.abs(place[0] - last) < 40 * this.ratio) continue; // numbers would lie on each other
+      if (crowded) continue;
       last = place[0];
       this.text(`${short(radius)} m`, 0, radius, this.ground, "#52606d");
     }

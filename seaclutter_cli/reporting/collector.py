@@ -133,7 +133,7 @@ class Collector:
         wrong = np.nan_to_num(history.false_alarms) + np.nan_to_num(history.omitted)
         found = [one for one in self._choice.chosen() if one.row not in self._picked]
         found += [Chosen(row, "picked", sample) for row, sample in self._picked.items()]
-        return sorted(found, key=lambda one: -float(wrong[one.row]))
+        return sorted(found, key=lambda one: (-float(wrong[one.row]), one.row if self.labelled else 0))
 
     @property
     def foremost(self) -> Sample:

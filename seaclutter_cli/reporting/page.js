@@ -87,7 +87,7 @@ function fillFrames(host, look) {
     ["Asked for", ({ why }) => why === "picked"],
   ];
   host.append(h("p", {}, `Of ${plural(frames.count, "frame")}, ${whole(samples.length)} can be looked at here: the ${labelled ? "worst, the best" : "most and the least filtered"} and some evenly spread. Choose one to see its points.`
-    + (methods.length > 1 ? ` Right and wrong are those of ${methods[0].name}.` : "")
+    + (labelled && methods.length > 1 ? ` Right and wrong are those of ${methods[0].name}.` : "")
     + (labelled && !bad ? " No labelled frame went wrong." : "")));
   const buttons = samples.map((sample, number) => h("button", { type: "button", click: () => { look(number); at("look").scrollIntoView(); } },
     frameName(sample.row), h("small", {}, labelled ? verdict(alarms[0], sample.row) : frameTime(sample.row))));
@@ -205,20 +205,32 @@ function curvesOf(host, method) {
   const colors = ringColors(rings), few = rings <= palette.lines.length;
   const [thresholds, low, high, corrections] = ["thresholds", "thresholds_low", "thresholds_high", "corrections"]
     .map((name) => rowsOf(unpack(method[name], Float32Array), steps));
-  const ringsOf = (values, spread) => values.map((row, k) => ({ name: `${short(method.edges[k])} to ${short(method.edges[k + 1])} m`, color: colors[k],
+  const charts = h("div");
+  const names = method.edges.slice(0, -1).map((edge, k) => `${short(edge)} to ${short(method.edges[k + 1])} m`);
+  if (!few) host.append(h("div", { class: "bar" }, h("label", {}, "Ring", select(["all rings", ...names], (number) => draw(number - 1), "ring"))));
+  host.append(charts);
+  const ringsOf = (values, spread) => values.map((row, k) => ({ name: names[k], color: colors[k],
     dash: few ? DASHES[k] : undefined, values: row, low: spread ? low[k] : undefined, high: spread ? high[k] : undefined }));
-  for (const [title, values, spread, note] of [["Threshold of each ring", thresholds, true], ["Correction of each ring", corrections, false, "What the outliers of the frame before say the threshold should be; 0 where there were none."]]) {
-    if (!values.some((row) => row.some((value) => known(value) && value))) continue;
-    const own = ringsOf(values, spread), root = figure(host, title, note);
-    root.append(legend((few ? own : [own[0], own[rings >> 1], own[rings - 1]]).map(({ name, color, dash }) => [name, color, dash])));
-    lineChart(root, { series: own, yLabel: "intensity", label: title });
-  }
+  const draw = (only) => {
+    charts.replaceChildren();
+    for (const [title, values, spread, note] of [
+      ["Threshold of each ring", thresholds, true],
+      ["Correction of each ring", corrections, false, "What the outliers of the frame before say the threshold should be; 0 where there were none."],
+    ]) {
+      if (!values.some((row) => row.some((value) => known(value) && value))) continue;
+      const all = ringsOf(values, spread), own = only < 0 ? all : [all[only]];
+      const root = figure(charts, title, note);
+      root.append(legend((few || own.length < 3 ? own : [own[0], own[rings >> 1], own[rings - 1]]).map(({ name, color, dash }) => [name, color, dash])));
+      lineChart(root, { series: own, yLabel: "intensity", label: title });
+    }
+  };
+  draw(-1);
 }
 
 function fillDensity(host) {
   const able = methods.filter(({ density }) => density);
   if (!able.length) { host.hidden = true; return; }
-  host.append(h("p", { class: "muted" }, `Points a frame by range and intensity, from ${plural(able[0].density.frames, "frame")} evenly spread over the log; darker is more. The line is each ring's mean threshold.`));
+  host.append(h("p", { class: "muted" }, `Points a frame by range and intensity, from ${plural(able[0].density.frames, "frame")} evenly spread over the log; darker is more.${able.some(({ edges }) => edges.length) ? " The line is each ring's mean threshold." : ""}`));
   let [method, chosen] = [0, 0];
   const root = h("figure");
   const groups = () => [["all points", null], ...palette.order.filter((reason) => able[method].density.counts[reason]).map((reason) => [palette.names[reason], reason])];

@@ -241,6 +241,7 @@ def test_an_existing_page_is_kept(log, page):
     assert page.read_text() == "mine"
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal")
 def test_an_interrupted_run_leaves_nothing(tmp_path):
     page = tmp_path / "report.html"
     command = [sys.executable, "-m", "seaclutter_cli", "report", str(SEA), "--compare", "all", "-o", str(page), "-v"]

@@ -241,6 +241,9 @@ def test_odd_logs(visit, tmp_path, name):
     page = visit(tmp_path / "page.html")
     assert page.page.locator("canvas").count() == 1
     assert "NaN" not in page.page.content().replace("NaN(", "").split('<script type="application/json"')[0]
+    if name == "fifty rings":
+        page.page.get_by_label("ring", exact=True).select_option(index=3)
+        assert page.page.get_by_text("12.4 to 13.6 m").count() >= 1
     if name == "no points":
         assert "all 0 returns" in page.shown().lower()
 
