@@ -15,10 +15,11 @@ import yaml
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.filters.adaptive_radius import PresetParams
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.validation import as_lists, build, kind_of, parse_yaml, read_yaml, refuse
+from seaclutter_cli.validation import build, kind_of, merged, parse_yaml, plain, read_yaml, refuse
 
 DEFAULT_METHOD = "joint"
 _SECTIONS = ("filter", "evaluation", "sensor")
@@ -72,10 +73,15 @@ class Config:
         """Edges of the method's rings in metres; empty for methods without."""
         return [float(edge) for edge in self.filter.edges] if isinstance(self.filter, ZoneParams) else []
 
+    @property
+    def has_scenes(self) -> bool:
+        """Whether the method's parameters go by the scene."""
+        return isinstance(self.filter, PresetParams)
+
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return the configuration as it stands in a file."""
-        sections = {"filter": {"method": self.method, **_plain(self.filter)}, "evaluation": _plain(self.evaluation)}
-        return sections if self.sensor == SensorParams() else {**sections, "sensor": _plain(self.sensor)}
+        sections = {"filter": {"method": self.method, **plain(self.filter)}, "evaluation": plain(self.evaluation)}
+        return sections if self.sensor == SensorParams() else {**sections, "sensor": plain(self.sensor)}
 
     def to_yaml(self, *, comments: bool = False) -> str:
         """Return the configuration as a file's text, with a comment for every key if asked for."""
@@ -84,8 +90,11 @@ class Config:
             said = {"method": f"one of {', '.join(FILTERS)}", **_descriptions(getattr(self, section))}
             lines.append(f"{section}:")
             for key, value in values.items():
-                line = f"  {key}: {_yaml_value(value)}"
+                section_of_its_own = isinstance(value, dict)
+                line = f"  {key}:" if section_of_its_own else f"  {key}: {_yaml_value(value)}"
                 lines.append(f"{line:<40} # {said[key]}" if comments and key in said else line)
+                entries = value.items() if section_of_its_own else ()
+                lines += [f"    {_yaml_value(name)}: {_yaml_value(entry)}" for name, entry in entries]
         return "\n".join(lines) + "\n"
 
 
@@ -143,15 +152,15 @@ def load_config(
     config = _validate(prepare(raw), where)
     if not method and not overrides:
         return config
-    merged: dict[str, dict[str, Any]] = {name: dict(raw.get(name) or {}) for name in _SECTIONS}
+    sections: dict[str, dict[str, Any]] = {name: dict(raw.get(name) or {}) for name in _SECTIONS}
     if method and method != config.method:
         _check_method(method, "command line")
         kept = {field.name for field in fields(FILTERS[method].Params)}
-        merged["filter"] = {key: value for key, value in merged["filter"].items() if key in kept} | {"method": method}
+        shared = {key: value for key, value in sections["filter"].items() if key in kept}
+        sections["filter"] = {**shared, "method": method}
     for override in overrides:
-        section, key, value = _parse_override(override)
-        merged[section][key] = value
-    return _validate(prepare(merged), "command line")
+        sections = merged(sections, _parse_override(override))
+    return _validate(prepare(sections), "command line")
 
 
 def parse_config(text: str, where: str) -> Config:
@@ -173,15 +182,19 @@ def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:
     return {**raw, "filter": {**section, "initial_thresholds": [0] * rings}}
 
 
-def _parse_override(text: str) -> tuple[str, str, Any]:
+def _parse_override(text: str) -> dict[str, Any]:
+    """Return what ``section.key=value`` sets, as it would stand in a file; keys of keys go on with a dot."""
     name, equals, value = text.partition("=")
-    section, dot, key = name.strip().partition(".")
-    if not (equals and dot and section in _SECTIONS):
+    section, *keys = name.strip().split(".")
+    if not (equals and all(keys) and keys and section in _SECTIONS):
         raise ConfigError(f"--set {text}: write it as filter.KEY=VALUE or evaluation.KEY=VALUE")
     try:
-        return section, key, yaml.safe_load(value)
+        settings = yaml.safe_load(value)
     except yaml.YAMLError as error:
         raise ConfigError(f"--set {text}: the value is no YAML") from error
+    for key in reversed((section, *keys)):
+        settings = {key: settings}
+    return dict(settings)
 
 
 def _validate(raw: Mapping[str, Any], where: str) -> Config:
@@ -210,11 +223,7 @@ def _check_method(method: str, where: str) -> None:
 
 
 def _yaml_value(value: Any) -> str:
-    return str(yaml.safe_dump(value, default_flow_style=True, width=10**6)).splitlines()[0]
-
-
-def _plain(params: Any) -> dict[str, Any]:
-    return {field.name: as_lists(getattr(params, field.name)) for field in fields(params)}
+    return str(yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False)).splitlines()[0]
 
 
 def _descriptions(params: Any) -> dict[str, str]:

@@ -7,6 +7,7 @@
     │   ├── CloudError         one message is no valid point cloud
     │   └── FieldError         the cloud has no such field, or of a wrong type
     ├── LabelError             labels cannot be read, or do not fit the recording
+    ├── ModelError             a trained model cannot be read, or is none for this
     ├── OutputError            the target cannot be written
     ├── MissingExtraError      an optional dependency is not installed
     └── UsageError             exit status 2
@@ -47,6 +48,10 @@ class FieldError(InputError):
 
 class LabelError(SeaclutterError):
     """Labels cannot be read, or belong to another recording."""
+
+
+class ModelError(SeaclutterError):
+    """A trained model cannot be read, or is made for something else."""
 
 
 class OutputError(SeaclutterError):

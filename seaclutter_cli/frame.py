@@ -185,11 +185,14 @@ class FilterResult:
         `Reason` of each point; 0 means kept.
     rings : Rings, optional
         Present for filters that work in rings.
+    scene : str, optional
+        Class of scene whose parameters went; present for filters that know scenes.
     """
 
     frame: Frame
     reason: NDArray[np.uint8]
     rings: Rings | None = None
+    scene: str | None = None
 
     @cached_property
     def keep(self) -> NDArray[np.bool_]:

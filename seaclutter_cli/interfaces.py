@@ -84,6 +84,27 @@ class Filter(Protocol):
         ...
 
 
+class Scene(Protocol):
+    """A decision on the class of scene that a frame shows."""
+
+    @property
+    def name(self) -> str:
+        """Name of the class."""
+        ...
+
+
+class SceneSource(Protocol):
+    """Whatever tells the class of scene. Keeps state from frame to frame of one topic of one recording."""
+
+    def scene(self, frame: Frame) -> Scene:
+        """Return the scene; called once a frame, in order."""
+        ...
+
+    def reset(self) -> None:
+        """Forget all state: a recording starts."""
+        ...
+
+
 class Labels(Protocol):
     """The truth of one recording, in whatever form it was labelled."""
 

@@ -1,9 +1,10 @@
 """Settings in YAML files, checked against the dataclasses that declare them; used for configurations and scenes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 import yaml
 
@@ -61,11 +62,17 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
     """
     known = [field.name for field in fields(kind)]
     allowed = ", ".join(known) or "no keys"
-    problems += [f"{section}.{key}: unknown key; {owner} has: {allowed}" for key in values if key not in known]
-    given = {key: _tuples(values[key]) for key in known if key in values}
-    wrong = _type_problems(kind, given, section)
+    wrong = [f"{section}.{key}: unknown key; {owner} has: {allowed}" for key in values if key not in known]
+    unknown = len(wrong)
+    nested = {name: entry for name, hint in get_type_hints(kind).items() if (entry := _entry_kind(hint))}
+    given = {key: _tuples(values[key]) for key in known if key in values and key not in nested}
+    wrong += _type_problems(kind, given, section)
+    for key, entry in nested.items():
+        if key in values:
+            default = _plain_default(kind, key)
+            given[key] = _entries(entry, merged(default, values[key]), f"{section}.{key}", wrong)
     problems += wrong
-    if wrong:
+    if len(wrong) > unknown:
         return None
     try:
         return kind(**given)
@@ -74,20 +81,77 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
         return None
 
 
+def merged(values: Any, over: Any) -> Any:
+    """Return settings with others laid over them, key by key where both are mappings.
+
+    Examples
+    --------
+    >>> merged({"a": {"b": 1, "c": 2}, "d": 3}, {"a": {"b": 4}})
+    {'a': {'b': 4, 'c': 2}, 'd': 3}
+    """
+    if not (isinstance(values, Mapping) and isinstance(over, Mapping)):
+        return over
+    return {**values, **{key: merged(values.get(key), value) for key, value in over.items()}}
+
+
+def _entry_kind(hint: Any) -> type[Any] | None:
+    """Return the dataclass of a mapping's values, None if the type is no mapping of names to such."""
+    kind = get_args(hint)[1] if get_origin(hint) is Mapping else None
+    return kind if isinstance(kind, type) and is_dataclass(kind) else None
+
+
+def _entries(kind: type[Any], values: Any, section: str, problems: list[str]) -> dict[str, Any]:
+    """Return the values of a mapping as the dataclass that they are, or add to the problems why not."""
+    if not isinstance(values, Mapping):
+        problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
+        return {}
+    entries = {}
+    for name, value in values.items():
+        place = f"{section}.{name}"
+        if not isinstance(name, str):
+            problems.append(f"{place}: must be called by a text, is {kind_of(name)}")
+        elif isinstance(value, Mapping):
+            entries[name] = build(kind, value, place, "each of them", problems)
+        else:
+            problems.append(f"{place}: must be a section with keys, is {kind_of(value)}")
+    return entries
+
+
+def _default_of(field: "Field[Any]") -> Any:
+    """Return a field's default; an ellipsis, as pydantic has it, if there is none."""
+    if field.default_factory is not MISSING:
+        return field.default_factory()
+    return ... if field.default is MISSING else field.default
+
+
+def _plain_default(kind: type[Any], key: str) -> Any:
+    """Return the default of a key as it stands in a file."""
+    return plain(next(_default_of(field) for field in fields(kind) if field.name == key))
+
+
 def _type_problems(kind: type[Any], values: Mapping[str, Any], section: str) -> list[str]:
     """Tell which values are of a wrong type or beyond their limits."""
-    from pydantic import ConfigDict, ValidationError, create_model
+    from pydantic import ValidationError
 
-    hints = get_type_hints(kind, include_extras=True)
-    declared: dict[str, Any] = {
-        field.name: (hints[field.name], ... if field.default is MISSING else field.default) for field in fields(kind)
-    }
-    config = ConfigDict(strict=True, allow_inf_nan=False)
     try:
-        create_model(kind.__name__, __config__=config, **declared).model_validate(values)
+        _model(kind).model_validate(values)  # type: ignore[arg-type] # a class is hashable
     except ValidationError as error:
         return [_explain(problem, section) for problem in error.errors()]
     return []
+
+
+@cache
+def _model(kind: type[Any]) -> Any:
+    """Return the pydantic model of a dataclass; a scene has hundreds of one kind."""
+    from pydantic import ConfigDict, create_model
+
+    hints = get_type_hints(kind, include_extras=True)
+    declared: dict[str, Any] = {
+        field.name: (hints[field.name], _default_of(field))
+        for field in fields(kind)
+        if not _entry_kind(hints[field.name])
+    }
+    return create_model(kind.__name__, __config__=ConfigDict(strict=True, allow_inf_nan=False), **declared)
 
 
 def _explain(problem: Any, section: str) -> str:
@@ -103,6 +167,15 @@ def _tuples(value: Any) -> Any:
 def as_lists(value: Any) -> Any:
     """Return the tuples that frozen parameters hold as YAML's lists."""
     return [as_lists(item) for item in value] if isinstance(value, tuple) else value
+
+
+def plain(value: Any) -> Any:
+    """Return parameters as they stand in a file: parameter objects are sections there, tuples are lists."""
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    return as_lists(value)
 
 
 def _shown(value: Any) -> str:

@@ -2,8 +2,8 @@
 
 from hypothesis import settings
 
-# A test passes or fails for its code, not for its luck: the same examples each time. To look for new ones, run
-# pytest --hypothesis-profile=search.
-settings.register_profile("same", derandomize=True)
-settings.register_profile("search", derandomize=False)
+# A test passes or fails for its code, not for its luck or a busy machine: the same examples each time, and no time
+# limit for one. To look for new examples, run pytest --hypothesis-profile=search.
+settings.register_profile("same", derandomize=True, deadline=None)
+settings.register_profile("search", derandomize=False, deadline=None)
 settings.load_profile("same")

@@ -1,6 +1,6 @@
 """Configuration: everything wrong is told at once, and what is right comes out as it went in."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -41,11 +41,16 @@ def test_defaults_are_those_of_the_paper():
             "max_neighbors": 30,
             "neighbor_fraction": 0.1,
             "std_ratio": 1.0,
+            "outlier_stage": "sor",
+            "outlier_radius_ratio": None,
+            "outlier_min_neighbors": None,
             "update_weight": 0.6,
         },
         "evaluation": {
             "cluster_tolerance_m": 1.5,
             "min_cluster_points": 5,
+            "clustering": "euclidean",
+            "dbscan_min_points": 5,
             "box_margin_m": 0.5,
             "min_visible_points": 5,
         },
@@ -131,6 +136,62 @@ def test_one_problem(load, text, said):
 def test_an_override_that_is_none(override):
     with pytest.raises(ConfigError, match="--set"):
         load_config(overrides=[override])
+
+
+ADAPTIVE = "filter: {method: adaptive_radius, "
+
+
+class TestPresets:
+    def test_they_lie_over_the_defaults_key_by_key(self, load):
+        config = load(ADAPTIVE + "presets: {open: {min_neighbors: 9}, dense: {radius_ratio: 1, min_neighbors: 2}}}")
+        assert list(config.filter.presets) == ["open", "confined", "dense"]
+        usual = load_config(method="adaptive_radius").filter.presets
+        assert config.filter.presets["confined"] == usual["confined"]
+        assert config.filter.presets["open"] == replace(usual["open"], min_neighbors=9)
+        assert vars(config.filter.presets["dense"]) == {"radius_ratio": 1, "min_neighbors": 2}
+
+    def test_the_command_line_lies_over_the_file(self, load):
+        text = ADAPTIVE + "presets: {open: {min_neighbors: 9, radius_ratio: 0.5}}}"
+        (preset, *_) = load(text, overrides=["filter.presets.open.radius_ratio=0.25"]).filter.presets.values()
+        assert vars(preset) == {"radius_ratio": 0.25, "min_neighbors": 9}
+
+    def test_each_stands_on_a_line(self):
+        lines = load_config(method="adaptive_radius").to_yaml().splitlines()
+        place = lines.index("  presets:")
+        assert [line.split(": {radius_ratio: ")[0] for line in lines[place + 1 : place + 3]] == [
+            "    open",
+            "    confined",
+        ]
+
+    @pytest.mark.parametrize(
+        ("keys", "said"),
+        [
+            ("presets: 3", "filter.presets: must be a section with keys, is a number"),
+            ("presets: [1]", "filter.presets: must be a section with keys, is a list"),
+            ("presets: {open: 3}", "filter.presets.open: must be a section with keys, is a number"),
+            ("presets: {open: null}", "filter.presets.open: must be a section with keys"),
+            ("presets: {1: {}}", "filter.presets.1: must be called by a text, is a number"),
+            ("presets: {open: {radius_ratio: -1}}", "filter.presets.open.radius_ratio: must be greater than 0"),
+            ("presets: {open: {min_neighbors: 0}}", "filter.presets.open.min_neighbors: must be greater than or"),
+            ("presets: {open: {K: 1}}", "filter.presets.open.K: unknown key; each of them has: radius_ratio, min_n"),
+            ("presets: {dense: {radius_ratio: 1}}", "filter.presets.dense.min_neighbors: Field required"),
+            ("presets: {auto: {radius_ratio: 1, min_neighbors: 1}}", "presets.auto: no class of scene can be called"),
+            ("scene: lock", "scene: must be one of open, confined, auto, is 'lock'"),
+        ],
+    )
+    def test_what_is_wrong_is_told(self, load, keys, said):
+        assert said in " ".join(problems(load, f"{ADAPTIVE}{keys}}}"))
+
+    def test_all_is_told_at_once(self, load):
+        lines = problems(load, ADAPTIVE + "scene: 3, presets: {open: {a: 1, min_neighbors: x}, b: {}}}")
+        assert "5 problems" in lines[0]
+
+
+def test_keys_of_one_outlier_stage_are_refused_with_the_other(load):
+    assert "outlier_radius_ratio: belongs to outlier_stage" in " ".join(
+        problems(load, "filter: {outlier_radius_ratio: 0.1}")
+    )
+    assert load("filter: {outlier_stage: adaptive_radius}").as_dict()["filter"]["outlier_min_neighbors"] > 0
 
 
 def test_an_unreadable_file(tmp_path):

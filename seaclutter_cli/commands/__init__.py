@@ -25,6 +25,7 @@ COMMANDS: Mapping[str, str] = {
     "report": "Show what a filter did, and how well, in one page.",
     "view": "Open logs in the viewer of Rerun.",
     "simulate": "Make a labelled lidar recording of a scene at sea.",
+    "scene": "Train, test and use the classifier of scenes.",
     "config": "Show and check configurations; list what is built in.",
 }
 """Commands and their short help. A new one is a line here and a file of the same name."""

@@ -11,6 +11,7 @@ from seaclutter_cli.records import Damage
 
 _ALARMS = ("method", "frames", "N_FP", "N_FN", "R_FP %", "R_FN %", "F1", "false/frame")
 _POINTS = ("clutter removed", "target lost", "R_c")
+_OBJECTS = ("precision %", "recall %", "F1", "noise clusters", "unclustered points", "ms p50")
 _TIMES = ("ms p50", "ms p99")
 
 
@@ -86,7 +87,7 @@ class Comparison:
         }
 
     def as_text(self) -> str:
-        """Return the comparison as people read it."""
+        """Return the comparison as people read it; with density-based clusters, the measures of S3 too."""
         totals = self.totals()
         first = max(totals.values(), key=lambda summary: summary.frames)
         done = sum(not outcome.error for outcome in self.recordings)
@@ -100,7 +101,11 @@ class Comparison:
             (name, *(_point_cells(summary) if points_known else ()), *_time_cells(summary))
             for name, summary in totals.items()
         ]
-        return "\n\n".join((said, alarms, table(head, rows)))
+        blocks = [said, alarms, table(head, rows)]
+        if self.variants[0].config.evaluation.clustering == "dbscan":
+            objects = [(name, *_object_cells(summary)) for name, summary in totals.items()]
+            blocks.insert(2, table(("method", *_OBJECTS), objects))
+        return "\n\n".join(blocks)
 
 
 def _alarm_cells(summary: Summary) -> tuple[str, ...]:
@@ -112,6 +117,17 @@ def _alarm_cells(summary: Summary) -> tuple[str, ...]:
         _shown(summary.r_fn, 100, 2),
         _shown(summary.f1, 1, 3),
         _shown(summary.false_alarms_per_frame, 1, 2),
+    )
+
+
+def _object_cells(summary: Summary) -> tuple[str, ...]:
+    return (
+        _shown(summary.precision, 100, 1),
+        _shown(summary.recall, 100, 1),
+        _shown(summary.f1, 1, 3),
+        _shown(summary.false_alarms_per_frame, 1, 2),
+        _shown(summary.unclustered_per_frame, 1, 1),
+        _shown(summary.milliseconds(0.5), 1, 2),
     )
 
 

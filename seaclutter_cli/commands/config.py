@@ -51,10 +51,11 @@ def check(files: tuple[Path, ...]) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 @debug_option
 def sensors(as_json: bool) -> None:
-    """List what is built in: sensors, methods, formats, configurations, scenes and lidars to simulate."""
+    """List what is built in: sensors, methods, formats, configurations, scenes, layouts and lidars to simulate."""
     from seaclutter_cli.config import builtin_configs
     from seaclutter_cli.filters import FILTERS
     from seaclutter_cli.sensors import SENSORS
+    from seaclutter_cli.simulation.layouts import LAYOUTS
     from seaclutter_cli.simulation.lidar import LIDARS
     from seaclutter_cli.simulation.scene import builtin_scenes
     from seaclutter_cli.sources import SOURCES
@@ -65,6 +66,7 @@ def sensors(as_json: bool) -> None:
         "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
         "configs": [path.name for path in builtin_configs()],
         "scenes": list(builtin_scenes()),
+        "layouts": list(LAYOUTS),
         "lidars": list(LIDARS),
     }
     if as_json:

@@ -49,6 +49,11 @@ if TYPE_CHECKING:
     help="Compare the stages of the joint method as its paper does, or its peers, or all and none.",
 )
 @click.option(
+    "--clustering",
+    type=click.Choice(["euclidean", "dbscan"]),
+    help="Kind of clusters; by default that of the configuration. With dbscan, its measures are shown too.",
+)
+@click.option(
     "-s",
     "--set",
     "overrides",
@@ -73,7 +78,10 @@ def command(logs: tuple[str, ...], **options: Any) -> None:
     from seaclutter_cli.sinks.atomic import AtomicFile
     from seaclutter_cli.sources import find_recordings
 
-    job = Job.of(options, choose_variants(_names(options), options["config_file"], options["overrides"]))
+    overrides = [*options["overrides"]]
+    if options["clustering"]:
+        overrides.append(f"evaluation.clustering={options['clustering']}")
+    job = Job.of(options, choose_variants(_names(options), options["config_file"], overrides))
     recordings = find_recordings(logs)
     output, summary_file = options["output"], options["summary_file"]
     targets = [path for path in (output, summary_file) if path]

@@ -79,7 +79,7 @@ def command(logs: tuple[str, ...], output: Path, **options: Any) -> None:
     refuse_overwriting([*targets, *([csv_file] if csv_file else [])], recordings, force=options["force"])
     with ExitStack() as stack:
         rings = len(job.config.ring_edges[1:])
-        sinks = [stack.enter_context(CsvSink(csv_file, rings))] if csv_file else []
+        sinks = [stack.enter_context(CsvSink(csv_file, rings, scenes=job.config.has_scenes))] if csv_file else []
         jobs = zip(recordings, targets, labels, strict=True)
         outcomes = [job.run(recording, target, sinks, truth) for recording, target, truth in jobs]
     if options["as_json"]:

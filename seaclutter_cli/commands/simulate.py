@@ -30,28 +30,35 @@ if TYPE_CHECKING:
 )
 @click.option("--force", is_flag=True, help="Replace existing output.")
 @click.option("-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Turns, whatever the scene says.")
-@click.option("--seed", type=click.IntRange(min=0), metavar="N", help="Seed, whatever the scene says.")
+@click.option("--seed", type=click.IntRange(min=0), metavar="N", help="Seed, whatever the scene says; of a layout 1.")
 @click.option("--lidar", metavar="NAME", help="Lidar, whatever the scene says.")
+@click.option(
+    "--scene-file", type=click.Path(path_type=Path), metavar="YAML", help="Save the scene as a file that can be edited."
+)
 @output_options
 def command(scene: str, output: Path, **options: Any) -> None:
-    """Make a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in one.
+    """Make a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
 
     Writes LOG.mcap, whose clouds have a field ``label`` (0 clutter, 65535 own vessel or ignored, else the target), and
-    LOG.labels.csv with a box for each target and frame. LOG.pcap holds packets instead, which have no labels.
-    ``seaclutter config sensors`` lists scenes and lidars.
+    LOG.labels.csv with a box for each target and frame. LOG.pcap holds packets instead, which have no labels. A layout
+    is a kind of scenes, of which each seed makes another. ``seaclutter config sensors`` lists scenes, layouts, lidars.
     """
     from seaclutter_cli.commands.outputs import refuse_overwriting
     from seaclutter_cli.simulation.formats import FORMATS
+    from seaclutter_cli.simulation.layouts import find_scene
     from seaclutter_cli.simulation.recording import record
-    from seaclutter_cli.simulation.scene import load_scene
+    from seaclutter_cli.simulation.scene import save_scene
 
-    chosen = load_scene(scene).with_recording(**{name: options[name] for name in ("frames", "seed", "lidar")})
+    chosen = find_scene(scene, options["seed"]).with_recording(frames=options["frames"], lidar=options["lidar"])
     form = options["form"] or output.suffix.removeprefix(".")
     if form not in FORMATS or output.suffix != f".{form}":
         endings = " or ".join(f".{name}" for name in ([form] if options["form"] else FORMATS))
         raise UsageError(f"{output}: the name of the recording must end in {endings}")
     labels = output.with_suffix(".labels.csv")
-    refuse_overwriting([output, labels], [], force=options["force"])
+    scene_file = options["scene_file"]
+    refuse_overwriting([output, labels, *([scene_file] if scene_file else [])], [], force=options["force"])
+    if scene_file:
+        save_scene(chosen, scene_file)
     tally = _Tally()
     started = perf_counter()
     with Progress(chosen.recording.frames, output.stem, quiet=options["quiet"]) as progress:
@@ -66,6 +73,9 @@ def command(scene: str, output: Path, **options: Any) -> None:
         click.echo(json.dumps(tally.as_dict(chosen, output, labels), indent=2))
     else:
         click.echo(tally.as_text(chosen, output, labels, seconds))
+
+
+_MOST_TARGETS = 12
 
 
 class _Tally:
@@ -87,8 +97,20 @@ class _Tally:
 
         targets = [(f"{item.track_id} {item.class_name or item.shape}", item) for item in scene.objects]
         rows = [("clutter", self.points[CLUTTER])]
-        rows += [(name, self.points[item.track_id]) for name, item in targets if not item.ignore]
+        shown = [(name, self.points[item.track_id]) for name, item in targets if not item.ignore]
+        if len(shown) > _MOST_TARGETS:
+            shown = self._by_class(scene)
+        rows += shown
         return [*rows, ("own vessel or ignored", self.points[IGNORED])]
+
+    def _by_class(self, scene: "Scene") -> list[tuple[str, int]]:
+        points, targets = Counter[str](), Counter[str]()
+        for item in scene.objects:
+            if not item.ignore:
+                name = item.class_name or item.shape
+                targets[name] += 1
+                points[name] += self.points[item.track_id]
+        return [(f"{number} {name}", points[name]) for name, number in sorted(targets.items())]
 
     def as_dict(self, scene: "Scene", log: Path, labels: Path) -> dict[str, Any]:
         rows = [{"what": name, "points": points} for name, points in self._rows(scene)]

@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ class Sweep:
     Parameters
     ----------
     key : str
-        Config key of the filter, without its section.
+        Config key of the filter, without its section; keys of keys go on with a dot.
     values : tuple
         As YAML gives them.
     """
@@ -39,10 +40,20 @@ class Sweep:
         """Values as text."""
         return [shown(value) for value in self.values]
 
+    def value_in(self, settings: Mapping[str, Any]) -> Any:
+        """Return the parameter's value in a section of a configuration.
+
+        Examples
+        --------
+        >>> Sweep("presets.open.min_neighbors", (3, 4)).value_in({"presets": {"open": {"min_neighbors": 4}}})
+        4
+        """
+        return reduce(lambda values, key: values[key], self.key.split("."), settings)
+
 
 def shown(value: Any) -> str:
     """Return a value as it stands in YAML, on one line."""
-    return str(yaml.safe_dump(value, default_flow_style=True, width=10**6)).splitlines()[0]
+    return str(yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False)).splitlines()[0]
 
 
 def parse_sweep(text: str) -> Sweep:
@@ -61,10 +72,12 @@ def parse_sweep(text: str) -> Sweep:
     ('drop', 'keep')
     >>> parse_sweep("initial_thresholds=[30, 16],[20, 9]").values
     ([30, 16], [20, 9])
+    >>> parse_sweep("presets.open.min_neighbors=2:4:1")
+    Sweep(key='presets.open.min_neighbors', values=(2, 3, 4))
     """
     name, equals, given = text.partition("=")
     key = name.strip().removeprefix("filter.")
-    if not equals or not key or "." in key:
+    if not equals or not all(key.split(".")) or key.startswith(("evaluation.", "sensor.")):
         raise UsageError(f"--sweep {text}: write it as KEY=V1,V2,... or KEY=START:STOP:STEP, with a key of the filter")
     try:
         values = _steps(given) if _RANGE.fullmatch(given) else yaml.safe_load(f"[{given}]")
@@ -103,7 +116,7 @@ def grid(
     known = [field.name for field in fields(FILTERS[base.method].Params)]
     keys = [sweep.key for sweep in sweeps]
     for key in keys:
-        if key not in known:
+        if key.partition(".")[0] not in known:
             raise UsageError(f"--sweep {key}: method {base.method} has: {', '.join(known)}")
     if len(set(keys)) < len(keys):
         raise UsageError("--sweep: the same key twice")

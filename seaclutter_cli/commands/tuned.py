@@ -68,7 +68,7 @@ class Tuned:
         rows = []
         for variant in self.variants:
             config, found = variant.config.as_dict()["filter"], self.totals[variant.name].as_dict()
-            values = {sweep.key: config[sweep.key] for sweep in self.sweeps}
+            values = {sweep.key: sweep.value_in(config) for sweep in self.sweeps}
             rows.append({**values, **{name: found[name] for name in _RATES}, "best": variant.name == self.best})
         return rows
 
@@ -104,6 +104,6 @@ class Tuned:
         rates = [None if rate is None else f"{100 * rate:.2f}" for rate in (summary.r_fp, summary.r_fn)]
         f1 = None if summary.f1 is None else f"{summary.f1:.3f}"
         cells = (summary.n_fp, summary.n_fn, *rates, f1)
-        values = (config[sweep.key] for sweep in self.sweeps)
+        values = (sweep.value_in(config) for sweep in self.sweeps)
         mark = "<" if variant.name == self.best else ""
         return (*(str(value) for value in values), *("-" if cell is None else str(cell) for cell in cells), mark)

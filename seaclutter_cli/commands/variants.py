@@ -12,7 +12,7 @@ _GLOBAL_INTENSITY_AT = {
     f"global_intensity@{rate}": ("filter.threshold=null", f"filter.filter_rate={rate}") for rate in ("0.80", "0.90")
 }
 _PAPER = (*_GLOBAL_INTENSITY_AT, "ring_intensity", "ring_intensity_outlier", "joint")
-_PEERS = ("joint", "sor", "ror", "dror", "dsor", "lior", "lidsor", "naive")
+_PEERS = ("joint", "sor", "ror", "dror", "adaptive_radius", "dsor", "lior", "lidsor", "naive")
 
 COMPARISONS: Mapping[str, Sequence[str]] = {
     "paper": _PAPER,
@@ -76,4 +76,9 @@ def _keys(name: str) -> set[str]:
 def _fitting(overrides: Sequence[str], name: str, keys: Mapping[str, set[str]]) -> list[str]:
     """Return the overrides without those that are for other methods only."""
     others = set().union(*keys.values()) - keys[name]
-    return [override for override in overrides if override.partition("=")[0].strip() not in others]
+    return [override for override in overrides if _key(override) not in others]
+
+
+def _key(override: str) -> str:
+    """Return the key that an override sets, or sets a part of."""
+    return ".".join(override.partition("=")[0].strip().split(".")[:2])

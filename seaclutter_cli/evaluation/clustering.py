@@ -93,8 +93,16 @@ class ClusterFinder:
         component = self._components(self._xyz[:, kept], np.bincount(self._cell[kept], minlength=self._cells))
         labels[self._order[kept]] = component[self._cell[kept]]
         members = np.flatnonzero(keep & (labels >= 0))
-        labels[members] = _numbered(labels[members], min_points)
+        labels[members] = numbered(labels[members], min_points)
         return labels
+
+    def cell_sizes(self, keep: Mask) -> Indices:
+        """Return, for each point kept, how many are in its cell, all closer than the tolerance; 0 for the others."""
+        kept = np.flatnonzero(keep[self._order])
+        cell = self._cell[kept]
+        sizes = np.zeros(len(keep), np.int64)
+        sizes[self._order[kept]] = np.bincount(cell, minlength=self._cells)[cell]
+        return sizes
 
     def _components(self, xyz: Points, count: Indices) -> Indices:
         """Return the component of each cell; of the points, shape (3, n), each holds as many as counted."""
@@ -143,7 +151,7 @@ class ClusterFinder:
             return np.asarray(np.sqrt(x * x + y * y + z * z) < self._tolerance_m)
 
 
-def _numbered(component: Indices, min_points: int) -> Indices:
+def numbered(component: Indices, min_points: int) -> Indices:
     """Return the number of each point's component, large ones counted by their first points; -1 for small ones."""
     size = np.bincount(component)
     first = np.empty(len(size), np.int64)

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.clustering import ClusterFinder
+from seaclutter_cli.evaluation.dbscan import DbscanFinder
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
@@ -106,12 +108,23 @@ def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> NDArray
     return found
 
 
-def finder_of(frame: Frame, results: Iterable[FilterResult], params: EvaluationParams) -> ClusterFinder:
+class Finder(Protocol):
+    """Finds the clusters of several subsets of the same points."""
+
+    def clusters(self, keep: Mask, min_points: int, /) -> NDArray[np.int64]:
+        """Return which cluster each point, shape (N,), belongs to; -1 for none."""
+        ...
+
+
+def finder_of(frame: Frame, results: Iterable[FilterResult], params: EvaluationParams) -> Finder:
     """Return what finds the clusters in any of some results for the same frame."""
     among = np.zeros(frame.size, np.bool_)
     for result in results:
         among |= result.keep
-    return ClusterFinder(frame.xyz, among & frame.valid, params.cluster_tolerance_m)
+    among &= frame.valid
+    if params.clustering == "dbscan":
+        return DbscanFinder(frame.xyz, among, params.cluster_tolerance_m, params.dbscan_min_points)
+    return ClusterFinder(frame.xyz, among, params.cluster_tolerance_m)
 
 
 @dataclass(frozen=True)

@@ -78,8 +78,8 @@ class FrameScore:
     ----------
     points_in, points_out : int
         All points of the frame, and those that were kept.
-    clusters : int
-        Clusters among those kept.
+    clusters, unclustered : int
+        Clusters among those kept, and valid points in none.
     alarms : Alarms or None
         None where the frame is not labelled.
     points : PointCounts or None
@@ -89,6 +89,7 @@ class FrameScore:
     points_in: int
     points_out: int
     clusters: int
+    unclustered: int
     alarms: Alarms | None
     points: PointCounts | None
 
@@ -128,12 +129,14 @@ def score_frame(
         if result is None:
             scores.append(None)
             continue
-        clusters = finder.clusters(result.keep & frame.valid, params.min_cluster_points)
+        keep = result.keep & frame.valid
+        clusters = finder.clusters(keep, params.min_cluster_points)
         scores.append(
             FrameScore(
                 points_in=frame.size,
                 points_out=int(result.counts[Reason.KEPT]),
                 clusters=int(clusters.max(initial=-1)) + 1,
+                unclustered=int(np.count_nonzero(keep & (clusters < 0))),
                 alarms=None if scene is None else match(clusters, scene, params),
                 points=None if truth is None else _points(result, truth),
             )
@@ -164,7 +167,7 @@ class Summary:
         Labelled frames, over which all else is counted, and others.
     n_fp, n_fn : int
         Frames with any false alarm, and with any visible target lost.
-    targets, visible, detected, false_alarms, clusters : int
+    targets, visible, detected, false_alarms, clusters, unclustered : int
         Sums of what frames count.
     points : PointCounts or None
         Sums over the frames whose points are labelled; None if there are none.
@@ -181,6 +184,7 @@ class Summary:
     detected: int = 0
     false_alarms: int = 0
     clusters: int = 0
+    unclustered: int = 0
     points: PointCounts | None = None
     durations: Durations = field(default_factory=Durations)
 
@@ -196,6 +200,7 @@ class Summary:
         self.frames += 1
         self.n_fp += frame.alarms.false_alarms > 0
         self.n_fn += frame.alarms.omitted > 0
+        self.unclustered += frame.unclustered
         for item in fields(frame.alarms):
             setattr(self, item.name, getattr(self, item.name) + getattr(frame.alarms, item.name))
 
@@ -242,6 +247,11 @@ class Summary:
         """Mean number of false alarms."""
         return _ratio(self.false_alarms, self.frames)
 
+    @property
+    def unclustered_per_frame(self) -> float | None:
+        """Mean number of kept points in no cluster."""
+        return _ratio(self.unclustered, self.frames)
+
     def milliseconds(self, share: float) -> float | None:
         """Return a quantile of the time that a frame takes in the filter, to 1 %."""
         seconds = self.durations.quantile(share)
@@ -266,6 +276,7 @@ class Summary:
             "f1": self.f1,
             "false_alarms_per_frame": self.false_alarms_per_frame,
             "clusters_per_frame": _ratio(self.clusters, self.frames),
+            "unclustered_points_per_frame": self.unclustered_per_frame,
             **({} if self.points is None else _as_dict(self.points)),
             "filter_ms": {"median": _rounded(self.milliseconds(0.5)), "p99": _rounded(self.milliseconds(0.99))},
         }

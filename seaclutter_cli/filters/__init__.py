@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from seaclutter_cli.filters.adaptive_radius import AdaptiveRadius
 from seaclutter_cli.filters.dynamic_radius import DynamicRadiusOutlierRemoval
 from seaclutter_cli.filters.dynamic_statistical import (
     DynamicStatisticalOutlierRemoval,
@@ -23,6 +24,7 @@ FILTERS: Mapping[str, type[Filter]] = {
     "sor": StatisticalOutlierRemoval,
     "ror": RadiusOutlierRemoval,
     "dror": DynamicRadiusOutlierRemoval,
+    "adaptive_radius": AdaptiveRadius,
     "dsor": DynamicStatisticalOutlierRemoval,
     "lior": LowIntensityOutlierRemoval,
     "lidsor": LowIntensityDynamicStatisticalOutlierRemoval,

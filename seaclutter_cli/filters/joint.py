@@ -1,12 +1,14 @@
 """The joint intensity-space filter of Li et al. 2023 (S0), and the two stages of it that are methods of their own."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval, Len
 from numpy.typing import NDArray
 
+from seaclutter_cli.filters.adaptive_radius import Preset, sparse
 from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.statistical import outliers
 from seaclutter_cli.filters.zones import ZoneParams, Zones, ring_edges
@@ -54,11 +56,40 @@ class RingIntensityOutlierParams(RingIntensityParams):
         Share of a ring's points that count as neighbours below that bound.
     std_ratio : float
         Standard deviations above the mean at which a point is an outlier.
+    outlier_stage : {"sor", "adaptive_radius"}
+        Rule for outliers: the three keys above, or a radius that grows with range: the two keys below.
+    outlier_radius_ratio : float or None
+        Search radius by range, K; 0.025 if nothing is said.
+    outlier_min_neighbors : int or None
+        Other points that are needed within it, N; 7 if nothing is said.
     """
 
     max_neighbors: Annotated[int, Ge(1)] = 30
     neighbor_fraction: Annotated[float, Interval(gt=0, le=1)] = 0.1
     std_ratio: Annotated[float, Ge(0)] = 1.0
+    outlier_stage: Literal["sor", "adaptive_radius"] = "sor"
+    outlier_radius_ratio: Annotated[float, Gt(0)] | None = None
+    outlier_min_neighbors: Annotated[int, Ge(1)] | None = None
+
+    def __post_init__(self) -> None:
+        """Check that what goes with one rule is not given for the other, and fill in what is not given."""
+        super().__post_init__()
+        if self.outlier_preset is not None:
+            for name, value in vars(self.outlier_preset).items():
+                object.__setattr__(self, f"outlier_{name}", value)
+            return
+        for name in ("outlier_radius_ratio", "outlier_min_neighbors"):
+            if getattr(self, name) is not None:
+                raise ValueError(f"{name}: belongs to outlier_stage adaptive_radius, not to sor")
+
+    @property
+    def outlier_preset(self) -> Preset | None:
+        """K and N of the stage ``adaptive_radius``; None for the other one."""
+        if self.outlier_stage == "sor":
+            return None
+        # A wider net than the adaptive radius filter has: thresholds have thinned the points out.
+        ratio, needed = self.outlier_radius_ratio, self.outlier_min_neighbors
+        return Preset(radius_ratio=0.025 if ratio is None else ratio, min_neighbors=7 if needed is None else needed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +157,9 @@ class Joint(RingIntensity):
        :math:`I_{0,k}`; points with :math:`I \ge I_k` stay.
     3. Outliers (Eq. 6, 7) among the :math:`n_k` points that stay in a ring: with
        :math:`n = \max(1, \min(30, \lfloor 0.1\, n_k \rfloor))` neighbours and their mean distance :math:`d_i`, a point
-       is an outlier if :math:`d_i > \mathrm{mean}(d) + \sigma(d)`. A single point stays.
+       is an outlier if :math:`d_i > \mathrm{mean}(d) + \sigma(d)`. A single point stays. On request
+       (``outlier_stage``), a point is one if fewer than N of the points that stay in any ring lie within
+       :math:`r_i = K d_i` of it, as in the adaptive radius filter: no density common to a ring is needed then.
     4. Correction (Eq. 8) for the next frame, 0 where there are no outliers:
        :math:`I_{m,k} = \sum I_{\mathrm{outliers}} / (n_{\mathrm{outliers}} + 1)`.
 
@@ -160,8 +193,7 @@ class Joint(RingIntensity):
 
         found = np.zeros(self._zones.count, np.int64)
         following = np.zeros(self._zones.count)
-        for k, members in enumerate(self._zones.members(zone, ~low)):
-            outlying = members[self._outliers(frame.xyz[:, members].T)]
+        for k, outlying in enumerate(self._outliers(frame, self._zones.members(zone, ~low))):
             reason[outlying] = Reason.OUTLIER
             found[k] = len(outlying)
             following[k] = frame.intensity[outlying].sum() / (len(outlying) + 1)
@@ -175,8 +207,18 @@ class Joint(RingIntensity):
         u, initial, correction = self.params.update_weight, self._initial, self._correction
         return np.where(correction != 0, u * initial + (1 - u) * correction, initial)
 
-    def _outliers(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell the outliers among one ring's points, shape (n_k, 3) (Eq. 6 and 7)."""
+    def _outliers(self, frame: Frame, members: Sequence[NDArray[np.intp]]) -> list[NDArray[np.intp]]:
+        """Return the indices of the outliers among each ring's points."""
+        preset = self.params.outlier_preset
+        if preset is None:
+            return [points[self._outlying(frame.xyz[:, points].T)] for points in members]
+        together = np.concatenate(members)
+        outlying = sparse(frame.xyz[:, together].T, preset.radius_ratio, preset.min_neighbors)
+        ends = np.cumsum([len(points) for points in members])
+        return [points[found] for points, found in zip(members, np.split(outlying, ends[:-1]), strict=True)]
+
+    def _outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell the outliers among one ring's points, shape (n_k, 3), by their mean distances (Eq. 6 and 7)."""
         share = int(self.params.neighbor_fraction * len(points) + 1e-9)  # 0.29 of 100 are 29, in floats a bit less
         neighbors = max(1, min(self.params.max_neighbors, share))
         return outliers(points, neighbors, self.params.std_ratio)

@@ -103,7 +103,7 @@ def _over_neighbors(
     out = np.empty(len(distinct))
     size = max(1, _BLOCK_DISTANCES // k)
     for start in range(0, len(asked), size):
-        block = asked[start : start + size]
+        block = slice(start, start + size) if len(asked) == len(distinct) else asked[start : start + size]
         index, distance = search(distinct[block], k)
         if distinct is points:
             out[block] = reduce_distinct(distance)
@@ -119,6 +119,10 @@ def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDA
     bits = (points + 0.0).view(np.uint64)  # -0.0 equals 0.0
     mixed = (bits ^ (bits >> np.uint64(32))) * _MIX
     key = mixed[:, 0] ^ (mixed[:, 1] >> np.uint64(1)) ^ (mixed[:, 2] >> np.uint64(2))
+    ordered = np.sort(key)
+    if (ordered[1:] != ordered[:-1]).all():
+        every = np.arange(len(points))
+        return every, every, np.ones_like(every)
     _, first, inverse, multiplicity = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
     if len(first) < len(points) and not np.array_equal(points[first[inverse]], points):
         _, first, inverse, multiplicity = np.unique(  # two points share a key

@@ -29,12 +29,16 @@ _NANO = 1_000_000_000
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """Numbers of one frame; the arrays have one value a ring and are empty for methods without rings."""
+    """Numbers of one frame; the arrays have one value a ring and are empty for methods without rings.
+
+    So is the scene for methods that know none.
+    """
 
     stamp_ns: int
     topic: str
     numbers: dict[str, int]
     arrays: dict[str, NDArray[Any]]
+    scene: str
 
     @classmethod
     def of(cls, result: FilterResult) -> "Diagnostics":
@@ -47,7 +51,7 @@ class Diagnostics:
             name: np.asarray(rings.get(ring, ()), dtype)
             for (name, dtype), ring in zip(_ARRAYS.items(), names, strict=True)
         }
-        return cls(frame.stamp_ns, frame.topic, numbers, arrays)
+        return cls(frame.stamp_ns, frame.topic, numbers, arrays, result.scene or "")
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -68,6 +72,7 @@ def definition() -> str:
     lines = ["builtin_interfaces/Time stamp", "string topic"]
     lines += [f"uint32 {name}" for name in _NUMBERS]
     lines += [f"{dtype}[] {name}" for name, dtype in _ARRAYS.items()]
+    lines += ["string scene"]
     return "\n".join(lines) + "\n"
 
 
@@ -88,7 +93,7 @@ def _message(diagnostics: Diagnostics, least_s: int, most_s: int) -> Any:
     seconds = min(max(seconds, least_s), most_s)
     signed = seconds - 2**32 if seconds >= 2**31 else seconds
     stamp = types["builtin_interfaces/msg/Time"](signed, nanoseconds)
-    return types[TYPE](stamp, diagnostics.topic, **diagnostics.numbers, **diagnostics.arrays)
+    return types[TYPE](stamp, diagnostics.topic, **diagnostics.numbers, **diagnostics.arrays, scene=diagnostics.scene)
 
 
 def _cdr(diagnostics: Diagnostics) -> bytes:
@@ -103,7 +108,8 @@ def _json(diagnostics: Diagnostics) -> bytes:
     seconds, nanoseconds = divmod(diagnostics.stamp_ns, _NANO)
     arrays = {name: values.tolist() for name, values in diagnostics.arrays.items()}
     stamp = {"sec": seconds, "nsec": nanoseconds}
-    return json.dumps({"stamp": stamp, "topic": diagnostics.topic, **diagnostics.numbers, **arrays}).encode()
+    texts = {"topic": diagnostics.topic, "scene": diagnostics.scene}
+    return json.dumps({"stamp": stamp, **texts, **diagnostics.numbers, **arrays}).encode()
 
 
 def _json_schema() -> str:
@@ -111,7 +117,8 @@ def _json_schema() -> str:
     stamp = {"type": "object", "title": "time", "properties": {"sec": integer, "nsec": integer}}
     numbers = dict.fromkeys(_NUMBERS, integer)
     arrays = {name: {"type": "array", "items": {"type": "number"}} for name in _ARRAYS}
-    properties = {"stamp": stamp, "topic": {"type": "string"}, **numbers, **arrays}
+    texts = {name: {"type": "string"} for name in ("topic", "scene")}
+    properties = {"stamp": stamp, **texts, **numbers, **arrays}
     return json.dumps({"title": "seaclutter.Diagnostics", "type": "object", "properties": properties})
 
 
@@ -155,6 +162,7 @@ def read_diagnostics(data: Buffer, encoding: str) -> Diagnostics:
             stamp_ns = found["stamp"].sec * _NANO + found["stamp"].nanosec
         numbers = {name: int(found[name]) for name in _NUMBERS}
         arrays = {name: np.asarray(found[name], dtype) for name, dtype in _ARRAYS.items()}
+        texts = [str(found[name]) for name in ("topic", "scene")]
     except Exception as error:  # what broken bytes raise in the library is not documented
         raise InputError(f"a message of {TOPIC} cannot be read ({error!r})") from error
-    return Diagnostics(stamp_ns, str(found["topic"]), numbers, arrays)
+    return Diagnostics(stamp_ns, texts[0], numbers, arrays, texts[1])

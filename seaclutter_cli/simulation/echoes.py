@@ -1,6 +1,7 @@
 """Which surface each shot of a turn meets, and how well that reflects."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,26 @@ class Shots:
 
     def __len__(self) -> int:
         return len(self.azimuths)
+
+    @cached_property
+    def spread_m(self) -> float:
+        """How far apart the places are that the shots come from, in metres."""
+        return float(np.linalg.norm(self.origins - self.origins[0], axis=1).max())
+
+    @cached_property
+    def _by_azimuth(self) -> tuple[Floats, NDArray[np.int64]]:
+        order = np.argsort(self.azimuths, kind="stable")
+        return self.azimuths[order], order
+
+    def between(self, first: float, last: float) -> NDArray[np.int64]:
+        """Return the shots from one azimuth counter-clockwise to another, in radians and in their order."""
+        if last - first >= 2 * np.pi:
+            return np.arange(len(self))
+        azimuths, order = self._by_azimuth
+        first, last = (first + np.pi) % (2 * np.pi) - np.pi, (last + np.pi) % (2 * np.pi) - np.pi
+        start, end = np.searchsorted(azimuths, first), np.searchsorted(azimuths, last, side="right")
+        chosen = order[start:end] if first <= last else np.concatenate((order[start:], order[:end]))
+        return np.sort(chosen)
 
     def towards(self, azimuth: float, half: float) -> NDArray[np.int64]:
         """Return the shots within an angle of an azimuth, in radians."""

@@ -7,10 +7,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.simulation.noise import NO_NOISE, NoiseParams
+
 
 @dataclass(frozen=True)
 class Lidar:
-    """A rotating lidar; K beams, C columns a turn.
+    """A lidar; K beams, C columns a turn. It rotates, or sees all of its field at once as a camera does.
 
     Parameters
     ----------
@@ -34,6 +36,11 @@ class Lidar:
         Sense of rotation seen from above.
     rate_hz : float
         Turns per second.
+    field_deg : float
+        Width of its field; 360 of one that rotates. The columns of a lesser one are even about straight ahead, and all
+        shots are fired at once.
+    noise : NoiseParams
+        False returns, unless a scene says otherwise.
     """
 
     elevations_deg: tuple[float, ...]
@@ -47,6 +54,8 @@ class Lidar:
     lens_m: float = 0.0
     clockwise: bool = True
     rate_hz: float = 10.0
+    field_deg: float = 360.0
+    noise: NoiseParams = NO_NOISE
 
     @property
     def gain(self) -> float:
@@ -56,17 +65,33 @@ class Lidar:
     @property
     def step_rad(self) -> float:
         """Angle from column to column in radians; negative where clockwise."""
-        return 2 * np.pi / self.columns * (-1 if self.clockwise else 1)
+        return float(np.radians(self.field_deg)) / self.columns * (-1 if self.clockwise else 1)
+
+    @property
+    def rotates(self) -> bool:
+        """Whether it turns, so that its columns are fired one after the other."""
+        return self.field_deg == 360
+
+    def looks_s(self, azimuths: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return after which time in a turn it looks in some directions of its frame, in seconds; shape (N,)."""
+        if not self.rotates:
+            return np.zeros(len(azimuths))
+        return azimuths / self.step_rad % self.columns / (self.columns * self.rate_hz)
 
     @cached_property
     def times_s(self) -> NDArray[np.float64]:
         """Time of each shot from the start of the turn, shape (C, K), in seconds."""
+        if not self.rotates:
+            return np.zeros((self.columns, len(self.elevations_deg)))
         column = np.arange(self.columns) / (self.columns * self.rate_hz)
         return column[:, None] + np.array(self.firing_us) * 1e-6
 
     @cached_property
     def _turned(self) -> NDArray[np.float64]:
         """Angle by which the lidar has turned at each shot, counter-clockwise, shape (C, K), in radians."""
+        if not self.rotates:
+            column = self.step_rad * (np.arange(self.columns) - (self.columns - 1) / 2)
+            return np.repeat(column[:, None], len(self.elevations_deg), axis=1)
         return (-1 if self.clockwise else 1) * self.times_s * self.rate_hz * 2 * np.pi
 
     @cached_property
@@ -118,6 +143,18 @@ def _ouster(beams: int) -> Lidar:
     return Lidar(_even(beams, 22.5), staggered, (0.0,) * beams, 1024, 90.0, 200.0, min_range_m=0.5)
 
 
+_CE30_D = Lidar(
+    tuple(round(1.9 - 0.2 * row, 1) for row in range(20)),
+    (0.0,) * 20,
+    (0.0,) * 20,
+    columns=320,
+    detection_m=28 / 3,
+    max_range_m=28.0,
+    rate_hz=30.0,
+    field_deg=60.0,
+    noise=NoiseParams(lost_share=0.15, edge_share=0.5),
+)
+
 LIDARS: Mapping[str, Lidar] = {
     "RS-LiDAR-32": Lidar(_RS32_ELEVATIONS, _RS32_OFFSETS, _RS32_FIRING, 1800, 150.0, 200.0, lens_m=0.03997),
     "RS-LiDAR-16": Lidar(
@@ -128,9 +165,12 @@ LIDARS: Mapping[str, Lidar] = {
     ),
     "OS1-64": _ouster(64),
     "OS1-128": _ouster(128),
+    "CE30-D": _CE30_D,
 }
 """Lidars by name; a new one is a line here.
 
 Angles, times and ranges are the makers' design values: RS-LiDAR-32 user manual (channel table, B.13 and B.14; appendix
-A for the times), RS-LiDAR-16 and VLP-16 user manuals, Ouster OS1 datasheet.
+A for the times), RS-LiDAR-16 and VLP-16 user manuals, Ouster OS1 datasheet, CE30-D datasheet (table 2) and S3. That a
+CE30-D sees white at its full range and a reflectivity of 0.1 at a third of it, and the amounts of its noise, are
+assumptions.
 """

@@ -1,5 +1,6 @@
 """How vessels move: along a path, and with the waves."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,9 @@ class Leg:
     y_m: float
     heading_rad: float
     speed_ms: float
+
+
+_NEVER = Leg(np.inf, np.inf, 0.0, 0.0, 0.0, 0.0)
 
 
 class Track:
@@ -74,6 +78,34 @@ class Track:
         return x + along * np.cos(heading), y + along * np.sin(heading), heading
 
 
+class Tracks:
+    """Many paths, O of them, each asked at its own time.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        The paths.
+    """
+
+    def __init__(self, tracks: Sequence[Track]) -> None:
+        most = max((len(track.legs) for track in tracks), default=1)
+        names = ("start_s", "x_m", "y_m", "heading_rad", "speed_ms")
+        # A path with fewer legs than others goes on with legs that never start.
+        padded = [[*track.legs, *[_NEVER] * (most - len(track.legs))] for track in tracks]
+        legs = [[[getattr(leg, name) for leg in row] for row in padded] for name in names]
+        self._start, self._x, self._y, self._heading, self._speed = np.array(legs, np.float64).reshape(5, -1, most)
+        self._rows = np.arange(len(tracks))
+
+    def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return x and y in metres and the heading in radians of each path at its time, shape (O,) each."""
+        which = np.clip((self._start <= times_s[:, None]).sum(axis=1) - 1, 0, None)
+        start, x, y, heading, speed = (
+            part[self._rows, which] for part in (self._start, self._x, self._y, self._heading, self._speed)
+        )
+        along = speed * (times_s - start)
+        return x + along * np.cos(heading), y + along * np.sin(heading), heading
+
+
 def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
     """Return rotation matrices from body (x forward, y left, z up) to world, shape (T, 3, 3); angles in radians.
 
@@ -89,3 +121,24 @@ def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
         (-sp, cp * sr, cp * cr),
     )
     return np.moveaxis(np.array(rows), -1, 0)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Place and attitude of a body.
+
+    Parameters
+    ----------
+    place : ndarray, shape (3,), float64
+        Its origin in the world's frame, in metres.
+    turn : ndarray, shape (3, 3), float64
+        Rotation from its frame to the world's.
+    """
+
+    place: Floats
+    turn: Floats
+
+    @classmethod
+    def of(cls, place: Floats, *, yaw: float, pitch: float = 0.0, roll: float = 0.0) -> "Pose":
+        """Return the pose of angles in radians."""
+        return cls(place, rotations(np.array([yaw]), np.array([pitch]), np.array([roll]))[0])

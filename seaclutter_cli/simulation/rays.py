@@ -1,5 +1,7 @@
 """Where rays meet triangles and boxes."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,14 +32,40 @@ def meet_box(origins: Floats, directions: Floats, lower: Floats, upper: Floats) 
     return begin, np.minimum(np.minimum(far[0], far[1]), far[2])
 
 
-def meet_triangles(origins: Floats, directions: Floats, triangles: Floats) -> tuple[Floats, NDArray[np.int64]]:
+@dataclass(frozen=True)
+class UnitTransforms:
+    """What turns each of T triangles into the one of corners (0, 0), (1, 0) and (0, 1) in the plane z = 0.
+
+    Parameters
+    ----------
+    axes : ndarray, shape (3, 3, T), float64
+        Matrices.
+    shift : ndarray, shape (3, T), float64
+        What is taken off after that.
+    """
+
+    axes: Floats
+    shift: Floats
+
+    @classmethod
+    def of(cls, triangles: Floats) -> "UnitTransforms":
+        """Return those of triangles with given corners in metres, shape (T, 3, 3)."""
+        corner = triangles[:, 0]
+        one, other = triangles[:, 1] - corner, triangles[:, 2] - corner
+        to_unit = np.linalg.inv(np.stack((one, other, np.cross(one, other)), axis=2))
+        return cls(to_unit.transpose(1, 2, 0), np.einsum("tij,tj->it", to_unit, corner))
+
+
+def meet_triangles(
+    origins: Floats, directions: Floats, triangles: Floats | UnitTransforms
+) -> tuple[Floats, NDArray[np.int64]]:
     """Return how far along each ray the nearest triangle is, and which; infinity and -1 where there is none.
 
     Parameters
     ----------
     origins, directions : ndarray, shape (N, 3), float64
         Rays in metres; directions of unit length.
-    triangles : ndarray, shape (T, 3, 3), float64
+    triangles : ndarray, shape (T, 3, 3), float64; or UnitTransforms
         Corners in metres; both sides count.
 
     Returns
@@ -46,17 +74,14 @@ def meet_triangles(origins: Floats, directions: Floats, triangles: Floats) -> tu
 
     Notes
     -----
-    Each triangle has a transform that turns it into the one of corners (0, 0), (1, 0) and (0, 1) in the plane z = 0, so
-    that the test is the same for all pairs (Woop 2004, "A Ray Tracing Hardware Architecture for Dynamic Scenes").
+    With each triangle turned into the same one, the test is the same for all pairs (Woop 2004, "A Ray Tracing Hardware
+    Architecture for Dynamic Scenes").
     """
     distance = np.full(len(origins), np.inf)
     which = np.full(len(origins), -1)
-    corner = triangles[:, 0]
-    one, other = triangles[:, 1] - corner, triangles[:, 2] - corner
-    to_unit = np.linalg.inv(np.stack((one, other, np.cross(one, other)), axis=2))
-    shift = np.einsum("tij,tj->it", to_unit, corner)
-    axes = to_unit.transpose(1, 2, 0)
-    size = max(1, _BLOCK // max(len(triangles), 1))
+    units = triangles if isinstance(triangles, UnitTransforms) else UnitTransforms.of(triangles)
+    axes, shift = units.axes, units.shift
+    size = max(1, _BLOCK // max(shift.shape[1], 1))
     for start in range(0, len(origins), size):
         block = slice(start, start + size)
         found = _pairs(origins[block], directions[block], axes, shift)

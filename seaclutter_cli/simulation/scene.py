@@ -5,16 +5,19 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import yaml
 from annotated_types import Ge, Gt, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.motion import Track
-from seaclutter_cli.simulation.sea import SeaParams
+from seaclutter_cli.simulation.noise import NoiseParams
 from seaclutter_cli.simulation.shapes import SHAPES
+from seaclutter_cli.simulation.terrain import TERRAINS, TerrainParams, terrain_name
+from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.validation import as_lists, build, kind_of, read_yaml, refuse
 
-_SECTIONS = ("recording", "sea", "vessel", "objects")
+_SECTIONS = ("recording", *TERRAINS, "vessel", "noise", "objects")
 Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
 
 
@@ -77,18 +80,18 @@ class MovingParams:
 
 @dataclass(frozen=True, kw_only=True)
 class VesselParams(MovingParams):
-    """Own vessel, and the lidar on it.
+    """Own vessel, or the vehicle on land, and the lidar on it.
 
     Parameters
     ----------
     length_m, width_m : float
         Of the hull.
     lidar_height_m : float
-        Height of the lidar above the waterline.
+        Height of the lidar above the waterline or the ground.
     lidar_forward_m : float
         How far ahead of the vessel's middle the lidar stands.
     sway : float
-        How much of the waves' height and slope the vessel follows, 0 to 1.
+        How much of the height and slope of waves or ground the vessel follows, 0 to 1.
     """
 
     length_m: Annotated[float, Gt(0)] = 7.0
@@ -100,7 +103,7 @@ class VesselParams(MovingParams):
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectParams(MovingParams):
-    """Something in the water.
+    """Something in the scene.
 
     Parameters
     ----------
@@ -111,7 +114,7 @@ class ObjectParams(MovingParams):
     shape : str
         A shape by name.
     size_m : tuple of float
-        Length, width and height above the waterline.
+        Length, width and height above the waterline or the ground.
     reflectivity : float
         Of its brightest parts, met head on.
     sway : float
@@ -142,18 +145,21 @@ class Scene:
     ----------
     recording : RecordingParams
         Lidar, length, seed.
-    sea : SeaParams
-        The water.
+    terrain : SeaParams or GroundParams
+        What it lies on: a section named as in `TERRAINS`.
     vessel : VesselParams
-        Own vessel.
+        Own vessel, or the vehicle on land.
     objects : tuple of ObjectParams
         What else is there.
+    noise : NoiseParams, optional
+        False returns; by default those of the lidar.
     """
 
     recording: RecordingParams
-    sea: SeaParams
+    terrain: TerrainParams
     vessel: VesselParams
     objects: tuple[ObjectParams, ...]
+    noise: NoiseParams | None = None
 
     def with_recording(self, **changes: Any) -> "Scene":
         """Return the scene with other frames, seed or lidar; None leaves a value as it is; `ConfigError`."""
@@ -163,14 +169,22 @@ class Scene:
         except ValueError as error:
             raise ConfigError(str(error)) from error
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the scene as it stands in a file, with all defaults."""
-        sections = {name: _plain(getattr(self, name)) for name in ("recording", "sea", "vessel")}
-        return {**sections, "objects": [_plain(item) for item in self.objects]}
+    def as_dict(self, *, defaults: bool = True) -> dict[str, Any]:
+        """Return the scene as it stands in a file, with or without what is a default."""
+        parts: dict[str, Any] = {
+            "recording": self.recording,
+            terrain_name(self.terrain): self.terrain,
+            "vessel": self.vessel,
+        }
+        if self.noise is not None:
+            parts["noise"] = self.noise
+        sections = {name: _plain(params, defaults=defaults) for name, params in parts.items()}
+        return {**sections, "objects": [_plain(item, defaults=defaults) for item in self.objects]}
 
 
-def _plain(params: Any) -> dict[str, Any]:
-    return {field.name: as_lists(getattr(params, field.name)) for field in fields(params)}
+def _plain(params: Any, *, defaults: bool) -> dict[str, Any]:
+    values = {field.name: (getattr(params, field.name), field.default) for field in fields(params)}
+    return {name: as_lists(value) for name, (value, default) in values.items() if defaults or value != default}
 
 
 def builtin_scenes() -> Mapping[str, Path]:
@@ -198,10 +212,39 @@ def load_scene(name: str) -> Scene:
     return parse_scene(read_yaml(path, _SECTIONS), str(path))
 
 
+def save_scene(scene: Scene, path: Path) -> None:
+    """Write a scene to a file that `load_scene` reads, without what is a default and each object on a line.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    sections = scene.as_dict(defaults=False)
+    objects = sections.pop("objects")
+    text = yaml.safe_dump(sections, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+    if objects:
+        text += "objects:\n"
+    for item in objects:
+        line = yaml.safe_dump(item, sort_keys=False, default_flow_style=True, width=10**6, allow_unicode=True)
+        text += f"  - {line}"
+    with AtomicFile(path) as file:
+        file.stream.write(text.encode())
+
+
 def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
     """Return the scene that a mapping describes; ``where`` names it in errors."""
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
-    kinds = {"recording": RecordingParams, "sea": SeaParams, "vessel": VesselParams}
+    chosen = [name for name in TERRAINS if name in raw] or [next(iter(TERRAINS))]
+    if len(chosen) > 1:
+        problems.append(f"{' and '.join(chosen)}: a scene has one of them")
+    kinds: dict[str, type[Any]] = {
+        "recording": RecordingParams,
+        chosen[0]: TERRAINS[chosen[0]][0],
+        "vessel": VesselParams,
+    }
+    if "noise" in raw:
+        kinds["noise"] = NoiseParams
     parts: dict[str, Any] = {}
     for section, kind in kinds.items():
         values = raw.get(section) or {}
@@ -211,6 +254,7 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
         parts[section] = build(kind, values, section, section, problems)
     objects = _objects(raw.get("objects") or [], problems)
     refuse(where, problems)
+    parts["terrain"] = parts.pop(chosen[0])
     return Scene(**parts, objects=tuple(objects))
 
 

@@ -8,6 +8,8 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 from scipy import fft
 
+from seaclutter_cli.simulation.air import extinction
+
 GRAVITY = 9.81
 _CELLS = 256
 _SWELL_WAVES = 256
@@ -64,8 +66,8 @@ class SeaParams:
 
     @property
     def extinction(self) -> float:
-        r"""Extinction coefficient :math:`\alpha` of Eq. 2 in 1/m, by Koschmieder's law."""
-        return 3.912 / (1000 * self.visibility_km)
+        """Extinction coefficient in 1/m."""
+        return extinction(self.visibility_km)
 
     @property
     def whitecaps(self) -> float:

@@ -2,12 +2,17 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.simulation.rays import UnitTransforms
+
 Triangles = NDArray[np.float64]
 Point = tuple[float, float]
+
+_LEAVES = 130
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,27 @@ class Mesh:
 
     triangles: Triangles
     shades: NDArray[np.float64]
+
+    @cached_property
+    def units(self) -> UnitTransforms:
+        """What tests of rays take."""
+        return UnitTransforms.of(self.triangles)
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64]:
+        """Normals, as long as the triangle is large, shape (T, 3)."""
+        one, other = self.triangles[:, 1] - self.triangles[:, 0], self.triangles[:, 2] - self.triangles[:, 0]
+        return np.cross(one, other)
+
+    @cached_property
+    def corners(self) -> NDArray[np.float64]:
+        """All corners once, shape (V, 3), in metres."""
+        return np.unique(self.triangles.reshape(-1, 3), axis=0)
+
+    @cached_property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest coordinates, shape (3,) each."""
+        return self.corners.min(axis=0), self.corners.max(axis=0)
 
     def scaled(self, length_m: float, width_m: float, height_m: float) -> "Mesh":
         """Return the mesh, built in a box of unit length, width and height, in its true size."""
@@ -101,6 +127,64 @@ def _wall() -> Mesh:
     return _mesh((_prism(_box((-0.5, 0.5), (-0.5, 0.5)), -0.5, 1.0), 1.0))
 
 
+def _barge() -> Mesh:
+    """Return a hull with straight sides, a low house astern and two holds."""
+    holds = [(_prism(_box((start, start + 0.34), (-0.4, 0.4)), 0.55, 0.75), 0.7) for start in (-0.28, 0.1)]
+    house = _prism(_box((-0.48, -0.34), (-0.42, 0.42)), 0.55, 1.0)
+    return _mesh((_prism(_box((-0.5, 0.5), (-0.5, 0.5)), -0.3, 0.55), 1.0), *holds, (house, 1.0))
+
+
+def _cargo_ship() -> Mesh:
+    """Return a high hull with its house astern and stacks of containers of uneven height."""
+    heights = (0.72, 0.6, 0.78, 0.66)
+    stacks = [
+        (_prism(_box((-0.2 + 0.15 * k, -0.08 + 0.15 * k), (-0.45, 0.45)), 0.45, height), 0.5 + 0.15 * (k % 2))
+        for k, height in enumerate(heights)
+    ]
+    house = _prism(_box((-0.42, -0.28), (-0.48, 0.48)), 0.45, 1.0)
+    return _mesh((_prism(_hull(0.34), -0.1, 0.45), 0.8), *stacks, (house, 1.0))
+
+
+def _pile() -> Mesh:
+    return _mesh((_prism(_circle(0.5, 8), -0.5, 1.0), 1.0))
+
+
+def _bank() -> Mesh:
+    """Return a slope that rises from the water on the right to a level top on the left."""
+    profile = [(-0.5, -0.2), (0.1, 1.0), (0.5, 1.0), (0.5, -0.2)]
+    ends = [np.array([(x, y, z) for y, z in profile]) for x in (-0.5, 0.5)]
+    after = np.roll(np.arange(4), -1)
+    sides = [
+        np.stack((ends[0], ends[0][after], ends[1]), 1),
+        np.stack((ends[0][after], ends[1][after], ends[1]), 1),
+    ]
+    caps = [end[[[0, 1, 2], [0, 2, 3]]] for end in ends]
+    return _mesh((np.concatenate((*sides, *caps)), 1.0))
+
+
+def _trunk() -> Mesh:
+    """Return a round stem that gets thinner upwards."""
+    return _mesh((_prism(_circle(0.5, 10), -0.05, 1.0, taper=0.75), 1.0))
+
+
+def _crown() -> Mesh:
+    """Return the upper part of a tree, from 0.45 of its height on."""
+    return _mesh(
+        (_prism(_circle(0.5, 8), 0.6, 1.0, taper=0.25), 1.0),
+        (_prism(_circle(0.15, 8), 0.45, 0.6, taper=1 / 0.3), 1.0),
+    )
+
+
+def _apple_tree() -> Mesh:
+    """Return a slender stem full of leaves from 0.15 of its height on, between which some shots pass."""
+    rng = np.random.default_rng(5)
+    centers = rng.uniform((-0.42, -0.42, 0.2), (0.42, 0.42, 0.95), (_LEAVES, 3))
+    across = rng.normal(0, 1, (_LEAVES, 3, 3))
+    across *= np.array([0.12, 0.12, 0.055]) / np.linalg.norm(across, axis=2, keepdims=True)
+    leaves = np.clip(centers[:, None] + across, (-0.5, -0.5, 0.12), (0.5, 0.5, 1.0))
+    return _mesh((_prism(_circle(0.04, 6), -0.05, 0.9), 0.7), (leaves, 1.0))
+
+
 def _deck() -> Mesh:
     """Own vessel: a hull with a low house behind the lidar's mast."""
     house = _prism(_box((-0.3, 0.0), (-0.3, 0.3)), 0.5, 1.0)
@@ -113,7 +197,16 @@ SHAPES: Mapping[str, Callable[[], Mesh]] = {
     "sailing_boat": _sailing_boat,
     "cruise_ship": _cruise_ship,
     "kayak": _kayak,
+    "barge": _barge,
+    "cargo_ship": _cargo_ship,
     "quay_wall": _wall,
+    "pontoon": _wall,
+    "building": _wall,
+    "pile": _pile,
+    "bank": _bank,
+    "trunk": _trunk,
+    "crown": _crown,
+    "apple_tree": _apple_tree,
     "own_vessel": _deck,
 }
 """Makers of meshes in a box of unit length, width and height above the waterline; a new shape is a line here."""

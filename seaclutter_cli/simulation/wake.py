@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.simulation.motion import Leg, Track
+from seaclutter_cli.simulation.echoes import Echoes, Shots
+from seaclutter_cli.simulation.motion import Leg, Pose, Track
+from seaclutter_cli.simulation.rays import meet_box
 from seaclutter_cli.simulation.sea import GRAVITY
+from seaclutter_cli.truth import CLUTTER
 
 Floats = NDArray[np.float64]
 
@@ -129,6 +132,27 @@ class Wake:
         back = -self.length_m / 2 - 0.4 * speed
         corners = np.array([[back, -self.width_m, 0.0], [self.length_m / 2, self.width_m, 0.08 * speed + 0.2]])
         return corners, np.array([x[0], y[0], heading[0]]), _DROPLETS_S_M2 * speed
+
+    def meet_spray(
+        self, shots: Shots, echoes: Echoes, time_s: float, reflectivity: float, rng: np.random.Generator
+    ) -> None:
+        """Add droplets to the echoes: along a shot through spray, the chance to meet one grows with the way."""
+        spray = self.spray(time_s)
+        if spray is None:
+            return
+        corners, (x, y, heading), density = spray
+        pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
+        offset = pose.place[:2] - shots.origins[0, :2]
+        away, reach = float(np.hypot(*offset)), float(np.abs(corners).max()) + 1
+        half = np.pi if away <= reach else float(np.arcsin(reach / away))
+        near = shots.towards(float(np.arctan2(offset[1], offset[0])), half)
+        origins = (shots.origins[near] - pose.place) @ pose.turn
+        begin, end = meet_box(origins, shots.directions[near] @ pose.turn, *corners)
+        way = np.clip(end - begin, 0.0, None)
+        met = np.flatnonzero(rng.random(len(near)) < 1 - np.exp(-density * way))
+        distance = begin[met] + rng.random(len(met)) * way[met]
+        bright = reflectivity * rng.standard_exponential(len(met))
+        echoes.add(near[met], distance, bright, CLUTTER)
 
 
 def patches(x: Floats, y: Floats, seed: int) -> Floats:

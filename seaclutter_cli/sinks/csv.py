@@ -34,17 +34,20 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         The file; it appears when the context is left without an error.
     rings : int
         Number of rings of the method; 0 for methods without.
+    scenes : bool, optional
+        Whether the method knows scenes: there is a column for them then.
 
     Notes
     -----
     The lines of a recording that fails midway are taken back.
     """
 
-    def __init__(self, path: Path, rings: int) -> None:
+    def __init__(self, path: Path, rings: int, *, scenes: bool = False) -> None:
         self._file = AtomicFile(path)
-        self._states = 2 * rings
+        self._states, self._scenes = 2 * rings, scenes
         numbers = range(1, rings + 1)
-        self._line((*_COLUMNS, *(f"threshold_{k}" for k in numbers), *(f"correction_{k}" for k in numbers)))
+        states = (*(f"threshold_{k}" for k in numbers), *(f"correction_{k}" for k in numbers))
+        self._line((*_COLUMNS, *states, *(["scene"] if scenes else [])))
         self._complete = self._file.stream.tell()
         self._recording = ""
 
@@ -75,7 +78,8 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         frame, counts, rings = result.frame, result.counts, result.rings
         values = (self._recording, frame.topic, frame.index, frame.stamp_ns, frame.size)
         states = [""] * self._states if rings is None else [*rings.thresholds.tolist(), *rings.corrections.tolist()]
-        self._line((*values, *(counts[reason] for reason in _REASONS), counts[Reason.KEPT], *states))
+        scene = [result.scene or ""] if self._scenes else []
+        self._line((*values, *(counts[reason] for reason in _REASONS), counts[Reason.KEPT], *states, *scene))
 
     def end(self) -> None:
         """End a recording: its lines stay."""

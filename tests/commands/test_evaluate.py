@@ -159,7 +159,7 @@ def test_recordings_with_and_without_point_truth(log, labels, tmp_path):
     ("comparison", "names"),
     [
         ("paper", "global_intensity@0.80 global_intensity@0.90 ring_intensity ring_intensity_outlier joint"),
-        ("peers", "joint sor ror dror dsor lior lidsor naive"),
+        ("peers", "joint sor ror dror adaptive_radius dsor lior lidsor naive"),
     ],
 )
 def test_comparisons(log, labels, tmp_path, comparison, names):
@@ -213,6 +213,26 @@ def test_configuration_reaches_the_methods_that_have_the_key(log, labels, tmp_pa
     assert [found[f"global_intensity@0.{rate}0"]["filter"]["filter_rate"] for rate in (8, 9)] == [0.8, 0.9]
     assert all(made["filter"]["start_m"] == 12.5 for name, made in found.items() if name != "none")
     assert all(made["evaluation"]["min_cluster_points"] == 3 for made in found.values())
+
+
+def test_a_key_of_a_key_reaches_the_method_that_has_it(log, labels):
+    arguments = (log, "--labels", labels, "-m", "adaptive_radius", "-m", "none")
+    found = figures(*arguments, "-s", "filter.presets.open.min_neighbors=3")["configs"]
+    assert found["adaptive_radius"]["filter"]["presets"]["open"] == {"radius_ratio": 0.015, "min_neighbors": 3}
+
+
+def test_density_based_clusters(log, labels):
+    """Lumps are rows of ten points, an eighth of a metre apart: a core point has at most four others within 0.25 m."""
+    arguments = (log, "--labels", labels, "-m", "none", "-s", "evaluation.cluster_tolerance_m=0.25")
+    for needed, clusters, unclustered in ((5, 2, 0), (6, 0, 20)):
+        options = ("--clustering", "dbscan", "-s", f"evaluation.dbscan_min_points={needed}")
+        found = figures(*arguments, *options)
+        assert found["configs"]["none"]["evaluation"]["clustering"] == "dbscan"
+        assert found["methods"]["none"]["clusters_per_frame"] == clusters * 11 / 10
+        assert found["methods"]["none"]["unclustered_points_per_frame"] == unclustered * 11 / 10
+        assert "noise clusters  unclustered points" in invoke(*arguments, *options).stdout
+    assert figures(*arguments)["methods"]["none"]["clusters_per_frame"] == 2.2
+    assert "unclustered" not in invoke(*arguments).stdout
 
 
 def test_without_a_method_the_configuration_decides(log, labels, tmp_path):
@@ -303,7 +323,7 @@ def test_an_interrupted_run_leaves_no_table(tmp_path):
 
 def test_a_recording_that_fails_midway_leaves_neither_lines_nor_columns(tmp_path):
     frame = frame_of(lump_at(20))
-    plain = FrameScore(10, 5, 1, Alarms(1, 1, 1, 1, 0), None)
+    plain = FrameScore(10, 5, 1, 0, Alarms(1, 1, 1, 1, 0), None)
     with FrameTable(tmp_path / "frames.csv") as table:
         table.begin("a, b").write("none", frame, plain)
         table.end()

@@ -58,3 +58,29 @@ def test_wrong_command_lines(tmp_path):
     (tmp_path / "a.labels.csv").write_text("mine")
     result = run("simulate", "calm", "-o", tmp_path / "a.mcap", "-n", 1)
     assert (result.exit_code, (tmp_path / "a.labels.csv").read_text()) == (2, "mine")
+
+
+def test_a_layout_makes_another_recording_of_each_seed(tmp_path):
+    made = {}
+    for name, seed in (("a", ()), ("b", ("--seed", 1)), ("c", ("--seed", 2))):
+        result = run("simulate", "harbour_basin", "-o", tmp_path / f"{name}.mcap", "-n", 1, *seed)
+        assert result.exit_code == 0, result.output
+        made[name] = (tmp_path / f"{name}.mcap").read_bytes()
+    assert made["a"] == made["b"] != made["c"]
+
+
+def test_the_scene_of_a_layout_can_be_saved_and_simulated_again(tmp_path):
+    scene, logs = tmp_path / "made.yaml", [tmp_path / "a.mcap", tmp_path / "b.mcap"]
+    for layout in ("channel", "poplar_grove"):
+        result = run("simulate", layout, "-o", logs[0], "-n", 1, "--seed", 5, "--scene-file", scene, "--force")
+        assert result.exit_code == 0, result.output
+        assert run("simulate", scene, "-o", logs[1], "--force").exit_code == 0
+        assert logs[0].read_bytes() == logs[1].read_bytes()
+    assert run("simulate", "river", "-o", tmp_path / "c.mcap", "--scene-file", scene).exit_code == 2
+    assert not (tmp_path / "c.mcap").exists()
+
+
+def test_many_targets_are_counted_by_class(tmp_path):
+    result = run("simulate", "poplar", "-o", tmp_path / "a.mcap", "-n", 1)
+    assert "80 poplar" in result.stdout
+    assert len(result.stdout.splitlines()) < 10

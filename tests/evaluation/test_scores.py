@@ -12,7 +12,7 @@ from tests.evaluation.scenes import frame_of, lump, result_of
 
 
 def score(alarms=None, points=None):
-    return FrameScore(100, 50, 3, alarms, points)
+    return FrameScore(100, 50, 3, 4, alarms, points)
 
 
 def test_the_rates_of_table_4():
@@ -33,6 +33,7 @@ def test_the_rates_of_table_4():
     assert found["f1"] == pytest.approx(2 * 360 / (2 * 360 + 26 + 32))
     assert found["false_alarms_per_frame"] == pytest.approx(26 / 196)
     assert found["clusters_per_frame"] == 3
+    assert found["unclustered_points_per_frame"] == 4
     assert "R_c" not in found
 
 

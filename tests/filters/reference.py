@@ -137,6 +137,26 @@ def outliers_of(points: list[Point], neighbors: int, std_ratio: float) -> list[i
     return [index for index, value in enumerate(means) if value > limit]
 
 
+def sparse_of(points: list[Point], radius_ratio: float, min_neighbors: int) -> list[int]:
+    """Return the indices of points with too few others within a share of their range: by counting (S3, Eq. 5, 6)."""
+    found = []
+    for index, distances in enumerate(distances_to_others(points)):
+        radius = radius_ratio * points[index].range_m * TIE
+        if sum(distance <= radius for distance in distances) < min_neighbors:
+            found.append(index)
+    return found
+
+
+def sparse_by_rank(points: list[Point], radius_ratio: float, min_neighbors: int) -> list[int]:
+    """Return the same by the distance to the N-th nearest other point; too few others are infinitely far."""
+    found = []
+    for index, distances in enumerate(distances_to_others(points)):
+        farthest = [*distances, *[math.inf] * min_neighbors][min_neighbors - 1]
+        if farthest > radius_ratio * points[index].range_m * TIE:
+            found.append(index)
+    return found
+
+
 class Rings:
     """A threshold a ring, then outliers, then the correction of the next frame's thresholds; the last two on request.
 
@@ -163,10 +183,12 @@ class Rings:
         thresholds = [self.threshold(ring) for ring in range(len(used))]
         counts = RingCounts(thresholds, used, [], [], [])
         self.corrections = []
+        in_rings = [i for i, reason in enumerate(reasons) if reason is None]
+        everywhere = [i for i in in_rings if points[i].intensity >= thresholds[self.ring(points[i])]]
         for ring, threshold in enumerate(thresholds):
             members = [i for i, point in enumerate(points) if reasons[i] is None and self.ring(point) == ring]
             bright = [i for i in members if points[i].intensity >= threshold]
-            lonely = self.find_outliers(points, bright) if self.outliers else []
+            lonely = self.find_outliers(points, bright, everywhere) if self.outliers else []
             for i in set(members) - set(bright):
                 reasons[i] = Reason.LOW_INTENSITY
             for i in lonely:
@@ -192,7 +214,12 @@ class Rings:
         weight = self.params.update_weight
         return weight * initial + (1 - weight) * self.corrections[ring]
 
-    def find_outliers(self, points: list[Point], bright: list[int]) -> list[int]:
+    def find_outliers(self, points: list[Point], bright: list[int], everywhere: list[int]) -> list[int]:
+        """Return the outliers among the bright points of a ring; some rules look at those everywhere."""
+        if self.params.outlier_stage == "adaptive_radius":
+            ratio, needed = self.params.outlier_radius_ratio, self.params.outlier_min_neighbors
+            found = sparse_of([points[i] for i in everywhere], ratio, needed)
+            return [everywhere[index] for index in found if everywhere[index] in bright]
         share = math.floor(Fraction(str(self.params.neighbor_fraction)) * len(bright))
         neighbors = max(1, min(self.params.max_neighbors, share))
         found = outliers_of([points[i] for i in bright], neighbors, self.params.std_ratio)
@@ -301,6 +328,14 @@ class DynamicRadiusOutliers(WholeFrame):
         return found
 
 
+class AdaptiveRadiusOutliers(WholeFrame):
+    """Points with too few others within a share of their range, which goes by the scene."""
+
+    def removed(self, points: list[Point]) -> list[int]:
+        preset = self.params.presets[self.params.scene]
+        return sparse_of(points, preset.radius_ratio, preset.min_neighbors)
+
+
 class DynamicStatisticalOutliers(WholeFrame):
     """Points whose mean distance to their nearest others reaches a limit that grows with range."""
 
@@ -363,6 +398,7 @@ REFERENCES: dict[str, Callable[[Any], Any]] = {
     "sor": StatisticalOutliers,
     "ror": RadiusOutliers,
     "dror": DynamicRadiusOutliers,
+    "adaptive_radius": AdaptiveRadiusOutliers,
     "dsor": DynamicStatisticalOutliers,
     "lior": WeakRadiusOutliers,
     "lidsor": WeakDynamicStatisticalOutliers,

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.filters import FILTERS, neighbors
+from seaclutter_cli.filters.adaptive_radius import Preset
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.pipeline import Selection, cloud_channels, read
 from seaclutter_cli.sources import open_source
@@ -24,7 +25,10 @@ OTHER_RINGS = [
     {"near": "keep", "far": "drop", "exclude_boxes": [(-20, 20, 0, 30, -3, 0), (30, 60, -60, 60, -5, 5)]},
     {"start_m": 0.0, "end_m": 120.0, "ring_width_m": 120.0, "initial_thresholds": (9.5,)},
 ]
+ADAPTIVE = {"outlier_stage": "adaptive_radius"}
 OTHER_OUTLIERS = [
+    ADAPTIVE,
+    {**ADAPTIVE, "outlier_radius_ratio": 0.3, "outlier_min_neighbors": 3, "initial_thresholds": (9, 8, 7, 4)},
     {"max_neighbors": 5, "neighbor_fraction": 0.5, "std_ratio": 0.3},
     {"max_neighbors": 1, "initial_thresholds": (0, 0, 0, 0), "std_ratio": 2.5},
 ]
@@ -41,6 +45,12 @@ PARAMS = {
     "sor": [{}, {"neighbors": 4, "std_ratio": 0.5}, {"neighbors": 1, "std_ratio": 0.0}],
     "ror": [{}, {"radius_m": 2.0, "min_neighbors": 12}, {"radius_m": 0.125, "min_neighbors": 1}],
     "dror": [{}, {"angle_deg": 1.5, "min_points": 6}, {"radius_multiplier": 0.5, "min_radius_m": 1.5, "min_points": 2}],
+    "adaptive_radius": [
+        {},
+        {"scene": "confined"},
+        {"scene": "dense", "presets": {"dense": Preset(radius_ratio=0.25, min_neighbors=2)}},
+        {"scene": "all", "presets": {"all": Preset(radius_ratio=1e300, min_neighbors=30)}},
+    ],
     "dsor": [
         {},
         {"neighbors": 9, "std_ratio": 1.0, "range_multiplier_per_m": 0.02},

@@ -178,7 +178,7 @@ def test_unit_of_length_does_not_matter(name, factor):
     params = {
         field.name: getattr(FILTERS[name].Params(), field.name) * (1 / factor if "_per_m" in field.name else factor)
         for field in dataclasses.fields(FILTERS[name].Params)
-        if field.name.endswith("_m")
+        if field.name.endswith("_m") and getattr(FILTERS[name].Params(), field.name) is not None
     }
     scaled = [moved(frame, lambda x, y, z: (factor * x, factor * y, factor * z)) for frame in sea(coordinates="f8")]
     assert reasons(make(name, **params), scaled) == reasons(make(name), sea(coordinates="f8"))

@@ -31,13 +31,13 @@ ARRAYS = {
 }
 
 
-def result_of(stamp_ns, *, rings=True, log_time_ns=5, topic="/points"):
+def result_of(stamp_ns, *, rings=True, log_time_ns=5, topic="/points", scene=None):
     """Return a frame of which 7 points are kept and 1, 2, … 6 removed for each reason."""
     reason = np.repeat(np.arange(7), [7, 1, 2, 3, 4, 5, 6]).astype(np.uint8)
     cloud = from_array(np.zeros(28, [("x", "f4")]), stamp_ns=stamp_ns)
     frame = Frame(cloud, Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), 12)
     values = (np.array(ARRAYS[name]) for name in ARRAYS)
-    return FilterResult(frame, reason, Rings(*values) if rings else None)
+    return FilterResult(frame, reason, Rings(*values) if rings else None, scene)
 
 
 def decode(encoding, schema, data):
@@ -56,6 +56,7 @@ def decode(encoding, schema, data):
     return {
         "stamp": stamp,
         "topic": message.topic,
+        "scene": message.scene,
         **{name: getattr(message, name) for name in NUMBERS},
         **arrays,
     }
@@ -76,16 +77,17 @@ ENCODINGS = pytest.mark.parametrize(
 def test_numbers(cloud_encoding, encoding, name, schema_encoding):
     made, schema, serialise = diagnostics_format(cloud_encoding)
     assert (made, schema.name, schema.encoding) == (encoding, name, schema_encoding)
-    message = decode(encoding, schema, serialise(Diagnostics.of(result_of(3_000_000_004))))
-    assert message == {"stamp": {"sec": 3, "nsec": 4}, "topic": "/points", **NUMBERS, **ARRAYS}
+    message = decode(encoding, schema, serialise(Diagnostics.of(result_of(3_000_000_004, scene="confined"))))
+    texts = {"topic": "/points", "scene": "confined"}
+    assert message == {"stamp": {"sec": 3, "nsec": 4}, **texts, **NUMBERS, **ARRAYS}
 
 
 @ENCODINGS
-def test_methods_without_rings_have_empty_arrays(cloud_encoding, encoding, name, schema_encoding):
+def test_methods_without_rings_and_scenes_have_none(cloud_encoding, encoding, name, schema_encoding):
     _, schema, serialise = diagnostics_format(cloud_encoding)
     message = decode(encoding, schema, serialise(Diagnostics.of(result_of(1, rings=False, topic="/låser"))))
     assert [message[name] for name in ARRAYS] == [[]] * 5
-    assert message["topic"] == "/låser"
+    assert (message["topic"], message["scene"]) == ("/låser", "")
     assert {key: message[key] for key in NUMBERS} == NUMBERS
 
 

@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 
+from seaclutter_cli.simulation.layouts import LAYOUTS
 from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.render import Renderer
 from seaclutter_cli.simulation.scene import builtin_scenes, load_scene, parse_scene
+from seaclutter_cli.simulation.sea import SeaParams
 from seaclutter_cli.truth import IGNORED
 
 FLAT = {"sea_state": 0, "reflectivity": 0, "visibility_km": 1000}
@@ -19,42 +21,57 @@ def ranges(points):
     return np.sqrt(sum(points[axis].astype(float) ** 2 for axis in "xyz"))
 
 
-@pytest.mark.parametrize("name", builtin_scenes())
-@pytest.mark.parametrize("index", [0, 60])
-def test_points_of_a_target_lie_in_its_box(name, index):
-    renderer = Renderer(load_scene(name))
-    turn = renderer.turn(index)
+def labels_fit_boxes(turn, within=1.0):
+    """Tell whether they do, as far as they can.
+
+    A box ends at the sea's height in its middle, so that waves of a metre bare some of a long hull below it; and what
+    is ahead is seen at the start and at the end of a turn, by beams that look to either side.
+    """
     points = turn.points
     xyz = np.array([points[axis] for axis in "xyz"], float)
-    tight, wide = turn.boxes.contains(xyz, 0.1), turn.boxes.contains(xyz, 0.5)
+    tight, wide = turn.boxes.contains(xyz, 0.25), turn.boxes.contains(xyz, 0.5)
     ignored = np.zeros(len(points), bool)
     for track, kind, inside, about in zip(turn.boxes.tracks, turn.boxes.classes, tight, wide, strict=True):
         own = points["label"] == int(track)
         if kind == "ignore":
             ignored |= about
         elif own.any():
-            assert inside[own].mean() > 0.85  # a trough may bare a bit of hull below the water line
-            assert about[own].all()
-    assert ignored[points["label"] == IGNORED].all()
+            assert inside[own].mean() > 0.85 * within
+            assert about[own].mean() >= within
+    assert not (points["label"] == IGNORED).any() or ignored[points["label"] == IGNORED].mean() >= within
     assert {str(label) for label in np.unique(points["label"])} <= {*turn.boxes.tracks, "0"}
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+@pytest.mark.parametrize("index", [0, 60])
+def test_points_of_a_target_lie_in_its_box(name, index):
+    labels_fit_boxes(Renderer(load_scene(name)).turn(index))
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_points_of_a_target_lie_in_its_box_in_random_scenes_too(name):
+    for seed in (1, 2):
+        scene = LAYOUTS[name].make(np.random.default_rng(seed))
+        rough = isinstance(scene.terrain, SeaParams) and scene.terrain.sea_state > 3
+        labels_fit_boxes(Renderer(scene).turn(3), within=0.8 if rough else 1.0)
 
 
 @pytest.mark.parametrize("name", builtin_scenes())
 def test_points_are_as_the_sensor_gives_them(name):
     points = Renderer(load_scene(name)).turn(3).points
-    lidar = LIDARS["RS-LiDAR-32"]
-    assert 1000 < len(points) < lidar.columns * 32
+    lidar = LIDARS[load_scene(name).recording.lidar]
+    assert 1000 < len(points) < lidar.columns * len(lidar.elevations_deg)
     assert np.array_equal(points["intensity"], np.floor(points["intensity"]))
     assert points["intensity"].min() >= 1
     assert points["intensity"].max() <= 255
     assert ranges(points).max() < lidar.max_range_m + 0.2
-    assert points["ring"].max() < 32
+    assert points["ring"].max() < len(lidar.elevations_deg)
     assert (np.diff(points["timestamp"]) > -50e-6).all()
-    assert 0.3 <= points["timestamp"].min() < points["timestamp"].max() < 0.4
+    assert 3 <= points["timestamp"].min() * lidar.rate_hz <= points["timestamp"].max() * lidar.rate_hz < 4
 
 
-@pytest.mark.parametrize("lidar", LIDARS)
-def test_every_lidar_sees_the_sea_and_a_target(lidar):
+@pytest.mark.parametrize("lidar", [name for name, lidar in LIDARS.items() if lidar.rotates])
+def test_every_lidar_that_rotates_sees_the_sea_and_a_target(lidar):
     points = Renderer(load_scene("calm").with_recording(lidar=lidar)).turn(0).points
     assert {0, 1, 2, IGNORED} <= set(points["label"].tolist())
 

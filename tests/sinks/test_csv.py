@@ -33,10 +33,10 @@ def rows_of(path):
         return list(csv.DictReader(file, strict=True))
 
 
-def result_of(index, *, stamp_ns=0, log_time_ns=5, rings=None, topic="/points"):
+def result_of(index, *, stamp_ns=0, log_time_ns=5, rings=None, topic="/points", scene=None):
     cloud = from_array(np.zeros(7, [("x", "f4")]), stamp_ns=stamp_ns)
     frame = Frame(cloud, Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), index)
-    return FilterResult(frame, np.array([0, 0, 1, 3, 3, 5, 6], np.uint8), rings)
+    return FilterResult(frame, np.array([0, 0, 1, 3, 3, 5, 6], np.uint8), rings, scene)
 
 
 def test_a_line_a_frame(tmp_path):
@@ -63,9 +63,10 @@ def test_a_line_a_frame(tmp_path):
 def test_every_method_fills_its_columns(tmp_path, method):
     config = load_config(method=method)
     log = cloud_log(tmp_path / "in.mcap", frames=2, points=60)
-    with CsvSink(tmp_path / "frames.csv", len(config.ring_edges[1:])) as sink:
+    with CsvSink(tmp_path / "frames.csv", len(config.ring_edges[1:]), scenes=config.has_scenes) as sink:
         filter_log(log, tmp_path / "out.mcap", method=method, sinks=[sink])
     for row in rows_of(tmp_path / "frames.csv"):
+        assert row.get("scene") == ("open" if method == "adaptive_radius" else None)
         assert None not in row, "no more values than columns"
         assert None not in row.values(), "nor fewer"
         assert sum(int(row[name]) for name in (*REASONS, "points_out")) == int(row["points_in"]) == 60
@@ -80,6 +81,17 @@ def test_a_frame_without_ring_values_has_empty_cells(tmp_path):
         sink.end()
     lines = (tmp_path / "frames.csv").read_text().splitlines()
     assert lines[1:] == ["log,/points,0,5,7,1,0,2,0,1,1,2,,,,", "log,/points,1,5,7,1,0,2,0,1,1,2,30.0,30.5,0.1,0.6"]
+
+
+def test_the_scene_is_the_last_column(tmp_path):
+    with CsvSink(tmp_path / "frames.csv", 1, scenes=True) as sink:
+        sink.begin(FakeSource(()), [])
+        for index, scene in enumerate(("open", None, 'a "dense", row')):
+            sink.write(result_of(index, scene=scene))
+        sink.end()
+    lines = (tmp_path / "frames.csv").read_text().splitlines()
+    assert lines[0] == ",".join((COLUMNS[0], "threshold_1", "correction_1", "scene"))
+    assert [line.split(",,,")[1] for line in lines[1:]] == ["open", "", '"a ""dense"", row"']
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,106 @@
+"""Recordings to train and test the scene classifier on: random scenes of every layout, a folder of frames each.
+
+Run as ``python benchmarks/scene_data.py FOLDER [RECORDINGS]``. Makes FOLDER/train and FOLDER/test/NAME for what the
+network never sees in training: layouts, lidars, rough seas, all of these together; and, of half as many recordings,
+FOLDER/plantation for the case of the paper. In each, a folder for each scene.
+In a quarter of the recordings the vessel lies exactly parallel to the longest thing about it, as if moored alongside.
+What is there already is kept, so an interrupted run can be taken up again.
+"""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from seaclutter_cli.simulation.layouts import LAYOUTS
+from seaclutter_cli.simulation.render import Renderer
+from seaclutter_cli.simulation.scene import Scene
+
+CLASSES = ("open", "confined")
+PLANTATIONS = ("dense", "sparse")
+HELD_LAYOUTS = {"regatta", "pile_field", "lock_chamber", "river"}
+HELD_LIDARS = {"VLP-16", "OS1-64"}
+ROUGH = 3.8
+"""Sea state from which on seas are left to the test."""
+FRAMES = 3
+
+
+class Part(NamedTuple):
+    """Recordings by what of them is held out: True only what is, False only what is not, None both."""
+
+    seed: int
+    share: float
+    layout: bool | None
+    lidar: bool | None
+    rough: bool | None
+
+    def has(self, layout: str, scene: Scene) -> bool:
+        held = (
+            layout in HELD_LAYOUTS,
+            scene.recording.lidar in HELD_LIDARS,
+            getattr(scene.terrain, "sea_state", 0.0) >= ROUGH,
+        )
+        return all(want is None or want == has for want, has in zip(self[2:], held, strict=True))
+
+
+PARTS = {
+    "train": Part(1, 1.0, False, False, False),
+    "test/layouts": Part(12, 0.125, True, False, False),
+    "test/lidars": Part(13, 0.125, False, True, False),
+    "test/rough": Part(14, 0.125, False, False, True),
+    "test/all": Part(15, 0.125, True, True, None),
+    "plantation": Part(7, 0.5, None, None, None),
+}
+
+
+def scenes(part: Part, kind: str, number: int) -> Iterator[tuple[str, Scene, bool]]:
+    """Yield random scenes of a class, layout by layout in turn, and whether the vessel is to lie parallel."""
+    names = [name for name, layout in LAYOUTS.items() if layout.scene_class == kind]
+    names = [name for name in names if part.layout is None or (name in HELD_LAYOUTS) == part.layout]
+    for index in range(number):
+        name = names[index % len(names)]
+        rng = np.random.default_rng([part.seed, (*CLASSES, *PLANTATIONS).index(kind), index])
+        scene = LAYOUTS[name].make(rng)
+        while not part.has(name, scene):
+            scene = LAYOUTS[name].make(rng)
+        yield name, scene, index // len(names) % 4 == 3
+
+
+def turned(scene: Scene, time_s: float) -> float:
+    """Return by how many radians the longest thing is turned against the vessel."""
+    item = max(scene.objects, key=lambda one: one.size_m[0], default=None)
+    if item is None:
+        return 0.0
+    time = np.array([time_s])
+    return float(item.track.at(time)[2][0] - scene.vessel.track.at(time)[2][0])
+
+
+def write(scene: Scene, folder: Path, *, parallel: bool) -> None:
+    """Write a few turns of a scene, seconds apart."""
+    renderer = Renderer(scene)
+    folder.mkdir(parents=True, exist_ok=True)
+    for index in np.linspace(0, scene.recording.frames - 1, FRAMES).astype(int).tolist():
+        points = renderer.turn(index).points
+        angle = turned(scene, index / 10) if parallel else 0.0
+        kept = np.empty(len(points), [(axis, "<f4") for axis in "xyz"])
+        kept["x"] = np.cos(angle) * points["x"] + np.sin(angle) * points["y"]
+        kept["y"] = np.cos(angle) * points["y"] - np.sin(angle) * points["x"]
+        kept["z"] = points["z"]
+        np.save(folder / f"{index:04d}.npy", kept)
+
+
+def main(folder: Path, recordings: int) -> None:
+    for name, part in PARTS.items():
+        for kind in PLANTATIONS if name == "plantation" else CLASSES:
+            number = round(part.share * recordings / 2)
+            for index, (layout, scene, parallel) in enumerate(scenes(part, kind, number)):
+                target = folder / name / kind / f"{layout}-{index:04d}"
+                if not target.exists() or len(list(target.glob("*.npy"))) < FRAMES:
+                    write(scene, target, parallel=parallel)
+            print(f"{name}, {kind}: {number} recordings", flush=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 800)

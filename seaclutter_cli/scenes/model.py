@@ -1,0 +1,139 @@
+"""The trained scene classifier as an ONNX file: no code in it, nothing is unpickled."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import MissingExtraError, ModelError, printable
+from seaclutter_cli.scenes.image import IMAGE_SIZE
+
+CLASSES_KEY = "seaclutter.classes"
+EXTENT_KEY = "seaclutter.extent_m"
+"""Keys of the file's metadata: a JSON list of class names in the order of the outputs; half side of the square."""
+
+_IMAGE_SHAPE = [1, IMAGE_SIZE, IMAGE_SIZE]
+_MAX_BYTES = 2**26
+
+
+class SceneModel:
+    """A scene classifier, run by onnxruntime on one thread; the same image gives the same probabilities.
+
+    Parameters
+    ----------
+    name : str
+        An ONNX file, or the name of one that comes with the program.
+
+    Attributes
+    ----------
+    classes : tuple of str
+        Names of the scenes.
+    extent_m : float
+        Half side of the square seen from above.
+
+    Raises
+    ------
+    MissingExtraError
+        If onnxruntime is not installed.
+    ModelError
+        If there is no such file, or it is no scene classifier.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        runtime = _runtime()
+        data = _read(_find(name))
+        options = runtime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 4  # what fails is raised as well
+        try:
+            self._session = runtime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # onnxruntime's errors have no class in common
+            raise ModelError(f"{name}: no ONNX file that can be used ({_first_line(error)})") from error
+        self._input = self._check_shape()
+        self.classes, self.extent_m = self._check_metadata()
+        self._check_run()
+
+    def probabilities(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Return the probability of each class, shape (C,), for a `top_view`, shape (224, 224)."""
+        out: NDArray[np.float32] = self._session.run(None, {self._input: image[None, None]})[0][0]
+        return out
+
+    def _check_shape(self) -> str:
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        if len(inputs) != 1 or len(outputs) != 1:
+            raise self._foreign(f"it has {len(inputs)} inputs and {len(outputs)} outputs")
+        kind, shape = inputs[0].type, list(inputs[0].shape)
+        if kind != "tensor(uint8)" or shape[1:] != _IMAGE_SHAPE or shape[0] not in (None, 1, "N"):
+            raise self._foreign(f"it takes {kind} of {shape}, not images of {IMAGE_SIZE} by {IMAGE_SIZE} bytes")
+        return str(inputs[0].name)
+
+    def _check_metadata(self) -> tuple[tuple[str, ...], float]:
+        said = self._session.get_modelmeta().custom_metadata_map
+        missing = [key for key in (CLASSES_KEY, EXTENT_KEY) if key not in said]
+        if missing:
+            raise self._foreign(f"its metadata has no {' and no '.join(missing)}")
+        try:
+            classes, extent_m = json.loads(said[CLASSES_KEY]), float(said[EXTENT_KEY])
+        except ValueError as error:
+            raise self._foreign(f"its metadata cannot be read: {_first_line(error)}") from error
+        names = classes if isinstance(classes, list) and all(isinstance(item, str) for item in classes) else []
+        if len(names) < 2 or len(set(names)) < len(names) or not all(names):
+            raise self._foreign("its metadata names no two different classes")
+        if not 0 < extent_m < math.inf:
+            raise self._foreign(f"its metadata gives an extent of {extent_m} m")
+        return tuple(names), extent_m
+
+    def _check_run(self) -> None:
+        """Check what comes out for an image of nothing."""
+        try:
+            out = self._session.run(None, {self._input: np.zeros((1, *_IMAGE_SHAPE), np.uint8)})[0]
+        except Exception as error:
+            raise self._foreign(f"it does not run: {_first_line(error)}") from error
+        expected = (1, len(self.classes))
+        if not isinstance(out, np.ndarray) or out.shape != expected or out.dtype != np.float32:
+            raise self._foreign(f"it does not give {len(self.classes)} probabilities")
+        if not (np.all(out >= 0) and abs(float(out.sum()) - 1) < 1e-3):
+            raise self._foreign("what it gives are no probabilities")
+
+    def _foreign(self, why: str) -> ModelError:
+        return ModelError(f"{self.name}: no scene classifier of this program; {printable(why)}")
+
+
+def builtin_models() -> dict[str, Path]:
+    """Return the models that come with the program, by name."""
+    return {path.stem: path for path in sorted(Path(__file__).parent.glob("*.onnx"))}
+
+
+def _find(name: str) -> Path:
+    builtin = builtin_models()
+    if not Path(name).is_file() and name in builtin:
+        return builtin[name]
+    return Path(name)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            data = file.read(_MAX_BYTES + 1)
+    except OSError as error:
+        builtin = ", ".join(builtin_models()) or "none"
+        raise ModelError(f"{path}: cannot be read ({error.strerror}); built-in models: {builtin}") from error
+    if len(data) > _MAX_BYTES:
+        raise ModelError(f"{path}: is larger than {_MAX_BYTES // 2**20} MB, and so no scene classifier of this program")
+    return data
+
+
+def _runtime() -> Any:
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise MissingExtraError("the scene classifier", "scene") from error
+    return onnxruntime
+
+
+def _first_line(error: Exception) -> str:
+    return printable((str(error).strip() or type(error).__name__).splitlines()[0])

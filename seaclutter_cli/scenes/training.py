@@ -1,0 +1,199 @@
+"""Training of the scene classifier."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import MissingExtraError
+from seaclutter_cli.scenes.examples import Examples, Split
+from seaclutter_cli.scenes.network import make_network
+from seaclutter_cli.scenes.scores import Confusion
+
+_TEST_BATCH = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingParams:
+    """How the network is trained.
+
+    Parameters
+    ----------
+    epochs : int
+        How often it sees all frames.
+    batch : int
+        Frames a step.
+    learning_rate : float
+        Of Adam, at its highest.
+    seed : int
+        What all chance comes from: split, first weights, order, turns.
+    """
+
+    epochs: Annotated[int, Ge(1)] = 30
+    batch: Annotated[int, Ge(2)] = 32
+    learning_rate: Annotated[float, Gt(0)] = 0.005
+    seed: Annotated[int, Ge(0)] = 1
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """How far training got: mean loss and mean precision of the classes, on both parts."""
+
+    train_loss: float
+    validation_loss: float
+    train_precision: float
+    validation_precision: float
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A trained network.
+
+    Parameters
+    ----------
+    network : object
+        Torch module with the weights of the best epoch.
+    epochs : sequence of Epoch
+        How training went.
+    best : int
+        The epoch with the lowest loss on the validation part, from 0.
+    split : Split
+        Frames of each part.
+    test : Confusion
+        What it made of the test part.
+    """
+
+    network: Any
+    epochs: Sequence[Epoch]
+    best: int
+    split: Split
+    test: Confusion
+
+
+def train(examples: Examples, params: TrainingParams, on_epoch: Callable[[Epoch], object] = lambda _: None) -> Trained:
+    """Train the network of S3 on labelled frames: softmax cross-entropy, Adam, frames turned at random.
+
+    One thread computes, so that the same examples and seed give the same weights on the same machine; another makes
+    the next images. The learning rate falls to 0 along half a cosine.
+
+    Raises
+    ------
+    MissingExtraError
+        If PyTorch is not installed.
+    InputError
+        If a class has too few recordings to be split.
+    """
+    torch = check_torch()
+    split = examples.split(params.seed)
+    threads = torch.get_num_threads()
+    try:
+        torch.set_num_threads(1)
+        torch.manual_seed(params.seed)
+        return _Trainer(examples, params, split).run(on_epoch)
+    finally:
+        torch.set_num_threads(threads)
+
+
+def check_torch() -> Any:
+    """Return PyTorch, or raise `MissingExtraError`; training needs the package onnx too."""
+    try:
+        import onnx  # noqa: F401 - only whether it is there
+        import torch
+    except ImportError as error:
+        raise MissingExtraError("training", "train") from error
+    return torch
+
+
+class _Trainer:
+    """The network and its optimiser at work on the parts of a split."""
+
+    def __init__(self, examples: Examples, params: TrainingParams, split: Split) -> None:
+        import torch
+
+        self._examples, self._params, self._split = examples, params, split
+        self._scenes = examples.scenes
+        self._network = make_network(len(examples.classes)).to(memory_format=torch.channels_last)
+        self._optimiser = torch.optim.Adam(self._network.parameters(), lr=params.learning_rate)
+        steps = params.epochs * len(_batches(split.train, params.batch))
+        self._schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self._optimiser, steps)
+        self._rng = np.random.default_rng(params.seed)
+
+    def run(self, on_epoch: Callable[[Epoch], object]) -> Trained:
+        """Train, and return the network as it was in its best epoch."""
+        epochs: list[Epoch] = []
+        weights: dict[str, Any] = {}
+        for _ in range(self._params.epochs):
+            train_loss, on_train = self._learn()
+            loss, on_validation = self._judge(self._split.validation)
+            if not epochs or loss < min(epoch.validation_loss for epoch in epochs):
+                weights = {name: value.clone() for name, value in self._network.state_dict().items()}
+            epochs.append(Epoch(train_loss, loss, on_train.mean_precision, on_validation.mean_precision))
+            on_epoch(epochs[-1])
+        self._network.load_state_dict(weights)
+        self._network.eval()
+        best = int(np.argmin([epoch.validation_loss for epoch in epochs]))
+        return Trained(self._network, epochs, best, self._split, self._judge(self._split.test)[1])
+
+    def _learn(self) -> tuple[float, Confusion]:
+        """Go through the training part once; return the mean loss and what the network made of it meanwhile."""
+        from torch.nn.functional import cross_entropy
+
+        self._network.train()
+        batches = _batches(self._rng.permutation(self._split.train), self._params.batch)
+        losses, told = [], []
+        for batch, images in zip(batches, self._prepared(batches, self._rng), strict=True):
+            scores = self._network(images)
+            loss = cross_entropy(scores, self._wanted(batch))
+            self._optimiser.zero_grad()
+            loss.backward()
+            self._optimiser.step()
+            self._schedule.step()
+            losses.append(float(loss.detach()) * len(batch))
+            told.append(scores.detach().argmax(1).numpy())
+        return self._sum_up(np.concatenate(batches), losses, told)
+
+    def _judge(self, part: NDArray[np.int64]) -> tuple[float, Confusion]:
+        """Return the mean loss on a part and what the network makes of it."""
+        import torch
+        from torch.nn.functional import cross_entropy
+
+        self._network.eval()
+        losses, told = [], []
+        batches = _batches(part, _TEST_BATCH)
+        with torch.no_grad():
+            for batch, images in zip(batches, self._prepared(batches, None), strict=True):
+                scores = self._network(images)
+                losses.append(float(cross_entropy(scores, self._wanted(batch))) * len(batch))
+                told.append(scores.argmax(1).numpy())
+        return self._sum_up(part, losses, told)
+
+    def _prepared(self, batches: Sequence[NDArray[np.int64]], rng: np.random.Generator | None) -> Iterator[Any]:
+        """Yield the images of each batch, the next one made while one is worked on."""
+        import torch
+
+        with ThreadPoolExecutor(1, thread_name_prefix="images") as pool:
+            coming = pool.submit(self._examples.images, batches[0], rng)
+            for following in (*batches[1:], None):
+                images = coming.result()
+                if following is not None:
+                    coming = pool.submit(self._examples.images, following, rng)
+                yield torch.from_numpy(images).float()
+
+    def _wanted(self, batch: NDArray[np.int64]) -> Any:
+        import torch
+
+        return torch.from_numpy(self._scenes[batch])
+
+    def _sum_up(
+        self, part: NDArray[np.int64], losses: Sequence[float], told: Sequence[NDArray[np.int64]]
+    ) -> tuple[float, Confusion]:
+        confusion = Confusion.of(self._examples.classes, self._scenes[part], np.concatenate(told))
+        return sum(losses) / len(part), confusion
+
+
+def _batches(part: NDArray[np.int64], size: int) -> list[NDArray[np.int64]]:
+    return [part[start : start + size] for start in range(0, len(part), size)]

@@ -1,0 +1,40 @@
+"""Curves of training can be drawn, whatever their values."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from seaclutter_cli.plots.figure import render
+from seaclutter_cli.plots.training import draw_training
+
+EPOCHS = np.arange(30)
+CURVES = {
+    "usual": (np.stack((np.exp(-EPOCHS / 5), np.exp(-EPOCHS / 6))), 1 - 0.4 * np.exp(-EPOCHS[None] / [[4], [5]]), 20),
+    "one epoch": (np.array([[0.7], [0.6]]), np.array([[0.5], [0.0]]), 0),
+    "perfect": (np.zeros((2, 5)), np.ones((2, 5)), 4),
+    "an outlier": (np.array([[0.7, 0.1, 0.1], [900.0, 0.1, 0.1]]), np.array([[0.5, 1, 1], [0.0, 1, 1]]), 1),
+}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_anything_can_be_drawn(name):
+    first, second = (render(lambda figure: draw_training(figure, *CURVES[name]), ".png") for _ in range(2))
+    assert first == second
+    with Image.open(io.BytesIO(first)) as image:
+        assert image.width == 1050
+
+
+def test_axes_and_curves():
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    loss, precision, best = CURVES["usual"]
+    draw_training(figure, loss, precision, best)
+    upper, lower = figure.axes
+    assert (upper.get_ylabel(), lower.get_ylabel(), lower.get_xlabel()) == ("loss", "precision", "epoch")
+    np.testing.assert_array_equal(upper.lines[0].get_ydata(), loss[0])
+    np.testing.assert_array_equal(lower.lines[1].get_ydata(), precision[1])
+    assert lower.lines[2].get_xdata()[0] == best + 1
+    assert lower.get_ylim()[1] > 1

@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+import yaml
+
+from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene
+from seaclutter_cli.simulation.layouts.rule import scene_class
+from seaclutter_cli.simulation.scene import builtin_scenes, load_scene, parse_scene
+
+SEEDS = range(3)
+
+
+def made(name, seed):
+    return LAYOUTS[name].make(np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+class TestEveryLayout:
+    def test_makes_valid_scenes_of_its_class(self, name):
+        for seed in SEEDS:
+            scene = made(name, seed)
+            assert parse_scene(yaml.safe_load(yaml.safe_dump(scene.as_dict())), "again") == scene
+            assert scene_class(scene) == LAYOUTS[name].scene_class
+
+    def test_makes_another_one_of_each_seed(self, name):
+        scenes = [made(name, seed) for seed in SEEDS]
+        assert made(name, SEEDS[-1]) == scenes[-1]
+        assert len({str(scene.objects) + str(scene.vessel) for scene in scenes}) == len(SEEDS)
+
+    def test_says_what_it_is(self, name):
+        assert len(LAYOUTS[name].about) > 10
+        assert name not in builtin_scenes()
+
+
+def test_a_layout_is_found_as_scenes_are():
+    assert find_scene("river") == made("river", 1)
+    assert find_scene("river", 4) == made("river", 4)
+    assert find_scene("calm", 9) == load_scene("calm").with_recording(seed=9)
+    with pytest.raises(ConfigError, match=r"built in are .*departure.*layouts are .*river"):
+        find_scene("rivers")
