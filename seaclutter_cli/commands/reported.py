@@ -10,6 +10,7 @@ from seaclutter_cli.commands.console import count
 from seaclutter_cli.commands.judging import Job
 from seaclutter_cli.commands.replaying import Reader, filter_run
 from seaclutter_cli.commands.variants import COMPARISONS, Variant, choose_variants
+from seaclutter_cli.config import load_config
 from seaclutter_cli.errors import printable
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting.collector import Collector, Method
@@ -77,7 +78,7 @@ class Reported:
 
     def as_text(self, sizes: Mapping[Path, int]) -> str:
         """Return the outcome as people read it."""
-        lines = [f"{printable(str(path))}: {size / 1e6:.1f} MB" for path, size in sizes.items()]
+        lines = [f"{printable(str(path))}: {_size(size)}" for path, size in sizes.items()]
         lines.append(f"{count(self.frames)}, {len(self.collected.chosen)} of them to look at")
         return "\n".join(lines)
 
@@ -92,7 +93,8 @@ def run_methods(
 ) -> Reported:
     """Filter recordings by the methods that the command line names, all in one pass."""
     names = [name for comparison in options["comparisons"] for name in COMPARISONS[comparison]]
-    variants = choose_variants([*names, *options["methods"]], options["config_file"], options["overrides"])
+    first = options["methods"] or _configured(options["config_file"], names)
+    variants = choose_variants([*first, *names], options["config_file"], options["overrides"])
     job = Job.of(options, variants)
     collected = _collector(variants, options, labelled=labels is not None)
     outcomes = []
@@ -116,6 +118,16 @@ def replayed(
         collected.begin(recording.name)
         outcomes.append(reader.run(recording, topic, labels[number] if labels else None))
     return Reported(Comparison([run.variant], outcomes), collected)
+
+
+def _configured(config_file: Path | None, names: Sequence[str]) -> list[str]:
+    """Return the method of a configuration if it is among those compared: it is the one to look at first."""
+    method = load_config(config_file).method if names else ""
+    return [method] if method in names else []
+
+
+def _size(size: int) -> str:
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(round(size / 1e3), 1)} kB"
 
 
 def _collector(variants: Sequence[Variant], options: Mapping[str, Any], *, labelled: bool) -> Collector:

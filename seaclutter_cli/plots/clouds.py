@@ -58,7 +58,8 @@ def draw_methods(figure: "Figure", collected: Collector) -> None:
         draw_cloud(axes, sample, number, sample.reasons[number] == Reason.KEPT)
         draw_boxes(axes, sample, number)
         axes.set_title(f"({letter}) {collected.methods[number].name}", fontsize=8)
-    _finish(figure, panels, sample, [Reason.KEPT])
+    marks = draw_marks(panels[0]) if sample.boxes or any(sample.clusters[:2]) else {}
+    _finish(figure, panels, sample, [Reason.KEPT], marks)
 
 
 def draw_cloud(axes: "Axes", sample: Sample, method: int, shown: Mask) -> None:
@@ -103,6 +104,16 @@ def draw_boxes(axes: "Axes", sample: Sample, method: int) -> None:
             axes.plot(-middle[1], middle[0], "o", color=palette.STATES["false alarm"], markersize=8, fillstyle="none")
 
 
+def draw_marks(axes: "Axes") -> dict[str, Any]:
+    """Return what `draw_boxes` draws, by name, for a legend."""
+    found, lost, wrong = (palette.STATES[state] for state in ("found", "omitted alarm", "false alarm"))
+    return {
+        "target found": axes.plot([], [], "-", color=found, linewidth=0.8)[0],
+        "target lost": axes.plot([], [], "--", color=lost, linewidth=0.8)[0],
+        "false alarm": axes.plot([], [], "o", color=wrong, markersize=5, fillstyle="none")[0],
+    }
+
+
 def _corners(box: dict[str, Any]) -> NDArray[np.float64]:
     cos, sin = np.cos(box["yaw"]), np.sin(box["yaw"])
     outline = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]]) / 2 * box["size"][:2]
@@ -110,7 +121,9 @@ def _corners(box: dict[str, Any]) -> NDArray[np.float64]:
     return turned
 
 
-def _finish(figure: "Figure", panels: Any, sample: Sample, reasons: list[Reason]) -> None:
+def _finish(
+    figure: "Figure", panels: Any, sample: Sample, reasons: list[Reason], marks: dict[str, Any] | None = None
+) -> None:
     """Show the same part of the scene in all panels: where clutter and targets are, around the vessel."""
     inside = np.isin(sample.reasons[0], (Reason.KEPT, Reason.LOW_INTENSITY, Reason.OUTLIER))
     ends = [np.zeros((1, 2)), *(_corners(box) for box in sample.boxes)]
@@ -125,6 +138,13 @@ def _finish(figure: "Figure", panels: Any, sample: Sample, reasons: list[Reason]
         axes.set_xlim(-middle[1] - _WIDE * ahead, -middle[1] + _WIDE * ahead)
         axes.set_ylim(middle[0] - ahead, middle[0] + ahead)
     panels[-1].set_xlabel("To starboard (m)")
-    handles = [panels[0].plot([], [], "o", markersize=3, color=palette.REASONS[one])[0] for one in reasons]
-    names = [reason.name.lower().replace("_", " ") for reason in reasons]
-    figure.legend(handles, names, loc="outside upper center", ncols=4, handlelength=0.8, columnspacing=1.2)
+    handles = {
+        reason.name.lower().replace("_", " "): panels[0].plot([], [], "o", markersize=3, color=palette.REASONS[reason])[
+            0
+        ]
+        for reason in reasons
+    } | (marks or {})
+    length = 1.4 if marks else 0.8
+    figure.legend(
+        handles.values(), handles, loc="outside upper center", ncols=4, handlelength=length, columnspacing=1.2
+    )

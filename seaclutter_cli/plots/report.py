@@ -37,15 +37,22 @@ class Picture:
         Tells whether there is anything to draw.
     aspect : float
         Height by width.
+    row_aspect : float, optional
+        What each method adds to it.
     """
 
     draw: "Callable[[Figure, Collector], None]"
     applies: Callable[[Collector], bool]
     aspect: float = 0.62
+    row_aspect: float = 0.0
 
     def drawing(self, collected: Collector) -> "Callable[[Figure], None]":
         """Return what draws the figure of what was collected."""
         return lambda figure: self.draw(figure, collected)
+
+    def height(self, collected: Collector) -> float:
+        """Return the height by the width."""
+        return self.aspect + self.row_aspect * len(collected.methods)
 
 
 def draw_figures(collected: Collector, form: str) -> dict[str, bytes]:
@@ -59,7 +66,7 @@ def draw_figures(collected: Collector, form: str) -> dict[str, bytes]:
         ``svg`` or ``png``.
     """
     return {
-        f"{name}.{form}": render(picture.drawing(collected), f".{form}", aspect=picture.aspect)
+        f"{name}.{form}": render(picture.drawing(collected), f".{form}", aspect=picture.height(collected))
         for name, picture in FIGURES.items()
         if picture.applies(collected)
     }
@@ -168,8 +175,22 @@ def draw_alarms(figure: "Figure", collected: Collector) -> None:
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
 
 
+def draw_scenes(figure: "Figure", collected: Collector) -> None:
+    """Draw of which class of scene the frames are."""
+    axes = figure.add_subplot()
+    scenes = collected.histories[0].scenes
+    for row, (color, there) in enumerate(zip(ring_colors(len(scenes)), scenes.values(), strict=True)):
+        spans = [(first - 0.5, last - first) for first, last in _runs(there)]
+        axes.broken_barh(spans, (row + 0.15, 0.7), color=color, linewidth=0)
+    axes.set_yticks(np.arange(len(scenes)) + 0.5, [_short(name) for name in scenes])
+    axes.set(ylim=(max(len(scenes), 1), 0), ylabel="Scene")
+    _over_frames(axes, len(collected.timeline.frame))
+    axes.tick_params(axis="y", length=0)
+
+
 def _short(name: str, most: int = 18) -> str:
-    return name if len(name) <= most else name[: most - 1] + "…"
+    """Return a name, without its middle if it is long: what tells names apart may stand at the end."""
+    return name if len(name) <= most else f"{name[: most - 6]}…{name[-5:]}"
 
 
 def _runs(there: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -199,7 +220,8 @@ FIGURES: Mapping[str, Picture] = {
     "thresholds": Picture(partial(draw_rings, name="thresholds"), _has_rings),
     "corrections": Picture(partial(draw_rings, name="corrections"), _has_rings),
     "reasons": Picture(draw_reasons, lambda collected: bool(collected.chosen)),
-    "alarms": Picture(draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), aspect=0.5),
+    "alarms": Picture(draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
+    "scenes": Picture(draw_scenes, lambda collected: bool(collected.histories[0].scenes), aspect=0.4),
     "stages": Picture(draw_stages, lambda collected: bool(collected.chosen), aspect=1.75),
     "methods": Picture(
         draw_methods, lambda collected: len(collected.methods) > 1 and bool(collected.chosen), aspect=1.2

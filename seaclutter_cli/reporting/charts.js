@@ -14,6 +14,7 @@ const tickText = (value) => (Math.abs(value) >= 1e7 ? value.toExponential(0) : (
 class Plot {
   constructor(host, options) {
     Object.assign(this, { height: 240, x: [0, 1], y: [0, 1], stops: [], left: 68, bottom: 42, ticksY: true }, options);
+    if (this.ticksY) this.left = Math.max(this.left, 34 + 7.4 * Math.max(...this.rungs().map((value) => tickText(value).length)));
     this.root = svg("svg", { role: "img", tabindex: 0, "aria-label": this.label });
     this.readout = h("div", { class: "readout", "aria-live": "polite" });
     host.append(h("div", { class: "plot" }, this.root), this.readout);
@@ -24,6 +25,7 @@ class Plot {
     new ResizeObserver(() => this.draw()).observe(host);
     this.draw();
   }
+  rungs() { return ticks(...this.y, this.height / 55); }
   px(x) { return this.left + ((x - this.x[0]) / (this.x[1] - this.x[0] || 1)) * (this.width - this.left - 12); }
   py(y) { return this.height - this.bottom - ((y - this.y[0]) / (this.y[1] - this.y[0] || 1)) * (this.height - this.bottom - 12); }
   draw() {
@@ -41,7 +43,7 @@ class Plot {
   }
   axes() {
     const [left, right, floor] = [this.left, this.width - 12, this.height - this.bottom];
-    for (const value of this.ticksY ? ticks(...this.y, this.height / 55) : []) {
+    for (const value of this.ticksY ? this.rungs() : []) {
       this.root.append(svg("line", { class: "grid", x1: left, x2: right, y1: this.py(value), y2: this.py(value) }),
         svg("text", { x: left - 8, y: this.py(value) + 4, "text-anchor": "end" }, tickText(value)));
     }
@@ -194,22 +196,17 @@ const stairs = (plot, edges, values) => values.map((value, k) =>
 
 // A row for each method: false alarms in its upper half, omitted ones in the lower. A click picks the nearest of `picks`.
 function timelineChart(host, { methods, picks, onPick, describe }) {
-  const step = 34, width = Math.max(...methods.map(({ name }) => Math.min(name.length, 16))) * 7.2 + 18;
+  const step = 34, names = methods.map(({ name }) => middled(name, host.clientWidth < 500 ? 14 : 24));
   const plot = overFrames(host, {
-    label: "Frames with false and omitted alarms over time", height: methods.length * step + 72, left: Math.max(68, width), x: [-0.5, frames.count - 0.5], yLabel: "",
-    y: [0, 1], ticksY: false, bottom: 54, stops: Array.from({ length: frames.count }, (_, row) => row), describe,
+    label: "Frames with false and omitted alarms over time", height: methods.length * step + 58, left: rowLeft(names), x: [-0.5, frames.count - 0.5], yLabel: "",
+    y: [0, 1], ticksY: false, bottom: 44, stops: Array.from({ length: frames.count }, (_, row) => row), describe,
     paint: (plot) => {
-      const size = Math.max(1.5, plot.px(1) - plot.px(0));
-      methods.forEach(({ name, bits }, k) => {
+      methods.forEach(({ bits }, k) => {
         const y = 12 + k * step;
-        plot.root.append(svg("text", { x: plot.left - 8, y: y + 16, "text-anchor": "end" }, name.length > 16 ? `${name.slice(0, 15)}…` : name));
+        rowName(plot, names[k], y + 16);
         const rows = { 1: ["fine", 0, 24], 2: ["false alarm", 0, 12], 4: ["omitted alarm", 12, 12] };
         for (const [bit, [state, top, height]] of Object.entries(rows)) {
-          const d = runs(bits, bit).map(([from, to]) => {
-            const x = plot.px(from) - size / 2;
-            return `M${x.toFixed(1)} ${y + top}h${(plot.px(to) - plot.px(from) + size).toFixed(1)}v${height}H${x.toFixed(1)}Z`;
-          });
-          plot.root.append(svg("path", { d: d.join(""), fill: data.palette.states[state] }));
+          plot.root.append(svg("path", { d: bars(plot, runs(bits, bit), y + top, height), fill: data.palette.states[state] }));
         }
       });
       const floor = plot.height - plot.bottom;
@@ -219,6 +216,30 @@ function timelineChart(host, { methods, picks, onPick, describe }) {
   const pick = (row) => onPick(picks.reduce((best, other) => (Math.abs(other - row) < Math.abs(best - row) ? other : best), picks[0]));
   plot.root.addEventListener("click", () => plot.shown >= 0 && pick(plot.shown));
   plot.root.addEventListener("keydown", (event) => event.key === "Enter" && plot.shown >= 0 && pick(plot.shown));
+}
+const middled = (name, most) => (name.length > most ? `${name.slice(0, most - 6)}…${name.slice(-5)}` : name);
+const rowLeft = (names) => Math.max(68, Math.max(...names.map((name) => name.length)) * 7.2 + 18);
+const rowName = (plot, name, y) => plot.root.append(svg("text", { x: plot.left - 8, y, "text-anchor": "end" }, name));
+function bars(plot, spans, y, height) {
+  const size = Math.max(1.5, plot.px(1) - plot.px(0));
+  return spans.map(([from, to]) => {
+    const x = plot.px(from) - size / 2;
+    return `M${x.toFixed(1)} ${y}h${(plot.px(to) - plot.px(from) + size).toFixed(1)}v${height}H${x.toFixed(1)}Z`;
+  }).join("");
+}
+
+// A row for each class of scene: the frames that were taken for it.
+function sceneChart(host, { scenes, label }) {
+  const classes = Object.keys(scenes), names = classes.map((name) => middled(name, 20)), colors = ringColors(classes.length);
+  overFrames(host, {
+    label, height: classes.length * 26 + 56, left: rowLeft(names), x: [-0.5, frames.count - 0.5], yLabel: "", y: [0, 1], ticksY: false,
+    stops: Array.from({ length: frames.count }, (_, row) => row),
+    describe: (row) => `${frameName(row)}, ${frameTime(row)}: ${classes.find((name) => scenes[name][row]) ?? "not known"}`,
+    paint: (plot) => classes.forEach((name, k) => {
+      rowName(plot, names[k], 12 + 26 * k + 13);
+      plot.root.append(svg("path", { d: bars(plot, runs(scenes[name], 1), 12 + 26 * k, 18), fill: colors[k] }));
+    }),
+  });
 }
 function runs(bits, bit) {
   const found = [];

@@ -3,7 +3,7 @@
 // What all views look from; they turn together.
 class Camera {
   constructor() { this.views = new Set(); this.home(); }
-  home(reach = this.reach || 50) { Object.assign(this, { reach, yaw: -Math.PI / 2, pitch: 0.95, distance: 2.6 * reach, x: 0, y: 0 }); this.changed(); }
+  home(reach = this.reach || 50) { Object.assign(this, { reach, yaw: -Math.PI / 2, pitch: 0.95, distance: 2.5 * reach, x: -0.14 * reach, y: 0 }); this.changed(); }
   top() { Object.assign(this, { yaw: -Math.PI / 2, pitch: Math.PI / 2, distance: 2.4 * this.reach, x: 0, y: 0 }); this.changed(); }
   turn(yaw, pitch) { this.yaw += yaw; this.pitch = Math.min(Math.max(this.pitch + pitch, 0.02), Math.PI / 2); this.changed(); }
   zoom(factor) { this.distance = Math.min(Math.max(this.distance * factor, 2), 40 * this.reach); this.changed(); }

@@ -93,6 +93,7 @@ def _method(method: Method, history: History, summary: dict[str, Any], starts: N
         "thresholds_low": _packed(thresholds[1].T, "<f4"),
         "thresholds_high": _packed(thresholds[2].T, "<f4"),
         "corrections": _packed(corrections.T, "<f4"),
+        "scenes": {name: _packed(frames, "u1") for name, frames in history.scenes.items()},
         "alarms": _packed(alarm_bits(history), "u1"),
         "false_alarms": _packed(np.nan_to_num(history.false_alarms).clip(0, 255), "u1"),
         "omitted": _packed(np.nan_to_num(history.omitted).clip(0, 255), "u1"),

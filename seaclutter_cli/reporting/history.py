@@ -21,15 +21,18 @@ class Numbers:
         Points for each `Reason`; the first entry counts those kept.
     rings : Rings or None
         Thresholds and corrections, for methods that work in rings.
+    scene : str, optional
+        Class of scene, for methods that know scenes.
     """
 
     counts: NDArray[np.int64]
     rings: Rings | None
+    scene: str | None = None
 
     @classmethod
     def of(cls, result: FilterResult | None) -> "Numbers | None":
         """Return those of a result; None where there is none."""
-        return None if result is None else cls(result.counts, result.rings)
+        return None if result is None else cls(result.counts, result.rings, result.scene)
 
 
 class History:
@@ -46,6 +49,7 @@ class History:
     def __init__(self, rings: int) -> None:
         self._rings = rings
         self._rows: list[Series] = []
+        self._scenes: list[str | None] = []
 
     def add(self, numbers: Numbers | None, score: FrameScore | None) -> None:
         """Add a frame; what is not known is NaN."""
@@ -60,6 +64,7 @@ class History:
                 alarms = [getattr(score.alarms, name) for name in self._ALARMS]
                 row[len(Reason) + 1 :][: len(alarms)] = alarms
         self._rows.append(row)
+        self._scenes.append(numbers.scene if numbers else None)
 
     def _columns(self, first: int, count: int) -> Series:
         width = len(Reason) + len(self._ALARMS) + 1 + 2 * self._rings
@@ -69,6 +74,12 @@ class History:
     def counts(self) -> Series:
         """Points for each `Reason`, shape (frames, 7)."""
         return self._columns(0, len(Reason))
+
+    @property
+    def scenes(self) -> dict[str, NDArray[np.bool_]]:
+        """For each class of scene by name whether a frame is of it, shape (frames,); empty if none is known."""
+        told = np.array([scene or "" for scene in self._scenes], object)
+        return {name: told == name for name in sorted(set(told) - {""})}
 
     @property
     def clusters(self) -> Series:

@@ -96,6 +96,7 @@ function fillFrames(host, look) {
     if (own.length) host.append(h("h3", {}, title), h("ul", { class: "picks" }, own.map((button) => h("li", {}, button))));
   }
   if (labelled) {
+    unseen(host);
     const root = figure(host, "Alarms over time", "Triangles mark the frames that can be looked at; a click shows the nearest one. Pale frames are labelled and all right, empty ones not labelled.");
     root.prepend(legend([["false alarm (upper half)", palette.states["false alarm"], null], ["omitted alarm (lower half)", palette.states["omitted alarm"], null]]));
     const numberAt = (row) => samples.findIndex((sample) => sample.row === row);
@@ -103,6 +104,19 @@ function fillFrames(host, look) {
       describe: (row) => `${frameName(row)}, ${frameTime(row)}: ${alarms.map((one) => `${one.name} ${verdict(one, row)}`).join("; ")}` });
   }
   return buttons;
+}
+
+// Frames that went wrong and are not among those chosen, as far as a reader can follow.
+function unseen(host, most = 300) {
+  const rest = alarms[0].bits.map((bits) => Number(bits > 1));
+  for (const { row } of samples) rest[row] = 0;
+  const spans = runs(rest, 1), count = rest.reduce((a, b) => a + b, 0);
+  if (!count) return;
+  const name = data.recordings.length > 1 ? frameName : (row) => frames.number[row];
+  const names = spans.slice(0, most).map(([from, to]) => (from === to ? name(from) : `${name(from)} to ${frames.number[to]}`));
+  if (spans.length > most) names.push(`and so on; ${whole(spans.length - most)} more stretches are in the timeline below`);
+  host.append(h("details", {}, h("summary", {}, `${plural(count, "more frame")} that went wrong`),
+    h("p", {}, `${names.join(", ")}. Their points are not in this page; --pick K puts those of frame K into it, --show N those of more frames.`)));
 }
 
 const STAGES = [["Raw", () => true], ["After intensity", (reason) => reason === 0 || reason === 4], ["After outliers", (reason) => reason === 0]];
@@ -160,14 +174,14 @@ function fillLook(host) {
       rings: methods[method].edges, shows: (reason) => shows(reason) && !(state.color === "reason" && state.hidden.has(reason)),
     }, `Point cloud of ${frameName(sample.row)}${title ? `, ${title}` : ""}: ${plural(sample.shown, "point")}`));
     const thinned = sample.shown < sample.valid ? `${whole(sample.shown)} of ${whole(sample.valid)} returns are drawn; kept and target points come first` : `all ${whole(sample.valid)} returns are drawn`;
-    const told = labelled ? ` ${alarms.map((one) => `${one.name}: ${verdict(one, sample.row)}`).join("; ")}.` : "";
+    const told = labelled ? ` ${alarms.filter((_, method) => alarms.length < 5 || panesOf().some((pane) => pane[1] === method)).map((one) => `${one.name}: ${verdict(one, sample.row)}`).join("; ")}.` : "";
     info.textContent = `${frameName(sample.row)}, ${frameTime(sample.row)}.${told} ${thinned[0].toUpperCase()}${thinned.slice(1)}.`;
     chooser.selectedIndex = state.number;
     marks.forEach((button, number) => button.setAttribute("aria-current", String(number === state.number)));
     keys.replaceChildren(...legendOf(sample));
   }
   function legendOf(sample) {
-    if (state.color === "truth") return palette.truth_names.map((name, i) => h("li", {}, h("span", {}, swatch(palette.truth[i], null), name)));
+    if (state.color === "truth") return palette.truth_names.map((name, i) => sample.truth.includes(i) ? h("li", {}, h("span", {}, swatch(palette.truth[i], null), name)) : null).filter(Boolean);
     if (state.color === "intensity") return [h("li", {}, h("span", {}, `light: weak; dark: ${short(data.intensity_top)} and above`))];
     const used = palette.order.filter((reason) => sample.reasons.some((reasons) => reasons.includes(reason)));
     return used.map((reason) => h("li", {}, h("label", {},
@@ -200,6 +214,8 @@ function curvesOf(host, method) {
   const stacked = figure(host, "Points of a frame by what became of them");
   stacked.append(legend(series.map(({ name, color }) => [name, color, null])));
   stackChart(stacked, { series, yLabel: "points", label: "Points of each frame by reason" });
+  const scenes = Object.fromEntries(Object.entries(method.scenes).map(([name, text]) => [name, unpack(text, Uint8Array)]));
+  if (Object.keys(scenes).length) sceneChart(figure(host, "Scene of each frame"), { scenes, label: "Scene of each frame" });
   const rings = method.edges.length - 1;
   if (rings < 1) return;
   const colors = ringColors(rings), few = rings <= palette.lines.length;

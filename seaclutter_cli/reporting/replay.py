@@ -89,7 +89,7 @@ class Replayed:
             raise CloudError(f"frame {self.frame.index}: the removed points are not those of the raw cloud")
         reason = np.full(raw.size, Reason.KEPT, np.uint8)
         reason[place] = np.minimum(reasons, max(Reason))
-        return FilterResult(self.frame, reason, self.numbers.rings)
+        return FilterResult(self.frame, reason, self.numbers.rings, self.numbers.scene)
 
 
 def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replayed]:
@@ -114,7 +114,7 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replaye
                 source.damage.append(Damage(Path(source.name), None, str(error), len(record.data), 1))
                 continue
             if found.topic == topic and found.numbers["points_in"] == frame.size:
-                yield Replayed(frame, Numbers(found.counts, found.rings), removed)
+                yield Replayed(frame, Numbers(found.counts, found.rings, found.scene or None), removed)
                 frame = removed = None
 
 

@@ -81,8 +81,9 @@ class FrameStream:
         self._recording.set_time("time", timestamp=np.datetime64(frame.stamp_ns, "ns"))
         self._recording.set_time("frame", sequence=self._frames)
         self._frames += 1
-        self._log("recording", self._rerun.TextLog(f"{self._name}, frame {frame.index}"))
         result = results()[0]
+        scene = f", scene {result.scene}" if result and result.scene else ""
+        self._log("recording", self._rerun.TextLog(f"{self._name}, frame {frame.index}{scene}"))
         self._points(frame, result)
         if result is not None:
             for name, boxes in boxes_of(result, truth, self._params).items():

@@ -85,6 +85,21 @@ def test_filtered_logs_of_every_encoding(kind, page, tmp_path):
     np.testing.assert_allclose(thresholds, [one.rings.thresholds for one in results], rtol=1e-6)
 
 
+def test_scenes_are_read_back(log, page, tmp_path):
+    filter_log(log, tmp_path / "f.mcap", method="adaptive_radius", keep_raw=True, with_removed=True)
+    report(tmp_path / "f.mcap", "-o", page)
+    scenes = data_of(page)["methods"][0]["scenes"]
+    assert {name: unpacked(frames, "u1").tolist() for name, frames in scenes.items()} == {"open": [1] * 6}
+
+
+@pytest.mark.parametrize(("more", "first"), [([], "joint"), (["-m", "ring_intensity"], "ring_intensity")])
+def test_the_method_to_look_at_first(log, labels, page, more, first):
+    report(log, "--labels", labels, "--compare", "paper", *more, "-o", page)
+    names = [method["name"] for method in data_of(page)["methods"]]
+    assert names[0] == first
+    assert len(names) == len(set(names)) == 5
+
+
 def test_a_filtered_log_without_its_raw_clouds_is_told_of(log, page, tmp_path):
     filter_log(log, tmp_path / "f.mcap")
     assert "--keep-raw --with-removed" in report(tmp_path / "f.mcap", "-o", page).stderr

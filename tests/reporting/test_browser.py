@@ -114,6 +114,14 @@ def test_the_worst_frame_is_first_and_shown(sea, visit):
     assert page.shown().startswith(first.inner_text().splitlines()[0])
 
 
+def test_other_frames_that_went_wrong_are_named(sea, visit):
+    page = visit(sea)
+    page.page.get_by_text("12 more frames that went wrong").click()
+    text = page.page.locator("details", has_text="went wrong").inner_text()
+    assert "1 to 3, 6 to 7, 10 to 11, 14, 16 to 17, 21 to 22." in text
+    assert "--pick" in text
+
+
 def test_a_click_on_the_timeline_shows_the_nearest_frame(sea, visit):
     page = visit(sea)
     timeline = page.page.get_by_role("img", name="Frames with false and omitted alarms")
@@ -227,6 +235,7 @@ ODD = {
     "nothing removed": (["-m", "none"], {}),
     "fifty rings": (["-s", "filter.ring_width_m=1.2", "-s", f"filter.initial_thresholds={[5] * 50}"], {}),
     "five rings": (["-s", "filter.ring_width_m=12", "-s", f"filter.initial_thresholds={[5] * 5}"], {}),
+    "scenes": (["-m", "adaptive_radius"], {}),
     "no points": ([], {"make": lambda _: __import__("numpy").zeros(0, LABELLED)}),
 }
 
@@ -244,6 +253,11 @@ def test_odd_logs(visit, tmp_path, name):
     if name == "fifty rings":
         page.page.get_by_label("ring", exact=True).select_option(index=3)
         assert page.page.get_by_text("12.4 to 13.6 m").count() >= 1
+    if name == "scenes":
+        chart = page.page.get_by_role("img", name="Scene of each frame")
+        chart.focus()
+        page.page.keyboard.press("ArrowRight")
+        assert chart.evaluate("chart => chart.parentElement.nextElementSibling.textContent").endswith(": open")
     if name == "no points":
         assert "all 0 returns" in page.shown().lower()
 

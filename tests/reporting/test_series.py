@@ -20,7 +20,7 @@ def test_a_history_gives_back_what_it_was_told():
     history = History(2)
     rings = Rings(np.array([30.0, 16]), np.array([0.0, 5]), *np.zeros((3, 2), np.int64))
     alarms = Alarms(targets=3, visible=2, detected=1, clusters=4, false_alarms=3)
-    history.add(Numbers(np.arange(7), rings), FrameScore(21, 0, 4, alarms, None))
+    history.add(Numbers(np.arange(7), rings), FrameScore(21, 0, 4, alarms, None, None))
     history.add(None, None)
     history.add(Numbers(np.arange(7), None), FrameScore(21, 0, 5, None, None))
     assert history.counts[0].tolist() == list(range(7))
@@ -31,6 +31,15 @@ def test_a_history_gives_back_what_it_was_told():
     assert history.clusters.tolist() == pytest.approx([4, np.nan, 5], nan_ok=True)
     assert (history.visible[0], history.omitted[0], history.false_alarms[0]) == (2, 1, 3)
     assert np.isnan(history.false_alarms[1:]).all()
+
+
+def test_scenes_by_their_names():
+    history = History(0)
+    for scene in ("open", None, "confined", "open"):
+        history.add(Numbers(np.arange(7), None, scene), None)
+    history.add(None, None)
+    found = {name: frames.tolist() for name, frames in history.scenes.items()}
+    assert found == {"confined": [0, 0, 1, 0, 0], "open": [1, 0, 0, 1, 0]}
 
 
 @given(st.lists(st.one_of(st.none(), st.integers(-1000, 1000)), max_size=60), st.integers(1, 7))
