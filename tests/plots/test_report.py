@@ -127,4 +127,4 @@ def test_ahead_is_up_and_port_is_left():
 
 def test_two_methods_show_a_false_alarm_each():
     for axes in drawn("methods", collect()).axes:
-        assert len([line for line in axes.lines if line.get_fillstyle() == "none" and line.get_xdata()]) == 1
+        assert len([line for line in axes.lines if line.get_fillstyle() == "none" and len(line.get_xdata())]) == 1
