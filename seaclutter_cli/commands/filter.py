@@ -5,12 +5,11 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.console import Progress, fail, report_damage, warn
+from seaclutter_cli.commands.console import Progress, report_damage, told_errors, warn
 from seaclutter_cli.commands.options import (
     config_options,
     decoding_options,
@@ -20,7 +19,7 @@ from seaclutter_cli.commands.options import (
 )
 from seaclutter_cli.commands.sensor_facts import mismatches
 from seaclutter_cli.commands.truths import label_options
-from seaclutter_cli.errors import InputError, SeaclutterError, UsageError, printable
+from seaclutter_cli.errors import InputError, UsageError, printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.commands.outcome import Outcome
@@ -146,18 +145,13 @@ class Job:
         from seaclutter_cli.commands.outcome import Outcome
 
         outcome = Outcome(recording.name, target, self.config.ring_edges)
-        started = perf_counter()
-        try:
-            with closing(recording.open(rate_hz=self.rate_hz, decoding=self.decoding)) as source:
-                self._stream(source, outcome, sinks, labels)
-                outcome.damage = source.damage
-                report_damage(source.damage, verbose=self.verbose)
-        except UsageError:
-            raise
-        except SeaclutterError as error:
-            outcome.error = str(error)
-            fail(error)
-        outcome.seconds = perf_counter() - started
+        with (
+            told_errors(outcome),
+            closing(recording.open(rate_hz=self.rate_hz, decoding=self.decoding)) as source,
+        ):
+            self._stream(source, outcome, sinks, labels)
+            outcome.damage = source.damage
+            report_damage(source.damage, verbose=self.verbose)
         return outcome
 
     def _stream(self, source: "Source", outcome: "Outcome", sinks: Sequence["Sink"], labels: "Labels | None") -> None:

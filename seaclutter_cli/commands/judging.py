@@ -3,15 +3,14 @@
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from seaclutter_cli.commands.console import Progress, fail, report_damage, warn
+from seaclutter_cli.commands.console import Progress, report_damage, told_errors, warn
 from seaclutter_cli.commands.options import decoding_options
 from seaclutter_cli.commands.sensor_facts import mismatches
-from seaclutter_cli.errors import InputError, SeaclutterError, UsageError, printable
+from seaclutter_cli.errors import InputError, printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.commands.comparison import Evaluated
@@ -79,8 +78,7 @@ class Job:
         from seaclutter_cli.evaluation.scores import Summary
 
         outcome = Evaluated(recording.name, {variant.name: Summary() for variant in self.variants})
-        started = perf_counter()
-        try:
+        with told_errors(outcome):
             with closing(recording.open(rate_hz=self.rate_hz, decoding=self.decoding)) as source:
                 judge = _Judge(self, labels, outcome, [table.begin(recording.name) for table in tables], watchers)
                 self._stream(source, judge)
@@ -90,12 +88,6 @@ class Job:
                 report_damage(source.damage, verbose=self.verbose)
             for table in tables:
                 table.end()
-        except UsageError:
-            raise
-        except SeaclutterError as error:
-            outcome.error = str(error)
-            fail(error)
-        outcome.seconds = perf_counter() - started
         return outcome
 
     def _stream(self, source: "Source", judge: "_Judge") -> None:

@@ -104,10 +104,11 @@ def config_options(command: F) -> F:
     return command
 
 
+_CONFIG_FILE = click.option(
+    "-c", "--config", "config_file", type=click.Path(path_type=Path), metavar="FILE", help="Configuration file."
+)
 _CONFIG = (
-    click.option(
-        "-c", "--config", "config_file", type=click.Path(path_type=Path), metavar="FILE", help="Configuration file."
-    ),
+    _CONFIG_FILE,
     click.option("-m", "--method", metavar="NAME", help="Filter method, whatever the configuration says."),
     click.option(
         "-s",
@@ -116,5 +117,40 @@ _CONFIG = (
         multiple=True,
         metavar="KEY=VALUE",
         help="Set a key, as in filter.start_m=5; repeatable.",
+    ),
+)
+
+
+def methods_options(command: F) -> F:
+    """Add the options that choose several methods and make up their configurations."""
+    for option in reversed(_METHODS):
+        command = option(command)
+    return command
+
+
+_METHODS = (
+    _CONFIG_FILE,
+    click.option(
+        "-m",
+        "--method",
+        "methods",
+        multiple=True,
+        metavar="NAME",
+        help="Filter method, none for the logs as they are; repeatable. By default that of the configuration.",
+    ),
+    click.option(
+        "--compare",
+        "comparisons",
+        multiple=True,
+        type=click.Choice(["paper", "peers", "all"]),
+        help="Compare the stages of the joint method as its paper does, or its peers, or all and none.",
+    ),
+    click.option(
+        "-s",
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Set a key for every method that has it, as in filter.start_m=5; repeatable.",
     ),
 )

@@ -1,42 +1,24 @@
 """Filtered logs read back: which logs are such, and a job that reads them as `judging.Job` filters raw ones."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from time import perf_counter
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.commands.comparison import Evaluated
-from seaclutter_cli.commands.console import Progress, fail, report_damage, warn
+from seaclutter_cli.commands.console import Progress, report_damage, told_errors, warn
 from seaclutter_cli.commands.judging import Job
 from seaclutter_cli.commands.options import decoding_options
 from seaclutter_cli.commands.variants import Variant
 from seaclutter_cli.config import parse_config
-from seaclutter_cli.errors import ConfigError, InputError, SeaclutterError, UsageError
-from seaclutter_cli.evaluation.scores import FrameScore, Summary, score_frame
-from seaclutter_cli.reporting.history import Numbers
+from seaclutter_cli.errors import ConfigError, InputError, UsageError
+from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay, was_filtered
 
 if TYPE_CHECKING:
-    from seaclutter_cli.frame import FilterResult, Frame
     from seaclutter_cli.interfaces import Labels, Source
+    from seaclutter_cli.reporting.audience import Audience
     from seaclutter_cli.sources import Recording
-    from seaclutter_cli.truth import Truth
-
-
-class Audience(Protocol):
-    """Looks on while frames are read back."""
-
-    def add(
-        self,
-        frame: "Frame",
-        numbers: Sequence[Numbers | None],
-        truth: "Truth | None",
-        scores: Sequence[FrameScore | None],
-        results: "Callable[[], Sequence[FilterResult | None]]",
-    ) -> None:
-        """Take the numbers of a frame; ``results`` returns the reasons of its points."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -104,25 +86,20 @@ class Reader:
         Is told of every frame.
     """
 
-    def __init__(self, job: Job, audience: Audience) -> None:
+    def __init__(self, job: Job, audience: "Audience") -> None:
         self._job, self._audience = job, audience
         self._variant = job.variants[0]
 
     def run(self, recording: "Recording", topic: str, labels: "Labels | None") -> Evaluated:
         """Read one recording; an error of its own is told and kept."""
         outcome = Evaluated(recording.name, {self._variant.name: Summary()})
-        started = perf_counter()
-        try:
-            with closing(recording.open(rate_hz=self._job.rate_hz, decoding=self._job.decoding)) as source:
-                self._stream(source, topic, labels, outcome.methods[self._variant.name])
-                outcome.damage = source.damage
-                report_damage(source.damage, verbose=self._job.verbose)
-        except UsageError:
-            raise
-        except SeaclutterError as error:
-            outcome.error = str(error)
-            fail(error)
-        outcome.seconds = perf_counter() - started
+        with (
+            told_errors(outcome),
+            closing(recording.open(rate_hz=self._job.rate_hz, decoding=self._job.decoding)) as source,
+        ):
+            self._stream(source, topic, labels, outcome.methods[self._variant.name])
+            outcome.damage = source.damage
+            report_damage(source.damage, verbose=self._job.verbose)
         return outcome
 
     def _stream(self, source: "Source", topic: str, labels: "Labels | None", summary: Summary) -> None:

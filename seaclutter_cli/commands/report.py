@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.options import logs_argument, output_options, selection_options
+from seaclutter_cli.commands.console import warn
+from seaclutter_cli.commands.options import logs_argument, methods_options, output_options, selection_options
 from seaclutter_cli.commands.truths import label_options
 
 if TYPE_CHECKING:
@@ -52,32 +53,7 @@ if TYPE_CHECKING:
     "--pick", "picks", multiple=True, type=click.IntRange(min=0), metavar="K", help="Show frame K too; repeatable."
 )
 @label_options(required=False)
-@click.option(
-    "-c", "--config", "config_file", type=click.Path(path_type=Path), metavar="FILE", help="Configuration file."
-)
-@click.option(
-    "-m",
-    "--method",
-    "methods",
-    multiple=True,
-    metavar="NAME",
-    help="Filter method; repeatable. By default that of the configuration.",
-)
-@click.option(
-    "--compare",
-    "comparisons",
-    multiple=True,
-    type=click.Choice(["paper", "peers", "all"]),
-    help="Compare methods, as evaluate does.",
-)
-@click.option(
-    "-s",
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Set a key for every method that has it, as in filter.start_m=5; repeatable.",
-)
+@methods_options
 @selection_options
 @output_options
 def command(logs: tuple[str, ...], **options: Any) -> None:
@@ -90,6 +66,8 @@ def command(logs: tuple[str, ...], **options: Any) -> None:
     from seaclutter_cli.sinks.atomic import AtomicFile
 
     reported = _run(logs, options)
+    if missing := reported.missing(options["picks"]):
+        warn(f"no log has a frame {', '.join(map(str, missing))}: --pick counts from 0", quiet=options["quiet"])
     files = {} if all(outcome.error for outcome in reported.outcomes) else {options["output"]: reported.page()}
     if files and options["figure_folder"]:
         files |= reported.pictures(options["figure_folder"], options["figure_format"])
@@ -117,6 +95,8 @@ def _run(logs: tuple[str, ...], options: Mapping[str, Any]) -> "Reported":
     folder: Path | None = options["figure_folder"]
     targets = [options["output"]]
     if folder:
+        if folder.exists() and not folder.is_dir():
+            raise UsageError(f"{folder}: is a file; --figures takes a folder")
         targets += [folder / name for name in picture_names(options["figure_format"])]
         check_target(targets[-1])
     refuse_overwriting(targets, recordings, force=options["force"])

@@ -47,6 +47,10 @@ class Reported:
         """Frames of all recordings."""
         return len(self.collected.timeline.frame)
 
+    def missing(self, picks: Sequence[int]) -> list[int]:
+        """Return the frames asked for that no recording has."""
+        return sorted(set(picks) - {one.item.frame for one in self.collected.chosen if one.why == "picked"})
+
     def page(self) -> bytes:
         """Return the page; times are not in it, so that the same input gives the same bytes."""
         summaries = {name: summary.as_dict() for name, summary in self.comparison.totals().items()}

@@ -8,6 +8,7 @@ import numpy as np
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.reporting.audience import Audience
 from seaclutter_cli.reporting.choice import Choice, Chosen
 from seaclutter_cli.reporting.history import History, Numbers
 from seaclutter_cli.reporting.sample import Sample, take_sample
@@ -46,7 +47,7 @@ class Timeline:
     seconds: list[float] = field(default_factory=list)
 
 
-class Collector:
+class Collector(Audience):
     """Keeps some hundred bytes of every frame and the points of a few dozen, whatever the length of the logs.
 
     The first method decides which frames are worst: those with the most false and omitted alarms; without labels,
@@ -89,16 +90,6 @@ class Collector:
         """Start a recording."""
         self.recordings.append(recording)
         self._first_ns = None
-
-    def see(
-        self,
-        frame: Frame,
-        results: Sequence[FilterResult | None],
-        truth: Truth | None,
-        scores: Sequence[FrameScore | None],
-    ) -> None:
-        """Take a frame and what each method made of it."""
-        self.add(frame, [Numbers.of(result) for result in results], truth, scores, lambda: results)
 
     def add(
         self,

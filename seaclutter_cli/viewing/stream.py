@@ -18,6 +18,7 @@ from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.messages.scene import SceneBox
 from seaclutter_cli.reporting import palette
+from seaclutter_cli.reporting.audience import Audience
 from seaclutter_cli.reporting.history import Numbers
 from seaclutter_cli.reporting.scene import boxes_of
 from seaclutter_cli.truth import Truth
@@ -35,7 +36,7 @@ def require_rerun() -> Any:
     return rerun
 
 
-class FrameStream:
+class FrameStream(Audience):
     """Tells a viewer what a method made of each frame, with raw points, in full.
 
     Parameters
@@ -58,16 +59,6 @@ class FrameStream:
     def begin(self, recording: str) -> None:
         """Start a recording; its frames follow those of the one before."""
         self._name = recording
-
-    def see(
-        self,
-        frame: Frame,
-        results: Sequence[FilterResult | None],
-        truth: Truth | None,
-        scores: Sequence[FrameScore | None],
-    ) -> None:
-        """Take a frame and what the method made of it."""
-        self.add(frame, [Numbers.of(result) for result in results], truth, scores, lambda: results)
 
     def add(
         self,

@@ -64,6 +64,16 @@ def test_points_of_a_frame(log, labels, page):
     assert sample["boxes"][0]["state"] == ["lost"]
 
 
+def test_a_frame_that_is_not_there(log, page):
+    assert "no log has a frame 7, 99:" in report(log, "-o", page, "--pick", 2, "--pick", 99, "--pick", 7).stderr
+    assert [one["why"] for one in data_of(page)["samples"] if one["row"] == 2] == ["picked"]
+
+
+def test_figures_go_into_a_folder(log, page, tmp_path):
+    (tmp_path / "file").touch()
+    assert "takes a folder" in report(log, "-o", page, "--figures", tmp_path / "file", status=2).stderr
+
+
 def test_a_filtered_log_is_not_filtered_again(log, labels, page, tmp_path):
     filtered = tmp_path / "run" / "log.mcap"
     filtered.parent.mkdir()
