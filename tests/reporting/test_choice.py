@@ -56,3 +56,10 @@ def test_the_spread_is_even_and_bounded():
 def test_a_frame_asked_for_by_nobody_costs_nothing():
     _, made = choose([float(row) for row in range(100, 0, -1)], 12)
     assert len(made) < 50
+
+
+def test_a_trend_costs_little():
+    for badness in ([float(row) for row in range(2000)], [float(row) for row in range(2000, 0, -1)]):
+        choice, made = choose(badness, 12)
+        assert len(made) < 100
+        assert max(badness) in {badness[one.row] for one in choice.chosen()}
