@@ -1,6 +1,8 @@
 """What there is in a frame besides points: labelled boxes and what became of them, clusters right and wrong."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,11 +16,32 @@ from seaclutter_cli.truth import Boxes, Truth
 _MAX_CLUSTERS = 400
 
 Described = dict[str, Any]
+Objects = tuple[list[Described], list[list[Described]]]
+
+
+def objects_later(
+    frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
+) -> Callable[[], Objects]:
+    """Return what calls `objects_in` when it is asked to, so that frames that nobody will look at cost little.
+
+    Without labels only the points that a method keeps are held until then, not the message that they came in.
+    """
+    if truth is not None:
+        found = objects_in(frame, results, truth, params)
+        return lambda: found
+    kept = np.zeros(frame.size, np.bool_)
+    for result in results:
+        if result is not None:
+            kept |= result.keep
+    kept &= frame.valid
+    part = replace(frame, cloud=frame.cloud.select(kept), message=replace(frame.message, data=b""))
+    parts = [result and FilterResult(part, result.reason[kept]) for result in results]
+    return partial(objects_in, part, parts, None, params)
 
 
 def objects_in(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
-) -> tuple[list[Described], list[list[Described]]]:
+) -> Objects:
     """Return labelled boxes and, for each method, the boxes around its clusters.
 
     Returns

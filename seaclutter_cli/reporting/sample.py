@@ -1,8 +1,8 @@
 """One frame to look at: its points, thinned, with reasons, truth, boxes and clusters."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.frame import FilterResult, Frame, Reason
-from seaclutter_cli.reporting.objects import objects_in
+from seaclutter_cli.reporting.objects import Described, Objects, objects_later
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 UNKNOWN, IS_CLUTTER, IS_TARGET, IS_IGNORED = range(4)
@@ -39,10 +39,8 @@ class Sample:
         `UNKNOWN`, `IS_CLUTTER`, `IS_TARGET` or `IS_IGNORED`.
     weight : ndarray, shape (n,), float32
         Points of the frame that a shown one stands for.
-    boxes : list of dict
-        Labelled objects and areas to ignore, as `objects_in` describes them.
-    clusters : list of list of dict
-        Those of each method, likewise.
+    find_objects : callable
+        Returns what `objects_in` does; called when boxes or clusters are first asked for.
     """
 
     frame: int
@@ -53,8 +51,21 @@ class Sample:
     reasons: NDArray[np.uint8]
     truth: NDArray[np.uint8]
     weight: NDArray[np.float32]
-    boxes: list[dict[str, Any]]
-    clusters: list[list[dict[str, Any]]]
+    find_objects: Callable[[], Objects]
+
+    @cached_property
+    def _objects(self) -> Objects:
+        return self.find_objects()
+
+    @property
+    def boxes(self) -> list[Described]:
+        """Labelled objects and areas to ignore, as `objects_in` describes them."""
+        return self._objects[0]
+
+    @property
+    def clusters(self) -> list[list[Described]]:
+        """Clusters of each method, likewise."""
+        return self._objects[1]
 
     @property
     def range_m(self) -> NDArray[np.float64]:
@@ -82,7 +93,6 @@ def take_sample(
         if result is not None:
             row[:] = result.reason[shown]
     intensity = np.full(frame.size, np.nan) if frame.intensity_name is None else frame.intensity
-    boxes, clusters = objects_in(frame, results, truth, params)
     return Sample(
         frame.index,
         frame.size,
@@ -92,8 +102,7 @@ def take_sample(
         reasons,
         _truth(points[shown], known=truth is not None),
         weight,
-        boxes,
-        clusters,
+        objects_later(frame, results, truth, params),
     )
 
 

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import Reason
+from seaclutter_cli.reporting.objects import objects_in, objects_later
 from seaclutter_cli.reporting.sample import IS_CLUTTER, IS_TARGET, UNKNOWN, take_sample
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump, result_of
@@ -37,6 +38,15 @@ def test_without_labels():
     assert sample.clusters[1] == []
     assert set(sample.reasons[1]) == {Reason.INVALID}
     assert sample.boxes == []
+
+
+@given(st.sets(st.integers(0, 29)), st.sets(st.integers(0, 29)), st.booleans())
+def test_objects_found_later_are_those_of_the_whole_frame(gone, others, usable):
+    frame = frame_of(lump(20), lump(40), lump(60))
+    results = [result_of(frame, removed=sorted(gone)), result_of(frame, removed=sorted(others)) if usable else None]
+    for truth in (None, Truth(targets=boxes((20.5, 3.0)))):
+        later = objects_later(frame, results, truth, PARAMS)
+        assert later() == objects_in(frame, results, truth, PARAMS)
 
 
 @given(st.integers(0, 60), st.integers(0, 400), st.integers(1, 200))
