@@ -1,6 +1,7 @@
-"""Euclidean clusters of one frame, beside scipy's tree when it only counts neighbours, in turns in one run.
+"""Clusters of one frame, in turns in one run: Euclidean ones beside scipy's tree, DBSCAN's beside scikit-learn's.
 
-Run as ``python benchmarks/clustering.py``.
+The tree only counts neighbours, at the same distance. Run as ``python benchmarks/clustering.py``; without scikit-learn
+its column is nan.
 """
 
 import statistics
@@ -13,6 +14,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from seaclutter_cli.evaluation.clustering import euclidean_clusters
+from seaclutter_cli.evaluation.dbscan import dbscan
+
+try:
+    from sklearn.cluster import DBSCAN
+except ImportError:
+    DBSCAN = None
 
 RUNS = 9
 TOLERANCE_M = 1.5
@@ -66,6 +73,25 @@ def count_neighbors(points: NDArray[np.float64]) -> object:
     return cKDTree(points).query_ball_point(points, TOLERANCE_M, return_length=True)
 
 
+def dbscan_of_sklearn(points: NDArray[np.float64]) -> object:
+    return DBSCAN(eps=TOLERANCE_M, min_samples=MIN_POINTS, n_jobs=1).fit(points)
+
+
+def show(title: str, other: str, frames: dict, cluster: Callable, peer: Callable | None) -> None:
+    """Print the times of a way to cluster, and of what it is compared with."""
+    print(f"{title:<20}{'points':>8}{'clusters':>10}{'ms':>8}{other:>12}{'ratio':>7}")
+    for name, xyz in frames.items():
+        points = np.ascontiguousarray(xyz.T)
+        found = int(cluster(xyz, TOLERANCE_M, MIN_POINTS).max()) + 1
+        rows = []
+        for _ in range(RUNS):
+            mine = timed(lambda xyz=xyz: cluster(xyz, TOLERANCE_M, MIN_POINTS))
+            rows.append((mine, timed(lambda points=points: peer(points)) if peer else np.nan))
+        mine, its = (statistics.median(column) for column in zip(*rows, strict=True))
+        ratio = statistics.median(row[0] / row[1] for row in rows)
+        print(f"{name:<20}{len(points):>8}{found:>10}{mine:>8.1f}{its:>12.1f}{ratio:>7.2f}")
+
+
 def main() -> None:
     frames = {
         "harbour, all walls": basin(),
@@ -74,17 +100,8 @@ def main() -> None:
         "open sea": open_sea(),
         "sea, filtered": cloud(SHARES["sea"], bright=True),
     }
-    print(f"{'frame':<20}{'points':>8}{'clusters':>10}{'ms':>8}{'tree ms':>9}{'ratio':>7}")
-    for name, xyz in frames.items():
-        points = np.ascontiguousarray(xyz.T)
-        found = int(euclidean_clusters(xyz, TOLERANCE_M, MIN_POINTS).max()) + 1
-        rows = []
-        for _ in range(RUNS):
-            mine = timed(lambda xyz=xyz: euclidean_clusters(xyz, TOLERANCE_M, MIN_POINTS))
-            rows.append((mine, timed(lambda points=points: count_neighbors(points))))
-        mine, tree = (statistics.median(column) for column in zip(*rows, strict=True))
-        ratio = statistics.median(row[0] / row[1] for row in rows)
-        print(f"{name:<20}{len(points):>8}{found:>10}{mine:>8.1f}{tree:>9.1f}{ratio:>7.2f}")
+    show("Euclidean", "cKDTree ms", frames, euclidean_clusters, count_neighbors)
+    show("DBSCAN", "sklearn ms", frames, dbscan, dbscan_of_sklearn if DBSCAN else None)
 
 
 if __name__ == "__main__":

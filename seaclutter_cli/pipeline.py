@@ -1,5 +1,6 @@
 """The loop: for each frame of a source, filter it and hand the result to the sinks."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -157,6 +158,8 @@ class TopicTally:
         Points for each `Reason`; the first entry counts those kept.
     rings : Rings or None
         Sums over the frames, thresholds and corrections too.
+    scenes : counter of str
+        Frames by the scene that they were filtered for; empty if the method knows none.
     filter_s : float
         Seconds in the filter itself.
     unfit : list of FieldError
@@ -167,6 +170,7 @@ class TopicTally:
     points_in: int = 0
     counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
     rings: Rings | None = None
+    scenes: Counter[str] = field(default_factory=Counter)
     filter_s: float = 0.0
     unfit: list[FieldError] = field(default_factory=list)
 
@@ -178,6 +182,8 @@ class TopicTally:
         self.filter_s += seconds
         if result.rings is not None:
             self.rings = result.rings if self.rings is None else self.rings + result.rings
+        if result.scene is not None:
+            self.scenes[result.scene] += 1
 
 
 def run(

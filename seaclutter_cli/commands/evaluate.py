@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 def command(logs: tuple[str, ...], **options: Any) -> None:
     """Filter LOGS, cluster what is left and compare it with labels.
 
-    LOGS are MCAP files, ROS bags, rosbag2 folders, folders of frames, or globs. Several methods are run in one pass.
-    Frames without a label are counted and left out of every rate.
+    LOGS are MCAP files, ROS bags, rosbag2 folders, captures of packets (PCAP, PCAPNG), folders of frames, or globs.
+    Several methods are run in one pass. Frames without a label are counted and left out of every rate.
     """
     from seaclutter_cli.commands.comparison import Comparison
     from seaclutter_cli.commands.frame_table import FrameTable

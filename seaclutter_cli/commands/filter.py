@@ -63,8 +63,8 @@ _COMPRESSIONS = {"zstd": "zstd", "lz4": "lz4", "none": ""}
 def command(logs: tuple[str, ...], output: Path, **options: Any) -> None:
     """Stream each frame of LOGS through the filter and write filtered MCAP files.
 
-    LOGS are MCAP files, ROS bags, rosbag2 folders, folders of frames, or globs. Every other topic, attachment and
-    metadata record is copied untouched, so the output is a drop-in for the input.
+    LOGS are MCAP files, ROS bags, rosbag2 folders, captures of packets (PCAP, PCAPNG), folders of frames, or globs.
+    Every other topic, attachment and metadata record is copied untouched, so the output is a drop-in for the input.
     """
     from seaclutter_cli.commands.outputs import plan_outputs, refuse_overwriting
     from seaclutter_cli.sinks import CsvSink

@@ -73,6 +73,7 @@ def _as_dict(tally: TopicTally, edges: Sequence[float]) -> dict[str, Any]:
         "points_out": int(tally.counts[Reason.KEPT]),
         **{reason.name.lower(): int(tally.counts[reason]) for reason in Reason if reason},
         "rings": _rings(tally, edges),
+        **({"scenes": dict(sorted(tally.scenes.items()))} if tally.scenes else {}),
         "filter_ms": round(1000 * tally.filter_s / max(tally.frames, 1), 3),
     }
 
@@ -105,6 +106,8 @@ def _as_text(topic: str, tally: TopicTally, edges: Sequence[float]) -> str:
     if tally.rings is not None:
         head = ("ring", "points", "low intensity", "outliers", "kept", "mean threshold")
         blocks.append(table(head, [_ring_row(ring) for ring in _rings(tally, edges)]))
+    if tally.scenes:
+        blocks.append("filtered as " + ", ".join(f"{printable(name)}: {count(n)}" for name, n in tally.scenes.items()))
     return "\n".join("  " + line for block in blocks for line in block.splitlines())
 
 

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -89,6 +90,20 @@ def test_the_summary_is_the_table_of_frames_summed_up(log, out, tmp_path):
     assert topic["rings"][0]["mean_threshold"] == pytest.approx(np.mean([float(row["threshold_1"]) for row in rows]))
     assert [int(row["frame"]) for row in rows] == [0, 1, 2, 3, 4]
     assert int(rows[0]["stamp_ns"]) == 100 * SECOND_NS
+
+
+@pytest.mark.parametrize("scene", ["open", "confined", "auto"])
+def test_the_summary_says_which_scene_the_frames_were_filtered_for(log, out, tmp_path, scene):
+    if scene == "auto":
+        pytest.importorskip("onnxruntime", reason="needs the extra scene")
+    table = tmp_path / "frames.csv"
+    arguments = (log, "-m", "adaptive_radius", "-s", f"filter.scene={scene}", "--force", "--csv", table, "-o", out)
+    (outcome,) = json.loads(invoke(*arguments, "--json").stdout)
+    with table.open() as stream:
+        scenes = [row["scene"] for row in csv.DictReader(stream)]
+    assert outcome["topics"]["/points"]["scenes"] == dict(Counter(scenes))
+    assert set(scenes) <= ({"open", "confined"} if scene == "auto" else {scene})
+    assert f"filtered as {scenes[0]}: " in invoke(*arguments).stdout
 
 
 @pytest.mark.parametrize(
