@@ -105,6 +105,8 @@ class Reader:
     def _stream(self, source: "Source", topic: str, labels: "Labels | None", summary: Summary) -> None:
         selection = self._job.selection
         total = sum(source.counts.get(channel.id, 0) for channel in source.channels if channel.topic == topic)
+        if (selection.start_s, selection.end_s) == (None, None):
+            self._audience.expect(min(selection.frames or total, total))
         found = False
         with Progress(selection.frames or total or None, source.name, quiet=self._job.quiet) as progress:
             for one in replay(source, topic, selection):

@@ -12,6 +12,9 @@ from seaclutter_cli.truth import Truth
 class Audience(ABC):
     """Is told of every frame, and of the reasons of its points if it asks."""
 
+    def expect(self, frames: int) -> None:  # noqa: B027 - not all need to know
+        """Hear before the first frame of all how many there will be, about."""
+
     def see(
         self,
         frame: Frame,

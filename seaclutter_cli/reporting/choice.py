@@ -76,6 +76,11 @@ class Choice(Generic[T]):
         self._stride = 1
         self._fresh: list[_Item[T]] = []
 
+    def expect(self, frames: int) -> None:
+        """Say before the first frame how many there will be, about: fewer are made for nothing."""
+        while -(-frames // (2 * self._stride)) > 4 * self._even:
+            self._stride *= 2
+
     def offer(self, row: int, *, badness: float | None, merit: float | None, make: Callable[[], T]) -> None:
         """Offer a frame, in order of rows.
 

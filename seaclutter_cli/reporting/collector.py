@@ -91,6 +91,11 @@ class Collector(Audience):
         self.recordings.append(recording)
         self._first_ns = None
 
+    def expect(self, frames: int) -> None:
+        """Hear how many frames there will be."""
+        if not self.timeline.frame:
+            self._choice.expect(frames)
+
     def add(
         self,
         frame: Frame,

@@ -10,8 +10,9 @@ from seaclutter_cli.reporting.choice import Choice
 BADNESS = st.lists(st.sampled_from([0.0, 0.0, 1.0, 2.0, 5.0]), min_size=1, max_size=300)
 
 
-def choose(badness, frames):
+def choose(badness, frames, expected=0):
     choice, made = Choice(frames), []
+    choice.expect(expected)
     for row, bad in enumerate(badness):
 
         def make(row=row):
@@ -51,6 +52,15 @@ def test_the_spread_is_even_and_bounded():
     assert len(rows) <= 16
     assert rows[-1] > 9_000
     assert len(made) < 200
+
+
+@given(BADNESS, st.integers(1, 20))
+def test_the_same_are_chosen_if_their_number_is_known(badness, frames):
+    choice, made = choose(badness, frames)
+    foreseen, fewer = choose(badness, frames, len(badness))
+    assert foreseen.chosen() == choice.chosen()
+    assert foreseen.spread() == choice.spread()
+    assert set(fewer) <= set(made)
 
 
 def test_a_frame_asked_for_by_nobody_costs_nothing():
