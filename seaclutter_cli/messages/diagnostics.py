@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import FilterResult, Reason, Rings
+from seaclutter_cli.messages.beside import fitting_format
 from seaclutter_cli.records import Buffer, Schema
 
 TOPIC = "/seaclutter/diagnostics"
@@ -124,17 +125,10 @@ def _json_schema() -> str:
 
 @cache
 def diagnostics_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Diagnostics], bytes]]:
-    """Return message encoding, schema and serialiser that fit a log whose clouds have an encoding.
-
-    A ROS log must stay one, or its players and readers refuse it; all others get JSON.
-    """
-    if cloud_encoding in ("cdr", "ros1"):
-        version = 2 if cloud_encoding == "cdr" else 1
-        text = _typestore().generate_msgdef(TYPE, ros_version=version)[0].encode()
-        if cloud_encoding == "cdr":
-            return "cdr", Schema(TYPE, "ros2msg", text), _cdr
-        return "ros1", Schema(TYPE.replace("/msg", ""), "ros1msg", text), _ros1
-    return "json", Schema("seaclutter.Diagnostics", "jsonschema", _json_schema().encode()), _json
+    """Return message encoding, schema and serialiser that fit a log whose clouds have an encoding."""
+    plain = lambda: ("seaclutter.Diagnostics", _json_schema())
+    encoding, schema = fitting_format(cloud_encoding, TYPE, _typestore, plain)
+    return encoding, schema, {"cdr": _cdr, "ros1": _ros1, "json": _json}[encoding]
 
 
 def read_diagnostics(data: Buffer, encoding: str) -> Diagnostics:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from seaclutter_cli.messages.beside import fitting_format
 from seaclutter_cli.records import Schema
 
 TOPIC = "/seaclutter/scene"
@@ -86,13 +87,10 @@ class Scene:
 
 def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Scene], bytes]]:
     """Return message encoding, schema and serialiser that fit a log whose clouds have an encoding."""
-    if cloud_encoding in ("cdr", "ros1"):
-        version = 2 if cloud_encoding == "cdr" else 1
-        text = _typestore().generate_msgdef(TYPE, ros_version=version)[0].encode()
-        if cloud_encoding == "cdr":
-            return "cdr", Schema(TYPE, "ros2msg", text), _cdr
-        return "ros1", Schema(TYPE.replace("/msg", ""), "ros1msg", text), _ros1
-    return "json", Schema("foxglove.SceneUpdate", "jsonschema", _json_schema().encode()), _json
+    encoding, schema = fitting_format(
+        cloud_encoding, TYPE, _typestore, lambda: ("foxglove.SceneUpdate", _json_schema())
+    )
+    return encoding, schema, {"cdr": _cdr, "ros1": _ros1, "json": _json}[encoding]
 
 
 @cache
