@@ -20,9 +20,9 @@ def test_a_history_gives_back_what_it_was_told():
     history = History(2)
     rings = Rings(np.array([30.0, 16]), np.array([0.0, 5]), *np.zeros((3, 2), np.int64))
     alarms = Alarms(targets=3, visible=2, detected=1, clusters=4, false_alarms=3)
-    history.add(Numbers(np.arange(7), rings), FrameScore(21, 0, 4, alarms, None, None))
+    history.add(Numbers(np.arange(7), rings), FrameScore(21, 0, 4, 0, alarms, None))
     history.add(None, None)
-    history.add(Numbers(np.arange(7), None), FrameScore(21, 0, 5, None, None))
+    history.add(Numbers(np.arange(7), None), FrameScore(21, 0, 5, 0, None, None))
     assert history.counts[0].tolist() == list(range(7))
     assert np.isnan(history.counts[1]).all()
     assert history.thresholds[0].tolist() == [30, 16]
