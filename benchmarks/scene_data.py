@@ -1,8 +1,8 @@
 """Recordings to train and test the scene classifier on: random scenes of every layout, a folder of frames each.
 
 Run as ``python benchmarks/scene_data.py FOLDER [RECORDINGS]``. Makes FOLDER/train and FOLDER/test/NAME for what the
-network never sees in training: layouts, lidars, rough seas, all of these together; and, of half as many recordings,
-FOLDER/plantation for the case of the paper. In each, a folder for each scene.
+network never sees in training: layouts, lidars, rough seas, all of these together; and, of a quarter as many
+recordings, FOLDER/plantation for the case of the paper. In each, a folder for each scene.
 In a quarter of the recordings the vessel lies exactly parallel to the longest thing about it, as if moored alongside.
 What is there already is kept, so an interrupted run can be taken up again.
 """
@@ -47,11 +47,11 @@ class Part(NamedTuple):
 
 PARTS = {
     "train": Part(1, 1.0, False, False, False),
-    "test/layouts": Part(12, 0.125, True, False, False),
-    "test/lidars": Part(13, 0.125, False, True, False),
-    "test/rough": Part(14, 0.125, False, False, True),
-    "test/all": Part(15, 0.125, True, True, None),
-    "plantation": Part(7, 0.5, None, None, None),
+    "test/layouts": Part(12, 0.0625, True, False, False),
+    "test/lidars": Part(13, 0.0625, False, True, False),
+    "test/rough": Part(14, 0.0625, False, False, True),
+    "test/all": Part(15, 0.0625, True, True, None),
+    "plantation": Part(7, 0.25, None, None, None),
 }
 
 
@@ -103,4 +103,4 @@ def main(folder: Path, recordings: int) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 800)
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1600)

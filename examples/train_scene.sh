@@ -2,7 +2,7 @@
 # Train the scene classifier that comes with the program: simulate random scenes of open and of confined water, train,
 # and test on layouts, lidars and seas that the training never saw.
 #
-# Usage: examples/train_scene.sh [FOLDER]    (FOLDER is made, 2 GB; needs seaclutter[train,plot] on the PATH's python)
+# Usage: examples/train_scene.sh [FOLDER]    (FOLDER is made, 1 GB; needs seaclutter[train,plot] on the PATH's python)
 set -euo pipefail
 folder=${1:-scenes}
 here=$(cd "$(dirname "$0")/.." && pwd)
