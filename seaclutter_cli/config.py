@@ -19,7 +19,7 @@ from seaclutter_cli.filters.adaptive_radius import PresetParams
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.validation import build, kind_of, merged, plain, read_yaml, refuse
+from seaclutter_cli.validation import build, kind_of, merged, parse_yaml, plain, read_yaml, refuse
 
 DEFAULT_METHOD = "joint"
 _SECTIONS = ("filter", "evaluation", "sensor")
@@ -161,6 +161,11 @@ def load_config(
     for override in overrides:
         sections = merged(sections, _parse_override(override))
     return _validate(prepare(sections), "command line")
+
+
+def parse_config(text: str, where: str) -> Config:
+    """Return a configuration from the text of a file, as `Config.to_yaml` writes it; ``where`` is for messages."""
+    return _validate(parse_yaml(text, where, _SECTIONS), where)
 
 
 def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:

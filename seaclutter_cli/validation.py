@@ -17,16 +17,21 @@ def read_yaml(path: Path, sections: Sequence[str]) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or 'no UTF-8 text'})") from error
+    return parse_yaml(text, str(path), sections)
+
+
+def parse_yaml(text: str, where: str, sections: Sequence[str]) -> dict[str, Any]:
+    """Return the content of a text; `ConfigError` that names ``where`` if it is no YAML, or not a mapping."""
     try:
         raw = yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - a SafeLoader
     except yaml.YAMLError as error:
         place = getattr(error, "problem_mark", None)
         line = f", line {place.line + 1}" if place else ""
-        raise ConfigError(f"{path}{line}: no valid YAML ({getattr(error, 'problem', None) or error})") from error
+        raise ConfigError(f"{where}{line}: no valid YAML ({getattr(error, 'problem', None) or error})") from error
     if raw is None:
         return {}
     if not isinstance(raw, dict):
-        raise ConfigError(f"{path}: must hold the sections {' and '.join(sections)}, holds {kind_of(raw)}")
+        raise ConfigError(f"{where}: must hold the sections {' and '.join(sections)}, holds {kind_of(raw)}")
     return raw
 
 

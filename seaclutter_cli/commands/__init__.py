@@ -22,6 +22,8 @@ COMMANDS: Mapping[str, str] = {
     "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
     "evaluate": "Count false and omitted alarms against labels; compare methods.",
     "tune": "Sweep parameters over labelled logs and report the best.",
+    "report": "Show what a filter did, and how well, in one page.",
+    "view": "Open logs in the viewer of Rerun.",
     "simulate": "Make a labelled lidar recording of a scene at sea.",
     "scene": "Train, test and use the classifier of scenes.",
     "classify": "Take the sea out of airborne lidar tiles and name what is in it.",

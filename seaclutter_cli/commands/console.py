@@ -2,14 +2,15 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import click
 
 from seaclutter_cli.commands.options import DEBUG
-from seaclutter_cli.errors import SeaclutterError, printable
+from seaclutter_cli.errors import SeaclutterError, UsageError, printable
 from seaclutter_cli.records import Damage
 
 _LINE_SECONDS = 10.0
@@ -66,6 +67,33 @@ def fail(error: SeaclutterError) -> None:
     if DEBUG in click.get_current_context().meta:
         raise error
     show_error(error)
+
+
+class Told(Protocol):
+    """What became of a recording."""
+
+    error: str | None
+    seconds: float
+
+
+@contextmanager
+def told_errors(outcome: Told) -> Iterator[None]:
+    """Tell and keep an error of one recording, so that the others are worked on all the same; take the time.
+
+    Raises
+    ------
+    UsageError
+        It would be the same for all recordings.
+    """
+    started = time.perf_counter()
+    try:
+        yield
+    except UsageError:
+        raise
+    except SeaclutterError as error:
+        outcome.error = str(error)
+        fail(error)
+    outcome.seconds = time.perf_counter() - started
 
 
 def show_error(error: SeaclutterError) -> None:

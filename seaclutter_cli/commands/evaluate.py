@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.options import logs_argument, output_options, selection_options
+from seaclutter_cli.commands.options import logs_argument, methods_options, output_options, selection_options
 from seaclutter_cli.commands.truths import label_options
 from seaclutter_cli.errors import UsageError
 
@@ -30,36 +30,11 @@ if TYPE_CHECKING:
     "--summary", "summary_file", type=click.Path(path_type=Path), metavar="FILE.json", help="Write all figures as JSON."
 )
 @click.option("--force", is_flag=True, help="Replace existing output.")
-@click.option(
-    "-c", "--config", "config_file", type=click.Path(path_type=Path), metavar="FILE", help="Configuration file."
-)
-@click.option(
-    "-m",
-    "--method",
-    "methods",
-    multiple=True,
-    metavar="NAME",
-    help="Filter method, none for the logs as they are; repeatable. By default that of the configuration.",
-)
-@click.option(
-    "--compare",
-    "comparisons",
-    multiple=True,
-    type=click.Choice(["paper", "peers", "all"]),
-    help="Compare the stages of the joint method as its paper does, or its peers, or all and none.",
-)
+@methods_options
 @click.option(
     "--clustering",
     type=click.Choice(["euclidean", "dbscan"]),
     help="Kind of clusters; by default that of the configuration. With dbscan, its measures are shown too.",
-)
-@click.option(
-    "-s",
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Set a key for every method that has it, as in filter.start_m=5; repeatable.",
 )
 @selection_options
 @output_options

@@ -3,14 +3,13 @@
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.console import Progress, fail, report_damage, warn
+from seaclutter_cli.commands.console import Progress, report_damage, told_errors, warn
 from seaclutter_cli.commands.options import (
     config_options,
     decoding_options,
@@ -19,13 +18,14 @@ from seaclutter_cli.commands.options import (
     selection_options,
 )
 from seaclutter_cli.commands.sensor_facts import mismatches
-from seaclutter_cli.errors import InputError, SeaclutterError, UsageError, printable
+from seaclutter_cli.commands.truths import label_options
+from seaclutter_cli.errors import InputError, UsageError, printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.commands.outcome import Outcome
     from seaclutter_cli.config import Config
     from seaclutter_cli.frame import FilterResult
-    from seaclutter_cli.interfaces import Sink, Source
+    from seaclutter_cli.interfaces import Labels, Sink, Source
     from seaclutter_cli.pipeline import Selection
     from seaclutter_cli.sensors.packets import DecoderOptions
     from seaclutter_cli.sinks import McapOptions
@@ -52,6 +52,8 @@ _COMPRESSIONS = {"zstd": "zstd", "lz4": "lz4", "none": ""}
 @click.option("--with-removed", is_flag=True, help="Write removed points to TOPIC/removed, with their reason.")
 @click.option("--keep-organized", is_flag=True, help="Keep the shape of organised clouds; removed points become NaN.")
 @click.option("--diagnostics/--no-diagnostics", default=True, help="Write /seaclutter/diagnostics, or leave it out.")
+@click.option("--with-scene", is_flag=True, help="Write boxes around clusters to /seaclutter/scene, for 3D panels.")
+@label_options(required=False)
 @click.option(
     "--compression",
     type=click.Choice(list(_COMPRESSIONS)),
@@ -71,12 +73,14 @@ def command(logs: tuple[str, ...], output: Path, **options: Any) -> None:
     job = Job.of(options)
     recordings = find_recordings(logs)
     targets = plan_outputs(recordings, output)
+    labels = _labels(recordings, options)
     csv_file: Path | None = options["csv_file"]
     refuse_overwriting([*targets, *([csv_file] if csv_file else [])], recordings, force=options["force"])
     with ExitStack() as stack:
         rings = len(job.config.ring_edges[1:])
         sinks = [stack.enter_context(CsvSink(csv_file, rings, scenes=job.config.has_scenes))] if csv_file else []
-        outcomes = [job.run(recording, target, sinks) for recording, target in zip(recordings, targets, strict=True)]
+        jobs = zip(recordings, targets, labels, strict=True)
+        outcomes = [job.run(recording, target, sinks, truth) for recording, target, truth in jobs]
     if options["as_json"]:
         click.echo(json.dumps([outcome.as_dict() for outcome in outcomes], indent=2))
     elif done := [outcome.as_text() for outcome in outcomes if not outcome.error]:
@@ -87,6 +91,17 @@ def command(logs: tuple[str, ...], output: Path, **options: Any) -> None:
         raise click.exceptions.Exit(3)
 
 
+def _labels(recordings: Sequence["Recording"], options: Mapping[str, Any]) -> "Sequence[Labels | None]":
+    """Return the labels of the recordings; None for all where there are none."""
+    from seaclutter_cli.commands.truths import labels_for
+
+    if not options["label_paths"]:
+        return [None] * len(recordings)
+    if not options["with_scene"]:
+        raise UsageError("--labels: a filter run needs none; they are for the boxes of --with-scene")
+    return labels_for(recordings, options["label_paths"], options)
+
+
 @dataclass(frozen=True)
 class Job:
     """All that is the same for every recording of a run."""
@@ -94,6 +109,7 @@ class Job:
     config: "Config"
     selection: "Selection"
     file_options: "McapOptions"
+    with_scene: bool
     decoding: "DecoderOptions"
     rate_hz: float
     quiet: bool
@@ -117,35 +133,35 @@ class Job:
                 compression=_COMPRESSIONS.get(options["compression"]),
                 config=config.to_yaml(),
             ),
+            options["with_scene"],
             decoding_options(options),
             *(options[name] for name in ("rate_hz", "quiet", "verbose")),
         )
 
-    def run(self, recording: "Recording", target: Path, sinks: Sequence["Sink"]) -> "Outcome":
+    def run(
+        self, recording: "Recording", target: Path, sinks: Sequence["Sink"], labels: "Labels | None" = None
+    ) -> "Outcome":
         """Filter one recording; an error of its own is told and kept, so that the others are filtered all the same."""
         from seaclutter_cli.commands.outcome import Outcome
 
         outcome = Outcome(recording.name, target, self.config.ring_edges)
-        started = perf_counter()
-        try:
-            with closing(recording.open(rate_hz=self.rate_hz, decoding=self.decoding)) as source:
-                self._stream(source, outcome, sinks)
-                outcome.damage = source.damage
-                report_damage(source.damage, verbose=self.verbose)
-        except UsageError:
-            raise
-        except SeaclutterError as error:
-            outcome.error = str(error)
-            fail(error)
-        outcome.seconds = perf_counter() - started
+        with (
+            told_errors(outcome),
+            closing(recording.open(rate_hz=self.rate_hz, decoding=self.decoding)) as source,
+        ):
+            self._stream(source, outcome, sinks, labels)
+            outcome.damage = source.damage
+            report_damage(source.damage, verbose=self.verbose)
         return outcome
 
-    def _stream(self, source: "Source", outcome: "Outcome", sinks: Sequence["Sink"]) -> None:
+    def _stream(self, source: "Source", outcome: "Outcome", sinks: Sequence["Sink"], labels: "Labels | None") -> None:
         from seaclutter_cli.filters.fit import IntensityFit
         from seaclutter_cli.pipeline import cloud_channels, run
         from seaclutter_cli.sinks import McapSink
 
         clouds = cloud_channels(source, self.selection.topics)
+        if labels and len({channel.topic for channel in clouds}) > 1:
+            raise UsageError(f"{source.name}: labels are of one topic; choose one with -t")
         told = len(source.warnings)
         for text in source.warnings:
             warn(text, quiet=self.quiet)
@@ -160,7 +176,7 @@ class Job:
             progress.step()
             self._warn(fits[result.frame.topic].add(result), result.frame.topic)
 
-        with progress, McapSink(outcome.output, self.file_options) as sink:
+        with progress, McapSink(outcome.output, self._options_of_file(labels)) as sink:
             outcome.topics = run(source, self.config.make_filter, [sink, *sinks], self.selection, on_frame)
             if not outcome.frames and source.damage:
                 raise InputError(f"{source.name}: no frame can be read; {source.damage[0]}")
@@ -168,6 +184,13 @@ class Job:
             warn(text, quiet=self.quiet)
         for topic, fit in fits.items():
             self._warn(fit.verdict(), topic)
+
+    def _options_of_file(self, labels: "Labels | None") -> "McapOptions":
+        if not self.with_scene:
+            return self.file_options
+        from seaclutter_cli.reporting.scene import scene_maker
+
+        return replace(self.file_options, scene=scene_maker(self.config.evaluation, labels))
 
     def _warn(self, text: str | None, topic: str) -> None:
         if text:

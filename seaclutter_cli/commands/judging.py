@@ -3,20 +3,20 @@
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from seaclutter_cli.commands.console import Progress, fail, report_damage, warn
+from seaclutter_cli.commands.console import Progress, report_damage, told_errors, warn
 from seaclutter_cli.commands.options import decoding_options
 from seaclutter_cli.commands.sensor_facts import mismatches
-from seaclutter_cli.errors import InputError, SeaclutterError, UsageError, printable
+from seaclutter_cli.errors import InputError, printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.commands.comparison import Evaluated
     from seaclutter_cli.commands.frame_table import FrameTable
     from seaclutter_cli.commands.variants import Variant
+    from seaclutter_cli.evaluation.scores import FrameScore
     from seaclutter_cli.frame import FilterResult, Frame
     from seaclutter_cli.interfaces import Labels, Source
     from seaclutter_cli.pipeline import Selection
@@ -28,8 +28,14 @@ if TYPE_CHECKING:
 class Watcher(Protocol):
     """Looks on while frames are evaluated."""
 
-    def see(self, frame: "Frame", results: "Sequence[FilterResult | None]", truth: "Truth | None") -> None:
-        """Take a frame, what each method made of it, and its truth."""
+    def see(
+        self,
+        frame: "Frame",
+        results: "Sequence[FilterResult | None]",
+        truth: "Truth | None",
+        scores: "Sequence[FrameScore | None]",
+    ) -> None:
+        """Take a frame, what each method made of it, its truth, and how each method did."""
         ...
 
 
@@ -60,17 +66,19 @@ class Job:
     def run(
         self,
         recording: "Recording",
-        labels: "Labels",
+        labels: "Labels | None",
         tables: "Sequence[FrameTable]" = (),
         watchers: "Sequence[Watcher]" = (),
     ) -> "Evaluated":
-        """Evaluate one recording; an error of its own is told and kept, so that the others are evaluated too."""
+        """Evaluate one recording; an error of its own is told and kept, so that the others are evaluated too.
+
+        Without labels, clusters are counted and nothing is compared.
+        """
         from seaclutter_cli.commands.comparison import Evaluated
         from seaclutter_cli.evaluation.scores import Summary
 
         outcome = Evaluated(recording.name, {variant.name: Summary() for variant in self.variants})
-        started = perf_counter()
-        try:
+        with told_errors(outcome):
             with closing(recording.open(rate_hz=self.rate_hz, decoding=self.decoding)) as source:
                 judge = _Judge(self, labels, outcome, [table.begin(recording.name) for table in tables], watchers)
                 self._stream(source, judge)
@@ -80,12 +88,6 @@ class Job:
                 report_damage(source.damage, verbose=self.verbose)
             for table in tables:
                 table.end()
-        except UsageError:
-            raise
-        except SeaclutterError as error:
-            outcome.error = str(error)
-            fail(error)
-        outcome.seconds = perf_counter() - started
         return outcome
 
     def _stream(self, source: "Source", judge: "_Judge") -> None:
@@ -111,10 +113,12 @@ class Job:
         for text in (*source.warnings[told:], *mismatches(self.variants[0].config.sensor, source)):
             warn(text, quiet=self.quiet)
 
-    def _finish(self, source: "Source", labels: "Labels", outcome: "Evaluated") -> None:
+    def _finish(self, source: "Source", labels: "Labels | None", outcome: "Evaluated") -> None:
         """Check that a whole recording has been compared with all of its labels."""
         if not outcome.frames and source.damage:
             raise InputError(f"{source.name}: no frame can be read; {source.damage[0]}")
+        if labels is None:
+            return
         part = (self.selection.start_s, self.selection.end_s, self.selection.frames)
         if part == (None, None, None) and not source.damage:
             labels.finish()
@@ -128,7 +132,7 @@ class _Judge:
     def __init__(
         self,
         job: Job,
-        labels: "Labels",
+        labels: "Labels | None",
         outcome: "Evaluated",
         tables: "Sequence[FrameTable]",
         watchers: "Sequence[Watcher]",
@@ -146,10 +150,10 @@ class _Judge:
         """Count a frame for every method that could use it."""
         from seaclutter_cli.evaluation.scores import score_frame
 
-        truth = self._labels.truth(frame)
+        truth = self._labels.truth(frame) if self._labels else None
         scores = score_frame(frame, results, truth, self._job.variants[0].config.evaluation)
         for watcher in self._watchers:
-            watcher.see(frame, results, truth)
+            watcher.see(frame, results, truth, scores)
         for variant, result, found, spent in zip(self._job.variants, results, scores, seconds, strict=True):
             if result is None or found is None:
                 continue

@@ -102,9 +102,9 @@ def config_file_option(said: str) -> Callable[[F], F]:
     return click.option("-c", "--config", "config_file", type=click.Path(path_type=Path), metavar="FILE", help=said)
 
 
-def set_option(example: str) -> Callable[[F], F]:
+def set_option(example: str, what: str = "a key") -> Callable[[F], F]:
     """Return the option for single settings."""
-    said = f"Set a key, as in {example}; repeatable."
+    said = f"Set {what}, as in {example}; repeatable."
     return click.option("-s", "--set", "overrides", multiple=True, metavar="KEY=VALUE", help=said)
 
 
@@ -115,8 +115,37 @@ def config_options(command: F) -> F:
     return command
 
 
+_CONFIG_FILE = config_file_option("Configuration file.")
 _CONFIG = (
-    config_file_option("Configuration file."),
+    _CONFIG_FILE,
     click.option("-m", "--method", metavar="NAME", help="Filter method, whatever the configuration says."),
     set_option("filter.start_m=5"),
+)
+
+
+def methods_options(command: F) -> F:
+    """Add the options that choose several methods and make up their configurations."""
+    for option in reversed(_METHODS):
+        command = option(command)
+    return command
+
+
+_METHODS = (
+    _CONFIG_FILE,
+    click.option(
+        "-m",
+        "--method",
+        "methods",
+        multiple=True,
+        metavar="NAME",
+        help="Filter method, none for the logs as they are; repeatable. By default that of the configuration.",
+    ),
+    click.option(
+        "--compare",
+        "comparisons",
+        multiple=True,
+        type=click.Choice(["paper", "peers", "all"]),
+        help="Compare the stages of the joint method as its paper does, or its peers, or all and none.",
+    ),
+    set_option("filter.start_m=5", "a key for every method that has it"),
 )

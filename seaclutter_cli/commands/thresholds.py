@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.commands.variants import Variant
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.evaluation.matching import point_truth
+from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.evaluation.tuning import ideal_threshold
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.plots.figure import render
@@ -41,7 +42,13 @@ class ThresholdHistory:
         self._edges = variants[0].config.ring_edges[ring - 1 : ring + 1]
         self._rows: list[list[float]] = []
 
-    def see(self, frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None) -> None:
+    def see(
+        self,
+        frame: Frame,
+        results: Sequence[FilterResult | None],
+        truth: Truth | None,
+        scores: Sequence[FrameScore | None],  # noqa: ARG002 - thresholds are all that counts
+    ) -> None:
         """Take the thresholds of a frame, and find the ideal one."""
         ideal = None
         if truth is not None:

@@ -127,6 +127,42 @@ def finder_of(frame: Frame, results: Iterable[FilterResult], params: EvaluationP
     return ClusterFinder(frame.xyz, among, params.cluster_tolerance_m)
 
 
+@dataclass(frozen=True)
+class Found:
+    """Which clusters belong to the targets, and which targets were found.
+
+    Parameters
+    ----------
+    belongs : ndarray, shape (C,), bool
+        For each cluster, whether at least half of its points lie in targets or areas to ignore.
+    detected : ndarray, shape (M,), bool
+        For each target, whether clusters that belong to the targets put enough points into it, visible or not.
+    """
+
+    belongs: Mask
+    detected: Mask
+
+
+def judge(clusters: NDArray[np.int64], scene: Scene, params: EvaluationParams) -> Found:
+    """Tell of each cluster of a frame if it belongs to the targets, and of each target if it was found.
+
+    Parameters
+    ----------
+    clusters : ndarray, shape (N,), int64
+        Cluster of each point, -1 for none.
+    scene : Scene
+        The truth.
+    params : EvaluationParams
+        Limits.
+    """
+    clustered = clusters >= 0
+    size = np.bincount(clusters[clustered])
+    expected = np.bincount(clusters[clustered & scene.expected], minlength=len(size))
+    belongs = np.append(2 * expected >= size, False)  # the last one is that of points in no cluster
+    found = [np.count_nonzero(belongs[clusters[members]]) >= params.min_cluster_points for members in scene.members]
+    return Found(belongs[:-1], np.array(found, np.bool_))
+
+
 def match(clusters: NDArray[np.int64], scene: Scene, params: EvaluationParams) -> Alarms:
     """Compare the clusters of a frame with its truth.
 
@@ -143,15 +179,11 @@ def match(clusters: NDArray[np.int64], scene: Scene, params: EvaluationParams) -
     params : EvaluationParams
         Limits.
     """
-    clustered = clusters >= 0
-    size = np.bincount(clusters[clustered])
-    expected = np.bincount(clusters[clustered & scene.expected], minlength=len(size))
-    belongs = np.append(2 * expected >= size, False)  # the last one is that of points in no cluster
-    found = [np.count_nonzero(belongs[clusters[members]]) >= params.min_cluster_points for members in scene.members]
+    found = judge(clusters, scene, params)
     return Alarms(
         targets=len(scene.members),
         visible=int(np.count_nonzero(scene.visible)),
-        detected=int(np.count_nonzero(scene.visible & np.array(found, np.bool_))),
-        clusters=len(size),
-        false_alarms=len(size) - int(np.count_nonzero(belongs)),
+        detected=int(np.count_nonzero(scene.visible & found.detected)),
+        clusters=len(found.belongs),
+        false_alarms=len(found.belongs) - int(np.count_nonzero(found.belongs)),
     )

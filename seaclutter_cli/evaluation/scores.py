@@ -188,9 +188,10 @@ class Summary:
     points: PointCounts | None = None
     durations: Durations = field(default_factory=Durations)
 
-    def add(self, frame: FrameScore, seconds: float) -> None:
-        """Add a frame and the time that the filter took."""
-        self.durations.add(seconds)
+    def add(self, frame: FrameScore, seconds: float | None) -> None:
+        """Add a frame and the time that the filter took; None where that is not known."""
+        if seconds is not None:
+            self.durations.add(seconds)
         if frame.points is not None:
             self.points = frame.points + (self.points or PointCounts())
         if frame.alarms is None:

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.frame import FilterResult, Reason
-from seaclutter_cli.records import Schema
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.frame import FilterResult, Reason, Rings
+from seaclutter_cli.messages.beside import fitting_format
+from seaclutter_cli.records import Buffer, Schema
 
+TOPIC = "/seaclutter/diagnostics"
 TYPE = "seaclutter_msgs/msg/Diagnostics"
 
 _NUMBERS = ("frame", "points_in", "points_out", *(reason.name.lower() for reason in Reason if reason))
@@ -50,6 +53,19 @@ class Diagnostics:
             for (name, dtype), ring in zip(_ARRAYS.items(), names, strict=True)
         }
         return cls(frame.stamp_ns, frame.topic, numbers, arrays, result.scene or "")
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Points for each `Reason`, shape (7,), as `FilterResult.counts` gives them."""
+        return np.array([self.numbers[name] for name in _NUMBERS[2:]], np.int64)
+
+    @property
+    def rings(self) -> Rings | None:
+        """What the method did in its rings; None for methods without."""
+        if not len(self.arrays["thresholds"]):
+            return None
+        integers = (self.arrays[name].astype(np.int64) for name in list(_ARRAYS)[2:])
+        return Rings(self.arrays["thresholds"], self.arrays["corrections"], *integers)
 
 
 def definition() -> str:
@@ -109,14 +125,38 @@ def _json_schema() -> str:
 
 @cache
 def diagnostics_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Diagnostics], bytes]]:
-    """Return message encoding, schema and serialiser that fit a log whose clouds have an encoding.
+    """Return message encoding, schema and serialiser that fit a log whose clouds have an encoding."""
+    plain = lambda: ("seaclutter.Diagnostics", _json_schema())
+    encoding, schema = fitting_format(cloud_encoding, TYPE, _typestore, plain)
+    return encoding, schema, {"cdr": _cdr, "ros1": _ros1, "json": _json}[encoding]
 
-    A ROS log must stay one, or its players and readers refuse it; all others get JSON.
+
+def read_diagnostics(data: Buffer, encoding: str) -> Diagnostics:
+    """Return what a message holds.
+
+    Parameters
+    ----------
+    data : bytes or memoryview
+        The message.
+    encoding : str
+        Its encoding: ``cdr``, ``ros1`` or ``json``.
+
+    Raises
+    ------
+    InputError
+        If the bytes are no such message.
     """
-    if cloud_encoding in ("cdr", "ros1"):
-        version = 2 if cloud_encoding == "cdr" else 1
-        text = _typestore().generate_msgdef(TYPE, ros_version=version)[0].encode()
-        if cloud_encoding == "cdr":
-            return "cdr", Schema(TYPE, "ros2msg", text), _cdr
-        return "ros1", Schema(TYPE.replace("/msg", ""), "ros1msg", text), _ros1
-    return "json", Schema("seaclutter.Diagnostics", "jsonschema", _json_schema().encode()), _json
+    try:
+        if encoding == "json":
+            found = json.loads(bytes(data))
+            stamp_ns = found["stamp"]["sec"] * _NANO + found["stamp"]["nsec"]
+        else:
+            store = _typestore()
+            found = vars(store.deserialize_cdr(data, TYPE) if encoding == "cdr" else store.deserialize_ros1(data, TYPE))
+            stamp_ns = found["stamp"].sec * _NANO + found["stamp"].nanosec
+        numbers = {name: int(found[name]) for name in _NUMBERS}
+        arrays = {name: np.asarray(found[name], dtype) for name, dtype in _ARRAYS.items()}
+        texts = [str(found[name]) for name in ("topic", "scene")]
+    except Exception as error:  # what broken bytes raise in the library is not documented
+        raise InputError(f"a message of {TOPIC} cannot be read ({error!r})") from error
+    return Diagnostics(stamp_ns, texts[0], numbers, arrays, texts[1])

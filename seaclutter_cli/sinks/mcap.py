@@ -12,12 +12,13 @@ from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import CloudCodec, Source
 from seaclutter_cli.messages import find_codec
+from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
 from seaclutter_cli.messages.diagnostics import Diagnostics, diagnostics_format
+from seaclutter_cli.messages.scene import TOPIC as SCENE_TOPIC
+from seaclutter_cli.messages.scene import Scene, scene_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.sinks.mcap_writer import McapWriter
-
-DIAGNOSTICS_TOPIC = "/seaclutter/diagnostics"
 
 _NEW = -1
 _MAX_CHANNELS = 2**16
@@ -41,6 +42,8 @@ class McapOptions:
         ``zstd``, ``lz4`` or empty for none; None: as in the input, else zstd.
     config : str
         The effective config as text, for the file's metadata.
+    scene : callable, optional
+        Makes the boxes of a filtered frame, which go to ``/seaclutter/scene``.
     """
 
     keep_raw: bool = False
@@ -49,6 +52,7 @@ class McapOptions:
     diagnostics: bool = True
     compression: str | None = None
     config: str = ""
+    scene: Callable[[FilterResult], Scene] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +64,8 @@ class _Outlet:
     removed: int | None
     diagnostics: int | None
     serialise: Callable[[Diagnostics], bytes]
+    scene: int | None
+    draw: Callable[[Scene], bytes]
 
 
 class McapSink(AbstractContextManager["McapSink"]):
@@ -133,6 +139,8 @@ class McapSink(AbstractContextManager["McapSink"]):
             self._put(outlet.removed, message, outlet.codec.encode(removed))
         if outlet.diagnostics is not None:
             self._put(outlet.diagnostics, message, outlet.serialise(Diagnostics.of(result)))
+        if outlet.scene is not None and self._options.scene is not None:
+            self._put(outlet.scene, message, outlet.draw(self._options.scene(result)))
 
     def end(self) -> None:
         """Write the summary."""
@@ -159,14 +167,19 @@ class McapSink(AbstractContextManager["McapSink"]):
         if options.with_removed:
             removed = self._add(replace(channel, topic=f"{channel.topic}/removed"), taken)
         if options.diagnostics:
-            diagnostics = self._diagnostics_channel(Channel(_NEW, DIAGNOSTICS_TOPIC, encoding, schema), taken)
-        return _Outlet(codec, filtered, removed, diagnostics, serialise)
+            diagnostics = self._own_channel(Channel(_NEW, DIAGNOSTICS_TOPIC, encoding, schema), taken)
+        draw: Callable[[Scene], bytes] = _no_scene
+        scene = None
+        if options.scene:
+            encoding, schema, draw = scene_format(channel.message_encoding)
+            scene = self._own_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
+        return _Outlet(codec, filtered, removed, diagnostics, serialise, scene, draw)
 
-    def _diagnostics_channel(self, channel: Channel, taken: set[str]) -> int:
+    def _own_channel(self, channel: Channel, taken: set[str]) -> int:
         """Return the one channel for all topics; a log filtered before has one already, which stays apart."""
-        number = 2
+        number, name = 2, channel.topic
         while channel.topic in taken:
-            channel = replace(channel, topic=f"{DIAGNOSTICS_TOPIC}_{number}")
+            channel = replace(channel, topic=f"{name}_{number}")
             number += 1
         if channel not in self._channels:
             self._declare(channel)
@@ -198,3 +211,7 @@ class McapSink(AbstractContextManager["McapSink"]):
         if self._writer is None:
             raise RuntimeError("the sink has not begun")
         return self._writer
+
+
+def _no_scene(_: Scene) -> bytes:
+    raise RuntimeError("no scenes are written")

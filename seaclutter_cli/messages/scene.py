@@ -1,0 +1,205 @@
+"""``foxglove.SceneUpdate``: boxes in a 3D panel. One content, three encodings, so that a ROS log stays one."""
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from seaclutter_cli.messages.beside import fitting_format
+from seaclutter_cli.records import Schema
+
+TOPIC = "/seaclutter/scene"
+TYPE = "foxglove_msgs/msg/SceneUpdate"
+
+_NANO = 1_000_000_000
+_DEFINITIONS = {
+    "Color": "float64 r\nfloat64 g\nfloat64 b\nfloat64 a",
+    "KeyValuePair": "string key\nstring value",
+    "SceneEntityDeletion": "builtin_interfaces/Time timestamp\nuint8 type\nstring id",
+    "ArrowPrimitive": "geometry_msgs/Pose pose\nfloat64 shaft_length\nfloat64 shaft_diameter\nfloat64 head_length\n"
+    "float64 head_diameter\nfoxglove_msgs/Color color",
+    "CubePrimitive": "geometry_msgs/Pose pose\ngeometry_msgs/Vector3 size\nfoxglove_msgs/Color color",
+    "SpherePrimitive": "geometry_msgs/Pose pose\ngeometry_msgs/Vector3 size\nfoxglove_msgs/Color color",
+    "CylinderPrimitive": "geometry_msgs/Pose pose\ngeometry_msgs/Vector3 size\nfloat64 bottom_scale\n"
+    "float64 top_scale\nfoxglove_msgs/Color color",
+    "LinePrimitive": "uint8 type\ngeometry_msgs/Pose pose\nfloat64 thickness\nbool scale_invariant\n"
+    "geometry_msgs/Point[] points\nfoxglove_msgs/Color color\nfoxglove_msgs/Color[] colors\nuint32[] indices",
+    "TriangleListPrimitive": "geometry_msgs/Pose pose\ngeometry_msgs/Point[] points\nfoxglove_msgs/Color color\n"
+    "foxglove_msgs/Color[] colors\nuint32[] indices",
+    "TextPrimitive": "geometry_msgs/Pose pose\nbool billboard\nfloat64 font_size\nbool scale_invariant\n"
+    "foxglove_msgs/Color color\nstring text",
+    "ModelPrimitive": "geometry_msgs/Pose pose\ngeometry_msgs/Vector3 scale\nfoxglove_msgs/Color color\n"
+    "bool override_color\nstring url\nstring media_type\nuint8[] data",
+    "SceneEntity": "builtin_interfaces/Time timestamp\nstring frame_id\nstring id\n"
+    "builtin_interfaces/Duration lifetime\nbool frame_locked\nfoxglove_msgs/KeyValuePair[] metadata\n"
+    "foxglove_msgs/ArrowPrimitive[] arrows\nfoxglove_msgs/CubePrimitive[] cubes\n"
+    "foxglove_msgs/SpherePrimitive[] spheres\nfoxglove_msgs/CylinderPrimitive[] cylinders\n"
+    "foxglove_msgs/LinePrimitive[] lines\nfoxglove_msgs/TriangleListPrimitive[] triangles\n"
+    "foxglove_msgs/TextPrimitive[] texts\nfoxglove_msgs/ModelPrimitive[] models",
+    "SceneUpdate": "foxglove_msgs/SceneEntityDeletion[] deletions\nfoxglove_msgs/SceneEntity[] entities",
+}
+_PRIMITIVES = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
+
+
+@dataclass(frozen=True)
+class SceneBox:
+    """A box in a scene.
+
+    Parameters
+    ----------
+    center, size : sequence of float
+        Metres; size along the box's own axes.
+    yaw : float
+        Turn about +z in radians.
+    color : str
+        As in ``#14213d``.
+    text : str
+        What stands above it; empty for nothing.
+    """
+
+    center: Sequence[float]
+    size: Sequence[float]
+    yaw: float
+    color: str
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Boxes of one frame, in groups that replace those of the frame before.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Stamp of the frame.
+    frame_id : str
+        Coordinate frame.
+    groups : mapping of str to sequence of SceneBox
+        Boxes by the name of their group; a group without boxes clears it.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    groups: Mapping[str, Sequence[SceneBox]]
+
+
+def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Scene], bytes]]:
+    """Return message encoding, schema and serialiser that fit a log whose clouds have an encoding."""
+    encoding, schema = fitting_format(
+        cloud_encoding, TYPE, _typestore, lambda: ("foxglove.SceneUpdate", _json_schema())
+    )
+    return encoding, schema, {"cdr": _cdr, "ros1": _ros1, "json": _json}[encoding]
+
+
+@cache
+def _typestore() -> Any:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.LATEST)
+    for name, text in _DEFINITIONS.items():
+        store.register(get_types_from_msg(text + "\n", f"foxglove_msgs/msg/{name}"))
+    return store
+
+
+def _cdr(scene: Scene) -> bytes:
+    message = _message(_content(scene, "nanosec", -(2**31), 2**31 - 1), TYPE)
+    return bytes(_typestore().serialize_cdr(message, TYPE))
+
+
+def _ros1(scene: Scene) -> bytes:
+    message = _message(_content(scene, "nanosec", 0, 2**32 - 1), TYPE)
+    return bytes(_typestore().serialize_ros1(message, TYPE))
+
+
+def _json(scene: Scene) -> bytes:
+    return json.dumps(_content(scene, "nsec", -(2**63), 2**63)).encode()
+
+
+def _content(scene: Scene, nanoseconds: str, least_s: int, most_s: int) -> dict[str, Any]:
+    """Return the message as plain values; a stamp that no ROS time can hold becomes the nearest one."""
+    seconds = min(max(scene.stamp_ns // _NANO, least_s), most_s)
+    if nanoseconds == "nanosec" and seconds >= 2**31:
+        seconds -= 2**32  # the type store knows times of ROS 2 only; the bytes are the same
+    stamp = {"sec": seconds, nanoseconds: scene.stamp_ns % _NANO}
+    entities = [
+        {
+            "timestamp": stamp,
+            "frame_id": scene.frame_id.encode(errors="replace").decode(),
+            "id": name.encode(errors="replace").decode(),
+            "lifetime": {"sec": 0, nanoseconds: 0},
+            "frame_locked": True,
+            "metadata": [],
+            **{kind: [] for kind in _PRIMITIVES},
+            "cubes": [_cube(box) for box in boxes],
+            "texts": [_text(box) for box in boxes if box.text],
+        }
+        for name, boxes in scene.groups.items()
+    ]
+    return {"deletions": [], "entities": entities}
+
+
+def _cube(box: SceneBox) -> dict[str, Any]:
+    turn = {"x": 0.0, "y": 0.0, "z": math.sin(box.yaw / 2), "w": math.cos(box.yaw / 2)}
+    pose = {"position": _vector(box.center), "orientation": turn}
+    return {"pose": pose, "size": _vector(box.size), "color": _color(box.color, 0.3)}
+
+
+def _text(box: SceneBox) -> dict[str, Any]:
+    x, y, z = box.center
+    place = {
+        "position": _vector((x, y, z + box.size[2] / 2 + 1)),
+        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+    }
+    look = {"billboard": True, "font_size": 14.0, "scale_invariant": True, "color": _color(box.color, 1.0)}
+    return {"pose": place, **look, "text": box.text.encode(errors="replace").decode()}
+
+
+def _vector(values: Sequence[float]) -> dict[str, float]:
+    return dict(zip("xyz", map(float, values), strict=True))
+
+
+def _color(color: str, opacity: float) -> dict[str, float]:
+    parts = (int(color[place : place + 2], 16) / 255 for place in (1, 3, 5))
+    return dict(zip("rgba", (*parts, opacity), strict=True))
+
+
+def _message(content: dict[str, Any], name: str) -> Any:
+    """Return plain values as the message of a type, as the type store knows it."""
+    from rosbags.interfaces import Nodetype
+
+    store = _typestore()
+    values = {}
+    for field, (kind, detail) in store.fielddefs[name][1]:
+        value = content[field]
+        if kind == Nodetype.NAME:
+            value = _message(value, detail)
+        elif kind == Nodetype.SEQUENCE and detail[0][0] == Nodetype.NAME:
+            value = [_message(item, detail[0][1]) for item in value]
+        values[field] = value
+    return store.types[name](**values)
+
+
+def _json_schema() -> str:
+    """Return the schema of what is written; a player knows the rest by the schema's name."""
+    number, text = {"type": "number"}, {"type": "string"}
+    vector = {"type": "object", "properties": dict.fromkeys("xyz", number)}
+    turn = {"type": "object", "properties": dict.fromkeys("xyzw", number)}
+    pose = {"type": "object", "properties": {"position": vector, "orientation": turn}}
+    color = {"type": "object", "properties": dict.fromkeys("rgba", number)}
+    time = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
+    look = {"billboard": {"type": "boolean"}, "font_size": number, "scale_invariant": {"type": "boolean"}}
+    cube = {"type": "object", "properties": {"pose": pose, "size": vector, "color": color}}
+    label = {"type": "object", "properties": {"pose": pose, **look, "color": color, "text": text}}
+    anything = {"type": "array", "items": {"type": "object"}}
+    lists = {**dict.fromkeys(_PRIMITIVES, anything), "cubes": _list_of(cube), "texts": _list_of(label)}
+    heads = {"timestamp": {**time, "title": "time"}, "frame_id": text, "id": text}
+    rest = {"lifetime": {**time, "title": "duration"}, "frame_locked": {"type": "boolean"}, "metadata": anything}
+    entity = {"type": "object", "properties": {**heads, **rest, **lists}}
+    properties = {"deletions": anything, "entities": _list_of(entity)}
+    return json.dumps({"title": "foxglove.SceneUpdate", "type": "object", "properties": properties})
+
+
+def _list_of(items: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "array", "items": items}

@@ -1,0 +1,230 @@
+"""The figures of a report, for print (S0, Fig. 5 to 8, 10 and 11)."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.frame import Reason
+from seaclutter_cli.plots.clouds import draw_methods, draw_stages
+from seaclutter_cli.plots.figure import render
+from seaclutter_cli.reporting import palette
+from seaclutter_cli.reporting.collector import Collector
+from seaclutter_cli.reporting.data import mean_thresholds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_DASHES = ("-", "--", ":", "-.", (0, (5, 1)), (0, (1, 1)))
+_MOST_POINTS = 12_000
+_MAX_LEGEND = 6
+_NAMES = {reason: reason.name.lower().replace("_", " ") for reason in Reason}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of a report.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws into an empty figure.
+    applies : callable
+        Tells whether there is anything to draw.
+    aspect : float
+        Height by width.
+    row_aspect : float, optional
+        What each method adds to it.
+    """
+
+    draw: "Callable[[Figure, Collector], None]"
+    applies: Callable[[Collector], bool]
+    aspect: float = 0.62
+    row_aspect: float = 0.0
+
+    def drawing(self, collected: Collector) -> "Callable[[Figure], None]":
+        """Return what draws the figure of what was collected."""
+        return lambda figure: self.draw(figure, collected)
+
+    def height(self, collected: Collector) -> float:
+        """Return the height by the width."""
+        return self.aspect + self.row_aspect * len(collected.methods)
+
+
+def draw_figures(collected: Collector, form: str) -> dict[str, bytes]:
+    """Return the files of all figures that there is something to draw in, by their names.
+
+    Parameters
+    ----------
+    collected : Collector
+        What was seen. Figures of a single method are of the first; those of a single frame of `Collector.foremost`.
+    form : str
+        ``svg`` or ``png``.
+    """
+    return {
+        f"{name}.{form}": render(picture.drawing(collected), f".{form}", aspect=picture.height(collected))
+        for name, picture in FIGURES.items()
+        if picture.applies(collected)
+    }
+
+
+def draw_intensity(figure: "Figure", collected: Collector) -> None:
+    """Draw points of frames that stand for all by range and intensity, and the mean threshold of each ring."""
+    edges, samples = collected.methods[0].edges, collected.spread
+    range_m = np.concatenate([sample.range_m for sample in samples])
+    intensity = np.concatenate([sample.intensity for sample in samples])
+    reason = np.concatenate([sample.reasons[0] for sample in samples])
+    reach_m = 1.1 * edges[-1] if edges else float(np.quantile(range_m, 0.98))
+    shown = np.flatnonzero(np.isfinite(intensity) & (range_m < reach_m) & (range_m >= (edges[0] if edges else 0)))
+    thresholds = mean_thresholds(collected.histories[0])
+    top = max(float(np.quantile(intensity[shown], 0.99)) if len(shown) else 1.0, 1.4 * max(thresholds, default=0.0))
+    axes = figure.add_subplot()
+    for one in (Reason.FAR, Reason.LOW_INTENSITY, Reason.KEPT, Reason.OUTLIER):
+        own = shown[reason[shown] == one]
+        own = own[:: max(1, len(own) * 3 // _MOST_POINTS)]
+        if len(own):
+            dots = axes.plot(range_m[own], intensity[own], ".", markersize=2.2, color=palette.REASONS[one])
+            dots[0].set(rasterized=True, markeredgewidth=0, label=_NAMES[one])
+    if edges:
+        axes.stairs(thresholds, edges, baseline=None, color="white", linewidth=3, zorder=3)
+        axes.stairs(
+            thresholds,
+            edges,
+            baseline=None,
+            color=palette.STATES["false alarm"],
+            linewidth=1.4,
+            zorder=4,
+            label="threshold",
+        )
+    axes.set(
+        xlabel="Range (m)",
+        ylabel="Intensity (sensor's unit)",
+        ylim=(min(0.0, float(intensity[shown].min(initial=0))), top),
+    )
+    figure.legend(loc="outside upper center", ncols=3, markerscale=3, handlelength=1.4)
+
+
+def draw_rings(figure: "Figure", collected: Collector, *, name: str) -> None:
+    """Draw what each ring's threshold or correction was over the frames."""
+    values: NDArray[np.float32] = getattr(collected.histories[0], name)
+    edges = collected.methods[0].edges
+    axes = figure.add_subplot()
+    colors = ring_colors(values.shape[1])
+    named = {0, values.shape[1] // 2, values.shape[1] - 1} if values.shape[1] > _MAX_LEGEND else range(_MAX_LEGEND)
+    for k, (color, column) in enumerate(zip(colors, values.T, strict=True)):
+        dash = _DASHES[k] if values.shape[1] <= _MAX_LEGEND else "-"
+        label = f"{edges[k]:g} to {edges[k + 1]:g} m" if k in named else None
+        axes.plot(np.arange(len(column)), column, color=color, linestyle=dash, linewidth=1, label=label)
+    _over_frames(axes, len(values))
+    axes.set(ylabel=f"{name.removesuffix('s').capitalize()} (sensor's unit)")
+    axes.set_ylim(bottom=min(0.0, float(np.nanmin(values))))
+    figure.legend(loc="outside upper center", ncols=2, handlelength=2.4)
+
+
+def ring_colors(count: int) -> list[str]:
+    """Return a colour for each ring: a few that differ, or a ramp from the nearest to the farthest."""
+    if count <= len(palette.LINES):
+        return list(palette.LINES[:count])
+    from matplotlib.colors import LinearSegmentedColormap, to_hex
+
+    ramp = LinearSegmentedColormap.from_list("rings", palette.RAMP)
+    return [to_hex(ramp(k / (count - 1))) for k in range(count)]
+
+
+def draw_reasons(figure: "Figure", collected: Collector) -> None:
+    """Draw the points of each frame by what became of them."""
+    counts = np.nan_to_num(collected.histories[0].counts)
+    used = [reason for reason in palette.REASONS if counts[:, reason].any()]
+    axes = figure.add_subplot()
+    places = np.arange(len(counts)) if len(counts) > 1 else np.array([-0.5, 0.5])
+    stacked = np.stack([counts[:, reason] for reason in used])
+    if len(counts) == 1:
+        stacked = np.repeat(stacked, 2, axis=1)
+    axes.stackplot(
+        places,
+        stacked / 1000,
+        colors=[palette.REASONS[reason] for reason in used],
+        labels=[_NAMES[one] for one in used],
+    )
+    _over_frames(axes, len(counts))
+    axes.set(ylabel="Points (thousands)", ylim=(0, float(stacked.sum(axis=0).max(initial=1)) / 1000))
+    figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
+
+
+def draw_alarms(figure: "Figure", collected: Collector) -> None:
+    """Draw for each method the frames with false alarms, upper half, and with omitted ones, lower half."""
+    axes = figure.add_subplot()
+    frames = len(collected.timeline.frame)
+    for row, history in enumerate(collected.histories):
+        labelled = np.isfinite(history.false_alarms)
+        states = {"fine": (labelled, 0.1, 0.8), "false alarm": (history.false_alarms > 0, 0.1, 0.4)}
+        states["omitted alarm"] = (history.omitted > 0, 0.5, 0.4)
+        for state, (there, low, height) in states.items():
+            spans = [(first - 0.5, last - first) for first, last in _runs(there)]
+            label = state if row == 0 else None
+            axes.broken_barh(spans, (row + low, height), color=palette.STATES[state], linewidth=0, label=label)
+    names = [method.name for method in collected.methods]
+    axes.set_yticks(np.arange(len(names)) + 0.5, [_short(name) for name in names])
+    axes.set_ylim(len(names), 0)
+    _over_frames(axes, frames)
+    axes.tick_params(axis="y", length=0)
+    figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
+
+
+def draw_scenes(figure: "Figure", collected: Collector) -> None:
+    """Draw of which class of scene the frames are."""
+    axes = figure.add_subplot()
+    scenes = collected.histories[0].scenes
+    for row, (color, there) in enumerate(zip(ring_colors(len(scenes)), scenes.values(), strict=True)):
+        spans = [(first - 0.5, last - first) for first, last in _runs(there)]
+        axes.broken_barh(spans, (row + 0.15, 0.7), color=color, linewidth=0)
+    axes.set_yticks(np.arange(len(scenes)) + 0.5, [_short(name) for name in scenes])
+    axes.set(ylim=(max(len(scenes), 1), 0), ylabel="Scene")
+    _over_frames(axes, len(collected.timeline.frame))
+    axes.tick_params(axis="y", length=0)
+
+
+def _short(name: str, most: int = 18) -> str:
+    """Return a name, without its middle if it is long: what tells names apart may stand at the end."""
+    return name if len(name) <= most else f"{name[: most - 6]}…{name[-5:]}"
+
+
+def _runs(there: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return where runs of true values begin, and where each has ended."""
+    steps = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))
+    return [(int(first), int(end)) for first, end in steps.reshape(-1, 2)]
+
+
+def _over_frames(axes: "Axes", frames: int) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    axes.set_xlim((0, frames - 1) if frames > 1 else (-0.5, 0.5))
+    axes.set_xlabel("Frame")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+
+def _has_rings(collected: Collector) -> bool:
+    return bool(collected.methods[0].edges) and bool(np.isfinite(collected.histories[0].thresholds).any())
+
+
+def _has_intensity(collected: Collector) -> bool:
+    return any(np.isfinite(sample.intensity).any() for sample in collected.spread)
+
+
+FIGURES: Mapping[str, Picture] = {
+    "intensity": Picture(draw_intensity, _has_intensity),
+    "thresholds": Picture(partial(draw_rings, name="thresholds"), _has_rings),
+    "corrections": Picture(partial(draw_rings, name="corrections"), _has_rings),
+    "reasons": Picture(draw_reasons, lambda collected: bool(collected.chosen)),
+    "alarms": Picture(draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
+    "scenes": Picture(draw_scenes, lambda collected: bool(collected.histories[0].scenes), aspect=0.4),
+    "stages": Picture(draw_stages, lambda collected: bool(collected.chosen), aspect=1.75),
+    "methods": Picture(
+        draw_methods, lambda collected: len(collected.methods) > 1 and bool(collected.chosen), aspect=1.2
+    ),
+}
+"""Figures by the names of their files. A new one is a line here and a function that draws it."""

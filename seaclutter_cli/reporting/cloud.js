@@ -1,0 +1,250 @@
+// Point clouds in 3D, drawn pixel by pixel into a canvas: no graphics card, no library, the same picture everywhere.
+
+// What all views look from; they turn together.
+class Camera {
+  constructor() { this.views = new Set(); this.home(); }
+  home(reach = this.reach || 50) { Object.assign(this, { reach, yaw: -Math.PI / 2, pitch: 0.95, distance: 2.5 * reach, x: -0.14 * reach, y: 0 }); this.changed(); }
+  top() { Object.assign(this, { yaw: -Math.PI / 2, pitch: Math.PI / 2, distance: 2.4 * this.reach, x: 0, y: 0 }); this.changed(); }
+  turn(yaw, pitch) { this.yaw += yaw; this.pitch = Math.min(Math.max(this.pitch + pitch, 0.02), Math.PI / 2); this.changed(); }
+  zoom(factor) { this.distance = Math.min(Math.max(this.distance * factor, 2), 40 * this.reach); this.changed(); }
+  move(right, up) {
+    const [c, s] = [Math.cos(this.yaw), Math.sin(this.yaw)];
+    this.x += c * right - s * up;
+    this.y += s * right + c * up;
+    this.changed();
+  }
+  changed() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => { this.waiting = false; for (const view of this.views) view.draw(); });
+  }
+}
+
+const colorWord = (color) => { // as a pixel's four bytes in a little-endian word
+  const [r, g, b] = [1, 3, 5].map((i) => parseInt(color.slice(i, i + 2), 16));
+  return (255 << 24) | (b << 16) | (g << 8) | r;
+};
+const INTENSITIES = Uint32Array.from({ length: 256 }, (_, i) => { // light to dark blue: strong echoes stand out
+  const mix = (weak, strong) => Math.round(weak + (i / 255) ** 0.7 * (strong - weak));
+  return (255 << 24) | (mix(232, 60) << 16) | (mix(178, 20) << 8) | mix(150, 8);
+});
+const REASON_WORDS = Uint32Array.from(data.palette.reasons, colorWord);
+const TRUTH_WORDS = Uint32Array.from(data.palette.truth, colorWord);
+
+// One view of one frame. `look` says what to draw: sample, method, color, shows(reason), boxes, clusters.
+class CloudView {
+  constructor(host, camera) {
+    this.camera = camera;
+    this.canvas = h("canvas", { tabindex: 0, role: "img" });
+    host.append(this.canvas);
+    this.pen = this.canvas.getContext("2d", { willReadFrequently: true });
+    camera.views.add(this);
+    this.observer = new ResizeObserver(() => this.draw());
+    this.observer.observe(this.canvas);
+    this.listen();
+  }
+  close() { this.observer.disconnect(); this.camera.views.delete(this); }
+  show(look, label) { this.look = look; this.canvas.setAttribute("aria-label", label); this.draw(); }
+
+  listen() {
+    const fingers = new Map();
+    const metres = () => this.camera.distance / this.canvas.clientHeight;
+    this.canvas.addEventListener("pointerdown", (event) => { fingers.set(event.pointerId, event); this.canvas.setPointerCapture(event.pointerId); });
+    for (const end of ["pointerup", "pointercancel"]) this.canvas.addEventListener(end, (event) => fingers.delete(event.pointerId));
+    this.canvas.addEventListener("pointermove", (event) => {
+      const before = fingers.get(event.pointerId);
+      if (!before) return;
+      const [dx, dy] = [event.clientX - before.clientX, event.clientY - before.clientY];
+      const other = [...fingers.values()].find((finger) => finger.pointerId !== event.pointerId);
+      fingers.set(event.pointerId, event);
+      if (other) {
+        const gap = (finger) => Math.hypot(finger.clientX - other.clientX, finger.clientY - other.clientY) || 1;
+        this.camera.zoom(gap(before) / gap(event));
+      } else if (event.shiftKey || event.buttons === 2) this.camera.move(-dx * metres(), dy * metres());
+      else this.camera.turn(-dx * 0.006, dy * 0.006);
+    });
+    this.canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    this.canvas.addEventListener("wheel", (event) => { // without focus the wheel scrolls the page
+      if (document.activeElement !== this.canvas) return;
+      event.preventDefault();
+      this.camera.zoom(Math.exp(event.deltaY * 0.001));
+    }, { passive: false });
+    const step = 0.08, keys = {
+      ArrowLeft: () => this.camera.turn(-step, 0), ArrowRight: () => this.camera.turn(step, 0),
+      ArrowUp: () => this.camera.turn(0, step), ArrowDown: () => this.camera.turn(0, -step),
+      "+": () => this.camera.zoom(0.85), "=": () => this.camera.zoom(0.85), "-": () => this.camera.zoom(1 / 0.85),
+      t: () => this.camera.top(), 0: () => this.camera.home(),
+    };
+    this.canvas.addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
+      event.preventDefault();
+      if (event.shiftKey && event.key.startsWith("Arrow")) {
+        const [right, up] = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+        this.camera.move(0.05 * this.camera.distance * right, 0.05 * this.camera.distance * up);
+      } else keys[event.key]();
+    });
+  }
+
+  // Screen place and depth of a point in metres. The camera looks at a point on the ground, x ahead at first.
+  project(x, y, z, out) {
+    const { sin, cos, sinPitch, cosPitch, distance, focus } = this.lens;
+    const dx = x - this.camera.x, dy = y - this.camera.y, dz = z - this.ground;
+    const right = cos * dx + sin * dy, ahead = cos * dy - sin * dx;
+    const depth = distance + cosPitch * ahead - sinPitch * dz;
+    out[0] = this.canvas.width / 2 + (focus * right) / depth;
+    out[1] = this.canvas.height / 2 - (focus * (sinPitch * ahead + cosPitch * dz)) / depth;
+    out[2] = depth;
+  }
+
+  draw() {
+    if (!this.look || !this.canvas.clientWidth) return;
+    const ratio = Math.min(devicePixelRatio || 1, 2);
+    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight].map((side) => Math.round(side * ratio));
+    if (this.canvas.width !== width || this.canvas.height !== height) {
+      Object.assign(this.canvas, { width, height });
+      this.image = this.pen.createImageData(width, height);
+      this.words = new Uint32Array(this.image.data.buffer);
+      this.depths = new Float32Array(width * height);
+    }
+    const { yaw, pitch, distance } = this.camera;
+    this.lens = { sin: Math.sin(yaw), cos: Math.cos(yaw), sinPitch: Math.sin(pitch), cosPitch: Math.cos(pitch), distance, focus: Math.min(height, width) * 1.1 };
+    this.ground = this.look.sample.ground;
+    this.ratio = ratio;
+    this.points(width, height);
+    this.pen.putImageData(this.image, 0, 0);
+    this.rings();
+    this.outlines();
+  }
+
+  points(width, height) {
+    const { sample, method, color, shows } = this.look;
+    const { xyz, scale, truth, intensity } = sample;
+    const reasons = sample.reasons[method];
+    const { words, depths } = this;
+    words.fill(0xffffffff);
+    depths.fill(Infinity);
+    const place = [0, 0, 0], bold = reasons.length > 8000 ? 2 : 3.2;
+    for (let i = 0; i < reasons.length; i++) {
+      if (!shows(reasons[i])) continue;
+      this.project(xyz[3 * i] * scale, xyz[3 * i + 1] * scale, xyz[3 * i + 2] * scale, place);
+      const depth = place[2];
+      if (depth < 0.5) continue;
+      const word = color === "truth" ? TRUTH_WORDS[truth[i]] : color === "intensity" ? INTENSITIES[intensity[i]] : REASON_WORDS[reasons[i]];
+      const large = color === "truth" ? truth[i] === 2 : reasons[i] === 0 || reasons[i] === 4;
+      const size = Math.round(this.ratio * (large ? bold : Math.min(bold, 2)));
+      const [left, top] = [Math.round(place[0] - size / 2), Math.round(place[1] - size / 2)];
+      if (left < 0 || top < 0 || left + size > width || top + size > height) continue;
+      for (let row = top; row < top + size; row++) {
+        for (let cell = row * width + left; cell < row * width + left + size; cell++) {
+          if (depth < depths[cell]) { depths[cell] = depth; words[cell] = word; }
+        }
+      }
+    }
+  }
+
+  line(points, color, weight, dash = []) {
+    this.pen.beginPath();
+    const place = [0, 0, 0];
+    let pen = false;
+    for (const [x, y, z] of points) {
+      this.project(x, y, z, place);
+      if (place[2] < 0.5) { pen = false; continue; }
+      if (pen) this.pen.lineTo(place[0], place[1]);
+      else this.pen.moveTo(place[0], place[1]);
+      pen = true;
+    }
+    this.pen.strokeStyle = color;
+    this.pen.lineWidth = weight * this.ratio;
+    this.pen.setLineDash(dash.map((length) => length * this.ratio));
+    this.pen.stroke();
+  }
+
+  text(words, x, y, z, color) {
+    const place = [0, 0, 0];
+    this.project(x, y, z, place);
+    if (place[2] < 0.5) return;
+    this.pen.font = `${12 * this.ratio}px system-ui, sans-serif`;
+    this.pen.textAlign = "center";
+    this.pen.lineWidth = 3 * this.ratio;
+    this.pen.setLineDash([]);
+    this.pen.strokeStyle = "#fff";
+    this.pen.strokeText(words, place[0], place[1] - 4 * this.ratio);
+    this.pen.fillStyle = color;
+    this.pen.fillText(words, place[0], place[1] - 4 * this.ratio);
+  }
+
+  rings() {
+    const edges = this.look.rings, place = [0, 0, 0];
+    let last = Infinity;
+    for (const radius of edges) {
+      this.project(0, radius, this.ground, place);
+      const crowded = Math.abs(place[0] - last) < 40 * this.ratio; // numbers would lie on each other
+      if (crowded && edges.length > 8) continue;
+      const circle = Array.from({ length: 97 }, (_, i) => [radius * Math.sin((i * Math.PI) / 48), radius * Math.cos((i * Math.PI) / 48), this.ground]);
+      this.line(circle, "rgba(82,96,109,.35)", 1);
+      if (crowded) continue;
+      last = place[0];
+      this.text(`${short(radius)} m`, 0, radius, this.ground, "#52606d");
+    }
+    this.line([[0, 0, this.ground], [0, 0, 0]], "#52606d", 2);
+  }
+
+  outlines() {
+    const { sample, method, boxes, clusters } = this.look;
+    const { states } = data.palette;
+    const colors = { target: data.palette.reasons[0], unknown: data.palette.reasons[0], false: states["false alarm"] };
+    for (const { low, high, kind } of clusters ? sample.clusters[method] : []) {
+      const center = low.map((value, i) => (value + high[i]) / 2), size = low.map((value, i) => high[i] - value + 0.3);
+      this.box(center, size, 0, colors[kind], kind === "false" ? 2 : 1, []);
+      if (kind === "false") this.text("false alarm", center[0], center[1], high[2], colors.false);
+    }
+    for (const box of boxes ? sample.boxes : []) {
+      const state = Array.isArray(box.state) ? box.state[method] : box.state;
+      const color = state === "lost" ? states["omitted alarm"] : state === "found" ? states.found : "#52606d";
+      this.box(box.center, box.size, box.yaw, color, 1.6, state === "found" ? [] : [5, 4]);
+      if (state === "ignored") continue;
+      const note = { lost: " (lost)", hidden: " (not visible)" }[state] || "";
+      this.text(`${box.class}${note}`, box.center[0], box.center[1], box.center[2] + box.size[2] / 2, color);
+    }
+  }
+
+  box(center, size, yaw, color, weight, dash) {
+    const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
+    const corner = (i, j, k) => {
+      const [x, y] = [(i * size[0]) / 2, (j * size[1]) / 2];
+      return [center[0] + c * x - s * y, center[1] + s * x + c * y, center[2] + (k * size[2]) / 2];
+    };
+    const face = (k) => [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]].map(([i, j]) => corner(i, j, k));
+    for (const k of [-1, 1]) this.line(face(k), color, weight, dash);
+    for (const [i, j] of [[-1, -1], [1, -1], [1, 1], [-1, 1]]) this.line([corner(i, j, -1), corner(i, j, 1)], color, weight, dash);
+  }
+}
+
+// A sample's arrays, unpacked when it is first looked at.
+const opened = new Map();
+function openSample(number) {
+  if (!opened.has(number)) {
+    const packed = data.samples[number];
+    const xyz = unpack(packed.xyz, Int16Array);
+    const heights = xyz.filter((_, i) => i % 3 === 2).sort();
+    const reasons = packed.reasons.map((text) => unpack(text, Uint8Array));
+    opened.set(number, {
+      ...packed, xyz,
+      intensity: unpack(packed.intensity, Uint8Array),
+      truth: unpack(packed.truth, Uint8Array),
+      reasons, reach: reachOf(xyz, packed, reasons[0]),
+      ground: (heights[Math.floor(heights.length / 5)] || 0) * packed.scale,
+    });
+  }
+  return opened.get(number);
+}
+
+// How far clutter and targets reach, but for a few points; near and far ones do not count.
+function reachOf(xyz, { scale, boxes }, reasons) {
+  const ranges = [];
+  reasons.forEach((reason, i) => {
+    if (reason === 0 || reason === 3 || reason === 4) ranges.push(Math.hypot(xyz[3 * i], xyz[3 * i + 1]) * scale);
+  });
+  ranges.sort((a, b) => a - b);
+  return Math.max(ranges[Math.floor(0.97 * ranges.length)] || 10, ...boxes.map(({ center }) => 1.1 * Math.hypot(center[0], center[1])));
+}

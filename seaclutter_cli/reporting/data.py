@@ -1,0 +1,165 @@
+"""What was collected, as the JSON that the page draws from: numbers as text, arrays as base64, little-endian."""
+
+import base64
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli import __version__
+from seaclutter_cli.frame import Reason
+from seaclutter_cli.reporting import palette
+from seaclutter_cli.reporting.binning import bin_starts, binned
+from seaclutter_cli.reporting.choice import Chosen
+from seaclutter_cli.reporting.collector import Collector, Method
+from seaclutter_cli.reporting.density import density_of
+from seaclutter_cli.reporting.history import History
+from seaclutter_cli.reporting.sample import Sample
+
+LABELLED, FALSE_ALARM, OMITTED_ALARM = 1, 2, 4
+"""Bits of a frame in the timeline of alarms."""
+
+_STEPS = 32767
+
+
+def report_data(
+    collected: Collector, summaries: Mapping[str, Mapping[str, Any]], notes: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return all that the page shows.
+
+    Parameters
+    ----------
+    collected : Collector
+        What was seen.
+    summaries : mapping of str to mapping
+        Figures of each method as `Summary.as_dict` gives them.
+    notes : sequence of str
+        What a reader should know besides, such as damage of the input.
+    """
+    timeline = collected.timeline
+    starts = bin_starts(len(timeline.frame))
+    chosen = collected.chosen
+    top = _intensity_top([one.item for one in chosen])
+    return {
+        "version": __version__,
+        "recordings": collected.recordings,
+        "labelled": collected.labelled,
+        "notes": list(notes),
+        "palette": _palette(),
+        "frames": {
+            "count": len(timeline.frame),
+            "recording": _packed(np.asarray(timeline.recording), "<u2"),
+            "frame": _packed(np.asarray(timeline.frame), "<u4"),
+            "seconds": _packed(np.asarray(timeline.seconds), "<f4"),
+        },
+        "bins": starts.tolist(),
+        "methods": [
+            _method(method, history, dict(summaries.get(method.name, {})), starts)
+            | {"density": _density(collected, number, history)}
+            for number, (method, history) in enumerate(zip(collected.methods, collected.histories, strict=True))
+        ],
+        "samples": [_sample(one, top) for one in chosen],
+        "intensity_top": top,
+    }
+
+
+def _palette() -> dict[str, Any]:
+    return {
+        "reasons": [palette.REASONS[reason] for reason in Reason],
+        "order": [int(reason) for reason in palette.REASONS],
+        "names": [reason.name.lower().replace("_", " ") for reason in Reason],
+        "truth": list(palette.TRUTH.values()),
+        "truth_names": list(palette.TRUTH),
+        "states": palette.STATES,
+        "lines": list(palette.LINES),
+        "ramp": list(palette.RAMP),
+    }
+
+
+def _method(method: Method, history: History, summary: dict[str, Any], starts: NDArray[np.int64]) -> dict[str, Any]:
+    counts, _, _ = binned(history.counts, starts)
+    thresholds = binned(history.thresholds, starts)
+    corrections, _, _ = binned(history.corrections, starts)
+    return {
+        "name": method.name,
+        "edges": list(method.edges),
+        "config": method.config,
+        "summary": summary,
+        "totals": np.nansum(history.counts, axis=0, dtype=np.float64).astype(int).tolist(),
+        "mean_thresholds": mean_thresholds(history),
+        "counts": _packed(counts.T, "<f4"),
+        "thresholds": _packed(thresholds[0].T, "<f4"),
+        "thresholds_low": _packed(thresholds[1].T, "<f4"),
+        "thresholds_high": _packed(thresholds[2].T, "<f4"),
+        "corrections": _packed(corrections.T, "<f4"),
+        "scenes": {name: _packed(frames, "u1") for name, frames in history.scenes.items()},
+        "alarms": _packed(alarm_bits(history), "u1"),
+        "false_alarms": _packed(np.nan_to_num(history.false_alarms).clip(0, 255), "u1"),
+        "omitted": _packed(np.nan_to_num(history.omitted).clip(0, 255), "u1"),
+    }
+
+
+def mean_thresholds(history: History) -> list[float]:
+    """Return each ring's threshold as the mean over the frames where it is known."""
+    values = history.thresholds
+    known = np.isfinite(values)
+    total = np.where(known, values, 0).sum(axis=0, dtype=np.float64)
+    return [float(mean) for mean in total / np.maximum(known.sum(axis=0), 1)]
+
+
+def alarm_bits(history: History) -> NDArray[np.uint8]:
+    """Return for each frame whether it is labelled, has false alarms, has omitted ones; shape (frames,), uint8."""
+    labelled = np.isfinite(history.false_alarms)
+    bits = LABELLED * labelled + FALSE_ALARM * (history.false_alarms > 0) + OMITTED_ALARM * (history.omitted > 0)
+    return np.asarray(bits, np.uint8)
+
+
+def _density(collected: Collector, number: int, history: History) -> dict[str, Any] | None:
+    method = collected.methods[number]
+    top = float(np.nanmax(history.thresholds, initial=0)) if len(method.edges) else 0.0
+    found = density_of(collected.spread, number, method.edges, top)
+    if found is None:
+        return None
+    return {
+        "reach": found.reach_m,
+        "low": found.low,
+        "high": found.high,
+        "rows": found.counts.shape[1],
+        "columns": found.counts.shape[2],
+        "counts": {
+            str(int(reason)): _packed(found.counts[reason], "<f4") for reason in Reason if found.counts[reason].any()
+        },
+        "frames": len(collected.spread),
+    }
+
+
+def _intensity_top(samples: Sequence[Sample]) -> float:
+    """Return the intensity of the strongest colour; most points are below it."""
+    known = [sample.intensity[np.isfinite(sample.intensity)] for sample in samples]
+    values = np.concatenate([*known, np.empty(0, np.float32)])
+    return float(np.quantile(values, 0.98)) if len(values) else 0.0
+
+
+def _sample(one: Chosen[Sample], top: float) -> dict[str, Any]:
+    sample = one.item
+    reach = float(np.abs(sample.xyz).max(initial=0.01))
+    scale = reach / _STEPS
+    return {
+        "row": one.row,
+        "why": one.why,
+        "size": sample.size,
+        "valid": sample.valid,
+        "shown": len(sample.xyz),
+        "scale": scale,
+        "xyz": _packed(np.round(sample.xyz / scale), "<i2"),
+        "intensity": _packed(np.nan_to_num(sample.intensity / (top or 1.0) * 255).clip(0, 255), "u1"),
+        "truth": _packed(sample.truth, "u1"),
+        "reasons": [_packed(reasons, "u1") for reasons in sample.reasons],
+        "boxes": sample.boxes,
+        "clusters": sample.clusters,
+    }
+
+
+def _packed(values: NDArray[Any], dtype: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, np.dtype(dtype)).tobytes()).decode()

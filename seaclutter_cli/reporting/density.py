@@ -1,0 +1,71 @@
+"""How many points there are at which range and intensity, from frames that stand for all (S0, Fig. 5 and 6)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.frame import Reason
+from seaclutter_cli.reporting.sample import Sample
+
+_COLUMNS, _ROWS = 120, 64
+
+
+@dataclass(frozen=True)
+class Density:
+    """Mean counts a frame in cells of equal size.
+
+    Parameters
+    ----------
+    reach_m : float
+        Range at which the last column ends; the first begins at 0.
+    low, high : float
+        Intensities at which the rows begin and end.
+    counts : ndarray, shape (7, rows, columns), float32
+        Points a frame for each `Reason`.
+    """
+
+    reach_m: float
+    low: float
+    high: float
+    counts: NDArray[np.float32]
+
+
+def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], thresholds: float) -> Density | None:
+    """Return the density of the points of some frames; None without intensities.
+
+    Parameters
+    ----------
+    samples : sequence of Sample
+        The frames.
+    method : int
+        Whose reasons count.
+    edges : sequence of float
+        Edges of its rings in metres; empty without.
+    thresholds : float
+        The greatest threshold, which is to be seen.
+    """
+    if not samples:
+        return None
+    range_m = np.concatenate([sample.range_m for sample in samples])
+    intensity = np.concatenate([sample.intensity for sample in samples]).astype(np.float64)
+    weight = np.concatenate([sample.weight for sample in samples]) / len(samples)
+    reason = np.concatenate([sample.reasons[method] for sample in samples])
+    known = np.isfinite(intensity)
+    if not known.any():
+        return None
+    reach_m = 1.15 * edges[-1] if edges else float(np.quantile(range_m[known], 0.98))
+    shown = known & (range_m < reach_m)
+    within = intensity[shown & (range_m >= (edges[0] if edges else 0.0))]
+    low = min(0.0, float(np.quantile(within, 0.01))) if len(within) else 0.0
+    high = max(float(np.quantile(within, 0.985)) if len(within) else 0.0, 1.5 * thresholds)
+    high = high if high > low else low + 1.0
+    whole = bool((intensity[known] == np.floor(intensity[known])).all())
+    rows = min(_ROWS, max(int(np.ceil(high - low)), 1)) if whole else _ROWS
+    if whole:  # else there would be empty rows between the values
+        high = low + rows * float(np.ceil((high - low) / rows))
+    bins = ((0, len(Reason)), (low, high), (0, max(reach_m, 1e-3)))
+    points = np.stack((reason[shown], intensity[shown], range_m[shown]), axis=1)
+    counts, _ = np.histogramdd(points, (len(Reason), rows, _COLUMNS), bins, weights=weight[shown])
+    return Density(reach_m, low, high, counts.astype(np.float32))

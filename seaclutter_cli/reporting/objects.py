@@ -1,0 +1,113 @@
+"""What there is in a frame besides points: labelled boxes and what became of them, clusters right and wrong."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.matching import Found, Scene, finder_of, judge, scene_of
+from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.truth import Boxes, Truth
+
+_MAX_CLUSTERS = 400
+
+Described = dict[str, Any]
+Objects = tuple[list[Described], list[list[Described]]]
+
+
+def objects_later(
+    frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
+) -> Callable[[], Objects]:
+    """Return what calls `objects_in` when it is asked to, so that frames that nobody will look at cost little.
+
+    Without labels only the points that a method keeps are held until then, not the message that they came in.
+    """
+    if truth is not None:
+        found = objects_in(frame, results, truth, params)
+        return lambda: found
+    kept = np.zeros(frame.size, np.bool_)
+    for result in results:
+        if result is not None:
+            kept |= result.keep
+    kept &= frame.valid
+    part = replace(frame, cloud=frame.cloud.select(kept), message=replace(frame.message, data=b""))
+    parts = [result and FilterResult(part, result.reason[kept]) for result in results]
+    return partial(objects_in, part, parts, None, params)
+
+
+def objects_in(
+    frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
+) -> Objects:
+    """Return labelled boxes and, for each method, the boxes around its clusters.
+
+    Returns
+    -------
+    boxes : list of dict
+        Labelled objects and areas to ignore: ``track``, ``class``, ``center``, ``size``, ``yaw``, and ``state``:
+        ``ignored``, ``hidden`` if not visible, else a list of ``found`` or ``lost`` for each method, None where a
+        method could not use the frame.
+    clusters : list of list of dict
+        For each method ``low`` and ``high`` corners, ``points`` and ``kind``: ``target``, ``false``, or ``unknown``
+        without labels. Of very many, the largest.
+    """
+    scene = None if truth is None else scene_of(frame, truth, params)
+    judged = _judge(frame, results, scene, params)
+    boxes = _boxes(truth, scene, [found for _, found in judged])
+    return boxes, [_clusters(frame, labels, found) for labels, found in judged]
+
+
+def _judge(
+    frame: Frame, results: Sequence[FilterResult | None], scene: Scene | None, params: EvaluationParams
+) -> list[tuple[NDArray[np.int64], Found | None]]:
+    """Return for each method the cluster of each point, and what became of targets and clusters if that is known."""
+    finder = finder_of(frame, (result for result in results if result is not None), params)
+    judged = []
+    for result in results:
+        labels = np.full(frame.size, -1)
+        if result is not None:
+            labels = finder.clusters(result.keep & frame.valid, params.min_cluster_points)
+        judged.append((labels, None if scene is None or result is None else judge(labels, scene, params)))
+    return judged
+
+
+def _clusters(frame: Frame, labels: NDArray[np.int64], found: Found | None) -> list[Described]:
+    """Return the boxes around the clusters, the largest ones if there are very many."""
+    members = np.flatnonzero(labels >= 0)
+    if not len(members):
+        return []
+    members = members[np.argsort(labels[members], kind="stable")]
+    size = np.bincount(labels[members])
+    starts = np.cumsum(size) - size
+    xyz = frame.xyz[:, members]
+    low, high = (reduce.reduceat(xyz, starts, axis=1).T for reduce in (np.minimum, np.maximum))
+    kinds = ["unknown"] * len(size) if found is None else ["target" if own else "false" for own in found.belongs]
+    return [
+        {"low": _rounded(low[k]), "high": _rounded(high[k]), "points": int(size[k]), "kind": kinds[k]}
+        for k in np.sort(np.argsort(-size, kind="stable")[:_MAX_CLUSTERS]).tolist()
+    ]
+
+
+def _boxes(truth: Truth | None, scene: Scene | None, found: Sequence[Found | None]) -> list[Described]:
+    if truth is None or scene is None:
+        return []
+    boxes = [{**box, "state": "ignored"} for box in _described(truth.ignored)]
+    for number, box in enumerate(_described(truth.targets) if truth.targets is not None else ()):
+        states = [None if one is None else "found" if one.detected[number] else "lost" for one in found]
+        boxes.append({**box, "state": states if scene.visible[number] else "hidden"})
+    return boxes
+
+
+def _described(boxes: Boxes) -> list[Described]:
+    rows = zip(boxes.tracks, boxes.classes, boxes.centers, boxes.sizes, boxes.yaws, strict=True)
+    return [
+        {"track": track, "class": kind, "center": _rounded(center), "size": _rounded(size), "yaw": float(yaw)}
+        for track, kind, center, size, yaw in rows
+    ]
+
+
+def _rounded(values: NDArray[np.float64]) -> list[float]:
+    return [round(float(value), 3) for value in values]

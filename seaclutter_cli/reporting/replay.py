@@ -1,0 +1,150 @@
+"""A filtered log read back: what the filter did stands in it, nothing is computed again.
+
+It is made with ``filter --keep-raw --with-removed``: the raw cloud on its topic, the points kept and removed on topics
+beside it, and a message of diagnostics for each frame.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import CloudError, InputError
+from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.messages import find_codec
+from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
+from seaclutter_cli.pipeline import Selection, read
+from seaclutter_cli.records import Damage, Message, Metadata
+from seaclutter_cli.reporting.history import Numbers
+
+_FILTERED, _REMOVED = "/filtered", "/removed"
+_MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
+
+
+def filtered_topics(source: Source) -> list[str]:
+    """Return the cloud topics of which a log holds all that a filter run can write; none if it is no such log."""
+    names = {channel.topic for channel in source.channels}
+    clouds = [channel.topic for channel in source.channels if find_codec(channel)]
+    if TOPIC not in names:
+        return []
+    return [topic for topic in clouds if {f"{topic}{_FILTERED}", f"{topic}{_REMOVED}"} <= names]
+
+
+def was_filtered(source: Source) -> bool:
+    """Tell whether a log comes out of a filter run, whatever it holds of it."""
+    return any(channel.topic == TOPIC for channel in source.channels)
+
+
+def recorded_config(source: Source) -> str | None:
+    """Return the configuration that a log was filtered with, as text; None if the log does not say."""
+    for record in source.records():
+        if isinstance(record, Metadata) and record.name == "seaclutter":
+            return record.entries.get("config")
+        if isinstance(record, Message):
+            break
+    return None
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A frame and what a filter made of it, as the log has it.
+
+    Parameters
+    ----------
+    frame : Frame
+        The raw frame.
+    numbers : Numbers
+        From its diagnostics.
+    removed : Message
+        The removed points with their reasons.
+    """
+
+    frame: Frame
+    numbers: Numbers
+    removed: Message
+
+    @cached_property
+    def result(self) -> FilterResult:
+        """Reasons of the raw points.
+
+        Points are told apart by their bytes; equal ones are equal in all that is shown.
+
+        Raises
+        ------
+        CloudError
+            If the removed points are not all among the raw ones.
+        """
+        codec = find_codec(self.removed.channel)
+        if codec is None:
+            raise CloudError(f"topic {self.removed.channel.topic} holds no point clouds")
+        gone = codec.decode(self.removed.data)
+        raw = self.frame.cloud
+        reasons = gone.points[_reason_field(gone.dtype.names or ())]
+        place = _find(_keys(gone.points, raw.dtype.itemsize), _keys(raw.points, raw.dtype.itemsize))
+        if place is None:
+            raise CloudError(f"frame {self.frame.index}: the removed points are not those of the raw cloud")
+        reason = np.full(raw.size, Reason.KEPT, np.uint8)
+        reason[place] = np.minimum(reasons, max(Reason))
+        return FilterResult(self.frame, reason, self.numbers.rings, self.numbers.scene)
+
+
+def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replayed]:
+    """Yield the frames of a topic with what the filter made of them.
+
+    A frame whose companions are missing or broken is left out.
+    """
+    clouds = [channel for channel in source.channels if channel.topic == topic]
+    frame: Frame | None = None
+    removed: Message | None = None
+    for record in read(source, clouds, selection):
+        if isinstance(record, Frame):
+            frame, removed = record, None
+        elif not isinstance(record, Message) or frame is None:
+            continue
+        elif record.channel.topic == f"{topic}{_REMOVED}":
+            removed = record
+        elif record.channel.topic == TOPIC and removed is not None:
+            try:
+                found = read_diagnostics(record.data, record.channel.message_encoding)
+            except InputError as error:
+                source.damage.append(Damage(Path(source.name), None, str(error), len(record.data), 1))
+                continue
+            if found.topic == topic and found.numbers["points_in"] == frame.size:
+                yield Replayed(frame, Numbers(found.counts, found.rings, found.scene or None), removed)
+                frame = removed = None
+
+
+def _reason_field(names: Sequence[str]) -> str:
+    """Return the name of the field that the filter added: the last one, with underscores if there was one before."""
+    if not names or not names[-1].startswith("reason"):
+        raise CloudError("the removed points have no field 'reason'")
+    return names[-1]
+
+
+def _keys(points: NDArray[np.void], size: int) -> NDArray[np.uint64]:
+    """Return a number for each point that depends on its first ``size`` bytes, shape (N,)."""
+    raw = np.ascontiguousarray(points).view(np.uint8).reshape(len(points), -1)[:, :size]
+    words = np.zeros((len(raw), -(-size // 8) * 8), np.uint8)
+    words[:, :size] = raw
+    keys = np.zeros(len(raw), np.uint64)
+    for column in words.view("<u8").T:
+        keys = (keys ^ column) * _MULTIPLIER
+        keys ^= keys >> np.uint64(29)
+    return keys
+
+
+def _find(sought: NDArray[np.uint64], among: NDArray[np.uint64]) -> NDArray[np.int64] | None:
+    """Return where each number stands, equal ones at different places; None if one is not there."""
+    order, others = np.argsort(sought, kind="stable"), np.argsort(among, kind="stable")
+    ranked = sought[order]
+    repeat = np.arange(len(ranked)) - np.searchsorted(ranked, ranked, side="left")
+    place = np.searchsorted(among[others], ranked, side="left") + repeat
+    if len(place) and (place.max() >= len(among) or (among[others][place] != ranked).any()):
+        return None
+    found = np.empty(len(sought), np.int64)
+    found[order] = others[place]
+    return found

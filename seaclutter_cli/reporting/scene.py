@@ -1,0 +1,54 @@
+"""Boxes and clusters of a filtered frame as a scene, for players that draw such."""
+
+from collections.abc import Callable
+
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.frame import FilterResult
+from seaclutter_cli.interfaces import Labels
+from seaclutter_cli.messages.scene import Scene, SceneBox
+from seaclutter_cli.reporting import palette
+from seaclutter_cli.reporting.objects import Described, objects_in
+from seaclutter_cli.truth import Truth
+
+_CLUSTERS = {
+    "target": palette.STATES["found"],
+    "false": palette.STATES["false alarm"],
+    "unknown": palette.TRUTH["clutter"],
+}
+_BOXES = {
+    "found": palette.STATES["found"],
+    "lost": palette.STATES["omitted alarm"],
+    "hidden": palette.TRUTH["unknown"],
+    "ignored": palette.TRUTH["unknown"],
+}
+
+
+def scene_maker(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], Scene]:
+    """Return what makes the scene of a filtered frame: clusters, and boxes where there are labels."""
+
+    def make(result: FilterResult) -> Scene:
+        frame = result.frame
+        found = boxes_of(result, labels.truth(frame) if labels else None, params)
+        groups = {f"{frame.topic} {name}": boxes for name, boxes in found.items() if labels or name != "labels"}
+        return Scene(frame.stamp_ns, frame.cloud.frame_id, groups)
+
+    return make
+
+
+def boxes_of(result: FilterResult, truth: Truth | None, params: EvaluationParams) -> dict[str, list[SceneBox]]:
+    """Return the boxes of a filtered frame: around its ``clusters``, and of its ``labels``."""
+    boxes, clusters = objects_in(result.frame, [result], truth, params)
+    return {"clusters": [_cluster(one) for one in clusters[0]], "labels": [_box(one) for one in boxes]}
+
+
+def _cluster(one: Described) -> SceneBox:
+    sides = list(zip(one["low"], one["high"], strict=True))
+    text = "false alarm" if one["kind"] == "false" else ""
+    center, size = [(low + high) / 2 for low, high in sides], [high - low for low, high in sides]
+    return SceneBox(center, size, 0.0, _CLUSTERS[one["kind"]], text)
+
+
+def _box(one: Described) -> SceneBox:
+    state = one["state"][0] if isinstance(one["state"], list) else one["state"]
+    text = {"found": one["class"], "lost": f"{one['class']} (lost)", "hidden": f"{one['class']} (not visible)"}
+    return SceneBox(one["center"], one["size"], one["yaw"], _BOXES[state], text.get(state, ""))

@@ -1,0 +1,1 @@
+"""A live look: frames as Rerun shows them. The only part that imports rerun."""

@@ -1,0 +1,214 @@
+"""Frames, reasons, boxes, clusters and curves on one timeline, for the viewer of Rerun."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import MissingExtraError, OutputError, UsageError
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.scores import FrameScore
+from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.messages.scene import SceneBox
+from seaclutter_cli.reporting import palette
+from seaclutter_cli.reporting.audience import Audience
+from seaclutter_cli.reporting.history import Numbers
+from seaclutter_cli.reporting.scene import boxes_of
+from seaclutter_cli.truth import Truth
+
+LOOPBACK = "127.0.0.1"
+_FLUSH_S = 30.0
+
+
+def require_rerun() -> Any:
+    """Return the library; `MissingExtraError` if it is not installed."""
+    try:
+        import rerun
+    except ImportError as error:
+        raise MissingExtraError("the viewer", "view") from error
+    return rerun
+
+
+class FrameStream(Audience):
+    """Tells a viewer what a method made of each frame, with raw points, in full.
+
+    Parameters
+    ----------
+    params : EvaluationParams
+        Limits of clusters and targets.
+    sink : callable
+        Is told of the new recording stream before anything goes into it.
+    """
+
+    def __init__(self, params: EvaluationParams, sink: Callable[[Any], None]) -> None:
+        self._rerun = require_rerun()
+        self._params = params
+        self._recording = self._rerun.RecordingStream("seaclutter")
+        sink(self._recording)
+        self._recording.send_blueprint(_blueprint(self._rerun))
+        self._name = ""
+        self._frames = 0
+
+    def begin(self, recording: str) -> None:
+        """Start a recording; its frames follow those of the one before."""
+        self._name = recording
+
+    def add(
+        self,
+        frame: Frame,
+        numbers: Sequence[Numbers | None],
+        truth: Truth | None,
+        scores: Sequence[FrameScore | None],  # noqa: ARG002 - boxes and clusters say it
+        results: Callable[[], Sequence[FilterResult | None]],
+    ) -> None:
+        """Take a frame and its numbers."""
+        self._recording.set_time("time", timestamp=np.datetime64(frame.stamp_ns, "ns"))
+        self._recording.set_time("frame", sequence=self._frames)
+        self._frames += 1
+        result = results()[0]
+        scene = f", scene {result.scene}" if result and result.scene else ""
+        self._log("recording", self._rerun.TextLog(f"{self._name}, frame {frame.index}{scene}"))
+        self._points(frame, result)
+        if result is not None:
+            for name, boxes in boxes_of(result, truth, self._params).items():
+                self._boxes(name, boxes)
+        if numbers[0] is not None:
+            self._curves(numbers[0])
+
+    def finish(self) -> None:
+        """Send all that is left, and end."""
+        self._recording.flush(timeout_sec=_FLUSH_S)
+        self._recording.disconnect()
+
+    def _log(self, path: str, entity: Any) -> None:
+        self._recording.log(path, entity)
+
+    def _points(self, frame: Frame, result: FilterResult | None) -> None:
+        """Log raw points shaded by intensity, those kept, and those removed for each reason."""
+        valid = frame.valid
+        shades = _shades(frame, valid)
+        self._log(
+            "world/raw", self._rerun.Points3D(_places(frame, valid), colors=shades, radii=_pixels(self._rerun, 1.0))
+        )
+        for reason, color in palette.REASONS.items():
+            if reason is Reason.INVALID or result is None:
+                continue
+            path = "world/kept" if reason is Reason.KEPT else f"world/removed/{reason.name.lower()}"
+            size = _pixels(self._rerun, 2.0 if reason in (Reason.KEPT, Reason.OUTLIER) else 1.2)
+            places = _places(frame, valid & (result.reason == reason))
+            self._log(path, self._rerun.Points3D(places, colors=_colors([color]), radii=size))
+
+    def _boxes(self, name: str, boxes: Sequence[SceneBox]) -> None:
+        turns = [[0.0, 0.0, np.sin(box.yaw / 2), np.cos(box.yaw / 2)] for box in boxes]
+        entity = self._rerun.Boxes3D(
+            centers=np.array([box.center for box in boxes], np.float64).reshape(-1, 3),
+            sizes=np.array([box.size for box in boxes], np.float64).reshape(-1, 3),
+            quaternions=np.array(turns, np.float64).reshape(-1, 4),
+            colors=_colors([box.color for box in boxes]),
+            labels=[box.text.encode(errors="replace").decode() for box in boxes],
+        )
+        self._log(f"world/{name}", entity)
+
+    def _curves(self, numbers: Numbers) -> None:
+        for reason in palette.REASONS:
+            self._log(f"counts/{reason.name.lower()}", self._rerun.Scalars(float(numbers.counts[reason])))
+        if numbers.rings is not None:
+            for name in ("thresholds", "corrections"):
+                for ring, value in enumerate(getattr(numbers.rings, name).tolist(), 1):
+                    self._log(f"{name}/ring_{ring}", self._rerun.Scalars(value))
+
+
+def _places(frame: Frame, shown: NDArray[np.bool_]) -> NDArray[np.float32]:
+    return frame.xyz[:, shown].T.astype(np.float32)
+
+
+def _shades(frame: Frame, shown: NDArray[np.bool_]) -> NDArray[np.uint8] | None:
+    """Return a grey for each shown point, lighter where the echo is stronger; None without intensities."""
+    if frame.intensity_name is None or not shown.any():
+        return None
+    intensity = frame.intensity[shown]
+    low, high = np.percentile(intensity, [0, 98])
+    share = ((intensity - low) / max(float(high - low), 1e-9)).clip(0, 1)
+    return np.repeat((90 + 165 * share).astype(np.uint8)[:, None], 3, axis=1)
+
+
+def _colors(colors: Sequence[str]) -> NDArray[np.uint32]:
+    return np.array([int(color[1:] + "ff", 16) for color in colors], np.uint32)
+
+
+def _pixels(rerun: Any, size: float) -> Any:
+    return rerun.Radius.ui_points(size)
+
+
+def _blueprint(rerun: Any) -> Any:
+    """Return the arrangement of panels: raw, filtered with boxes, and curves."""
+    views = rerun.blueprint
+    clouds = views.Horizontal(
+        views.Spatial3DView(origin="world", contents=["+ world/raw"], name="Raw"),
+        views.Spatial3DView(origin="world", contents=["+ world/**", "- world/raw"], name="Kept, removed, boxes"),
+    )
+    curves = views.Horizontal(
+        views.TimeSeriesView(origin="thresholds", name="Threshold of each ring"),
+        views.TimeSeriesView(origin="counts", name="Points of a frame"),
+    )
+    return views.Blueprint(views.Vertical(clouds, curves, row_shares=[7, 3]), collapse_panels=True)
+
+
+@contextmanager
+def complete_file(target: Path) -> Iterator[Callable[[Any], None]]:
+    """Yield the sink of a `FrameStream` that is written to a file, which has its name when it is complete.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=target.parent, prefix=f".{target.name[-60:]}.") as folder:
+            part = Path(folder) / "part.rrd"
+            yield lambda recording: recording.save(part)
+            part.replace(target)
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from error
+
+
+@contextmanager
+def viewer(port: int) -> Iterator[Callable[[Any], None]]:
+    """Start a viewer that listens on the loopback only; yield the sink of a `FrameStream`. The viewer stays open.
+
+    Raises
+    ------
+    UsageError
+        If there is no display.
+    MissingExtraError
+        If rerun is not installed.
+    """
+    require_rerun()
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise UsageError("there is no display to open a viewer on: write a file with --save FILE.rrd")
+    process = subprocess.Popen(viewer_command(port), start_new_session=True)  # noqa: S603 - our own words
+    try:
+        yield lambda recording: recording.connect_grpc(f"rerun+http://{LOOPBACK}:{port}/proxy")
+    except BaseException:
+        process.terminate()
+        raise
+
+
+def viewer_command(port: int) -> list[str]:
+    """Return what starts a viewer; without ``--bind`` it would listen on all networks."""
+    options = ["--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", "--expect-data-soon"]
+    return [sys.executable, "-m", "rerun_cli", *options]
+
+
+def check_target(path: Path) -> None:
+    """Raise `UsageError` unless a file has the ending by which viewers know it."""
+    if path.suffix != ".rrd":
+        raise UsageError(f"{path}: files of Rerun end in .rrd")

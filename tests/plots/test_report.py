@@ -1,0 +1,130 @@
+"""Figures of a report: what they show, at what size, the same each time."""
+
+import io
+import re
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.scores import score_frame
+from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.frame import Reason
+from seaclutter_cli.plots.report import FIGURES, draw_figures
+from seaclutter_cli.reporting import palette
+from seaclutter_cli.reporting.collector import Collector, Method
+from seaclutter_cli.truth import Truth
+from tests.evaluation.scenes import boxes, frame_of, lump
+
+EDGES = (10.0, 25.0, 40.0, 55.0, 70.0)
+FRAMES = 12
+TARGET, WAVE = lump(30), lump(45, y=10.0)
+
+
+def collect(*, edges=EDGES, names=("joint", "none"), frames=FRAMES, labelled=True):
+    """Return what is collected of a sea with a target, and a wave in every other frame."""
+    methods = [FILTERS[name](FILTERS[name].Params()) for name in names]
+    kinds = [Method(name, edges if name != "none" else (), "") for name in names]
+    collected = Collector(kinds, EvaluationParams(), labelled=labelled, frames=6)
+    collected.begin("sea")
+    truth = Truth(boxes((30.5, 3.0))) if labelled else None
+    for index in range(frames):
+        frame = frame_of(TARGET, *([WAVE] if index % 2 else []), index=index)
+        results = [method.step(frame) for method in methods]
+        collected.see(frame, results, truth, score_frame(frame, results, truth, EvaluationParams()))
+    return collected
+
+
+def drawn(name, collected):
+    figure = Figure()
+    FIGURES[name].draw(figure, collected)
+    return figure
+
+
+def test_the_registry_draws_what_there_is():
+    assert set(draw_figures(collect(), "svg")) == {f"{name}.svg" for name in FIGURES if name != "scenes"}
+    assert "scenes.svg" in draw_figures(collect(names=("adaptive_radius",), edges=()), "svg")
+    alone = draw_figures(collect(names=("none",), labelled=False), "svg")
+    assert set(alone) == {"intensity.svg", "reasons.svg", "stages.svg"}
+    assert draw_figures(collect(frames=0), "svg") == {}
+
+
+@pytest.mark.parametrize("form", ["svg", "png"])
+def test_the_same_content_gives_the_same_bytes(form):
+    assert draw_figures(collect(frames=3), form) == draw_figures(collect(frames=3), form)
+
+
+def test_pictures_are_as_wide_as_a_column_at_print_quality():
+    from PIL import Image
+
+    for name, content in draw_figures(collect(), "png").items():
+        with Image.open(io.BytesIO(content)) as picture:
+            assert picture.width == 1050, name
+            assert picture.info["dpi"][0] == pytest.approx(300, abs=1)
+
+
+def test_text_is_legible_at_that_width():
+    for name in FIGURES:
+        figure = drawn(name, collect())
+        for axes in figure.axes:
+            said = [axes.xaxis.label, axes.yaxis.label, axes.title]
+            assert all(text.get_size() >= 7 for text in said if text.get_text()), name
+
+
+@pytest.mark.parametrize("name", [name for name in FIGURES if name != "alarms"])
+def test_axes_have_units(name):
+    labels = {axes.get_xlabel() or axes.get_ylabel() for axes in drawn(name, collect()).axes}
+    assert all(re.search(r"Frame|\(m\)|Points|unit", label) for label in labels)
+
+
+def test_thresholds_are_those_of_the_filter():
+    collected = collect()
+    lines = drawn("thresholds", collected).axes[0].lines
+    assert len(lines) == 4
+    for ring, line in enumerate(lines):
+        np.testing.assert_array_equal(line.get_ydata(), collected.histories[0].thresholds[:, ring])
+    assert lines[0].get_label() == "10 to 25 m"
+
+
+def test_the_threshold_over_range_is_its_mean():
+    collected = collect()
+    steps = [patch for patch in drawn("intensity", collected).axes[0].patches if patch.get_label() == "threshold"]
+    values, edges, _ = steps[0].get_data()
+    assert tuple(edges) == EDGES
+    np.testing.assert_allclose(values, collected.histories[0].thresholds.mean(axis=0))
+
+
+def test_reasons_add_up_to_the_points():
+    collected = collect()
+    heights = [
+        collection.get_paths()[0].vertices[:, 1].max() for collection in drawn("reasons", collected).axes[0].collections
+    ]
+    assert max(heights) == pytest.approx(0.02)
+
+
+def test_alarms_are_where_they_were():
+    axes = drawn("alarms", collect()).axes[0]
+    wrong = [one for one in axes.collections if one.get_label() == "false alarm"]
+    starts = sorted(path.vertices[:, 0].min() for path in wrong[0].get_paths())
+    assert starts == [number - 0.5 for number in range(1, FRAMES, 2)]
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == ["joint", "none"]
+
+
+def test_stages_show_less_and_less():
+    panels = drawn("stages", collect()).axes
+    counts = [sum(len(line.get_xdata()) for line in axes.lines if line.get_marker() == ".") for axes in panels]
+    assert counts[0] >= counts[1] >= counts[2] > 0
+    assert [axes.get_title()[:3] for axes in panels] == ["(a)", "(b)", "(c)"]
+    assert all(axes.get_aspect() == 1 for axes in panels)
+
+
+def test_ahead_is_up_and_port_is_left():
+    kept = [one for one in drawn("stages", collect()).axes[0].lines if one.get_color() == palette.REASONS[Reason.KEPT]]
+    places = {(round(x), round(y)) for x, y in zip(kept[0].get_xdata(), kept[0].get_ydata(), strict=True)}
+    assert {(0, 30), (-10, 45)} <= places
+
+
+def test_two_methods_show_a_false_alarm_each():
+    for axes in drawn("methods", collect()).axes:
+        assert len([line for line in axes.lines if line.get_fillstyle() == "none" and len(line.get_xdata())]) == 1

@@ -1,0 +1,34 @@
+"""Logs to make reports of, and what is in the pages."""
+
+import base64
+import json
+import re
+
+import numpy as np
+from click.testing import CliRunner
+
+from seaclutter_cli.commands import cli
+from tests.commands.test_evaluate import LABELLED, POINT, lump, make_labels, make_log, sea
+
+__all__ = ["LABELLED", "POINT", "lump", "make_labels", "make_log", "sea"]
+
+HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)>&amp;'\"%DATA%"
+
+
+def report(*arguments, status=0):
+    """Make a report; return what it prints."""
+    result = CliRunner().invoke(cli, ["report", *map(str, arguments)])
+    assert result.exit_code == status, result.output
+    return result
+
+
+def data_of(page):
+    """Return the data in a page."""
+    text = page.read_text(encoding="utf-8")
+    found = re.findall(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
+    assert len(found) == 1
+    return json.loads(found[0])
+
+
+def unpacked(text, dtype):
+    return np.frombuffer(base64.b64decode(text), np.dtype(dtype))

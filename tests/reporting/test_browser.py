@@ -1,0 +1,269 @@
+"""The page in a real browser: nothing wrong, nothing loaded, points drawn, frames found by mouse, keys and touch."""
+
+import shutil
+from itertools import pairwise
+
+import pytest
+
+from tests.paths import ROOT
+from tests.reporting.runs import HOSTILE, LABELLED, make_labels, make_log, report
+
+SEA = ROOT / "samples" / "sea"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+INKED = """canvas => {
+  const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  const seen = new Map();
+  for (let i = 0; i < data.length; i += 4) {
+    const color = "#" + [0, 1, 2].map(k => data[i + k].toString(16).padStart(2, "0")).join("");
+    seen.set(color, (seen.get(color) || 0) + 1);
+  }
+  return Object.fromEntries(seen);
+}"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    driver = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
+        pytest.skip("there is no Chromium")
+    with driver.sync_playwright() as play:
+        opened = play.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+class Visit:
+    """A page that is open, and all that it complains of or asks for."""
+
+    def __init__(self, browser, path, width=1200, height=900, **settings):
+        self.context = browser.new_context(viewport={"width": width, "height": height}, offline=True, **settings)
+        self.page = self.context.new_page()
+        self.wrong, self.asked, self.dialogs = [], [], []
+        self.page.on("console", lambda message: self.wrong.append(message.text))
+        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.on("dialog", lambda dialog: (self.dialogs.append(dialog.message), dialog.dismiss()))
+        self.page.goto(path.as_uri())
+        self.settle()
+
+    def settle(self):
+        """Wait until all that was asked for is drawn."""
+        self.page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def inked(self, number=0):
+        """Return how many pixels of a view have which colour."""
+        self.settle()
+        return self.page.locator("canvas").nth(number).evaluate(INKED)
+
+    def shown(self):
+        return self.page.locator("#shown").inner_text()
+
+    def close(self):
+        self.context.close()
+        assert self.wrong == []
+        assert len(self.asked) == 1, "the file itself, and nothing else"
+        assert self.dialogs == []
+
+
+@pytest.fixture
+def visit(browser):
+    opened = []
+
+    def go(*arguments, **settings):
+        opened.append(Visit(browser, *arguments, **settings))
+        return opened[-1]
+
+    yield go
+    for one in opened:
+        one.close()
+
+
+@pytest.fixture(scope="module")
+def sea(tmp_path_factory):
+    """Return a page of the sample with three methods."""
+    page = tmp_path_factory.mktemp("page") / "sea.html"
+    methods = [word for name in ("joint", "ring_intensity", "none") for word in ("-m", name)]
+    report(SEA.with_suffix(".mcap"), "--labels", SEA.with_suffix(".labels.csv"), *methods, "-o", page)
+    return page
+
+
+def test_points_are_drawn_in_the_colours_of_their_reasons(sea, visit):
+    found = visit(sea).inked()
+    assert found["#14213d"] > 100  # kept
+    assert found["#3f95e8"] > 500  # low intensity
+
+
+def test_a_click_on_a_bad_frame_shows_it(sea, visit):
+    page = visit(sea)
+    bad = page.page.get_by_role("button", name="2 false alarms").first
+    name = bad.inner_text().splitlines()[0]
+    before = page.inked()
+    bad.click()
+    assert page.shown().startswith(f"{name}, ")
+    assert "joint: 2 false alarms" in page.shown()
+    assert page.inked() != before
+    assert page.page.evaluate("document.querySelector('#look').getBoundingClientRect().top") < 900
+
+
+def test_the_worst_frame_is_first_and_shown(sea, visit):
+    page = visit(sea)
+    first = page.page.locator(".picks button").first
+    assert "alarm" in first.inner_text()
+    assert first.get_attribute("aria-current") == "true"
+    assert page.shown().startswith(first.inner_text().splitlines()[0])
+
+
+def test_other_frames_that_went_wrong_are_named(sea, visit):
+    page = visit(sea)
+    page.page.get_by_text("12 more frames that went wrong").click()
+    text = page.page.locator("details", has_text="went wrong").inner_text()
+    assert "1 to 3, 6 to 7, 10 to 11, 14, 16 to 17, 21 to 22." in text
+    assert "--pick" in text
+
+
+def test_a_click_on_the_timeline_shows_the_nearest_frame(sea, visit):
+    page = visit(sea)
+    timeline = page.page.get_by_role("img", name="Frames with false and omitted alarms")
+    box = timeline.bounding_box()
+    timeline.click(position={"x": box["width"] - 16, "y": 20})
+    numbers = page.page.evaluate("data.samples.map(sample => frames.number[sample.row])")
+    assert page.shown().startswith(f"frame {max(numbers)},")
+
+
+def test_stage_by_stage(sea, visit):
+    page = visit(sea)
+    page.page.get_by_role("button", name="Stage by stage").click()
+    assert page.page.locator("canvas").count() == 3
+    low = [page.inked(number).get("#3f95e8", 0) for number in range(3)]
+    assert low[0] > 0 == low[1] == low[2]
+
+
+def test_two_methods(sea, visit):
+    page = visit(sea)
+    page.page.get_by_role("button", name="Two methods").click()
+    page.page.get_by_label("second method").select_option(label="none")
+    assert page.inked(1)["#14213d"] > 2 * page.inked(0)["#14213d"]
+
+
+def test_labels_and_reasons_to_hide(sea, visit):
+    page = visit(sea)
+    page.page.get_by_label("low intensity").uncheck()
+    assert "#3f95e8" not in page.inked()
+    page.page.get_by_role("button", name="Label", exact=True).click()
+    assert page.inked()["#3f95e8"] > 500  # clutter
+
+
+def test_keys_turn_the_view_and_move_the_cursor(sea, visit):
+    page = visit(sea)
+    page.page.locator("canvas").focus()
+    seen = [page.inked()]
+    for key in ("ArrowLeft", "+", "Shift+ArrowUp", "t", "0"):
+        page.page.keyboard.press(key)
+        seen.append(page.inked())
+    assert all(now != before for before, now in pairwise(seen))
+    assert seen[-1] == seen[0]
+    chart = page.page.get_by_role("img", name="Threshold of each ring")
+    chart.focus()
+    page.page.keyboard.press("ArrowRight")
+    page.page.keyboard.press("ArrowRight")
+    text = chart.evaluate("chart => chart.parentElement.nextElementSibling.textContent")
+    assert text.startswith("frame 1, 0.10 s: 10 to 25 m")
+
+
+def test_everything_can_be_reached_by_tab(sea, visit):
+    page = visit(sea)
+    names = set()
+    for _ in range(60):
+        page.page.keyboard.press("Tab")
+        names.add(
+            page.page.evaluate("document.activeElement.tagName + ' ' + document.activeElement.textContent.trim()")
+        )
+    assert {"BUTTON Next", "BUTTON Two methods", "CANVAS ", "A Skip to the point clouds"} <= names
+
+
+def test_drag_and_wheel(sea, visit):
+    page = visit(sea)
+    canvas = page.page.locator("canvas")
+    canvas.scroll_into_view_if_needed()
+    box, before = canvas.bounding_box(), page.inked()
+    page.page.mouse.move(box["x"] + 300, box["y"] + 200)
+    page.page.mouse.wheel(0, 50)
+    page.settle()
+    assert page.inked() == before, "without focus the wheel scrolls the page"
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    page.page.mouse.move(box["x"] + 300, box["y"] + 200)
+    page.page.mouse.down()
+    page.page.mouse.move(box["x"] + 380, box["y"] + 240)
+    page.page.mouse.up()
+    turned = page.inked()
+    assert turned != before
+    page.page.mouse.wheel(0, -300)
+    page.page.wait_for_timeout(100)
+    assert page.inked() != turned
+
+
+@pytest.mark.parametrize("layout", ["One view", "Stage by stage", "Two methods"])
+def test_small_screens(sea, visit, layout):
+    page = visit(sea, width=360, height=740, device_scale_factor=2, has_touch=True)
+    page.page.get_by_role("button", name=layout).tap()
+    assert page.page.evaluate("document.documentElement.scrollWidth") == 360
+    assert page.inked()["#14213d"] > 100
+    small = page.page.evaluate("""[...document.querySelectorAll('button, select')].filter(one =>
+        one.offsetParent && (one.offsetHeight < 24 || one.offsetWidth < 24)).length""")
+    assert small == 0  # WCAG 2.2, 2.5.8
+
+
+def test_hostile_names(visit, tmp_path):
+    log = make_log(tmp_path / "<img src=x onerror=alert(3)>.mcap")
+    quoted = HOSTILE.replace('"', '""')
+    rows = "".join(f'{k},"{quoted}","{quoted}",30.5,0,0,3,2,2,0\n' for k in range(6))
+    head = "frame,track_id,class,x,y,z,length,width,height,yaw\n"
+    (tmp_path / "l.csv").write_text(head + rows, encoding="utf-8")
+    report(log, "--labels", tmp_path / "l.csv", "-o", tmp_path / "page.html")
+    page = visit(tmp_path / "page.html")
+    assert page.page.locator("h1").inner_text() == "<img src=x onerror=alert(3)>"
+    assert page.page.locator("img").count() == 0
+    assert page.page.locator("script").count() == 2
+
+
+ODD = {
+    "no labels": ([], {}),
+    "one frame": (["-n", 1], {}),
+    "one frame, labelled": (["-n", 1, "--labels", "{labels}"], {}),
+    "nothing removed": (["-m", "none"], {}),
+    "fifty rings": (["-s", "filter.ring_width_m=1.2", "-s", f"filter.initial_thresholds={[5] * 50}"], {}),
+    "five rings": (["-s", "filter.ring_width_m=12", "-s", f"filter.initial_thresholds={[5] * 5}"], {}),
+    "scenes": (["-m", "adaptive_radius"], {}),
+    "no points": ([], {"make": lambda _: __import__("numpy").zeros(0, LABELLED)}),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_logs(visit, tmp_path, name):
+    arguments, changes = ODD[name]
+    labels = make_labels(tmp_path / "boxes.csv")
+    log = make_log(tmp_path / "log.mcap", **changes)
+    filled = [str(word).format(labels=labels) for word in arguments]
+    report(log, *filled, "-o", tmp_path / "page.html")
+    page = visit(tmp_path / "page.html")
+    assert page.page.locator("canvas").count() == 1
+    assert "NaN" not in page.page.content().replace("NaN(", "").split('<script type="application/json"')[0]
+    if name == "fifty rings":
+        page.page.get_by_label("ring", exact=True).select_option(index=3)
+        assert page.page.get_by_text("12.4 to 13.6 m").count() >= 1
+    if name == "scenes":
+        chart = page.page.get_by_role("img", name="Scene of each frame")
+        chart.focus()
+        page.page.keyboard.press("ArrowRight")
+        assert chart.evaluate("chart => chart.parentElement.nextElementSibling.textContent").endswith(": open")
+    if name == "no points":
+        assert "all 0 returns" in page.shown().lower()
+
+
+def test_a_log_without_frames(visit, tmp_path):
+    log = make_log(tmp_path / "log.mcap")
+    report(log, "--start", 100, "-o", tmp_path / "page.html")
+    page = visit(tmp_path / "page.html")
+    assert "no frame" in page.page.locator("#summary").inner_text()

@@ -1,0 +1,75 @@
+"""Which frames are chosen, against a choice that knows the whole stream."""
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from seaclutter_cli.reporting.choice import Choice
+
+BADNESS = st.lists(st.sampled_from([0.0, 0.0, 1.0, 2.0, 5.0]), min_size=1, max_size=300)
+
+
+def choose(badness, frames, expected=0):
+    choice, made = Choice(frames), []
+    choice.expect(expected)
+    for row, bad in enumerate(badness):
+
+        def make(row=row):
+            made.append(row)
+            return f"frame {row}"
+
+        choice.offer(row, badness=bad, merit=None if bad else 1.0, make=make)
+    return choice, made
+
+
+@given(BADNESS, st.integers(1, 20))
+def test_what_is_chosen(badness, frames):
+    choice, made = choose(badness, frames)
+    chosen = choice.chosen()
+    rows = [one.row for one in chosen]
+    assert len(set(rows)) == len(rows) <= frames
+    assert len(rows) >= min(frames, len(badness)) // 2
+    assert all(one.item == f"frame {one.row}" for one in chosen)
+    worst = [one for one in chosen if one.why == "worst"]
+    assert all(badness[one.row] for one in worst)
+    assert [badness[one.row] for one in worst] == sorted((badness[one.row] for one in worst), reverse=True)
+    if frames >= 2 and any(badness):
+        assert badness[worst[0].row] == max(badness)
+    assert len(made) == len(set(made))
+
+
+@given(BADNESS, st.integers(2, 20))
+def test_the_worst_are_not_all_of_one_moment(badness, frames):
+    rows = sorted(one.row for one in choose(badness, frames)[0].chosen() if one.why == "worst")
+    assert all(later - row >= 5 for row, later in pairwise(rows))
+
+
+def test_the_spread_is_even_and_bounded():
+    choice, made = choose([0.0] * 10_000, 12)
+    rows = [row for row, _ in choice.spread()]
+    assert {b - a for a, b in pairwise(rows)} == {rows[1]}
+    assert len(rows) <= 16
+    assert rows[-1] > 9_000
+    assert len(made) < 200
+
+
+@given(BADNESS, st.integers(1, 20))
+def test_the_same_are_chosen_if_their_number_is_known(badness, frames):
+    choice, made = choose(badness, frames)
+    foreseen, fewer = choose(badness, frames, len(badness))
+    assert foreseen.chosen() == choice.chosen()
+    assert foreseen.spread() == choice.spread()
+    assert set(fewer) <= set(made)
+
+
+def test_a_frame_asked_for_by_nobody_costs_nothing():
+    _, made = choose([float(row) for row in range(100, 0, -1)], 12)
+    assert len(made) < 50
+
+
+def test_a_trend_costs_little():
+    for badness in ([float(row) for row in range(2000)], [float(row) for row in range(2000, 0, -1)]):
+        choice, made = choose(badness, 12)
+        assert len(made) < 100
+        assert max(badness) in {badness[one.row] for one in choice.chosen()}

@@ -1,0 +1,77 @@
+"""Series over frames: kept as they are told, and in as many steps as a screen can show."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from seaclutter_cli.evaluation.matching import Alarms
+from seaclutter_cli.evaluation.scores import FrameScore
+from seaclutter_cli.frame import Rings
+from seaclutter_cli.reporting.binning import MAX_BINS, bin_starts, binned
+from seaclutter_cli.reporting.density import density_of
+from seaclutter_cli.reporting.history import History, Numbers
+from seaclutter_cli.reporting.sample import take_sample
+from tests.evaluation.scenes import frame_of, lump, result_of
+from tests.reporting.test_sample import PARAMS
+
+
+def test_a_history_gives_back_what_it_was_told():
+    history = History(2)
+    rings = Rings(np.array([30.0, 16]), np.array([0.0, 5]), *np.zeros((3, 2), np.int64))
+    alarms = Alarms(targets=3, visible=2, detected=1, clusters=4, false_alarms=3)
+    history.add(Numbers(np.arange(7), rings), FrameScore(21, 0, 4, 0, alarms, None))
+    history.add(None, None)
+    history.add(Numbers(np.arange(7), None), FrameScore(21, 0, 5, 0, None, None))
+    assert history.counts[0].tolist() == list(range(7))
+    assert np.isnan(history.counts[1]).all()
+    assert history.thresholds[0].tolist() == [30, 16]
+    assert history.corrections[0].tolist() == [0, 5]
+    assert np.isnan(history.thresholds[1:]).all()
+    assert history.clusters.tolist() == pytest.approx([4, np.nan, 5], nan_ok=True)
+    assert (history.visible[0], history.omitted[0], history.false_alarms[0]) == (2, 1, 3)
+    assert np.isnan(history.false_alarms[1:]).all()
+
+
+def test_scenes_by_their_names():
+    history = History(0)
+    for scene in ("open", None, "confined", "open"):
+        history.add(Numbers(np.arange(7), None, scene), None)
+    history.add(None, None)
+    found = {name: frames.tolist() for name, frames in history.scenes.items()}
+    assert found == {"confined": [0, 0, 1, 0, 0], "open": [1, 0, 0, 1, 0]}
+
+
+@given(st.lists(st.one_of(st.none(), st.integers(-1000, 1000)), max_size=60), st.integers(1, 7))
+def test_steps_against_python(values, step):
+    series = np.array([[np.nan if value is None else value] for value in values], np.float32).reshape(-1, 1)
+    starts = np.arange(0, len(values), step)
+    found = np.stack(binned(series, starts), axis=-1).reshape(-1, 3)
+    for start, row in zip(starts, found, strict=True):
+        known = [value for value in values[start : start + step] if value is not None]
+        expected = [sum(known) / len(known), min(known), max(known)] if known else [np.nan] * 3
+        assert row == pytest.approx(expected, nan_ok=True, rel=1e-5)
+
+
+@pytest.mark.parametrize("frames", [0, 1, MAX_BINS, MAX_BINS + 1, 10_000])
+def test_steps_cover_all_frames(frames):
+    starts = bin_starts(frames)
+    assert len(starts) <= MAX_BINS
+    assert (len(starts) == frames) == (frames <= MAX_BINS)
+    assert len(set(np.diff(starts))) <= 1
+
+
+def test_the_density_counts_every_point_of_thinned_frames():
+    frame = frame_of(lump(20, count=3000, spread=0.001))
+    sample = take_sample(frame, [result_of(frame, removed=range(2000))], None, PARAMS, 300)
+    density = density_of([sample, sample], 0, [10.0, 25.0], 90.0)
+    assert density.counts.sum() == pytest.approx(3000, rel=1e-4)
+    assert density.counts[0].sum() == pytest.approx(1000, rel=1e-4)
+    row, column = np.argwhere(density.counts.sum(axis=0))[0]
+    heights = np.linspace(density.low, density.high, density.counts.shape[1] + 1)
+    assert heights[row] <= 100 < heights[row + 1]
+    assert density.reach_m * column / density.counts.shape[2] == pytest.approx(20, abs=0.3)
+
+
+def test_no_density_without_frames():
+    assert density_of([], 0, [], 0.0) is None
