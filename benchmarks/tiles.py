@@ -16,11 +16,11 @@ from seaclutter_cli.airborne.features import FEATURES, Standing, features_of
 from seaclutter_cli.airborne.forest import Samples, class_name, hold_out, predict, train
 from seaclutter_cli.airborne.model import Model
 from seaclutter_cli.airborne.objects import Found, find_objects
-from seaclutter_cli.airborne.scores import Scores, confusion
 from seaclutter_cli.airborne.separation import OTHER, WATER, Separation, separate
 from seaclutter_cli.airborne.settings import Settings
 from seaclutter_cli.airborne.surface import SeparationParams, SurfaceParams
 from seaclutter_cli.commands.classify_train import Report, fit
+from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import COLORS, draw_confusion, draw_tile
 from seaclutter_cli.simulation.tiles import strips_of
@@ -46,7 +46,7 @@ def head(title: str, *columns: str) -> None:
 
 
 def kappa(points: Any, classification: Any) -> float:
-    return Scores(confusion(points["classification"], classification, (OTHER, WATER))).kappa
+    return Confusion.of(points["classification"], classification, (OTHER, WATER)).kappa
 
 
 def windows() -> None:
@@ -159,11 +159,11 @@ def tell(folder: Path, name: str, reports: Sequence[Report]) -> None:
     columns = [(r.points.macro_f1, r.objects.macro_f1, r.points.accuracy, r.points.kappa) for r in reports]
     print("|", " | ".join(spread(values) for values in zip(*columns, strict=True)), "|")
     head(f"{name}: classes, all divisions", "class", "precision", "recall", "F1", "F1, objects")
-    total, objects = (Scores(sum(getattr(r, kind).matrix for r in reports)) for kind in ("points", "objects"))
+    total, objects = (Confusion(sum(getattr(r, kind).counts for r in reports)) for kind in ("points", "objects"))
     for row in zip(OBJECT_CLASSES, total.precision, total.recall, total.f1, objects.f1, strict=True):
         print(f"| {row[0]} |", " | ".join(f"{value:.3f}" for value in row[1:]), "|")
     print("\nimportances:", reports[0].importances, flush=True)
-    picture = render(lambda figure: draw_confusion(figure, OBJECT_CLASSES, total.matrix), ".png", aspect=0.85)
+    picture = render(lambda figure: draw_confusion(figure, OBJECT_CLASSES, total.counts), ".png", aspect=0.85)
     (folder / f"confusion_{name}.png").write_bytes(picture)
 
 
@@ -175,7 +175,7 @@ def of_one(samples: Samples) -> float:
     seen, unseen = (Samples(*(getattr(samples, name)[part] for name in columns)) for part in (~test, test))
     forest = train(seen, params)
     called = forest.classes_[predict(forest, unseen.features).argmax(axis=1)]
-    return Scores(confusion(unseen.code, called, range(1, len(OBJECT_CLASSES) + 1))).macro_f1
+    return Confusion.of(unseen.code, called, range(1, len(OBJECT_CLASSES) + 1)).macro_f1
 
 
 def fresh(folder: Path, model: Model) -> None:
@@ -183,11 +183,11 @@ def fresh(folder: Path, model: Model) -> None:
     tiles = [mixed(folder, number) for number in FRESH]
     samples = samples_of(tiles)
     called = model.forest.classes_[predict(model.forest, samples.features).argmax(axis=1)]
-    points = Scores(confusion(samples.code, called, range(1, len(OBJECT_CLASSES) + 1)))
+    points = Confusion.of(samples.code, called, range(1, len(OBJECT_CLASSES) + 1))
     objects, which = samples.objects
     votes = np.zeros((objects.shape[1], len(OBJECT_CLASSES) + 1), np.int64)
     np.add.at(votes, (which, called), 1)
-    by_object = Scores(confusion(objects[2], votes.argmax(axis=1), range(1, len(OBJECT_CLASSES) + 1)))
+    by_object = Confusion.of(objects[2], votes.argmax(axis=1), range(1, len(OBJECT_CLASSES) + 1))
     head("Fresh tiles", "macro F1, points", "macro F1, objects", "accuracy", "kappa", "kappa of the separation")
     values = (points.macro_f1, by_object.macro_f1, points.accuracy, points.kappa)
     kappas = " ".join(f"{tile['kappa']:.3f}" for tile in tiles)

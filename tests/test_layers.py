@@ -26,7 +26,7 @@ ALLOWED = {
     "pipeline": BASE | {"messages"},
     "survey": BASE | {"sensors"},
     "calibration": BASE | {"filters", "pipeline"},
-    "scenes": BASE,
+    "scenes": BASE | {"evaluation"},
     "plots": BASE | {"evaluation", "calibration", "reporting"},
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "reporting": BASE | {"evaluation", "messages", "pipeline"},

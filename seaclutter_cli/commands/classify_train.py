@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.forest import Samples, class_name, hold_out, join, predict, train
 from seaclutter_cli.airborne.model import Model
-from seaclutter_cli.airborne.scores import Scores, confusion
 from seaclutter_cli.airborne.settings import Settings, load_settings
 from seaclutter_cli.commands.console import table, warn
 from seaclutter_cli.commands.outputs import refuse_replacing, refuse_twice
 from seaclutter_cli.commands.standing import stand_out
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.clustering import euclidean_clusters
+from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import draw_confusion
 from seaclutter_cli.sinks.atomic import AtomicFile
@@ -35,7 +35,7 @@ class Report:
     ----------
     codes : tuple of int
         Classes.
-    points, objects : Scores
+    points, objects : Confusion
         By point; and by object, which has the class that most of its points are given.
     importances : dict of str to float
         Of each feature.
@@ -46,8 +46,8 @@ class Report:
     """
 
     codes: tuple[int, ...]
-    points: Scores
-    objects: Scores
+    points: Confusion
+    objects: Confusion
     importances: dict[str, float]
     split: str
     trained: int
@@ -61,7 +61,7 @@ class Report:
     def as_dict(self) -> dict[str, Any]:
         """Return the report as data."""
         points = self.points
-        columns = (points.precision, points.recall, points.f1, points.matrix.sum(axis=1), self.objects.f1)
+        columns = (points.precision, points.recall, points.f1, points.counts.sum(axis=1), self.objects.f1)
         keys = ("precision", "recall", "f1", "points", "object_f1")
         rows = [dict(zip(("class", *keys), (name, *map(_plain, v)), strict=True)) for name, *v in self._rows(columns)]
         summary = {key: _plain(getattr(points, key)) for key in ("accuracy", "kappa", "macro_f1")}
@@ -72,7 +72,7 @@ class Report:
             **summary,
             "object_macro_f1": _plain(self.objects.macro_f1),
             "classes": rows,
-            "confusion": points.matrix.tolist(),
+            "confusion": points.counts.tolist(),
             "importances": self.importances,
         }
 
@@ -82,10 +82,10 @@ class Report:
     def as_text(self) -> str:
         """Return the report for people."""
         points, objects = self.points, self.objects
-        columns = (points.precision, points.recall, points.f1, points.matrix.sum(axis=1), objects.f1)
+        columns = (points.precision, points.recall, points.f1, points.counts.sum(axis=1), objects.f1)
         rows = [(n, _3(p), _3(r), _3(f), f"{c:,}", _3(o)) for n, p, r, f, c, o in self._rows(columns)]
         head = ("class", "precision", "recall", "F1", "points", "objects F1")
-        rows.append(("mean", "", "", _3(points.macro_f1), f"{points.matrix.sum():,}", _3(objects.macro_f1)))
+        rows.append(("mean", "", "", _3(points.macro_f1), f"{points.counts.sum():,}", _3(objects.macro_f1)))
         ranked = sorted(self.importances.items(), key=lambda item: -item[1])
         return "\n".join(
             (
@@ -122,12 +122,12 @@ def run(patterns: Sequence[str], output: Path, options: Mapping[str, Any]) -> No
     files = {output: model.to_bytes()}
     if plot_file:
         files[plot_file] = render(
-            lambda figure: draw_confusion(figure, report.names, report.points.matrix), plot_file.suffix, aspect=0.85
+            lambda figure: draw_confusion(figure, report.names, report.points.counts), plot_file.suffix, aspect=0.85
         )
     for path, data in files.items():
         with AtomicFile(path) as file:
             file.stream.write(data)
-    missing = [name for name, points in zip(report.names, report.points.matrix.sum(axis=1), strict=True) if not points]
+    missing = [name for name, points in zip(report.names, report.points.counts.sum(axis=1), strict=True) if not points]
     if missing:
         said = f"nothing of {', '.join(missing)} could be held out, so the test says nothing of that"
         warn(f"{said}; train on more tiles, or on more objects", quiet=options["quiet"])
@@ -167,8 +167,8 @@ def fit(samples: Samples, settings: Settings) -> tuple[Model, Report]:
     importances = dict(zip(settings.features.names, map(float, forest.feature_importances_.round(4)), strict=True))
     report = Report(
         codes,
-        Scores(confusion(unseen.code, called, codes)),
-        Scores(confusion(*_by_object(unseen, called), codes)),
+        Confusion.of(unseen.code, called, codes),
+        Confusion.of(*_by_object(unseen, called), codes),
         importances,
         split,
         len(seen.code),

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.commands.scene_logs import LabelledLog
     from seaclutter_cli.records import Damage
     from seaclutter_cli.scenes.model import SceneModel
-    from seaclutter_cli.scenes.scores import Confusion
+    from seaclutter_cli.scenes.scores import SceneScores
 
 
 @click.command(short_help="Test a classifier on logs whose scenes are known.")
@@ -90,16 +90,16 @@ class _Found:
             self.logs.append((name, log.scene, told))
 
     @property
-    def confusion(self) -> "Confusion":
+    def confusion(self) -> "SceneScores":
         """Frames by what they show and what they were taken for."""
         import numpy as np
 
-        from seaclutter_cli.scenes.scores import Confusion
+        from seaclutter_cli.scenes.scores import SceneScores
 
         counts = np.zeros((len(self.classes), len(self.classes)), np.int64)
         for _, truth, told in self.logs:
             counts[self.classes.index(truth)] += [told[name] for name in self.classes]
-        return Confusion(self.classes, counts)
+        return SceneScores(counts, self.classes)
 
     @property
     def wrong(self) -> list[tuple[str, str, int, int]]:

@@ -13,10 +13,10 @@ from seaclutter_cli.commands.console import share, table
 if TYPE_CHECKING:
     from seaclutter_cli.frame import Frame
     from seaclutter_cli.scenes.judge import SceneDecision
-    from seaclutter_cli.scenes.scores import Confusion
+    from seaclutter_cli.scenes.scores import SceneScores
 
 
-def confusion_table(confusion: "Confusion") -> str:
+def confusion_table(confusion: "SceneScores") -> str:
     """Return a table: what frames show in rows, what they were taken for in columns."""
     classes = list(confusion.classes)
     rows = []

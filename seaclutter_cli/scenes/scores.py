@@ -1,4 +1,4 @@
-"""How well scenes are told: the confusion matrix, precision and recall of each class."""
+"""How well scenes are told."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,42 +7,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.evaluation.confusion import Confusion
+
 
 @dataclass(frozen=True)
-class Confusion:
-    """Which scenes were taken for which.
+class SceneScores(Confusion):
+    """Which scenes frames were taken for.
 
     Parameters
     ----------
-    classes : sequence of str
-        Names of the scenes.
     counts : ndarray, shape (C, C), int64
         Frames by what they show (row) and what they were taken for (column).
+    classes : sequence of str
+        Names of the scenes.
     """
 
     classes: Sequence[str]
-    counts: NDArray[np.int64]
 
     @classmethod
-    def of(cls, classes: Sequence[str], truth: NDArray[np.int64], told: NDArray[np.int64]) -> "Confusion":
-        """Count frames, shape (N,), by their true and told classes."""
-        size = len(classes)
-        return cls(classes, np.bincount(size * truth + told, minlength=size * size).reshape(size, size))
-
-    @property
-    def precision(self) -> NDArray[np.float64]:
-        """Share of the frames told to be of a class that are, shape (C,); NaN where there are none."""
-        return _ratio(np.diag(self.counts), self.counts.sum(axis=0))
-
-    @property
-    def recall(self) -> NDArray[np.float64]:
-        """Share of the frames of a class that were told to be, shape (C,); NaN where there are none."""
-        return _ratio(np.diag(self.counts), self.counts.sum(axis=1))
-
-    @property
-    def accuracy(self) -> float:
-        """Share of the frames told right; NaN if there are none."""
-        return float(_ratio(np.asarray(np.trace(self.counts)), self.counts.sum()))
+    def count(cls, classes: Sequence[str], truth: NDArray[np.int64], told: NDArray[np.int64]) -> "SceneScores":
+        """Count frames, shape (N,), by the places of their true and told classes."""
+        return cls(Confusion.of(truth, told, range(len(classes))).counts, classes)
 
     @property
     def mean_precision(self) -> float:
@@ -56,11 +41,6 @@ class Confusion:
             name: {"told": dict(zip(self.classes, row, strict=True)), "precision": precision, "recall": recall}
             for name, row, precision, recall in columns
         }
-
-
-def _ratio(part: NDArray[np.int64], whole: NDArray[np.int64]) -> NDArray[np.float64]:
-    with np.errstate(invalid="ignore"):
-        return np.asarray(part / whole)
 
 
 def _plain(values: NDArray[np.float64]) -> list[float | None]:

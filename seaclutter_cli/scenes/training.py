@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.scenes.examples import Examples, Split
 from seaclutter_cli.scenes.network import make_network
-from seaclutter_cli.scenes.scores import Confusion
+from seaclutter_cli.scenes.scores import SceneScores
 
 _TEST_BATCH = 64
 
@@ -63,7 +63,7 @@ class Trained:
         The epoch with the lowest loss on the validation part, from 0.
     split : Split
         Frames of each part.
-    test : Confusion
+    test : SceneScores
         What it made of the test part.
     """
 
@@ -71,7 +71,7 @@ class Trained:
     epochs: Sequence[Epoch]
     best: int
     split: Split
-    test: Confusion
+    test: SceneScores
 
 
 def train(examples: Examples, params: TrainingParams, on_epoch: Callable[[Epoch], object] = lambda _: None) -> Trained:
@@ -138,7 +138,7 @@ class _Trainer:
         best = int(np.argmin([epoch.validation_loss for epoch in epochs]))
         return Trained(self._network, epochs, best, self._split, self._judge(self._split.test)[1])
 
-    def _learn(self) -> tuple[float, Confusion]:
+    def _learn(self) -> tuple[float, SceneScores]:
         """Go through the training part once; return the mean loss and what the network made of it meanwhile."""
         from torch.nn.functional import cross_entropy
 
@@ -156,7 +156,7 @@ class _Trainer:
             told.append(scores.detach().argmax(1).numpy())
         return self._sum_up(np.concatenate(batches), losses, told)
 
-    def _judge(self, part: NDArray[np.int64]) -> tuple[float, Confusion]:
+    def _judge(self, part: NDArray[np.int64]) -> tuple[float, SceneScores]:
         """Return the mean loss on a part and what the network makes of it."""
         import torch
         from torch.nn.functional import cross_entropy
@@ -190,8 +190,8 @@ class _Trainer:
 
     def _sum_up(
         self, part: NDArray[np.int64], losses: Sequence[float], told: Sequence[NDArray[np.int64]]
-    ) -> tuple[float, Confusion]:
-        confusion = Confusion.of(self._examples.classes, self._scenes[part], np.concatenate(told))
+    ) -> tuple[float, SceneScores]:
+        confusion = SceneScores.count(self._examples.classes, self._scenes[part], np.concatenate(told))
         return sum(losses) / len(part), confusion
 
 

@@ -173,13 +173,13 @@ def test_a_real_tile_of_land(tmp_path):
 
 
 def test_the_sample_tile(tmp_path):
-    from seaclutter_cli.airborne.scores import Scores, confusion
+    from seaclutter_cli.evaluation.confusion import Confusion
 
     sample = ROOT / "samples" / "tile.laz"
     result = run(sample, "-o", tmp_path / "out.laz")
     assert result.exit_code == 0, result.output
     truth, found = (np.asarray(read(path).classification) for path in (sample, tmp_path / "out.laz"))
-    assert Scores(confusion(truth, found, (1, 9))).kappa > 0.95
+    assert Confusion.of(truth, found, (1, 9)).kappa > 0.95
 
 
 @pytest.mark.slow
@@ -188,9 +188,9 @@ def test_kappa_rises_to_20_m_and_falls(name):
     """Table 1 of S1, by the paper's method; ours holds it."""
     from dataclasses import replace
 
-    from seaclutter_cli.airborne.scores import Scores, confusion
     from seaclutter_cli.airborne.separation import separate
     from seaclutter_cli.airborne.surface import SeparationParams, SurfaceParams
+    from seaclutter_cli.evaluation.confusion import Confusion
     from seaclutter_cli.simulation.tiles import strips_of
     from seaclutter_cli.simulation.tiles_scene import load_tile_scene
 
@@ -199,7 +199,7 @@ def test_kappa_rises_to_20_m_and_falls(name):
 
     def kappa(window_m, params):
         found = separate([xyz], replace(params, window_m=window_m)).classification
-        return Scores(confusion(points["classification"], found, (1, 9))).kappa
+        return Confusion.of(points["classification"], found, (1, 9)).kappa
 
     narrow, best, wide = (kappa(window_m, SurfaceParams()) for window_m in (4.0, 20.0, 80.0))
     assert narrow < 0.8 * best

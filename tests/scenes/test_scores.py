@@ -1,10 +1,10 @@
-"""Confusion matrices, against counts by hand."""
+"""SceneScores matrices, against counts by hand."""
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seaclutter_cli.scenes.scores import Confusion
+from seaclutter_cli.scenes.scores import SceneScores
 
 CLASSES = ("open", "confined", "ice")
 
@@ -12,7 +12,7 @@ CLASSES = ("open", "confined", "ice")
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2)), max_size=50))
 def test_counts_and_shares(pairs):
     truth, told = np.array(pairs, np.int64).reshape(-1, 2).T
-    found = Confusion.of(CLASSES, truth, told)
+    found = SceneScores.count(CLASSES, truth, told)
     for kind in range(3):
         said = [t for t, d in pairs if d == kind]
         shown = [d for t, d in pairs if t == kind]
@@ -25,7 +25,7 @@ def test_counts_and_shares(pairs):
 
 
 def test_as_json():
-    found = Confusion.of(CLASSES, np.array([0, 0, 1]), np.array([0, 1, 1]))
+    found = SceneScores.count(CLASSES, np.array([0, 0, 1]), np.array([0, 1, 1]))
     assert found.as_dict()["open"] == {"told": {"open": 1, "confined": 1, "ice": 0}, "precision": 1.0, "recall": 0.5}
     assert found.as_dict()["ice"]["precision"] is None
     assert found.mean_precision == 0.5

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seaclutter_cli.airborne.scores import Scores, confusion
+from seaclutter_cli.evaluation.confusion import Confusion
 
 PAIRS = st.lists(st.tuples(st.integers(1, 4), st.integers(1, 4)), min_size=1, max_size=60)
 
@@ -12,7 +12,7 @@ PAIRS = st.lists(st.tuples(st.integers(1, 4), st.integers(1, 4)), min_size=1, ma
 def test_scores_are_those_of_scikit_learn(pairs):
     metrics = pytest.importorskip("sklearn.metrics")
     truth, found = np.array(pairs).T
-    scores = Scores(confusion(truth, found, (1, 2, 3, 4)))
+    scores = Confusion.of(truth, found, (1, 2, 3, 4))
     labels = sorted({*truth, *found})
     at = [label - 1 for label in labels]
     expected = metrics.precision_recall_fscore_support(truth, found, labels=labels, zero_division=0)

@@ -1,0 +1,81 @@
+"""How well classes were told: the confusion matrix and what follows from it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """Which of C classes were taken for which.
+
+    Parameters
+    ----------
+    counts : ndarray, shape (C, C), int64
+        Points or frames by what they are (row) and what they were called (column).
+    """
+
+    counts: NDArray[np.int64]
+
+    @staticmethod
+    def of(truth: NDArray[Any], found: NDArray[Any], codes: Sequence[int]) -> "Confusion":
+        """Count by the codes of classes, shape (N,); others are left out.
+
+        Examples
+        --------
+        >>> Confusion.of(np.array([1, 1, 9, 5]), np.array([1, 9, 9, 9]), (1, 9)).counts
+        array([[1, 1],
+               [0, 1]])
+        """
+        place = np.full(int(max(codes)) + 1, -1)
+        place[list(codes)] = np.arange(len(codes))
+        known = np.isin(truth, codes) & np.isin(found, codes)
+        rows, columns = place[truth[known]], place[found[known]]
+        return Confusion(np.bincount(rows * len(codes) + columns, minlength=len(codes) ** 2).reshape(len(codes), -1))
+
+    @property
+    def precision(self) -> NDArray[np.float64]:
+        """Share of what was called a class that is of it, shape (C,); NaN where nothing was."""
+        return _share(np.diag(self.counts), self.counts.sum(axis=0))
+
+    @property
+    def recall(self) -> NDArray[np.float64]:
+        """Share of a class that was called so, shape (C,); NaN where there is nothing of it."""
+        return _share(np.diag(self.counts), self.counts.sum(axis=1))
+
+    @property
+    def f1(self) -> NDArray[np.float64]:
+        """Harmonic mean of precision and recall, shape (C,); NaN where a class is neither there nor found."""
+        return _share(2 * np.diag(self.counts), self.counts.sum(axis=0) + self.counts.sum(axis=1))
+
+    @property
+    def macro_f1(self) -> float:
+        """Mean F1 of the classes that are there or were found."""
+        known = self.f1[np.isfinite(self.f1)]
+        return float(known.mean()) if len(known) else float("nan")
+
+    @property
+    def accuracy(self) -> float:
+        """Share of all that was called what it is."""
+        return float(_share(np.trace(self.counts), self.counts.sum()))
+
+    @property
+    def kappa(self) -> float:
+        r"""Cohen's kappa: :math:`(p_o - p_e) / (1 - p_e)`.
+
+        Examples
+        --------
+        >>> round(Confusion(np.array([[20, 5], [10, 15]])).kappa, 3)
+        0.4
+        """
+        total = self.counts.sum()
+        chance = float(_share(self.counts.sum(axis=0) @ self.counts.sum(axis=1), total.astype(float) ** 2))
+        return (self.accuracy - chance) / (1 - chance) if chance < 1 else float("nan")
+
+
+def _share(part: Any, whole: Any) -> NDArray[np.float64]:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.true_divide(part, whole))
