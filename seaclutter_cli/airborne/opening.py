@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from seaclutter_cli.airborne.grid import BLOCK, Grid
 
@@ -52,6 +51,8 @@ def opened(lowest: Cells, half: int) -> Cells:
     >>> opened(np.array([[0.0, 5, 0.2, np.inf, 0.1]]), 1)
     array([[0. , 0.2, 0.2, 0.2, 0.1]])
     """
+    from scipy import ndimage  # takes a while to load, which all other filters are spared
+
     size = [2 * min(half, (cells - 1) // 2) + 1 for cells in lowest.shape]
     eroded = ndimage.minimum_filter(lowest, size, mode="constant", cval=-np.inf)
     eroded[np.isposinf(eroded)] = -np.inf
@@ -105,6 +106,8 @@ def without_pits(grid: Grid, depth_m: float) -> Cells:
     the surface, and gets the least of their values. An opening leaves such a cell as it is, but near the edge of a
     tile, where no window can avoid it, it would draw the surface down all along its row.
     """
+    from scipy import ndimage
+
     out = grid.lowest.copy()
     around = np.ones((3, 3), np.bool_)
     around[1, 1] = False
