@@ -1,6 +1,7 @@
 """ROS 1 bags (format 2.0), healthy, unindexed, cut off or damaged."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError
@@ -13,6 +14,8 @@ from seaclutter_cli.sources.mapped import MappedFile
 
 _COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
 _ANY_TIME = (0, 2**63)
+
+Content = tuple[memoryview, int, str | None]
 
 
 class BagSource:
@@ -77,7 +80,7 @@ class BagSource:
     def records(self) -> Iterator[Record]:
         """Yield the messages in the order of their log time; can be called again."""
         read = 0
-        for message in in_time_order(self._chunks, self._load):
+        for message in in_time_order(self._chunks, self._unpack, self._load):
             read += 1
             yield message
         self._compare(read)
@@ -90,19 +93,21 @@ class BagSource:
         """Unpack the chunks where unknown channels first occur, and those of unknown times."""
         for connection, offset in survey.first_use.items():
             if connection not in self._channels and offset in survey.chunks:
-                self._load(survey.chunks[offset])
+                self._read(survey.chunks[offset])
         for offset, size in survey.untimed.items():
-            messages = self._load(Chunk(offset, size, *_ANY_TIME))
+            messages = self._read(Chunk(offset, size, *_ANY_TIME))
             if messages:
                 times = [message.log_time_ns for message in messages]
                 self._chunks.append(Chunk(offset, size, min(times), max(times)))
                 self._counts.update(message.channel.id for message in messages)
 
-    def _load(self, chunk: Chunk) -> list[Message]:
+    def _read(self, chunk: Chunk) -> list[Message]:
+        return self._load(chunk, partial(self._unpack, chunk))
+
+    def _load(self, chunk: Chunk, unpacked: Callable[[], Content]) -> list[Message]:
         """Return the messages of a chunk, and report what is wrong with it."""
         end = chunk.offset + chunk.size
-        self._file.touched(chunk.size)
-        content, size, problem = self._content(chunk)
+        content, size, problem = unpacked()
         gaps: list[tuple[int, int]] = []
         messages, strays = self._messages(content, gaps)
         if problem is None and gaps:
@@ -118,8 +123,9 @@ class BagSource:
             self._report(chunk.offset, "a chunk whose messages are of other times than its index says", 0, None)
         return messages
 
-    def _content(self, chunk: Chunk) -> tuple[memoryview, int, str | None]:
+    def _unpack(self, chunk: Chunk) -> Content:
         """Return the records of a chunk, the size that they should have, and what is wrong with them, if anything."""
+        self._file.touched(chunk.size)
         view = self._view[: chunk.offset + chunk.size]
         record = read_record(view, chunk.offset)
         if record is None or record.op != Op.CHUNK:

@@ -30,18 +30,25 @@ class Chunk:
 
 
 C = TypeVar("C", bound=Chunk)
+P = TypeVar("P")
+
+_UNPACKERS = 2
 
 
-def in_time_order(chunks: Iterable[C], load: Callable[[C], list[Message]]) -> Iterator[Message]:
+def in_time_order(
+    chunks: Iterable[C], unpack: Callable[[C], P], load: Callable[[C, Callable[[], P]], list[Message]]
+) -> Iterator[Message]:
     """Yield the messages of all chunks in the order of their log time; of equal times, in the order of the file.
 
     Parameters
     ----------
     chunks : iterable of Chunk
         In any order.
+    unpack : callable
+        Returns the content of a chunk. Runs in two other threads, at most two chunks ahead.
     load : callable
-        Returns the messages of a chunk in the order of the file. Runs in another thread, one chunk after the other, at
-        most two chunks ahead.
+        Returns the messages of a chunk in the order of the file; it is given the chunk, and what returns its content or
+        raises what unpacking it has raised. Runs in another thread, one chunk after the other.
 
     Notes
     -----
@@ -49,7 +56,7 @@ def in_time_order(chunks: Iterable[C], load: Callable[[C], list[Message]]) -> It
     `MAX_WAITING_BYTES` wait, and what is above it leaves early.
     """
     waiting = _Waiting()
-    for chunk, messages in _ahead(sorted(chunks, key=attrgetter("start_ns", "offset")), load):
+    for chunk, messages in _ahead(sorted(chunks, key=attrgetter("start_ns", "offset")), unpack, load):
         yield from waiting.before(chunk.start_ns)
         waiting.add(chunk, messages)
         if waiting.size > MAX_WAITING_BYTES:
@@ -125,12 +132,17 @@ def _size(message: Message) -> int:
     return len(message.data) + _OBJECT_BYTES
 
 
-def _ahead(chunks: Iterable[C], load: Callable[[C], list[Message]]) -> Iterator[tuple[C, list[Message]]]:
-    with ThreadPoolExecutor(1, thread_name_prefix="read") as pool:
+def _ahead(
+    chunks: Iterable[C], unpack: Callable[[C], P], load: Callable[[C, Callable[[], P]], list[Message]]
+) -> Iterator[tuple[C, list[Message]]]:
+    with (
+        ThreadPoolExecutor(_UNPACKERS, thread_name_prefix="unpack") as unpackers,
+        ThreadPoolExecutor(1, thread_name_prefix="load") as loader,
+    ):
         pending: deque[tuple[C, Future[list[Message]]]] = deque()
         try:
             for chunk in chunks:
-                pending.append((chunk, pool.submit(load, chunk)))
+                pending.append((chunk, loader.submit(load, chunk, unpackers.submit(unpack, chunk).result)))
                 if len(pending) > 2:
                     first, future = pending.popleft()
                     yield first, future.result()
@@ -138,4 +150,5 @@ def _ahead(chunks: Iterable[C], load: Callable[[C], list[Message]]) -> Iterator[
                 first, future = pending.popleft()
                 yield first, future.result()
         finally:
-            pool.shutdown(cancel_futures=True)
+            for pool in (loader, unpackers):
+                pool.shutdown(wait=False, cancel_futures=True)

@@ -4,6 +4,7 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -106,7 +107,7 @@ class McapSource:
         self._reported = set(self.damage)
         yield from self._extras
         found = 0
-        for message in in_time_order(self._chunks, self._load):
+        for message in in_time_order(self._chunks, self._unpack, self._load):
             yield message
             found += 1
         self._check_statistics(found)
@@ -191,19 +192,19 @@ class McapSource:
         """Load chunks that declare channels, if the summary does not, and those of which too little is known."""
         wanted = self._declared.lacking(self._first) if self._declares_channels else self._first
         for number in sorted({self._first[channel] for channel in wanted}):
-            self._load(replace(self._chunks[number], suspect=True))
+            self._read(replace(self._chunks[number], suspect=True))
         for number, chunk in enumerate(self._chunks):
             if chunk.suspect or not (chunk.messages or self._declares_channels):
                 self._inspect(number)
         for chunk in self._chunks:
             if not self._declared.lacking(self._first):
                 return
-            self._load(replace(chunk, suspect=True))
+            self._read(replace(chunk, suspect=True))
 
     def _inspect(self, number: int) -> None:
         """Find out what a chunk really holds."""
         chunk = replace(self._chunks[number], suspect=True)
-        messages = self._load(chunk)
+        messages = self._read(chunk)
         further = chunk.messages + chunk.further - len(messages)
         if chunk.further and further > 0:
             self._report(chunk.offset, "the chunk that followed this one is not there", 0, further)
@@ -216,10 +217,13 @@ class McapSource:
         count = max(chunk.messages, len(messages))
         self._chunks[number] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=count, suspect=False)
 
-    def _load(self, chunk: McapChunk) -> list[Message]:
+    def _read(self, chunk: McapChunk) -> list[Message]:
+        return self._load(chunk, partial(self._unpack, chunk))
+
+    def _load(self, chunk: McapChunk, unpacked: Callable[[], Buffer]) -> list[Message]:
         """Return the messages of a chunk in the order of the file, and report what is wrong with it."""
         try:
-            records = self._unpack(chunk)
+            records = unpacked()
         except BrokenRecordError as error:
             self._report(chunk.offset, f"the chunk {error}", chunk.size, chunk.messages or None)
             self._salvage_declarations(chunk)

@@ -3,6 +3,7 @@
 import random
 import time
 from collections import Counter
+from functools import partial
 
 import pytest
 from hypothesis import given, settings
@@ -21,7 +22,11 @@ SMALL = ("zstd", "lz4", "none", "unchunked", "no summary", "bare", "unchunked, b
 @pytest.fixture
 def path(tmp_path, monkeypatch):
     """Return the path of a log that is written thousands of times, and read without a thread, which takes longer."""
-    monkeypatch.setattr(chunked, "_ahead", lambda chunks, load: ((chunk, load(chunk)) for chunk in chunks))
+
+    def at_once(chunks, unpack, load):
+        return ((chunk, load(chunk, partial(unpack, chunk))) for chunk in chunks)
+
+    monkeypatch.setattr(chunked, "_ahead", at_once)
     path = tmp_path / "log.mcap"
     path.touch()
     return path
