@@ -48,7 +48,7 @@ def in_time_order(
         Returns the content of a chunk. Runs in two other threads, at most two chunks ahead.
     load : callable
         Returns the messages of a chunk in the order of the file; it is given the chunk, and what returns its content or
-        raises what unpacking it has raised. Runs in another thread, one chunk after the other.
+        raises what unpacking it has raised. Runs in the caller's thread, one chunk after the other.
 
     Notes
     -----
@@ -135,20 +135,16 @@ def _size(message: Message) -> int:
 def _ahead(
     chunks: Iterable[C], unpack: Callable[[C], P], load: Callable[[C, Callable[[], P]], list[Message]]
 ) -> Iterator[tuple[C, list[Message]]]:
-    with (
-        ThreadPoolExecutor(_UNPACKERS, thread_name_prefix="unpack") as unpackers,
-        ThreadPoolExecutor(1, thread_name_prefix="load") as loader,
-    ):
-        pending: deque[tuple[C, Future[list[Message]]]] = deque()
+    with ThreadPoolExecutor(_UNPACKERS, thread_name_prefix="unpack") as pool:
+        pending: deque[tuple[C, Future[P]]] = deque()
         try:
             for chunk in chunks:
-                pending.append((chunk, loader.submit(load, chunk, unpackers.submit(unpack, chunk).result)))
+                pending.append((chunk, pool.submit(unpack, chunk)))
                 if len(pending) > 2:
-                    first, future = pending.popleft()
-                    yield first, future.result()
+                    first, content = pending.popleft()
+                    yield first, load(first, content.result)
             while pending:
-                first, future = pending.popleft()
-                yield first, future.result()
+                first, content = pending.popleft()
+                yield first, load(first, content.result)
         finally:
-            for pool in (loader, unpackers):
-                pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
