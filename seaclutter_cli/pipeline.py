@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import CloudError, FieldError, InputError, UsageError
 from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
 from seaclutter_cli.interfaces import CloudCodec, Filter, Sink, Source
-from seaclutter_cli.messages import find_codec
+from seaclutter_cli.messages import diagnostics, find_codec
 from seaclutter_cli.records import Channel, Damage, Message, Record
 
 _NANO = 1_000_000_000
@@ -66,6 +66,13 @@ def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel
             choices = " ".join(f"-t {name}" for name in names)
             raise UsageError(f"{source.name}: no point-cloud topic {topic}; choose from: {choices}")
     return [channel for channel in clouds if not topics or channel.topic in topics]
+
+
+def is_remainder(source: Source, topics: Collection[str] = ()) -> bool:
+    """Tell whether the chosen cloud topics, or all, hold what an earlier run has left, and none the raw cloud."""
+    names = {channel.topic for channel in source.channels}
+    clouds = topics or [channel.topic for channel in source.channels if find_codec(channel)]
+    return diagnostics.TOPIC in names and not any(f"{topic}/filtered" in names for topic in clouds)
 
 
 def _describe(channel: Channel) -> str:

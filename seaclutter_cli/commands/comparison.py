@@ -11,7 +11,7 @@ from seaclutter_cli.records import Damage
 
 _ALARMS = ("method", "frames", "N_FP", "N_FN", "R_FP %", "R_FN %", "F1", "false/frame")
 _POINTS = ("clutter removed", "target lost", "R_c")
-_OBJECTS = ("precision %", "recall %", "F1", "noise clusters", "unclustered points", "ms p50")
+_OBJECTS = ("precision %", "recall %", "F1", "noise", "unclustered", "ms p50")
 _TIMES = ("ms p50", "ms p99")
 
 

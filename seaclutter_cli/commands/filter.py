@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.console import Progress, report_damage, told_errors, warn
+from seaclutter_cli.commands.console import Progress, report_damage, share, told_errors, warn
 from seaclutter_cli.commands.options import (
     config_options,
     decoding_options,
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.config import Config
     from seaclutter_cli.frame import FilterResult
     from seaclutter_cli.interfaces import Labels, Sink, Source
-    from seaclutter_cli.pipeline import Selection
+    from seaclutter_cli.pipeline import Selection, TopicTally
     from seaclutter_cli.sensors.packets import DecoderOptions
     from seaclutter_cli.sinks import McapOptions
     from seaclutter_cli.sources import Recording
@@ -156,12 +156,14 @@ class Job:
 
     def _stream(self, source: "Source", outcome: "Outcome", sinks: Sequence["Sink"], labels: "Labels | None") -> None:
         from seaclutter_cli.filters.fit import IntensityFit
-        from seaclutter_cli.pipeline import cloud_channels, run
+        from seaclutter_cli.pipeline import cloud_channels, is_remainder, run
         from seaclutter_cli.sinks import McapSink
 
         clouds = cloud_channels(source, self.selection.topics)
         if labels and len({channel.topic for channel in clouds}) > 1:
             raise UsageError(f"{source.name}: labels are of one topic; choose one with -t")
+        if self.config.method != "none" and is_remainder(source, self.selection.topics):
+            warn(f"{source.name}: was filtered already; this filters what was left of it", quiet=self.quiet)
         told = len(source.warnings)
         for text in source.warnings:
             warn(text, quiet=self.quiet)
@@ -183,7 +185,7 @@ class Job:
         for text in (*source.warnings[told:], *mismatches(self.config.sensor, source)):
             warn(text, quiet=self.quiet)
         for topic, fit in fits.items():
-            self._warn(fit.verdict(), topic)
+            self._warn(fit.verdict() or _nothing_left(outcome.topics[topic]), topic)
 
     def _options_of_file(self, labels: "Labels | None") -> "McapOptions":
         if not self.with_scene:
@@ -195,3 +197,14 @@ class Job:
     def _warn(self, text: str | None, topic: str) -> None:
         if text:
             warn(f"{topic}: {text}", quiet=self.quiet)
+
+
+def _nothing_left(tally: "TopicTally") -> str | None:
+    """Return a warning if not one point of a topic was kept."""
+    from seaclutter_cli.frame import Reason
+
+    most = Reason(int(tally.counts.argmax()))
+    if not tally.points_in or tally.counts[Reason.KEPT]:
+        return None
+    what = most.name.lower().replace("_", " ")
+    return f"no point is left; {share(int(tally.counts[most]), tally.points_in)} were removed as {what}"

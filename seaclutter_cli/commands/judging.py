@@ -91,9 +91,14 @@ class Job:
         return outcome
 
     def _stream(self, source: "Source", judge: "_Judge") -> None:
-        from seaclutter_cli.pipeline import cloud_channels, run_each
+        from seaclutter_cli.pipeline import cloud_channels, is_remainder, run_each
 
         clouds = cloud_channels(source, self.selection.topics)
+        if any(variant.config.method != "none" for variant in self.variants) and is_remainder(
+            source, self.selection.topics
+        ):
+            text = "was filtered already; this filters what was left of it, and a target that was lost is not visible"
+            warn(f"{source.name}: {text}", quiet=self.quiet)
         told = len(source.warnings)
         for text in source.warnings:
             warn(text, quiet=self.quiet)

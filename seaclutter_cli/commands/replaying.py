@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.commands.comparison import Evaluated
-from seaclutter_cli.commands.console import Progress, report_damage, told_errors, warn
+from seaclutter_cli.commands.console import Progress, report_damage, told_errors
 from seaclutter_cli.commands.judging import Job
 from seaclutter_cli.commands.options import decoding_options
 from seaclutter_cli.commands.variants import Variant
 from seaclutter_cli.config import parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
 from seaclutter_cli.evaluation.scores import Summary, score_frame
-from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay, was_filtered
+from seaclutter_cli.pipeline import is_remainder
+from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay
 
 if TYPE_CHECKING:
     from seaclutter_cli.interfaces import Labels, Source
@@ -66,9 +67,11 @@ def _recorded(recording: "Recording", options: Mapping[str, Any]) -> tuple[str, 
     with closing(recording.open(rate_hz=options["rate_hz"], decoding=decoding_options(options))) as source:
         topics = [topic for topic in filtered_topics(source) if not options["topics"] or topic in options["topics"]]
         if not topics:
-            if was_filtered(source):
-                text = "was filtered already, without --keep-raw --with-removed: only what is left can be looked at"
-                warn(f"{source.name}: {text}", quiet=options["quiet"])
+            if is_remainder(source, options["topics"]):
+                raise InputError(
+                    f"{source.name}: was filtered already, and what was removed is not in it; make a report of the raw "
+                    "log, or of one filtered with --keep-raw --with-removed; -m none shows what is left"
+                )
             return None
         if len(topics) > 1:
             raise UsageError(f"{source.name}: several filtered topics; choose from: -t {' -t '.join(topics)}")

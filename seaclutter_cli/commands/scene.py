@@ -12,7 +12,7 @@ def command() -> None:
     """Train, test and use the classifier that looks at a frame from above and tells its scene.
 
     The model that comes with the program tells open water (separate objects) from confined water (quay walls, moored
-    rows, the banks of a channel). It needs the extra ``scene``, training the extra ``train``.
+    rows, the banks of a channel). It needs the extra `scene`, training the extra `train`.
     """
 
 

@@ -44,11 +44,11 @@ if TYPE_CHECKING:
 def command(scene: str, output: Path, **options: Any) -> None:
     """Make a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
 
-    Writes LOG.mcap, whose clouds have a field ``label`` (0 clutter, 65535 own vessel or ignored, else the target), and
+    Writes LOG.mcap, whose clouds have a field `label` (0 clutter, 65535 own vessel or ignored, else the target), and
     LOG.labels.csv with a box for each target and frame. LOG.pcap holds packets instead, which have no labels. A layout
-    is a kind of scenes, of which each seed makes another. Of a scene with a section ``tile``, seen from the air, it
-    writes a LAS or LAZ file with the truth of each point: classification, object_class, object_id. ``seaclutter config
-    sensors`` lists scenes, layouts, tiles, lidars.
+    is a kind of scenes, of which each seed makes another. Of a scene with a section `tile`, seen from the air, it
+    writes a LAS or LAZ file with the truth of each point: classification, object_class, object_id. `seaclutter config
+    sensors` lists scenes, layouts, tiles, lidars.
     """
     if output.suffix.lower() in (".las", ".laz"):
         from seaclutter_cli.commands.simulate_tile import run

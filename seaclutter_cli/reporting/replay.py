@@ -34,11 +34,6 @@ def filtered_topics(source: Source) -> list[str]:
     return [topic for topic in clouds if {f"{topic}{_FILTERED}", f"{topic}{_REMOVED}"} <= names]
 
 
-def was_filtered(source: Source) -> bool:
-    """Tell whether a log comes out of a filter run, whatever it holds of it."""
-    return any(channel.topic == TOPIC for channel in source.channels)
-
-
 def recorded_config(source: Source) -> str | None:
     """Return the configuration that a log was filtered with, as text; None if the log does not say."""
     for record in source.records():

@@ -230,7 +230,7 @@ def test_density_based_clusters(log, labels):
         assert found["configs"]["none"]["evaluation"]["clustering"] == "dbscan"
         assert found["methods"]["none"]["clusters_per_frame"] == clusters * 11 / 10
         assert found["methods"]["none"]["unclustered_points_per_frame"] == unclustered * 11 / 10
-        assert "noise clusters  unclustered points" in invoke(*arguments, *options).stdout
+        assert "noise  unclustered" in invoke(*arguments, *options).stdout
     assert figures(*arguments)["methods"]["none"]["clusters_per_frame"] == 2.2
     assert "unclustered" not in invoke(*arguments).stdout
 

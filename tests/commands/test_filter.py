@@ -292,3 +292,25 @@ def test_a_folder_that_may_not_be_written(log, tmp_path):
 def test_summaries_fit_a_terminal_of_80_columns(log, out):
     lines = invoke(log, "-o", out).stdout.splitlines()
     assert all(len(line) <= 80 for line in lines[1:])
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "warned"),
+    [
+        ((), (), True),
+        ((), ("-m", "none"), False),
+        (("--keep-raw",), ("-t", "/points"), False),
+        (("--keep-raw",), ("-t", "/points/filtered"), True),
+    ],
+)
+def test_what_was_filtered_already_is_warned_of(log, out, tmp_path, first, second, warned):
+    invoke(log, "-o", out, "-q", *first)
+    result = invoke(out, "-o", tmp_path / "again.mcap", *second)
+    assert result.exit_code == 0
+    assert ("was filtered already" in result.stderr) == warned
+
+
+def test_a_log_of_which_nothing_is_left(log, out):
+    result = invoke(log, "-o", out, "-s", "filter.start_m=500", "-s", "filter.end_m=560")
+    assert "/points: no point is left; " in result.stderr
+    assert "were removed as near" in result.stderr

@@ -112,7 +112,10 @@ def test_the_method_to_look_at_first(log, labels, page, more, first):
 
 def test_a_filtered_log_without_its_raw_clouds_is_told_of(log, page, tmp_path):
     filter_log(log, tmp_path / "f.mcap")
-    assert "--keep-raw --with-removed" in report(tmp_path / "f.mcap", "-o", page).stderr
+    assert "--keep-raw --with-removed" in report(tmp_path / "f.mcap", "-o", page, status=1).stderr
+    assert not page.exists()
+    report(tmp_path / "f.mcap", "-m", "none", "-o", page)
+    assert [method["name"] for method in data_of(page)["methods"]] == ["none"]
 
 
 def test_other_methods_on_a_filtered_log(log, page, tmp_path):
