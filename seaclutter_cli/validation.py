@@ -182,6 +182,8 @@ def _model(kind: type[Any]) -> Any:
 
 def _explain(problem: Any, section: str) -> str:
     place = ".".join((section, *(str(part) for part in problem["loc"])))
+    if problem["type"] == "missing":
+        return f"{place}: is missing"
     return f"{place}: {problem['msg'].replace('Input should', 'must')}, is {_shown(problem['input'])}"
 
 
@@ -211,7 +213,8 @@ def _shown(value: Any) -> str:
 
 def kind_of(value: Any) -> str:
     """Return what a YAML value is, in words."""
-    return {list: "a list", dict: "a section", str: "text", bool: "a truth value"}.get(type(value), "a number")
+    kinds = {list: "a list", dict: "a section", str: "text", bool: "a truth value", type(None): "empty"}
+    return kinds.get(type(value), "a number")
 
 
 def refuse(where: str, problems: Sequence[str]) -> None:

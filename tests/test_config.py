@@ -174,7 +174,7 @@ class TestPresets:
             ("presets: {open: {radius_ratio: -1}}", "filter.presets.open.radius_ratio: must be greater than 0"),
             ("presets: {open: {min_neighbors: 0}}", "filter.presets.open.min_neighbors: must be greater than or"),
             ("presets: {open: {K: 1}}", "filter.presets.open.K: unknown key; each of them has: radius_ratio, min_n"),
-            ("presets: {dense: {radius_ratio: 1}}", "filter.presets.dense.min_neighbors: Field required"),
+            ("presets: {dense: {radius_ratio: 1}}", "filter.presets.dense.min_neighbors: is missing"),
             ("presets: {auto: {radius_ratio: 1, min_neighbors: 1}}", "presets.auto: no class of scene can be called"),
             ("scene: lock", "scene: must be one of open, confined, auto, is 'lock'"),
         ],

@@ -110,7 +110,7 @@ class _Tally:
     def _rows(self, scene: "Scene") -> list[tuple[str, int]]:
         from seaclutter_cli.truth import CLUTTER, IGNORED
 
-        targets = [(f"{item.track_id} {item.class_name or item.shape}", item) for item in scene.objects]
+        targets = [(f"{item.class_name or item.shape}, track {item.track_id}", item) for item in scene.objects]
         rows = [("clutter", self.points[CLUTTER])]
         shown = [(name, self.points[item.track_id]) for name, item in targets if not item.ignore]
         if len(shown) > _MOST_TARGETS:
@@ -125,7 +125,7 @@ class _Tally:
                 name = item.class_name or item.shape
                 targets[name] += 1
                 points[name] += self.points[item.track_id]
-        return [(f"{number} {name}", points[name]) for name, number in sorted(targets.items())]
+        return [(f"{name}, {number} of them", points[name]) for name, number in sorted(targets.items())]
 
     def as_dict(self, scene: "Scene", log: Path, labels: Path) -> dict[str, Any]:
         rows = [{"what": name, "points": points} for name, points in self._rows(scene)]

@@ -14,7 +14,7 @@ def test_a_built_in_scene(tmp_path):
     log = tmp_path / "a b.mcap"
     result = run("simulate", "buoy_speedboat", "-o", log, "-n", 2)
     assert result.exit_code == 0, result.output
-    assert "1 buoy" in result.stdout
+    assert "buoy, track 1" in result.stdout
     assert log.exists()
     assert (tmp_path / "a b.labels.csv").exists()
     assert all(len(line) <= 80 for line in result.stdout.splitlines()[1:])
@@ -82,5 +82,5 @@ def test_the_scene_of_a_layout_can_be_saved_and_simulated_again(tmp_path):
 
 def test_many_targets_are_counted_by_class(tmp_path):
     result = run("simulate", "poplar", "-o", tmp_path / "a.mcap", "-n", 1)
-    assert "80 poplar" in result.stdout
+    assert "poplar, 80 of them" in result.stdout
     assert len(result.stdout.splitlines()) < 10

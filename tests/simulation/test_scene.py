@@ -39,7 +39,7 @@ def test_the_scenes_that_are_promised():
         ({"objects": {"buoy": 1}}, "objects: must be a list, is a section"),
         ({"objects": [3]}, "objects.0: must be a section with keys"),
         ({"objects": [BUOY | {"shape": "whale"}]}, "objects.0.shape: unknown shape 'whale'"),
-        ({"objects": [{"shape": "buoy"}]}, "objects.0.track_id: Field required"),
+        ({"objects": [{"shape": "buoy"}]}, "objects.0.track_id: is missing"),
         ({"objects": [BUOY | {"size_m": [1, 2]}]}, "objects.0.size_m"),
         ({"objects": [BUOY | {"size_m": [1, 2, 0]}]}, "objects.0.size_m.2"),
         ({"objects": [BUOY, BUOY]}, "track_id 1 occurs twice"),
