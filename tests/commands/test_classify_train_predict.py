@@ -164,9 +164,13 @@ def test_bad_tiles_for_training(tmp_path):
         labelled(tmp_path / "none.laz", [0, 0, 0]): "no points left",
         labelled(tmp_path / "nine.laz", [1, 2, 9]): "classes are 1 to 8",
     }
+    train = ("classify", "train", "-o", tmp_path / "m")
     for tile, said in cases.items():
-        result = run("classify", "train", tile, "-o", tmp_path / "m")
+        result = run(*train, tile)
         assert (result.exit_code, said in result.stderr) == (1, True), result.stderr
+    (tmp_path / "empty").mkdir()
+    assert "empty: the folder holds no tiles; known are" in run(*train, tmp_path / "empty").stderr
+    assert "none.las: no such tile" in run(*train, tmp_path / "none.las").stderr
     assert not (tmp_path / "m").exists()
 
 
@@ -195,6 +199,8 @@ def test_bad_command_lines(trained, tiles, tmp_path):
     predict = ("classify", "predict", tiles / "t4.laz", "-o", tmp_path / "o.laz")
     (tmp_path / "text").write_text("no model")
     assert "no model of seaclutter" in run(*predict, "--model", tmp_path / "text").stderr
+    result = run(*predict, "--model", tmp_path)
+    assert (result.exit_code, "is a directory" in result.stderr) == (2, True)
     both = ("classify", "predict", tiles / "t3.laz", tiles / "t4.laz", "-o", tmp_path / "o", "--model", trained[0])
     assert "one tile at a time" in run(*both, "--plot", tmp_path / "p.png").stderr
     assert "pictures end in" in run(*predict, "--model", trained[0], "--plot", tmp_path / "p.gif").stderr
