@@ -63,13 +63,10 @@ def draw_tile(
 
 
 def _draw_box(axes: "Axes", name: str, corners: NDArray[np.float64]) -> None:
-    middle = corners.mean(axis=0)
-    ring = middle + (corners - middle) * (1 + 6 / np.maximum(np.hypot(*(corners - middle).T), 3)[:, None])
     color = COLORS.get(name, "red")
-    axes.plot(*np.vstack((ring, ring[:1])).T, color=color, linewidth=0.7)
-    axes.annotate(
-        name, (middle[0], ring[:, 1].max()), (0, 1), textcoords="offset points", fontsize=5, ha="center", color=color
-    )
+    axes.plot(*np.vstack((corners, corners[:1])).T, color=color, linewidth=0.4)
+    top = corners[:, 0].mean(), corners[:, 1].max()
+    axes.annotate(name, top, (0, 1.5), textcoords="offset points", fontsize=5, ha="center", color=color)
 
 
 def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.int64]) -> None:

@@ -28,6 +28,16 @@ def test_a_tile_is_drawn_the_same_each_time():
     assert one == other != bare
 
 
+def test_boxes_are_as_large_as_reported():
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    corners = np.array([[40.0, 40], [55.5, 40], [55.5, 44.7], [40, 44.7]])
+    draw_tile(figure, np.array([[10.0, 90], [20, 80]]), {"ship": corners.T}, [("ship", corners)])
+    (line,) = figure.axes[0].lines
+    np.testing.assert_allclose(line.get_xydata(), np.vstack((corners, corners[:1])) - [10, 20])
+
+
 def test_a_tile_without_objects():
     assert tile(np.zeros((2, 3)), {}, []).startswith(b"\x89PNG")
 
