@@ -22,6 +22,9 @@ COLORS: Mapping[str, str] = {
 }
 """Colours of the classes, most of them told apart by colour-blind readers; boxes have names besides."""
 
+LEFT_OUT = "left out"
+"""Name of the points, drawn in grey, of clusters that are too unlikely to be objects."""
+
 _SHOWN_SEA = 40_000
 Box = tuple[str, NDArray[np.float64]]
 
@@ -38,7 +41,7 @@ def draw_tile(
     sea : ndarray, shape (2, N), float64
         Places of the sea's points in metres; a part of them is shown.
     points : mapping of str to ndarray, shape (2, M), float64
-        Places of the points of each class by its name.
+        Places of the points of each class by its name, or by `LEFT_OUT`.
     boxes : sequence of (str, ndarray of shape (4, 2))
         Class and corners of each object.
     """
@@ -49,7 +52,7 @@ def draw_tile(
     some = sea[:, :: max(1, sea.shape[1] // _SHOWN_SEA)] - corner[:, None]
     axes.scatter(some[0], some[1], s=0.2, color="#C6DBEF", linewidths=0, rasterized=True)
     for name, places in points.items():
-        color = COLORS.get(name, "red")
+        color = "#969696" if name == LEFT_OUT else COLORS.get(name, "red")
         x, y = places - corner[:, None]
         axes.scatter(x, y, s=0.5, color=color, linewidths=0, rasterized=True)
         axes.scatter([], [], s=10, color=color, label=name)

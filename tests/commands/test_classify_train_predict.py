@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,6 +95,47 @@ def test_predict_writes_points_objects_and_a_picture(trained, tiles, tmp_path):
         members = number == int(row["object"])
         assert abs(np.asarray(one.x)[members].mean() - float(row["x"])) < 15
     assert out[3].read_bytes().startswith(b"\x89PNG")
+
+
+def test_clusters_that_are_left_out_are_told(trained, tiles, tmp_path):
+    predict = ("classify", "predict", tiles / "t4.laz", "--model", trained[0], "--force", "-o", tmp_path / "o.laz")
+    strict = (*predict, "--plot", tmp_path / "o.svg", "-s", "objects.min_probability=1")
+    kept, none = (json.loads(run(*options, "--json").stdout)[0] for options in (predict, strict))
+    assert none["objects"] == []
+    assert none["clusters_left_out"] == len(kept["objects"]) + kept["clusters_left_out"] > 1
+    points = sum(one["points"] for one in kept["objects"]) + kept["points_left_out"]
+    assert none["points_left_out"] == points
+    said = f"{none['clusters_left_out']} clusters left out: {points:,} points, probability below 1 (objects.min_prob"
+    assert said in run(*strict).stdout
+    picture = (tmp_path / "o.svg").read_text()
+    assert "<!-- left out -->" in picture
+    assert "<!-- ship -->" not in picture
+
+
+def test_objects_are_listed_with_numbers_in_80_columns():
+    from seaclutter_cli.airborne.objects import Found
+    from seaclutter_cli.commands.classify_predict import Named, _shown
+
+    far = Found(1, 7, 0.621, 123456, (833978.4, 9997964.9), (1234.5, 234.5), 0.1, 12.34, 123456.7)
+    objects = [replace(far, number=number) for number in range(1, 100)]
+    text = _shown("t", Named(None, None, None, None, np.array([0, 1, 1]), objects), 0.4)
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert lines[2].split() == [
+        "1",
+        "fishing",
+        "fence",
+        "0.62",
+        "123,456",
+        "833978",
+        "9997965",
+        "1234.5",
+        "234.5",
+        "12.3",
+        "123,457",
+    ]
+    assert lines[-2].startswith("99 fishing fence")
+    assert lines[-1] == "1 cluster left out: 2 points, probability below 0.4 (objects.min_probability)"
 
 
 def test_predict_takes_other_clouds(trained, tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.plots.tiles import COLORS, draw_confusion, draw_tile
+from seaclutter_cli.plots.tiles import COLORS, LEFT_OUT, draw_confusion, draw_tile
 from seaclutter_cli.truth import OBJECT_CLASSES
 
 pytest.importorskip("matplotlib")
@@ -18,6 +18,18 @@ def tile(sea, points, boxes):
 def test_every_class_has_a_colour_of_its_own():
     assert set(COLORS) == set(OBJECT_CLASSES)
     assert len(set(COLORS.values())) == len(COLORS)
+
+
+def test_what_was_left_out_is_grey():
+    from matplotlib.colors import to_rgb
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    draw_tile(figure, np.zeros((2, 3)), {"ship": np.ones((2, 4)), LEFT_OUT: np.full((2, 5), 7.0)}, [])
+    drawn = {len(c.get_offsets()): c.get_facecolor()[0] for c in figure.axes[0].collections}
+    assert len(set(drawn[5][:3])) == 1
+    assert tuple(drawn[4][:3]) == to_rgb(COLORS["ship"])
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["ship", "left out"]
 
 
 def test_a_tile_is_drawn_the_same_each_time():
