@@ -62,6 +62,7 @@ def test_training_again_gives_the_same_model(trained, tiles):
     files = [tiles / f"t{seed}.laz" for seed in range(4)]
     result = run("classify", "train", *files, "-o", tiles / "again.skops", "-s", "forest.trees=20")
     assert "overall accuracy" in result.stdout
+    assert "points    F1 of objects" in result.stdout
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
     one, other = (
         run("classify", "predict", tiles / "t4.laz", "--model", m, "-o", tiles / "o.laz", "--json", "--force")
@@ -121,19 +122,7 @@ def test_objects_are_listed_with_numbers_in_80_columns():
     text = _shown("t", Named(None, None, None, None, np.array([0, 1, 1]), objects), 0.4)
     lines = text.splitlines()
     assert max(map(len, lines)) <= 80
-    assert lines[2].split() == [
-        "1",
-        "fishing",
-        "fence",
-        "0.62",
-        "123,456",
-        "833978",
-        "9997965",
-        "1234.5",
-        "234.5",
-        "12.3",
-        "123,457",
-    ]
+    assert " ".join(lines[2].split()) == "1 fishing fence 0.62 123,456 833978 9997965 1234.5 234.5 12.3 123,457"
     assert lines[-2].startswith("99 fishing fence")
     assert lines[-1] == "1 cluster left out: 2 points, probability below 0.4 (objects.min_probability)"
 
@@ -221,6 +210,20 @@ def test_what_could_not_be_tested_is_said(tmp_path):
     result = run("classify", "train", tile, "-o", tmp_path / "m", "-s", "forest.trees=5")
     assert "nothing of reef could be held out" in result.stderr
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
+
+
+def test_without_anything_held_out_there_is_no_test(tmp_path):
+    tile = labelled(tmp_path / "t.laz", [1, 2])
+    train = ("classify", "train", tile, "-s", "forest.trees=5", "--force", "-o", tmp_path / "m")
+    result = run(*train, "--plot", tmp_path / "p.png")
+    assert result.exit_code == 0, result.output
+    assert result.stdout == "trained on 400 points; there is no test, as nothing could be held out\n"
+    assert "no class has two objects; train on more tiles, or on more objects" in result.stderr
+    assert "p.png: not drawn" in result.stderr
+    assert not (tmp_path / "p.png").exists()
+    assert (tmp_path / "m").exists()
+    report = json.loads(run(*train, "--json").stdout)
+    assert (report["held_out"], report["points_tested"], report["kappa"]) == (None, 0, None)
 
 
 def test_no_output_takes_the_place_of_an_input_or_another(trained, tiles, tmp_path):
