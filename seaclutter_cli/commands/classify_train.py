@@ -58,13 +58,23 @@ class Report:
         """Names of the classes."""
         return [class_name(code) for code in self.codes]
 
+    @property
+    def kappa(self) -> float:
+        """Cohen's kappa by point; NaN where points of one class only were tested, of which it says nothing."""
+        several = np.count_nonzero(self.points.counts.sum(axis=1)) > 1
+        return self.points.kappa if several else float("nan")
+
     def as_dict(self) -> dict[str, Any]:
         """Return the report as data."""
         points = self.points
         columns = (points.precision, points.recall, points.f1, points.counts.sum(axis=1), self.objects.f1)
         keys = ("precision", "recall", "f1", "points", "object_f1")
         rows = [dict(zip(("class", *keys), (name, *map(_plain, v)), strict=True)) for name, *v in self._rows(columns)]
-        summary = {key: _plain(getattr(points, key)) for key in ("accuracy", "kappa", "macro_f1")}
+        summary = {
+            "accuracy": _plain(points.accuracy),
+            "kappa": _plain(self.kappa),
+            "macro_f1": _plain(points.macro_f1),
+        }
         return {
             "held_out": self.split if self.tested else None,
             "points_trained": self.trained,
@@ -94,7 +104,7 @@ class Report:
             (
                 f"{trained}, tested on {self.tested:,} of other {self.split}s",
                 table(head, rows),
-                f"overall accuracy {_3(points.accuracy)}, kappa {_3(points.kappa)}",
+                f"overall accuracy {_3(points.accuracy)}, kappa {_3(self.kappa)}",
                 fill("importance: " + ", ".join(f"{name} {value:.2f}" for name, value in ranked), 80),
             )
         )

@@ -209,6 +209,7 @@ def test_what_could_not_be_tested_is_said(tmp_path):
     tile = labelled(tmp_path / "t.laz", [1, 1, 2])
     result = run("classify", "train", tile, "-o", tmp_path / "m", "-s", "forest.trees=5")
     assert "nothing of reef could be held out" in result.stderr
+    assert "kappa -\n" in result.stdout, "a test of ships alone has none"
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
 
 
