@@ -22,7 +22,7 @@ from seaclutter_cli.airborne.surface import SeparationParams, SurfaceParams
 from seaclutter_cli.commands.classify_train import Report, fit
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import render
-from seaclutter_cli.plots.tiles import COLORS, draw_confusion, draw_tile
+from seaclutter_cli.plots.tiles import COLORS, LEFT_OUT, draw_confusion, draw_tile
 from seaclutter_cli.simulation.tiles import strips_of
 from seaclutter_cli.simulation.tiles_scene import TileScene, load_tile_scene
 from seaclutter_cli.truth import OBJECT_CLASSES
@@ -224,7 +224,9 @@ def figure_3(folder: Path, model: Model, seeds: int) -> None:
         points, xyz = points_of(load_tile_scene("fig3").with_tile(seed=seed))
         found, stood, part = standing(points, xyz)
         probability = predict(model.forest, features_of(stood, model.settings.features))
-        objects, number = find_objects(stood, probability, model.forest.classes_.tolist(), model.settings.objects)
+        objects, number, left_out = find_objects(
+            stood, probability, model.forest.classes_.tolist(), model.settings.objects
+        )
         right, other, sure = Counter(), Counter(), []
         for one in objects:
             own = part[number == one.number]
@@ -239,13 +241,15 @@ def figure_3(folder: Path, model: Model, seeds: int) -> None:
         shown = ", ".join(f"{many} {name}" for name, many in sorted(named.items()))
         print(f"| {seed} | {shown} | {dict(other) or 'none'} | {min(sure):.2f} to {max(sure):.2f} |", flush=True)
         if seed == 77:
-            _draw(folder, xyz, found, stood, number, objects)
+            sea, gone = xyz[:2, found.classification == WATER], stood.xy[:, left_out > 0]
+            _draw(folder, sea, gone, stood, number, objects)
 
 
-def _draw(folder: Path, xyz: Any, found: Separation, stood: Standing, number: Any, objects: list[Found]) -> None:
-    sea = xyz[:2, found.classification == WATER]
+def _draw(folder: Path, sea: Any, gone: Any, stood: Standing, number: Any, objects: list[Found]) -> None:
     code = np.array([0, *(one.code for one in objects)])[number]
     points = {class_name(one): stood.xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
+    if gone.size:
+        points[LEFT_OUT] = gone
     boxes = [(one.name, one.corners) for one in objects]
     (folder / "fig3.png").write_bytes(render(lambda figure: draw_tile(figure, sea, points, boxes), ".png", aspect=0.92))
 

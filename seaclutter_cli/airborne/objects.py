@@ -34,7 +34,7 @@ class ObjectParams:
     min_points : int
         Points that make an object.
     min_probability : float
-        Clusters whose probability is less are no objects: crests of waves, mostly.
+        Clusters whose probability is less are left out: crests of waves, mostly.
     """
 
     tolerance_m: Annotated[float, Gt(0)] = 4.0
@@ -93,8 +93,8 @@ class Found:
 
 def find_objects(
     points: Standing, probability: Values, classes: Sequence[int], params: ObjectParams
-) -> tuple[list[Found], NDArray[np.int64]]:
-    """Return the objects of a tile, and each point's object, shape (N,), 0 for none.
+) -> tuple[list[Found], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the objects of a tile, each point's object, and its cluster that was left out, shape (N,), 0 for none.
 
     Parameters
     ----------
@@ -120,15 +120,17 @@ def find_objects(
     order = np.argsort(number, kind="stable")
     ends = np.searchsorted(number[order], np.arange(1, number.max(initial=0) + 2))
     found: list[Found] = []
-    numbers = np.zeros_like(number)
-    for start, end in pairwise(ends):
+    numbers, left_out = np.zeros_like(number), np.zeros_like(number)
+    for cluster, (start, end) in enumerate(pairwise(ends), 1):
         own = order[start:end]
         best = int(np.argmax(np.bincount(likeliest[own], minlength=len(classes))))
         sure = float(probability[own, best].mean())
         if sure >= params.min_probability:
             found.append(_object(len(found) + 1, int(classes[best]), sure, points, own))
             numbers[own] = len(found)
-    return found, numbers
+        else:
+            left_out[own] = cluster - len(found)
+    return found, numbers, left_out
 
 
 def _object(number: int, code: int, sure: float, points: Standing, own: NDArray[np.intp]) -> Found:

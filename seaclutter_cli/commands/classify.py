@@ -14,6 +14,7 @@ def command() -> None:
 
 
 _path = click.Path(path_type=Path)
+_file = click.Path(path_type=Path, dir_okay=False)
 _tiles_argument = click.argument("tiles", metavar="TILE...", nargs=-1, required=True)
 _output_option = click.option(
     "-o",
@@ -84,7 +85,7 @@ def train(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
 
 @command.command(short_help="Name points and objects, by a model.")
 @_tiles_argument
-@click.option("--model", required=True, type=_path, metavar="MODEL", help="A model that train has written.")
+@click.option("--model", required=True, type=_file, metavar="MODEL", help="A model that train has written.")
 @_output_option
 @click.option("--csv", "csv_file", type=_path, metavar="FILE", help="Also write a line for each object.")
 @click.option("--geojson", "geojson_file", type=_path, metavar="FILE", help="Also write the objects' boxes.")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.forest import Samples, class_name, hold_out, join, predict, train
 from seaclutter_cli.airborne.model import Model
 from seaclutter_cli.airborne.settings import Settings, load_settings
-from seaclutter_cli.commands.console import table, warn
+from seaclutter_cli.commands.console import counted, table, warn
 from seaclutter_cli.commands.outputs import refuse_replacing, refuse_twice
 from seaclutter_cli.commands.standing import stand_out
 from seaclutter_cli.errors import InputError
@@ -58,15 +58,25 @@ class Report:
         """Names of the classes."""
         return [class_name(code) for code in self.codes]
 
+    @property
+    def kappa(self) -> float:
+        """Cohen's kappa by point; NaN where points of one class only were tested, of which it says nothing."""
+        several = np.count_nonzero(self.points.counts.sum(axis=1)) > 1
+        return self.points.kappa if several else float("nan")
+
     def as_dict(self) -> dict[str, Any]:
         """Return the report as data."""
         points = self.points
         columns = (points.precision, points.recall, points.f1, points.counts.sum(axis=1), self.objects.f1)
         keys = ("precision", "recall", "f1", "points", "object_f1")
         rows = [dict(zip(("class", *keys), (name, *map(_plain, v)), strict=True)) for name, *v in self._rows(columns)]
-        summary = {key: _plain(getattr(points, key)) for key in ("accuracy", "kappa", "macro_f1")}
+        summary = {
+            "accuracy": _plain(points.accuracy),
+            "kappa": _plain(self.kappa),
+            "macro_f1": _plain(points.macro_f1),
+        }
         return {
-            "held_out": self.split,
+            "held_out": self.split if self.tested else None,
             "points_trained": self.trained,
             "points_tested": self.tested,
             **summary,
@@ -80,18 +90,21 @@ class Report:
         return list(zip(self.names, *columns, strict=True))
 
     def as_text(self) -> str:
-        """Return the report for people."""
+        """Return the report for people; one line if nothing was tested."""
+        trained = f"trained on {counted(self.trained, 'point')}"
+        if not self.tested:
+            return f"{trained}; there is no test, as nothing could be held out"
         points, objects = self.points, self.objects
         columns = (points.precision, points.recall, points.f1, points.counts.sum(axis=1), objects.f1)
         rows = [(n, _3(p), _3(r), _3(f), f"{c:,}", _3(o)) for n, p, r, f, c, o in self._rows(columns)]
-        head = ("class", "precision", "recall", "F1", "points", "objects F1")
+        head = ("class", "precision", "recall", "F1", "points", "  F1 of objects")
         rows.append(("mean", "", "", _3(points.macro_f1), f"{points.counts.sum():,}", _3(objects.macro_f1)))
         ranked = sorted(self.importances.items(), key=lambda item: -item[1])
         return "\n".join(
             (
-                f"trained on {self.trained:,} points, tested on {self.tested:,} of other {self.split}s",
+                f"{trained}, tested on {self.tested:,} of other {self.split}s",
                 table(head, rows),
-                f"overall accuracy {points.accuracy:.3f}, kappa {points.kappa:.3f}",
+                f"overall accuracy {_3(points.accuracy)}, kappa {_3(self.kappa)}",
                 fill("importance: " + ", ".join(f"{name} {value:.2f}" for name, value in ranked), 80),
             )
         )
@@ -120,18 +133,27 @@ def run(patterns: Sequence[str], output: Path, options: Mapping[str, Any]) -> No
     parts = [_samples(number, path, settings, options) for number, path in enumerate(tiles)]
     model, report = fit(join(parts), settings)
     files = {output: model.to_bytes()}
-    if plot_file:
+    if plot_file and report.tested:
         files[plot_file] = render(
             lambda figure: draw_confusion(figure, report.names, report.points.counts), plot_file.suffix, aspect=0.85
         )
     for path, data in files.items():
         with AtomicFile(path) as file:
             file.stream.write(data)
-    missing = [name for name, points in zip(report.names, report.points.counts.sum(axis=1), strict=True) if not points]
-    if missing:
-        said = f"nothing of {', '.join(missing)} could be held out, so the test says nothing of that"
-        warn(f"{said}; train on more tiles, or on more objects", quiet=options["quiet"])
+    _warn_of_untested(report, plot_file, quiet=options["quiet"])
     click.echo(json.dumps(report.as_dict(), indent=2) if options["as_json"] else report.as_text())
+
+
+def _warn_of_untested(report: Report, plot_file: Path | None, *, quiet: bool) -> None:
+    missing = [name for name, points in zip(report.names, report.points.counts.sum(axis=1), strict=True) if not points]
+    if not missing:
+        return
+    said = f"nothing of {', '.join(missing)} could be held out, so the test says nothing of that"
+    if not report.tested:
+        said = "nothing could be held out: no class has two objects"
+        if plot_file:
+            warn(f"{plot_file}: not drawn, as there is no test", quiet=quiet)
+    warn(f"{said}; train on more tiles, or on more objects", quiet=quiet)
 
 
 def _samples(number: int, path: Path, settings: Settings, options: Mapping[str, Any]) -> Samples:

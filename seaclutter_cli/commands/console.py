@@ -143,7 +143,18 @@ def count(frames: int) -> str:
     >>> count(1), count(2)
     ('1 frame', '2 frames')
     """
-    return f"{frames:,} frame{'' if frames == 1 else 's'}"
+    return counted(frames, "frame")
+
+
+def counted(number: int, thing: str) -> str:
+    """Return a number of things in words.
+
+    Examples
+    --------
+    >>> counted(1, "point"), counted(1200, "point")
+    ('1 point', '1,200 points')
+    """
+    return f"{number:,} {thing}{'' if number == 1 else 's'}"
 
 
 def share(part: float, whole: float) -> str:

@@ -22,6 +22,9 @@ COLORS: Mapping[str, str] = {
 }
 """Colours of the classes, most of them told apart by colour-blind readers; boxes have names besides."""
 
+LEFT_OUT = "left out"
+"""Name of the points, drawn in grey, of clusters that are too unlikely to be objects."""
+
 _SHOWN_SEA = 40_000
 Box = tuple[str, NDArray[np.float64]]
 
@@ -38,7 +41,7 @@ def draw_tile(
     sea : ndarray, shape (2, N), float64
         Places of the sea's points in metres; a part of them is shown.
     points : mapping of str to ndarray, shape (2, M), float64
-        Places of the points of each class by its name.
+        Places of the points of each class by its name, or by `LEFT_OUT`.
     boxes : sequence of (str, ndarray of shape (4, 2))
         Class and corners of each object.
     """
@@ -49,7 +52,7 @@ def draw_tile(
     some = sea[:, :: max(1, sea.shape[1] // _SHOWN_SEA)] - corner[:, None]
     axes.scatter(some[0], some[1], s=0.2, color="#C6DBEF", linewidths=0, rasterized=True)
     for name, places in points.items():
-        color = COLORS.get(name, "red")
+        color = "#969696" if name == LEFT_OUT else COLORS.get(name, "red")
         x, y = places - corner[:, None]
         axes.scatter(x, y, s=0.5, color=color, linewidths=0, rasterized=True)
         axes.scatter([], [], s=10, color=color, label=name)
@@ -63,13 +66,10 @@ def draw_tile(
 
 
 def _draw_box(axes: "Axes", name: str, corners: NDArray[np.float64]) -> None:
-    middle = corners.mean(axis=0)
-    ring = middle + (corners - middle) * (1 + 6 / np.maximum(np.hypot(*(corners - middle).T), 3)[:, None])
     color = COLORS.get(name, "red")
-    axes.plot(*np.vstack((ring, ring[:1])).T, color=color, linewidth=0.7)
-    axes.annotate(
-        name, (middle[0], ring[:, 1].max()), (0, 1), textcoords="offset points", fontsize=5, ha="center", color=color
-    )
+    axes.plot(*np.vstack((corners, corners[:1])).T, color=color, linewidth=0.4)
+    top = corners[:, 0].mean(), corners[:, 1].max()
+    axes.annotate(name, top, (0, 1.5), textcoords="offset points", fontsize=5, ha="center", color=color)
 
 
 def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.int64]) -> None:

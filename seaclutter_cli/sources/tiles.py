@@ -186,6 +186,7 @@ def find_tiles(patterns: Iterable[str]) -> list[Path]:
         files = [file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
         tiles = [file for file in files if file.suffix.lower() in FRAME_READERS]
         if not tiles:
-            raise InputError(f"{pattern}: no such tile; known are {', '.join(FRAME_READERS)}")
+            said = "the folder holds no tiles" if Path(pattern).is_dir() else "no such tile"
+            raise InputError(f"{pattern}: {said}; known are {', '.join(FRAME_READERS)}")
         found.update(dict.fromkeys(tiles))
     return list(found)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,6 +62,7 @@ def test_training_again_gives_the_same_model(trained, tiles):
     files = [tiles / f"t{seed}.laz" for seed in range(4)]
     result = run("classify", "train", *files, "-o", tiles / "again.skops", "-s", "forest.trees=20")
     assert "overall accuracy" in result.stdout
+    assert "points    F1 of objects" in result.stdout
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
     one, other = (
         run("classify", "predict", tiles / "t4.laz", "--model", m, "-o", tiles / "o.laz", "--json", "--force")
@@ -94,6 +96,35 @@ def test_predict_writes_points_objects_and_a_picture(trained, tiles, tmp_path):
         members = number == int(row["object"])
         assert abs(np.asarray(one.x)[members].mean() - float(row["x"])) < 15
     assert out[3].read_bytes().startswith(b"\x89PNG")
+
+
+def test_clusters_that_are_left_out_are_told(trained, tiles, tmp_path):
+    predict = ("classify", "predict", tiles / "t4.laz", "--model", trained[0], "--force", "-o", tmp_path / "o.laz")
+    strict = (*predict, "--plot", tmp_path / "o.svg", "-s", "objects.min_probability=1")
+    kept, none = (json.loads(run(*options, "--json").stdout)[0] for options in (predict, strict))
+    assert none["objects"] == []
+    assert none["clusters_left_out"] == len(kept["objects"]) + kept["clusters_left_out"] > 1
+    points = sum(one["points"] for one in kept["objects"]) + kept["points_left_out"]
+    assert none["points_left_out"] == points
+    said = f"{none['clusters_left_out']} clusters left out: {points:,} points, probability below 1 (objects.min_prob"
+    assert said in run(*strict).stdout
+    picture = (tmp_path / "o.svg").read_text()
+    assert "<!-- left out -->" in picture
+    assert "<!-- ship -->" not in picture
+
+
+def test_objects_are_listed_with_numbers_in_80_columns():
+    from seaclutter_cli.airborne.objects import Found
+    from seaclutter_cli.commands.classify_predict import Named, _shown
+
+    far = Found(1, 7, 0.621, 123456, (833978.4, 9997964.9), (1234.5, 234.5), 0.1, 12.34, 123456.7)
+    objects = [replace(far, number=number) for number in range(1, 100)]
+    text = _shown("t", Named(None, None, None, None, np.array([0, 1, 1]), objects), 0.4)
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert " ".join(lines[2].split()) == "1 fishing fence 0.62 123,456 833978 9997965 1234.5 234.5 12.3 123,457"
+    assert lines[-2].startswith("99 fishing fence")
+    assert lines[-1] == "1 cluster left out: 2 points, probability below 0.4 (objects.min_probability)"
 
 
 def test_predict_takes_other_clouds(trained, tmp_path):
@@ -164,9 +195,13 @@ def test_bad_tiles_for_training(tmp_path):
         labelled(tmp_path / "none.laz", [0, 0, 0]): "no points left",
         labelled(tmp_path / "nine.laz", [1, 2, 9]): "classes are 1 to 8",
     }
+    train = ("classify", "train", "-o", tmp_path / "m")
     for tile, said in cases.items():
-        result = run("classify", "train", tile, "-o", tmp_path / "m")
+        result = run(*train, tile)
         assert (result.exit_code, said in result.stderr) == (1, True), result.stderr
+    (tmp_path / "empty").mkdir()
+    assert "empty: the folder holds no tiles; known are" in run(*train, tmp_path / "empty").stderr
+    assert "none.las: no such tile" in run(*train, tmp_path / "none.las").stderr
     assert not (tmp_path / "m").exists()
 
 
@@ -174,7 +209,22 @@ def test_what_could_not_be_tested_is_said(tmp_path):
     tile = labelled(tmp_path / "t.laz", [1, 1, 2])
     result = run("classify", "train", tile, "-o", tmp_path / "m", "-s", "forest.trees=5")
     assert "nothing of reef could be held out" in result.stderr
+    assert "kappa -\n" in result.stdout, "a test of ships alone has none"
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
+
+
+def test_without_anything_held_out_there_is_no_test(tmp_path):
+    tile = labelled(tmp_path / "t.laz", [1, 2])
+    train = ("classify", "train", tile, "-s", "forest.trees=5", "--force", "-o", tmp_path / "m")
+    result = run(*train, "--plot", tmp_path / "p.png")
+    assert result.exit_code == 0, result.output
+    assert result.stdout == "trained on 400 points; there is no test, as nothing could be held out\n"
+    assert "no class has two objects; train on more tiles, or on more objects" in result.stderr
+    assert "p.png: not drawn" in result.stderr
+    assert not (tmp_path / "p.png").exists()
+    assert (tmp_path / "m").exists()
+    report = json.loads(run(*train, "--json").stdout)
+    assert (report["held_out"], report["points_tested"], report["kappa"]) == (None, 0, None)
 
 
 def test_no_output_takes_the_place_of_an_input_or_another(trained, tiles, tmp_path):
@@ -195,6 +245,8 @@ def test_bad_command_lines(trained, tiles, tmp_path):
     predict = ("classify", "predict", tiles / "t4.laz", "-o", tmp_path / "o.laz")
     (tmp_path / "text").write_text("no model")
     assert "no model of seaclutter" in run(*predict, "--model", tmp_path / "text").stderr
+    result = run(*predict, "--model", tmp_path)
+    assert (result.exit_code, "is a directory" in result.stderr) == (2, True)
     both = ("classify", "predict", tiles / "t3.laz", tiles / "t4.laz", "-o", tmp_path / "o", "--model", trained[0])
     assert "one tile at a time" in run(*both, "--plot", tmp_path / "p.png").stderr
     assert "pictures end in" in run(*predict, "--model", trained[0], "--plot", tmp_path / "p.gif").stderr
