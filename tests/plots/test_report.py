@@ -119,6 +119,22 @@ def test_stages_show_less_and_less():
     assert all(axes.get_aspect() == 1 for axes in panels)
 
 
+def test_removed_points_lie_on_kept_ones_and_leave_them_to_see():
+    lines = {line.get_color(): line for line in drawn("stages", collect()).axes[0].lines if line.get_marker() == "."}
+    order, kept = list(lines), palette.REASONS[Reason.KEPT]
+    for color in (palette.REASONS[Reason.LOW_INTENSITY], palette.REASONS[Reason.OUTLIER]):
+        assert order.index(color) > order.index(kept)
+        assert lines[color].get_markersize() < lines[kept].get_markersize()
+
+
+def test_counts_of_stages_are_of_the_frame():
+    collected = collect()
+    sample = collected.foremost
+    titles = [axes.get_title() for axes in drawn("stages", collected).axes]
+    assert titles[0] == f"(a) raw: {sample.valid} points in the frame"
+    assert titles[2] == f"(c) after outliers: {np.count_nonzero(sample.reasons[0] == Reason.KEPT)} left"
+
+
 def test_ahead_is_up_and_port_is_left():
     kept = [one for one in drawn("stages", collect()).axes[0].lines if one.get_color() == palette.REASONS[Reason.KEPT]]
     places = {(round(x), round(y)) for x, y in zip(kept[0].get_xdata(), kept[0].get_ydata(), strict=True)}
@@ -128,3 +144,28 @@ def test_ahead_is_up_and_port_is_left():
 def test_two_methods_show_a_false_alarm_each():
     for axes in drawn("methods", collect()).axes:
         assert len([line for line in axes.lines if line.get_fillstyle() == "none" and len(line.get_xdata())]) == 1
+
+
+def legend_of(figure):
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def test_the_legend_of_methods_names_what_is_drawn():
+    assert legend_of(drawn("methods", collect())) == ["kept", "target found", "false alarm"]
+    calm = collect(frames=1)
+    assert legend_of(drawn("methods", calm)) == ["kept", "target found"]
+    box = {"class": "ignore", "center": [0, 0, 0], "size": [5, 2, 1], "yaw": 0.0}
+    states = ("ignored", "hidden", ["lost", None])
+    calm.foremost.boxes.extend({**box, "state": state} for state in states)
+    names = ["target found", "target lost", "target not visible", "target not judged", "ignored area"]
+    figure = drawn("methods", calm)
+    assert legend_of(figure) == ["kept", *names]
+    styles = [(line.get_linestyle(), line.get_color()) for line in figure.legends[0].get_lines()[1:]]
+    assert len(set(styles)) == len(names)
+
+
+def test_a_false_alarm_out_of_sight_is_not_in_the_legend():
+    collected = collect(frames=1)
+    far = {"kind": "false", "low": [900, 0, 0], "high": [901, 1, 1], "points": 1}
+    collected.foremost.clusters[0].append(far)
+    assert "false alarm" not in legend_of(drawn("methods", collected))
