@@ -2,9 +2,11 @@
 
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from seaclutter_cli.evaluation import EvaluationParams
@@ -16,6 +18,7 @@ from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector, Method
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump
+from tests.reporting.colors import difference
 
 EDGES = (10.0, 25.0, 40.0, 55.0, 70.0)
 FRAMES = 12
@@ -89,10 +92,31 @@ def test_thresholds_are_those_of_the_filter():
 
 def test_the_threshold_over_range_is_its_mean():
     collected = collect()
-    steps = [patch for patch in drawn("intensity", collected).axes[0].patches if patch.get_label() == "threshold"]
+    steps = [patch for patch in drawn("intensity", collected).axes[0].patches if patch.get_label() == "mean threshold"]
     values, edges, _ = steps[0].get_data()
     assert tuple(edges) == EDGES
     np.testing.assert_allclose(values, collected.histories[0].thresholds.mean(axis=0))
+    outlier = palette.REASONS[Reason.OUTLIER]
+    assert difference(to_hex(steps[0].get_edgecolor()), outlier) > 30
+
+
+@pytest.mark.parametrize("name", ["thresholds", "corrections"])
+def test_few_frames_have_markers_and_whole_ticks(name):
+    for frames in (1, 2):
+        axes = drawn(name, collect(frames=frames)).axes[0]
+        assert all(line.get_marker() == "o" and len(line.get_markevery()) == frames for line in axes.lines)
+        low, high = axes.get_xlim()
+        ticks = [tick for tick in axes.get_xticks() if low <= tick <= high]
+        assert ticks == list(range(frames))
+    assert all(line.get_marker() == "None" for line in drawn(name, collect()).axes[0].lines)
+
+
+def test_a_value_between_unknown_ones_has_a_marker():
+    collected = collect()
+    rows = collected.histories[0]._rows
+    for row in (4, 6):
+        rows[row][-8:] = np.nan
+    assert all(line.get_markevery() == [5] for line in drawn("thresholds", collected).axes[0].lines)
 
 
 def test_reasons_add_up_to_the_points():
@@ -109,6 +133,26 @@ def test_alarms_are_where_they_were():
     starts = sorted(path.vertices[:, 0].min() for path in wrong[0].get_paths())
     assert starts == [number - 0.5 for number in range(1, FRAMES, 2)]
     assert [tick.get_text() for tick in axes.get_yticklabels()] == ["joint", "none"]
+
+
+@pytest.mark.parametrize("name", ["alarms", "scenes"])
+def test_the_first_and_the_last_frame_are_as_wide_as_others(name):
+    collected = collect(names=("adaptive_radius",), edges=()) if name == "scenes" else collect()
+    assert drawn(name, collected).axes[0].get_xlim() == (-0.5, FRAMES - 0.5)
+
+
+def test_the_legend_of_alarms_names_what_there_is():
+    assert legend_of(drawn("alarms", collect())) == ["fine", "false alarm"]
+    assert legend_of(drawn("alarms", collect(frames=1))) == ["fine"]
+
+
+def test_names_of_24_characters_are_whole():
+    collected = collect()
+    names = ["ring_intensity_outlier", "m" * 24, "ring_intensity_outlier_and_more"]
+    collected.methods[:] = [replace(collected.methods[0], name=name) for name in names]
+    collected.histories.append(collected.histories[1])
+    axes = drawn("alarms", collected).axes[0]
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == [*names[:2], "ring_intensity_out…_more"]
 
 
 def test_stages_show_less_and_less():
