@@ -1,6 +1,6 @@
 """Frames seen from above: stage by stage, and by two methods (S0, Fig. 8, 10 and 11)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from seaclutter_cli.reporting.sample import Sample
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 Mask = NDArray[np.bool_]
 
@@ -24,11 +25,22 @@ _SIZES = {
     Reason.NEAR: 1.4,
     Reason.FAR: 1.4,
     Reason.EXCLUDED: 1.4,
-    Reason.LOW_INTENSITY: 1.8,
-    Reason.OUTLIER: 3.0,
-    Reason.KEPT: 2.6,
+    Reason.KEPT: 3.2,
+    Reason.LOW_INTENSITY: 1.6,
+    Reason.OUTLIER: 2.2,
 }
-"""Sizes of points in points of print; what comes later lies on top."""
+"""Sizes of points in points of print; what comes later lies on top: removed points, smaller, leave kept ones to see."""
+
+_MARKS: dict[str | None, tuple[str, str, str]] = {
+    "found": ("target found", "-", palette.STATES["found"]),
+    "lost": ("target lost", "--", palette.STATES["omitted alarm"]),
+    "hidden": ("target not visible", ":", "0.5"),
+    None: ("target not judged", "-.", "0.5"),
+    "ignored": ("ignored area", "--", "0.5"),
+}
+"""How labelled boxes are named and drawn, by their states: name, dashes and colour, in the order of the legend."""
+
+_FALSE_ALARM = "false alarm"
 
 STAGES: dict[str, Callable[[NDArray[np.uint8]], Mask]] = {
     "raw": lambda reason: np.ones(len(reason), np.bool_),
@@ -42,24 +54,26 @@ def draw_stages(figure: "Figure", collected: Collector) -> None:
     """Draw a frame as it was, after the intensity thresholds, and after the search for outliers."""
     sample = collected.foremost
     panels = figure.subplots(len(STAGES), 1, sharex=True, sharey=True)
-    for letter, axes, (name, left) in zip("abc", panels, STAGES.items(), strict=True):
+    _look_at(panels, sample)
+    for number, (axes, (name, left)) in enumerate(zip(panels, STAGES.items(), strict=True)):
         shown = left(sample.reasons[0])
         count = round(float(sample.weight[shown].sum()))
         draw_cloud(axes, sample, 0, shown)
-        axes.set_title(f"({letter}) {name}: {count:,} points", fontsize=8)
-    _finish(figure, panels, sample, [reason for reason in reversed(_SIZES) if (sample.reasons[0] == reason).any()])
+        axes.set_title(f"({'abc'[number]}) {name}: {count:,} {'left' if number else 'points in the frame'}", fontsize=8)
+    _explain(figure, panels[0], [reason for reason in _SIZES if (sample.reasons[0] == reason).any()])
 
 
 def draw_methods(figure: "Figure", collected: Collector) -> None:
     """Draw what the first two methods keep of a frame, with labelled boxes and false alarms."""
     sample = collected.foremost
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    _look_at(panels, sample)
+    marks: dict[str, Line2D] = {}
     for number, (letter, axes) in enumerate(zip("ab", panels, strict=True)):
         draw_cloud(axes, sample, number, sample.reasons[number] == Reason.KEPT)
-        draw_boxes(axes, sample, number)
+        marks |= draw_boxes(axes, sample, number)
         axes.set_title(f"({letter}) {collected.methods[number].name}", fontsize=8)
-    marks = draw_marks(panels[0]) if sample.boxes or any(sample.clusters[:2]) else {}
-    _finish(figure, panels, sample, [Reason.KEPT], marks)
+    _explain(figure, panels[0], [Reason.KEPT], marks)
 
 
 def draw_cloud(axes: "Axes", sample: Sample, method: int, shown: Mask) -> None:
@@ -84,34 +98,28 @@ def draw_cloud(axes: "Axes", sample: Sample, method: int, shown: Mask) -> None:
     axes.plot(0, 0, "+", color="black", markersize=5, markeredgewidth=0.7)
 
 
-def draw_boxes(axes: "Axes", sample: Sample, method: int) -> None:
-    """Draw labelled boxes, those of lost targets dashed, and a ring around every false alarm."""
+def draw_boxes(axes: "Axes", sample: Sample, method: int) -> "dict[str, Line2D]":
+    """Draw labelled boxes in the dashes of their states, and a ring around every false alarm.
+
+    Returns
+    -------
+    dict of str to Line2D
+        One of each kind that lies within the axes, by name, for a legend.
+    """
+    drawn: dict[str, Line2D] = {}
     for box in sample.boxes:
         state = box["state"][method] if isinstance(box["state"], list) else box["state"]
+        name, dashes, color = _MARKS[state]
         corners = _corners(box)
-        color = (
-            palette.STATES["omitted alarm"]
-            if state == "lost"
-            else palette.STATES["found"]
-            if state == "found"
-            else "0.5"
-        )
-        axes.plot(-corners[:, 1], corners[:, 0], "-" if state == "found" else "--", color=color, linewidth=0.8)
+        drawn[name] = axes.plot(-corners[:, 1], corners[:, 0], dashes, color=color, linewidth=0.8)[0]
     for cluster in sample.clusters[method]:
         if cluster["kind"] == "false":
-            low, high = np.array(cluster["low"]), np.array(cluster["high"])
-            middle = (low + high) / 2
-            axes.plot(-middle[1], middle[0], "o", color=palette.STATES["false alarm"], markersize=8, fillstyle="none")
-
-
-def draw_marks(axes: "Axes") -> dict[str, Any]:
-    """Return what `draw_boxes` draws, by name, for a legend."""
-    found, lost, wrong = (palette.STATES[state] for state in ("found", "omitted alarm", "false alarm"))
-    return {
-        "target found": axes.plot([], [], "-", color=found, linewidth=0.8)[0],
-        "target lost": axes.plot([], [], "--", color=lost, linewidth=0.8)[0],
-        "false alarm": axes.plot([], [], "o", color=wrong, markersize=5, fillstyle="none")[0],
-    }
+            x, y, _ = (np.array(cluster["low"]) + cluster["high"]) / 2
+            color = palette.STATES[_FALSE_ALARM]
+            ring = axes.plot(-y, x, "o", color=color, markersize=8, fillstyle="none")[0]
+            if axes.viewLim.contains(-y, x):
+                drawn[_FALSE_ALARM] = ring
+    return drawn
 
 
 def _corners(box: dict[str, Any]) -> NDArray[np.float64]:
@@ -121,9 +129,7 @@ def _corners(box: dict[str, Any]) -> NDArray[np.float64]:
     return turned
 
 
-def _finish(
-    figure: "Figure", panels: Any, sample: Sample, reasons: list[Reason], marks: dict[str, Any] | None = None
-) -> None:
+def _look_at(panels: Any, sample: Sample) -> None:
     """Show the same part of the scene in all panels: where clutter and targets are, around the vessel."""
     inside = np.isin(sample.reasons[0], (Reason.KEPT, Reason.LOW_INTENSITY, Reason.OUTLIER))
     ends = [np.zeros((1, 2)), *(_corners(box) for box in sample.boxes)]
@@ -138,12 +144,21 @@ def _finish(
         axes.set_xlim(-middle[1] - _WIDE * ahead, -middle[1] + _WIDE * ahead)
         axes.set_ylim(middle[0] - ahead, middle[0] + ahead)
     panels[-1].set_xlabel("To starboard (m)")
+
+
+def _explain(
+    figure: "Figure", axes: "Axes", reasons: list[Reason], marks: "Mapping[str, Line2D] | None" = None
+) -> None:
+    """Say above a figure what colours and marks mean, in the order of the palette and of `_MARKS`."""
+    marks = marks or {}
     handles = {
-        reason.name.lower().replace("_", " "): panels[0].plot([], [], "o", markersize=3, color=palette.REASONS[reason])[
-            0
-        ]
-        for reason in reasons
-    } | (marks or {})
+        reason.name.lower().replace("_", " "): axes.plot([], [], "o", markersize=3, color=color)[0]
+        for reason, color in palette.REASONS.items()
+        if reason in reasons
+    }
+    for name in (*(name for name, _, _ in _MARKS.values()), _FALSE_ALARM):
+        if name in marks:
+            handles[name] = marks[name]
     length = 1.4 if marks else 0.8
     figure.legend(
         handles.values(), handles, loc="outside upper center", ncols=4, handlelength=length, columnspacing=1.2

@@ -6,10 +6,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.frame import Reason
-from seaclutter_cli.plots.clouds import draw_methods, draw_stages
+from seaclutter_cli.plots.clouds import Mask, draw_methods, draw_stages
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector
@@ -18,10 +17,12 @@ from seaclutter_cli.reporting.data import mean_thresholds
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
 _DASHES = ("-", "--", ":", "-.", (0, (5, 1)), (0, (1, 1)))
 _MOST_POINTS = 12_000
 _MAX_LEGEND = 6
+_FEW_FRAMES = 10
 _NAMES = {reason: reason.name.lower().replace("_", " ") for reason in Reason}
 
 
@@ -90,16 +91,9 @@ def draw_intensity(figure: "Figure", collected: Collector) -> None:
             dots = axes.plot(range_m[own], intensity[own], ".", markersize=2.2, color=palette.REASONS[one])
             dots[0].set(rasterized=True, markeredgewidth=0, label=_NAMES[one])
     if edges:
-        axes.stairs(thresholds, edges, baseline=None, color="white", linewidth=3, zorder=3)
-        axes.stairs(
-            thresholds,
-            edges,
-            baseline=None,
-            color=palette.STATES["false alarm"],
-            linewidth=1.4,
-            zorder=4,
-            label="threshold",
-        )
+        axes.stairs(thresholds, edges, baseline=None, color="white", linewidth=4, zorder=3)
+        line = axes.stairs(thresholds, edges, baseline=None, color=palette.INK["ink"], linewidth=2, zorder=4)
+        line.set_label("mean threshold")
     axes.set(
         xlabel="Range (m)",
         ylabel="Intensity (sensor's unit)",
@@ -118,11 +112,21 @@ def draw_rings(figure: "Figure", collected: Collector, *, name: str) -> None:
     for k, (color, column) in enumerate(zip(colors, values.T, strict=True)):
         dash = _DASHES[k] if values.shape[1] <= _MAX_LEGEND else "-"
         label = f"{edges[k]:g} to {edges[k + 1]:g} m" if k in named else None
-        axes.plot(np.arange(len(column)), column, color=color, linestyle=dash, linewidth=1, label=label)
+        line = axes.plot(np.arange(len(column)), column, color=color, linestyle=dash, linewidth=1, label=label)[0]
+        alone = _alone(np.isfinite(column))
+        if alone:
+            line.set(marker="o", markersize=3.5, markevery=alone, clip_on=False)
     _over_frames(axes, len(values))
     axes.set(ylabel=f"{name.removesuffix('s').capitalize()} (sensor's unit)")
-    axes.set_ylim(bottom=min(0.0, float(np.nanmin(values))))
+    axes.set_ylim(min(0.0, float(np.nanmin(values))), None if np.nan_to_num(values).any() else 1.0)
     figure.legend(loc="outside upper center", ncols=2, handlelength=2.4)
+
+
+def _alone(known: Mask) -> list[int]:
+    """Return where markers are needed: at each value if there are few, else at those that no line leads to."""
+    padded = np.pad(known, 1)
+    crowded = (padded[:-2] | padded[2:]) & (len(known) > _FEW_FRAMES)
+    return [int(place) for place in np.flatnonzero(known & ~crowded)]
 
 
 def ring_colors(count: int) -> list[str]:
@@ -158,19 +162,22 @@ def draw_reasons(figure: "Figure", collected: Collector) -> None:
 def draw_alarms(figure: "Figure", collected: Collector) -> None:
     """Draw for each method the frames with false alarms, upper half, and with omitted ones, lower half."""
     axes = figure.add_subplot()
-    frames = len(collected.timeline.frame)
+    named = set()
     for row, history in enumerate(collected.histories):
         labelled = np.isfinite(history.false_alarms)
         states = {"fine": (labelled, 0.1, 0.8), "false alarm": (history.false_alarms > 0, 0.1, 0.4)}
         states["omitted alarm"] = (history.omitted > 0, 0.5, 0.4)
         for state, (there, low, height) in states.items():
             spans = [(first - 0.5, last - first) for first, last in _runs(there)]
-            label = state if row == 0 else None
+            if not spans:
+                continue
+            label = None if state in named else state
+            named.add(state)
             axes.broken_barh(spans, (row + low, height), color=palette.STATES[state], linewidth=0, label=label)
     names = [method.name for method in collected.methods]
     axes.set_yticks(np.arange(len(names)) + 0.5, [_short(name) for name in names])
     axes.set_ylim(len(names), 0)
-    _over_frames(axes, frames)
+    _over_frames(axes, len(collected.timeline.frame), whole=True)
     axes.tick_params(axis="y", length=0)
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
 
@@ -184,27 +191,28 @@ def draw_scenes(figure: "Figure", collected: Collector) -> None:
         axes.broken_barh(spans, (row + 0.15, 0.7), color=color, linewidth=0)
     axes.set_yticks(np.arange(len(scenes)) + 0.5, [_short(name) for name in scenes])
     axes.set(ylim=(max(len(scenes), 1), 0), ylabel="Scene")
-    _over_frames(axes, len(collected.timeline.frame))
+    _over_frames(axes, len(collected.timeline.frame), whole=True)
     axes.tick_params(axis="y", length=0)
 
 
-def _short(name: str, most: int = 18) -> str:
+def _short(name: str, most: int = 24) -> str:
     """Return a name, without its middle if it is long: what tells names apart may stand at the end."""
     return name if len(name) <= most else f"{name[: most - 6]}…{name[-5:]}"
 
 
-def _runs(there: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(there: Mask) -> list[tuple[int, int]]:
     """Return where runs of true values begin, and where each has ended."""
     steps = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))
     return [(int(first), int(end)) for first, end in steps.reshape(-1, 2)]
 
 
-def _over_frames(axes: "Axes", frames: int) -> None:
+def _over_frames(axes: "Axes", frames: int, *, whole: bool = False) -> None:
+    """Let the x axis be of frames, the first and the last drawn as wide as others if bars stand for them."""
     from matplotlib.ticker import MaxNLocator
 
-    axes.set_xlim((0, frames - 1) if frames > 1 else (-0.5, 0.5))
+    axes.set_xlim((-0.5, frames - 0.5) if whole or frames == 1 else (0, frames - 1))
     axes.set_xlabel("Frame")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 
 def _has_rings(collected: Collector) -> bool:

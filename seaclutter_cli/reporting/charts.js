@@ -86,16 +86,21 @@ function swatch(color, dash) {
 const legend = (items) => h("ul", { class: "legend" },
   items.map(([name, color, dash]) => h("li", {}, h("span", {}, swatch(color, dash), name))));
 
-// A line through known values, broken where one is missing; a single value is a dash.
+// A line through known values, broken where one is missing.
 function curve(plot, xs, values) {
   let path = "", pen = false;
   for (let i = 0; i < xs.length; i++) {
     if (!known(values[i])) { pen = false; continue; }
     path += `${pen ? "L" : "M"}${plot.px(xs[i]).toFixed(1)} ${plot.py(values[i]).toFixed(1)}`;
-    if (!pen && !known(values[i + 1])) path += "h2";
     pen = true;
   }
   return path;
+}
+
+// Dots at all values if there are few, else at those that no line leads to.
+function dots(plot, xs, values, color, few = 10) {
+  return xs.map((x, i) => i).filter((i) => known(values[i]) && (xs.length <= few || (!known(values[i - 1]) && !known(values[i + 1]))))
+    .map((i) => svg("circle", { cx: plot.px(xs[i]).toFixed(1), cy: plot.py(values[i]).toFixed(1), r: xs.length <= few ? 4 : 2, fill: color }));
 }
 
 // What stands for several frames is drawn at the middle of them.
@@ -130,7 +135,8 @@ function lineChart(host, { series, yLabel, label }) {
         if (low && data.bins.length < frames.count) {
           plot.root.append(svg("path", { d: band(plot, low, high), fill: color, "fill-opacity": 0.15 }));
         }
-        plot.root.append(svg("path", { d: curve(plot, binMiddles, values), fill: "none", stroke: color, "stroke-width": 1.8, "stroke-dasharray": dash, "stroke-linejoin": "round" }));
+        plot.root.append(svg("path", { d: curve(plot, binMiddles, values), fill: "none", stroke: color, "stroke-width": 1.8, "stroke-dasharray": dash, "stroke-linejoin": "round" }),
+          ...dots(plot, binMiddles, values, color));
       }
     },
   });

@@ -124,6 +124,7 @@ class CloudView {
     words.fill(0xffffffff);
     depths.fill(Infinity);
     const place = [0, 0, 0], bold = reasons.length > 8000 ? 2 : 3.2;
+    const lifts = color === "reason" ? { 3: 0.5, 4: 1 } : {}; // metres: kept points would hide those removed among them
     for (let i = 0; i < reasons.length; i++) {
       if (!shows(reasons[i])) continue;
       this.project(xyz[3 * i] * scale, xyz[3 * i + 1] * scale, xyz[3 * i + 2] * scale, place);
@@ -131,12 +132,13 @@ class CloudView {
       if (depth < 0.5) continue;
       const word = color === "truth" ? TRUTH_WORDS[truth[i]] : color === "intensity" ? INTENSITIES[intensity[i]] : REASON_WORDS[reasons[i]];
       const large = color === "truth" ? truth[i] === 2 : reasons[i] === 0 || reasons[i] === 4;
+      const over = depth - (lifts[reasons[i]] || 0);
       const size = Math.round(this.ratio * (large ? bold : Math.min(bold, 2)));
       const [left, top] = [Math.round(place[0] - size / 2), Math.round(place[1] - size / 2)];
       if (left < 0 || top < 0 || left + size > width || top + size > height) continue;
       for (let row = top; row < top + size; row++) {
         for (let cell = row * width + left; cell < row * width + left + size; cell++) {
-          if (depth < depths[cell]) { depths[cell] = depth; words[cell] = word; }
+          if (over < depths[cell]) { depths[cell] = over; words[cell] = word; }
         }
       }
     }

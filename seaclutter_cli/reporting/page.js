@@ -77,9 +77,11 @@ function fillFrames(host, look) {
   if (!samples.length) { host.append(h("p", {}, "There is no frame to show.")); return; }
   const bad = alarms[0].bits.reduce((sum, bits) => sum + (bits > 1), 0);
   const badness = ({ row }) => alarms[0].wrong[row] + alarms[0].lost[row];
+  const judged = ({ row }) => alarms[0].bits[row] & 1;
   const groups = labelled ? [
     [`Frames that went wrong, the worst first: ${whole(samples.filter(badness).length)} of ${whole(bad)}`, (sample) => badness(sample)],
-    ["Frames that went well", (sample) => !badness(sample)],
+    ["Frames that went well", (sample) => judged(sample) && !badness(sample)],
+    ["Frames not labelled", (sample) => !judged(sample)],
   ] : [
     ["Frames of which the largest share was removed as clutter", ({ why }) => why === "worst"],
     ["Frames of which the smallest share was removed", ({ why }) => why === "best"],

@@ -2,9 +2,11 @@
 
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from seaclutter_cli.evaluation import EvaluationParams
@@ -16,6 +18,7 @@ from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector, Method
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump
+from tests.reporting.colors import difference
 
 EDGES = (10.0, 25.0, 40.0, 55.0, 70.0)
 FRAMES = 12
@@ -89,10 +92,31 @@ def test_thresholds_are_those_of_the_filter():
 
 def test_the_threshold_over_range_is_its_mean():
     collected = collect()
-    steps = [patch for patch in drawn("intensity", collected).axes[0].patches if patch.get_label() == "threshold"]
+    steps = [patch for patch in drawn("intensity", collected).axes[0].patches if patch.get_label() == "mean threshold"]
     values, edges, _ = steps[0].get_data()
     assert tuple(edges) == EDGES
     np.testing.assert_allclose(values, collected.histories[0].thresholds.mean(axis=0))
+    outlier = palette.REASONS[Reason.OUTLIER]
+    assert difference(to_hex(steps[0].get_edgecolor()), outlier) > 30
+
+
+@pytest.mark.parametrize("name", ["thresholds", "corrections"])
+def test_few_frames_have_markers_and_whole_ticks(name):
+    for frames in (1, 2):
+        axes = drawn(name, collect(frames=frames)).axes[0]
+        assert all(line.get_marker() == "o" and len(line.get_markevery()) == frames for line in axes.lines)
+        low, high = axes.get_xlim()
+        ticks = [tick for tick in axes.get_xticks() if low <= tick <= high]
+        assert ticks == list(range(frames))
+    assert all(line.get_marker() == "None" for line in drawn(name, collect()).axes[0].lines)
+
+
+def test_a_value_between_unknown_ones_has_a_marker():
+    collected = collect()
+    rows = collected.histories[0]._rows
+    for row in (4, 6):
+        rows[row][-8:] = np.nan
+    assert all(line.get_markevery() == [5] for line in drawn("thresholds", collected).axes[0].lines)
 
 
 def test_reasons_add_up_to_the_points():
@@ -111,12 +135,48 @@ def test_alarms_are_where_they_were():
     assert [tick.get_text() for tick in axes.get_yticklabels()] == ["joint", "none"]
 
 
+@pytest.mark.parametrize("name", ["alarms", "scenes"])
+def test_the_first_and_the_last_frame_are_as_wide_as_others(name):
+    collected = collect(names=("adaptive_radius",), edges=()) if name == "scenes" else collect()
+    assert drawn(name, collected).axes[0].get_xlim() == (-0.5, FRAMES - 0.5)
+
+
+def test_the_legend_of_alarms_names_what_there_is():
+    assert legend_of(drawn("alarms", collect())) == ["fine", "false alarm"]
+    assert legend_of(drawn("alarms", collect(frames=1))) == ["fine"]
+
+
+def test_names_of_24_characters_are_whole():
+    collected = collect()
+    names = ["ring_intensity_outlier", "m" * 24, "ring_intensity_outlier_and_more"]
+    collected.methods[:] = [replace(collected.methods[0], name=name) for name in names]
+    collected.histories.append(collected.histories[1])
+    axes = drawn("alarms", collected).axes[0]
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == [*names[:2], "ring_intensity_out…_more"]
+
+
 def test_stages_show_less_and_less():
     panels = drawn("stages", collect()).axes
     counts = [sum(len(line.get_xdata()) for line in axes.lines if line.get_marker() == ".") for axes in panels]
     assert counts[0] >= counts[1] >= counts[2] > 0
     assert [axes.get_title()[:3] for axes in panels] == ["(a)", "(b)", "(c)"]
     assert all(axes.get_aspect() == 1 for axes in panels)
+
+
+def test_removed_points_lie_on_kept_ones_and_leave_them_to_see():
+    lines = {line.get_color(): line for line in drawn("stages", collect()).axes[0].lines if line.get_marker() == "."}
+    order, kept = list(lines), palette.REASONS[Reason.KEPT]
+    for color in (palette.REASONS[Reason.LOW_INTENSITY], palette.REASONS[Reason.OUTLIER]):
+        assert order.index(color) > order.index(kept)
+        assert lines[color].get_markersize() < lines[kept].get_markersize()
+
+
+def test_counts_of_stages_are_of_the_frame():
+    collected = collect()
+    sample = collected.foremost
+    titles = [axes.get_title() for axes in drawn("stages", collected).axes]
+    assert titles[0] == f"(a) raw: {sample.valid} points in the frame"
+    assert titles[2] == f"(c) after outliers: {np.count_nonzero(sample.reasons[0] == Reason.KEPT)} left"
 
 
 def test_ahead_is_up_and_port_is_left():
@@ -128,3 +188,28 @@ def test_ahead_is_up_and_port_is_left():
 def test_two_methods_show_a_false_alarm_each():
     for axes in drawn("methods", collect()).axes:
         assert len([line for line in axes.lines if line.get_fillstyle() == "none" and len(line.get_xdata())]) == 1
+
+
+def legend_of(figure):
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def test_the_legend_of_methods_names_what_is_drawn():
+    assert legend_of(drawn("methods", collect())) == ["kept", "target found", "false alarm"]
+    calm = collect(frames=1)
+    assert legend_of(drawn("methods", calm)) == ["kept", "target found"]
+    box = {"class": "ignore", "center": [0, 0, 0], "size": [5, 2, 1], "yaw": 0.0}
+    states = ("ignored", "hidden", ["lost", None])
+    calm.foremost.boxes.extend({**box, "state": state} for state in states)
+    names = ["target found", "target lost", "target not visible", "target not judged", "ignored area"]
+    figure = drawn("methods", calm)
+    assert legend_of(figure) == ["kept", *names]
+    styles = [(line.get_linestyle(), line.get_color()) for line in figure.legends[0].get_lines()[1:]]
+    assert len(set(styles)) == len(names)
+
+
+def test_a_false_alarm_out_of_sight_is_not_in_the_legend():
+    collected = collect(frames=1)
+    far = {"kind": "false", "low": [900, 0, 0], "high": [901, 1, 1], "points": 1}
+    collected.foremost.clusters[0].append(far)
+    assert "false alarm" not in legend_of(drawn("methods", collected))

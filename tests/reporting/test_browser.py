@@ -94,6 +94,36 @@ def test_points_are_drawn_in_the_colours_of_their_reasons(sea, visit):
     assert found["#3f95e8"] > 500  # low intensity
 
 
+def test_outliers_among_kept_points_are_seen(sea, visit):
+    page = visit(sea)
+    counts = page.page.evaluate("data.samples.map((_, i) => openSample(i).reasons[0].filter(one => one === 4).length)")
+    page.page.get_by_label("frame", exact=True).select_option(index=counts.index(max(counts)))
+    seen = page.inked()["#d1661a"]
+    page.page.get_by_label("kept", exact=True).uncheck()
+    alone = page.inked()["#d1661a"]
+    assert seen >= 0.9 * alone > 0
+
+
+def test_frames_without_labels_have_a_heading_of_their_own(visit, tmp_path):
+    labels = make_labels(tmp_path / "boxes.csv")
+    lines = labels.read_text(encoding="utf-8").splitlines(keepends=True)
+    labels.write_text("".join([lines[0], *(line for line in lines[1:] if line.split(",")[0] in "01")]), "utf-8")
+    report(make_log(tmp_path / "log.mcap"), "--labels", labels, "-o", tmp_path / "page.html")
+    page = visit(tmp_path / "page.html")
+    for button in page.page.locator(".picks button").all():
+        title = button.evaluate("one => one.closest('ul').previousElementSibling.textContent")
+        assert (title == "Frames not labelled") == ("not labelled" in button.inner_text())
+    assert page.page.get_by_role("heading", name="Frames not labelled").count() == 1
+
+
+def test_rings_of_a_single_frame_are_dots(visit, tmp_path):
+    report(make_log(tmp_path / "log.mcap"), "-n", 1, "-o", tmp_path / "page.html")
+    chart = visit(tmp_path / "page.html").page.get_by_role("img", name="Threshold of each ring")
+    radii = chart.locator("circle").evaluate_all("dots => dots.map(dot => Number(dot.getAttribute('r')))")
+    assert len(radii) == 4
+    assert min(radii) >= 3
+
+
 def test_a_click_on_a_bad_frame_shows_it(sea, visit):
     page = visit(sea)
     bad = page.page.get_by_role("button", name="2 false alarms").first
