@@ -278,7 +278,8 @@ def test_an_interrupted_run_leaves_nothing(tmp_path):
         time.sleep(0.3)
         process.send_signal(signal.SIGINT)
         process.communicate()
-        assert process.returncode == 1
+        # Python ends by the signal after all where KeyboardInterrupt came while a class was made.
+        assert process.returncode in (1, -signal.SIGINT)
     assert list(tmp_path.iterdir()) == []
 
 
