@@ -12,6 +12,7 @@ from seaclutter_cli.commands.console import Progress, count, report_damage, warn
 from seaclutter_cli.commands.options import (
     config_options,
     decoding_options,
+    force_option,
     logs_argument,
     output_options,
     selection_options,
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     metavar="CONFIG",
     help="Configuration to write, for filter -c.",
 )
-@click.option("--force", is_flag=True, help="Replace existing output.")
+@force_option
 @click.option(
     "--filter-rate",
     type=click.FloatRange(min=0, max=1, min_open=True),

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from seaclutter_cli.commands.options import config_file_option, output_options, set_option
+from seaclutter_cli.commands.options import config_file_option, force_option, output_options, set_option
 
 
 @click.group(name="classify")
@@ -24,7 +24,6 @@ _output_option = click.option(
     metavar="OUT",
     help="File for one tile, folder for several: LAS, LAZ, PCD, PLY or MCAP.",
 )
-_force_option = click.option("--force", is_flag=True, help="Replace existing output.")
 _config_option = config_file_option("Settings.")
 _set_option = set_option("separation.window_m=30")
 
@@ -33,7 +32,7 @@ _set_option = set_option("separation.window_m=30")
 @_tiles_argument
 @_output_option
 @click.option("--with-height", is_flag=True, help="Also write each point's height above the sea surface.")
-@_force_option
+@force_option
 @_config_option
 @_set_option
 @output_options
@@ -67,7 +66,7 @@ def separate(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
     help="Field that tells objects apart; without it, clusters of a class do.",
 )
 @click.option("--plot", "plot_file", type=_path, metavar="FILE", help="Draw the confusion matrix, as PNG or SVG.")
-@_force_option
+@force_option
 @_config_option
 @_set_option
 @output_options
@@ -90,7 +89,7 @@ def train(tiles: tuple[str, ...], output: Path, **options: Any) -> None:
 @click.option("--csv", "csv_file", type=_path, metavar="FILE", help="Also write a line for each object.")
 @click.option("--geojson", "geojson_file", type=_path, metavar="FILE", help="Also write the objects' boxes.")
 @click.option("--plot", "plot_file", type=_path, metavar="FILE", help="Draw the tile from above, as PNG or SVG.")
-@_force_option
+@force_option
 @_config_option
 @_set_option
 @output_options

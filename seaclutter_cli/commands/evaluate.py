@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.options import logs_argument, methods_options, output_options, selection_options
+from seaclutter_cli.commands.options import (
+    force_option,
+    logs_argument,
+    methods_options,
+    output_options,
+    selection_options,
+)
 from seaclutter_cli.commands.truths import label_options
 from seaclutter_cli.errors import UsageError
 
@@ -29,7 +35,7 @@ if TYPE_CHECKING:
 @click.option(
     "--summary", "summary_file", type=click.Path(path_type=Path), metavar="FILE.json", help="Write all figures as JSON."
 )
-@click.option("--force", is_flag=True, help="Replace existing output.")
+@force_option
 @methods_options
 @click.option(
     "--clustering",

@@ -13,6 +13,7 @@ from seaclutter_cli.commands.console import Progress, report_damage, share, told
 from seaclutter_cli.commands.options import (
     config_options,
     decoding_options,
+    force_option,
     logs_argument,
     output_options,
     selection_options,
@@ -44,7 +45,7 @@ _COMPRESSIONS = {"zstd": "zstd", "lz4": "lz4", "none": ""}
     metavar="OUT",
     help="File for one recording, folder for several.",
 )
-@click.option("--force", is_flag=True, help="Replace existing output.")
+@force_option
 @config_options
 @selection_options
 @click.option("--csv", "csv_file", type=click.Path(path_type=Path), metavar="FILE", help="Also write a line a frame.")

@@ -28,6 +28,7 @@ debug_option = click.option(
     callback=_remember_debug,
     help="Show the traceback of an error.",
 )
+force_option = click.option("--force", is_flag=True, help="Replace existing output.")
 logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=True)
 
 

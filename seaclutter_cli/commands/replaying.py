@@ -69,8 +69,8 @@ def _recorded(recording: "Recording", options: Mapping[str, Any]) -> tuple[str, 
         if not topics:
             if is_remainder(source, options["topics"]):
                 raise InputError(
-                    f"{source.name}: was filtered already, and what was removed is not in it; make a report of the raw "
-                    "log, or of one filtered with --keep-raw --with-removed; -m none shows what is left"
+                    f"{source.name}: was filtered already, and what was removed is not in it; take the raw log, or "
+                    "one filtered with --keep-raw --with-removed; -m none shows what is left"
                 )
             return None
         if len(topics) > 1:

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from seaclutter_cli.commands.console import warn
-from seaclutter_cli.commands.options import logs_argument, methods_options, output_options, selection_options
+from seaclutter_cli.commands.options import (
+    force_option,
+    logs_argument,
+    methods_options,
+    output_options,
+    selection_options,
+)
 from seaclutter_cli.commands.truths import label_options
 
 if TYPE_CHECKING:
@@ -25,7 +31,7 @@ if TYPE_CHECKING:
     metavar="REPORT.html",
     help="The page: one file that opens in any browser, without a network.",
 )
-@click.option("--force", is_flag=True, help="Replace existing output.")
+@force_option
 @click.option(
     "--figures",
     "figure_folder",

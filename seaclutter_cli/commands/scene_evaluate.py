@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.console import Progress, count, fail, table
+from seaclutter_cli.commands.console import Progress, count, table, told_errors
 from seaclutter_cli.commands.options import output_options, selection_options
 from seaclutter_cli.commands.scene_logs import find_labelled, judge_options, labelled_logs, read_frames
 from seaclutter_cli.commands.scene_table import SceneTable, confusion_table
-from seaclutter_cli.errors import SeaclutterError, UsageError
+from seaclutter_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from seaclutter_cli.commands.scene_logs import LabelledLog
@@ -59,12 +59,28 @@ def evaluate(folders: tuple[Path, ...], scenes: tuple[str, ...], **options: Any)
 
 
 @dataclass
+class _Log:
+    """What a classifier made of one log: its name and true class, frames by told class."""
+
+    name: str
+    scene: str
+    told: Counter[str] = field(default_factory=Counter)
+    error: str | None = None
+    seconds: float = 0.0
+
+    @property
+    def wrong(self) -> int:
+        """Frames told to be of another class."""
+        return self.told.total() - self.told[self.scene]
+
+
+@dataclass
 class _Found:
     """What a classifier made of all logs."""
 
     classes: Sequence[str]
-    logs: list[tuple[str, str, Counter[str]]] = field(default_factory=list)
-    """Name, true class and frames by told class of each log."""
+    logs: list[_Log] = field(default_factory=list)
+    """Those that could be read."""
     errors: dict[str, str] = field(default_factory=dict)
     damage: "list[Damage]" = field(default_factory=list)
 
@@ -75,19 +91,16 @@ class _Found:
         from seaclutter_cli.scenes.judge import SceneJudge
 
         judge = SceneJudge(model, every=options["every"], hold=options["hold"])
-        name, told = log.recording.name, Counter[str]()
-        try:
+        found = _Log(log.recording.name, log.scene)
+        with told_errors(found):
             for frame in read_frames(log.recording, options, bar, self.damage):
                 decision = judge.scene(frame)
-                told[decision.name] += 1
-                lines.write(name, frame, decision, log.scene)
-        except UsageError:
-            raise
-        except SeaclutterError as error:
-            self.errors[name] = str(error)
-            fail(error)
+                found.told[decision.name] += 1
+                lines.write(found.name, frame, decision, log.scene)
+        if found.error is None:
+            self.logs.append(found)
         else:
-            self.logs.append((name, log.scene, told))
+            self.errors[found.name] = found.error
 
     @property
     def confusion(self) -> "SceneScores":
@@ -97,15 +110,14 @@ class _Found:
         from seaclutter_cli.scenes.scores import SceneScores
 
         counts = np.zeros((len(self.classes), len(self.classes)), np.int64)
-        for _, truth, told in self.logs:
-            counts[self.classes.index(truth)] += [told[name] for name in self.classes]
+        for log in self.logs:
+            counts[self.classes.index(log.scene)] += [log.told[name] for name in self.classes]
         return SceneScores(counts, self.classes)
 
     @property
     def wrong(self) -> list[tuple[str, str, int, int]]:
         """Name, true class, wrong frames and all frames of the logs that are not right throughout."""
-        rows = [(name, truth, told.total() - told[truth], told.total()) for name, truth, told in self.logs]
-        return [row for row in rows if row[2]]
+        return [(log.name, log.scene, log.wrong, log.told.total()) for log in self.logs if log.wrong]
 
     def as_dict(self) -> dict[str, Any]:
         """Return all of it as JSON holds it."""

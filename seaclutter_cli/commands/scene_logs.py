@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from seaclutter_cli.commands.console import Progress, report_damage, warn
-from seaclutter_cli.commands.options import decoding_options
+from seaclutter_cli.commands.options import decoding_options, force_option
 from seaclutter_cli.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ _JUDGE = (
     click.option(
         "--csv", "csv_file", type=click.Path(path_type=Path), metavar="FILE", help="Write a line for each frame."
     ),
-    click.option("--force", is_flag=True, help="Replace existing output."),
+    force_option,
 )
 
 

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.console import Progress, fail, share, table
+from seaclutter_cli.commands.console import Progress, share, table, told_errors
 from seaclutter_cli.commands.options import logs_argument, output_options, selection_options
 from seaclutter_cli.commands.scene_logs import judge_options, read_frames
 from seaclutter_cli.commands.scene_table import SceneTable
-from seaclutter_cli.errors import SeaclutterError, UsageError
 
 if TYPE_CHECKING:
     from seaclutter_cli.frame import Frame
@@ -87,6 +86,7 @@ class _Told:
     topics: dict[str, _Topic] = field(default_factory=dict)
     damage: "list[Damage]" = field(default_factory=list)
     error: str | None = None
+    seconds: float = 0.0
 
     def as_dict(self, classes: Sequence[str]) -> dict[str, Any]:
         """Return it as JSON holds it."""
@@ -114,14 +114,9 @@ def _look(
     from seaclutter_cli.scenes.judge import SceneJudge
 
     told = _Told(recording.name)
-    try:
+    with told_errors(told):
         for frame in read_frames(recording, options, bar, told.damage):
             if frame.topic not in told.topics:
                 told.topics[frame.topic] = _Topic(SceneJudge(model, every=options["every"], hold=options["hold"]))
             lines.write(recording.name, frame, told.topics[frame.topic].add(frame))
-    except UsageError:
-        raise
-    except SeaclutterError as error:
-        told.error = str(error)
-        fail(error)
     return told

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from seaclutter_cli.commands.console import Progress, count
-from seaclutter_cli.commands.options import output_options, selection_options
+from seaclutter_cli.commands.options import force_option, output_options, selection_options
 from seaclutter_cli.commands.scene_logs import find_labelled, labelled_logs, read_frames
 from seaclutter_cli.errors import UsageError
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), metavar="MODEL.onnx", help="Where it goes."
 )
-@click.option("--force", is_flag=True, help="Replace existing output.")
+@force_option
 @click.option(
     "--plot",
     "plot_file",

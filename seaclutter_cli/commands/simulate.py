@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from seaclutter_cli.commands.console import Progress, count, table
-from seaclutter_cli.commands.options import output_options
+from seaclutter_cli.commands.options import force_option, output_options
 from seaclutter_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     type=click.Choice(["mcap", "pcap"]),
     help="MCAP with PointCloud2, or packets of a RoboSense lidar; by default as LOG ends.",
 )
-@click.option("--force", is_flag=True, help="Replace existing output.")
+@force_option
 @click.option("-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Turns, whatever the scene says.")
 @click.option("--seed", type=click.IntRange(min=0), metavar="N", help="Seed, whatever the scene says; of a layout 1.")
 @click.option("--lidar", metavar="NAME", help="Lidar, whatever the scene says.")

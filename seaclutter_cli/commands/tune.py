@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.options import config_options, logs_argument, output_options, selection_options
+from seaclutter_cli.commands.options import (
+    config_options,
+    force_option,
+    logs_argument,
+    output_options,
+    selection_options,
+)
 from seaclutter_cli.commands.truths import label_options
 
 if TYPE_CHECKING:
@@ -58,7 +64,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Ring of --plot-thresholds, from 1.",
 )
-@click.option("--force", is_flag=True, help="Replace existing output.")
+@force_option
 @config_options
 @selection_options
 @output_options

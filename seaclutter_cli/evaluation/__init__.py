@@ -1,4 +1,4 @@
-"""How well a filter does: false and omitted alarms. The parameters of it, so far; configs hold them already."""
+"""How well a filter does: false and omitted alarms. The parameters of it, which configurations hold."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
