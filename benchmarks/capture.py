@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from seaclutter_cli.messages import find_codec
-from seaclutter_cli.sensors.robosense_angles import make_angles
-from seaclutter_cli.sensors.robosense_models import MODELS
-from seaclutter_cli.sensors.robosense_packets import Columns, write_data, write_info
+from seaclutter_cli.sensors.robosense.angles import make_angles
+from seaclutter_cli.sensors.robosense.models import MODELS
+from seaclutter_cli.sensors.robosense.packets import Columns, write_data, write_info
 from seaclutter_cli.sinks.pcap import Ends, write_pcap
 from seaclutter_cli.sources import open_source
 

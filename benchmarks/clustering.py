@@ -13,8 +13,8 @@ from logs import BEAMS, COLUMNS, POINTS, SHARES, frame
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from seaclutter_cli.evaluation.clustering import euclidean_clusters
-from seaclutter_cli.evaluation.dbscan import dbscan
+from seaclutter_cli.clustering.dbscan import dbscan
+from seaclutter_cli.clustering.euclidean import euclidean_clusters
 
 try:
     from sklearn.cluster import DBSCAN

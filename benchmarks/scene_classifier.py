@@ -22,7 +22,7 @@ from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.scenes.image import top_view
 from seaclutter_cli.scenes.judge import SceneJudge
 from seaclutter_cli.scenes.model import SceneModel
-from seaclutter_cli.simulation.render import Renderer
+from seaclutter_cli.simulation.marine.render import Renderer
 
 Floats = NDArray[np.float64]
 CHANNEL = Channel(1, "/points", "cdr", None)

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from seaclutter_cli.simulation.layouts import LAYOUTS
-from seaclutter_cli.simulation.render import Renderer
-from seaclutter_cli.simulation.scene import Scene
+from seaclutter_cli.simulation.marine.render import Renderer
+from seaclutter_cli.simulation.marine.scene import Scene
 
 CLASSES = ("open", "confined")
 PLANTATIONS = ("dense", "sparse")

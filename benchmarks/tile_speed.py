@@ -16,8 +16,8 @@ from time import perf_counter
 
 import laspy
 
-from seaclutter_cli.simulation.tiles import record_tile
-from seaclutter_cli.simulation.tiles_scene import load_tile_scene
+from seaclutter_cli.simulation.airborne.recording import record_tile
+from seaclutter_cli.simulation.airborne.scene import load_tile_scene
 
 
 def tiles(folder: Path) -> dict[str, Path]:

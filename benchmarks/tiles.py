@@ -23,8 +23,8 @@ from seaclutter_cli.commands.classify_train import Report, fit
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import COLORS, LEFT_OUT, draw_confusion, draw_tile
-from seaclutter_cli.simulation.tiles import strips_of
-from seaclutter_cli.simulation.tiles_scene import TileScene, load_tile_scene
+from seaclutter_cli.simulation.airborne.recording import strips_of
+from seaclutter_cli.simulation.airborne.scene import TileScene, load_tile_scene
 from seaclutter_cli.truth import OBJECT_CLASSES
 
 WINDOWS_M = (4, 8, 12, 16, 20, 24, 30, 40, 60, 80)

@@ -19,7 +19,7 @@ from seaclutter_cli.filters.adaptive_radius import PresetParams
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.validation import build, kind_of, merged, parse_yaml, plain, read_yaml, refuse
+from seaclutter_cli.validation import build, find_file, kind_of, merged, parse_yaml, plain, read_yaml, refuse
 
 DEFAULT_METHOD = "joint"
 _SECTIONS = ("filter", "evaluation", "sensor")
@@ -98,29 +98,6 @@ class Config:
         return "\n".join(lines) + "\n"
 
 
-def builtin_configs() -> list[Path]:
-    """Return the configuration files that come with the program."""
-    package = Path(__file__).parent
-    folders = (package / "configs", package.parent / "configs")  # installed; in a checkout
-    return sorted(next((folder for folder in folders if folder.is_dir()), package).glob("*.yaml"))
-
-
-def find_config(name: Path) -> Path:
-    """Return a configuration file by its path, or a built-in one by its name, with or without ``.yaml``.
-
-    Raises
-    ------
-    ConfigError
-        If there is neither.
-    """
-    if name.exists():
-        return name
-    builtin = {path.stem: path for path in builtin_configs()}
-    if str(name).removesuffix(".yaml") in builtin:
-        return builtin[str(name).removesuffix(".yaml")]
-    raise ConfigError(f"{name}: there is no such file; built in are {', '.join(builtin)}")
-
-
 def load_config(
     path: Path | None = None,
     *,
@@ -148,7 +125,7 @@ def load_config(
     """
     prepare = _with_open_thresholds if open_thresholds else dict
     where = str(path) if path else "command line"
-    raw = read_yaml(find_config(path), _SECTIONS) if path else {}
+    raw = read_yaml(find_file(str(path), "", "file"), _SECTIONS) if path else {}
     config = _validate(prepare(raw), where)
     if not method and not overrides:
         return config

@@ -11,7 +11,7 @@ import numpy as np
 from seaclutter_cli.cloud import PointField
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.sensors import guess_sensors
+from seaclutter_cli.sensors.catalog import guess_sensors
 
 _RING_NAMES = ("ring", "channel", "line", "laser_id")
 _NANO = 1_000_000_000

@@ -11,6 +11,31 @@ import yaml
 from seaclutter_cli.errors import ConfigError
 
 
+def builtin_files(folder: str = "") -> Mapping[str, Path]:
+    """Return the YAML files that come with the program by name: configurations, or those of a folder beside them."""
+    package = Path(__file__).parent
+    places = (package / "configs", package.parent / "configs")  # installed; in a checkout
+    place = next((place for place in places if place.is_dir()), package) / folder
+    return {path.stem: path for path in sorted(place.glob("*.yaml"))}
+
+
+def find_file(name: str, folder: str, kind: str) -> Path:
+    """Return a file by its path, or a built-in one of `builtin_files` by its name, with or without ``.yaml``.
+
+    Raises
+    ------
+    ConfigError
+        If there is neither; ``kind`` is what is missing.
+    """
+    path = Path(name)
+    if path.exists():
+        return path
+    builtin = builtin_files(folder)
+    if name.removesuffix(".yaml") in builtin:
+        return builtin[name.removesuffix(".yaml")]
+    raise ConfigError(f"{name}: there is no such {kind}; built in are {', '.join(builtin)}")
+
+
 def read_yaml(path: Path, sections: Sequence[str]) -> dict[str, Any]:
     """Return the content of a file; `ConfigError` if it is no YAML, or not a mapping."""
     try:

@@ -10,7 +10,7 @@ CHECKS = (
     ("ruff", "check", "."),
     ("ruff", "format", "--check", "."),
     ("mypy",),
-    ("pytest", "-q", "-m", "not slow", *sys.argv[1:]),
+    ("pytest", "-q", "-n", "auto", "-m", "not slow", *sys.argv[1:]),
 )
 
 

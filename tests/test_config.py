@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from seaclutter_cli.config import builtin_configs, find_config, load_config
+from seaclutter_cli.config import load_config
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.validation import builtin_files, find_file
 
 
 @pytest.fixture
@@ -208,9 +209,9 @@ def test_an_empty_file_is_all_defaults(load):
     assert load("") == load_config() == load("# nothing\nfilter:\n")
 
 
-@pytest.mark.parametrize("path", builtin_configs(), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", builtin_files().values(), ids=lambda path: path.stem)
 def test_built_in_configs_are_valid_and_found_by_name(path):
-    assert find_config(Path(path.stem)) == find_config(Path(path.name)) == path
+    assert find_file(path.stem, "", "file") == find_file(path.name, "", "file") == path
     assert load_config(path).method in FILTERS
 
 

@@ -112,7 +112,7 @@ def find_objects(
     An object's class is the one that most of its points have, a point's being its likeliest; of two equal ones, the
     first.
     """
-    from seaclutter_cli.evaluation.clustering import euclidean_clusters  # slow to load, and settings need it not
+    from seaclutter_cli.clustering.euclidean import euclidean_clusters  # slow to load, and settings need it not
 
     flat = np.vstack((points.xy, np.zeros(points.xy.shape[1])))
     number = euclidean_clusters(flat, params.tolerance_m, params.min_points) + 1

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.forest import Samples, class_name, hold_out, join, predict, train
 from seaclutter_cli.airborne.model import Model
 from seaclutter_cli.airborne.settings import Settings, load_settings
+from seaclutter_cli.clustering.euclidean import euclidean_clusters
 from seaclutter_cli.commands.console import counted, table, warn
 from seaclutter_cli.commands.outputs import refuse_replacing, refuse_twice
 from seaclutter_cli.commands.standing import stand_out
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.evaluation.clustering import euclidean_clusters
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import draw_confusion

@@ -52,20 +52,20 @@ def check(files: tuple[Path, ...]) -> None:
 @debug_option
 def sensors(as_json: bool) -> None:
     """List what is built in: sensors, methods, formats, configurations, scenes, layouts and lidars to simulate."""
-    from seaclutter_cli.config import builtin_configs
     from seaclutter_cli.filters import FILTERS
-    from seaclutter_cli.sensors import SENSORS
+    from seaclutter_cli.sensors.catalog import SENSORS
+    from seaclutter_cli.simulation.airborne.scene import builtin_tiles
     from seaclutter_cli.simulation.layouts import LAYOUTS
-    from seaclutter_cli.simulation.lidar import LIDARS
-    from seaclutter_cli.simulation.scene import builtin_scenes
-    from seaclutter_cli.simulation.tiles_scene import builtin_tiles
+    from seaclutter_cli.simulation.lidar.models import LIDARS
+    from seaclutter_cli.simulation.marine.scene import builtin_scenes
     from seaclutter_cli.sources import SOURCES
     from seaclutter_cli.sources.frame_files import FRAME_READERS
+    from seaclutter_cli.validation import builtin_files
 
     methods = {name: (kind.__doc__ or "").splitlines()[0] for name, kind in FILTERS.items()}
     lists = {
         "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
-        "configs": [path.name for path in builtin_configs()],
+        "configs": [path.name for path in builtin_files().values()],
         "scenes": list(builtin_scenes()),
         "layouts": list(LAYOUTS),
         "tiles": list(builtin_tiles()),

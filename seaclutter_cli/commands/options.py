@@ -34,7 +34,7 @@ logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=Tru
 
 def _known_sensor(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
     """Return a sensor's name as it is written."""
-    from seaclutter_cli.sensors import SENSORS
+    from seaclutter_cli.sensors.catalog import SENSORS
 
     names = {name.casefold(): name for name in SENSORS}
     if value is not None and value.casefold() not in names:

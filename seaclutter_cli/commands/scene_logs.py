@@ -123,8 +123,8 @@ def _parse(text: str) -> tuple[str, str]:
 
 
 def _class_folders(parent: Path) -> list[Path]:
-    from seaclutter_cli.sources.folder import is_frame_folder
-    from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
+    from seaclutter_cli.sources.frame_files.folder import is_frame_folder
+    from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
 
     if not parent.is_dir():
         raise UsageError(f"{parent}: there is no such folder")

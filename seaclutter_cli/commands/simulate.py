@@ -13,8 +13,8 @@ from seaclutter_cli.commands.options import force_option, output_options
 from seaclutter_cli.errors import UsageError
 
 if TYPE_CHECKING:
-    from seaclutter_cli.simulation.render import Turn
-    from seaclutter_cli.simulation.scene import Scene
+    from seaclutter_cli.simulation.marine.render import Turn
+    from seaclutter_cli.simulation.marine.scene import Scene
 
 
 @click.command(name="simulate", short_help="Make a labelled lidar recording of a scene at sea.")
@@ -56,11 +56,11 @@ def command(scene: str, output: Path, **options: Any) -> None:
         run(scene, output, options)
         return
     from seaclutter_cli.commands.outputs import refuse_overwriting
-    from seaclutter_cli.simulation.formats import FORMATS
+    from seaclutter_cli.simulation.airborne.scene import is_tile_scene
     from seaclutter_cli.simulation.layouts import find_scene
-    from seaclutter_cli.simulation.recording import record
-    from seaclutter_cli.simulation.scene import save_scene
-    from seaclutter_cli.simulation.tiles_scene import is_tile_scene
+    from seaclutter_cli.simulation.marine.formats import FORMATS
+    from seaclutter_cli.simulation.marine.recording import record
+    from seaclutter_cli.simulation.marine.scene import save_scene
 
     if is_tile_scene(scene):
         raise UsageError(f"{output}: {scene} is seen from the air; the name of its tile must end in .las or .laz")

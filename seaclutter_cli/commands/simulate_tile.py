@@ -13,9 +13,9 @@ import numpy as np
 from seaclutter_cli.commands.console import table
 from seaclutter_cli.commands.outputs import refuse_replacing
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.simulation.scene import write_scene
-from seaclutter_cli.simulation.tiles import record_tile
-from seaclutter_cli.simulation.tiles_scene import load_tile_scene
+from seaclutter_cli.simulation.airborne.recording import record_tile
+from seaclutter_cli.simulation.airborne.scene import load_tile_scene
+from seaclutter_cli.simulation.marine.scene import write_scene
 from seaclutter_cli.truth import OBJECT_CLASSES
 
 

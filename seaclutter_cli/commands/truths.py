@@ -86,8 +86,8 @@ def labels_for(recordings: Sequence["Recording"], paths: Sequence[Path], options
 
 def _are_frames(recording: "Recording") -> bool:
     """Tell whether a recording is a folder of frames; there, a damaged file keeps its number."""
-    from seaclutter_cli.sources.folder import is_frame_folder
-    from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
+    from seaclutter_cli.sources.frame_files.folder import is_frame_folder
+    from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
 
     path = recording.paths[0]
     return len(recording.paths) == 1 and path.is_dir() and not is_rosbag2_folder(path) and is_frame_folder(path)

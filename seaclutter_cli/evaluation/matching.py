@@ -7,9 +7,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.clustering.dbscan import DbscanFinder
+from seaclutter_cli.clustering.euclidean import ClusterFinder
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.clustering import ClusterFinder
-from seaclutter_cli.evaluation.dbscan import DbscanFinder
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 

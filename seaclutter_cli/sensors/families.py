@@ -6,11 +6,11 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.sensors.hesai import Hesai
-from seaclutter_cli.sensors.ouster import Ouster
+from seaclutter_cli.sensors.hesai.decoder import Hesai
+from seaclutter_cli.sensors.ouster.decoder import Ouster
 from seaclutter_cli.sensors.packets import PacketFamily
-from seaclutter_cli.sensors.robosense import RoboSense
-from seaclutter_cli.sensors.velodyne import VELODYNE
+from seaclutter_cli.sensors.robosense.decoder import RoboSense
+from seaclutter_cli.sensors.velodyne.decoder import VELODYNE
 
 PACKET_FAMILIES: Mapping[str, PacketFamily] = {
     "robosense": RoboSense(),

@@ -10,14 +10,14 @@ from pathlib import Path
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.sensors.packets import DecoderOptions
-from seaclutter_cli.sources.bag import BagSource
-from seaclutter_cli.sources.capture import CAPTURE_MAGICS, CaptureSource
-from seaclutter_cli.sources.db3 import Db3Source
-from seaclutter_cli.sources.folder import FolderSource, is_frame_folder
 from seaclutter_cli.sources.frame_files import FRAME_READERS
-from seaclutter_cli.sources.mcap import McapSource
-from seaclutter_cli.sources.packet_topics import wrap_packets
-from seaclutter_cli.sources.rosbag2 import SplitSource, is_rosbag2_folder, open_rosbag2, split_groups
+from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
+from seaclutter_cli.sources.mcap.source import McapSource
+from seaclutter_cli.sources.pcap.source import CAPTURE_MAGICS, CaptureSource
+from seaclutter_cli.sources.rosbag1.source import BagSource
+from seaclutter_cli.sources.rosbag2.db3 import Db3Source
+from seaclutter_cli.sources.rosbag2.folder import SplitSource, is_rosbag2_folder, open_rosbag2, split_groups
+from seaclutter_cli.sources.shared.packet_topics import wrap_packets
 
 _HEAD_BYTES = 16
 

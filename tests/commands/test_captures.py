@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
-from seaclutter_cli.sensors.robosense_packets import INFO_ID
+from seaclutter_cli.sensors.robosense.packets import INFO_ID
 
 
 def run(*arguments):

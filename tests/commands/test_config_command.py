@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.sensors import SENSORS
+from seaclutter_cli.sensors.catalog import SENSORS
 
 
 def invoke(*arguments):

@@ -8,7 +8,7 @@ import pytest
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.labels import LABELS, LabelOptions, open_labels
 from seaclutter_cli.messages import find_codec
-from seaclutter_cli.sources.folder import FolderSource
+from seaclutter_cli.sources.frame_files.folder import FolderSource
 from tests.labels.frames import boxes, frame, put, seepersea_json, sustechpoints_json, write
 
 SHIP = boxes(("1", "ship", 10, 20, 1.5, 4, 12, 3, 0.5))

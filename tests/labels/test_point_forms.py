@@ -6,7 +6,7 @@ import pytest
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.labels import LabelOptions, open_labels
 from seaclutter_cli.labels.semantickitti import point_truth
-from seaclutter_cli.sources.folder import FolderSource
+from seaclutter_cli.sources.frame_files.folder import FolderSource
 from seaclutter_cli.sources.frame_files.kitti import read_kitti
 from tests.labels.frames import XYZ, frame, put, write
 from tests.paths import shared

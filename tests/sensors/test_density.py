@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.sensors.density import STEPS_DEG, density, density_slope, mean_spacing, points_in_rectangle
-from seaclutter_cli.simulation.lidar import LIDARS
+from seaclutter_cli.simulation.lidar.models import LIDARS
 
 UNIT = (1.0, 1.0)
 

@@ -2,7 +2,10 @@
 
 import pytest
 
-from seaclutter_cli.sensors import SENSORS, hesai_models, robosense_models, velodyne_packets
+from seaclutter_cli.sensors.catalog import SENSORS
+from seaclutter_cli.sensors.hesai import models as hesai_models
+from seaclutter_cli.sensors.robosense import models as robosense_models
+from seaclutter_cli.sensors.velodyne import packets as velodyne_packets
 
 NAMES = [
     *robosense_models.MODELS,

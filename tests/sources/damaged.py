@@ -14,7 +14,7 @@ from mcap.stream_reader import breakup_chunk
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Message
-from seaclutter_cli.sources.mcap import McapSource
+from seaclutter_cli.sources.mcap.source import McapSource
 from tests.logs import LAYOUTS, START_NS, Entry, Extra, Topic, log_bytes, records_of
 
 TOPICS = (Topic("/notes"), Topic("/imu", "raw", None, {"rate": "20"}))

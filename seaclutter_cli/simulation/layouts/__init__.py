@@ -9,7 +9,7 @@ import numpy as np
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import confined_water, open_water, plantations
 from seaclutter_cli.simulation.layouts.rule import scene_class
-from seaclutter_cli.simulation.scene import Scene, builtin_scenes, load_scene
+from seaclutter_cli.simulation.marine.scene import Scene, builtin_scenes, load_scene
 
 _TRIES = 200
 Maker = Callable[[np.random.Generator], Scene]

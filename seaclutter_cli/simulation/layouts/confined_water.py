@@ -6,7 +6,7 @@ import numpy as np
 
 from seaclutter_cli.simulation.layouts.plan import Plan
 from seaclutter_cli.simulation.layouts.shore import Line, moor, shore
-from seaclutter_cli.simulation.scene import Scene
+from seaclutter_cli.simulation.marine.scene import Scene
 
 _SMALL = ("speedboat", "sailing_boat", "kayak")
 _MOORED = ("speedboat", "sailing_boat", "cruise_ship", "barge")

@@ -4,7 +4,7 @@ import numpy as np
 
 from seaclutter_cli.simulation.layouts.plan import Plan
 from seaclutter_cli.simulation.layouts.shore import Line, shore
-from seaclutter_cli.simulation.scene import Scene
+from seaclutter_cli.simulation.marine.scene import Scene
 
 _SMALL = ("speedboat", "sailing_boat", "kayak")
 _ALL = (*_SMALL, "cruise_ship", "barge", "cargo_ship")

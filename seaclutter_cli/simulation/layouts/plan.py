@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.simulation.lidar import LIDARS
-from seaclutter_cli.simulation.scene import ObjectParams, RecordingParams, Scene, VesselParams
-from seaclutter_cli.simulation.sea import SeaParams
+from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.marine.scene import ObjectParams, RecordingParams, Scene, VesselParams
+from seaclutter_cli.simulation.marine.sea import SeaParams
 
 Place = tuple[float, float]
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seaclutter_cli.simulation.ground import GroundParams
 from seaclutter_cli.simulation.layouts.plan import Plan
-from seaclutter_cli.simulation.noise import NoiseParams
-from seaclutter_cli.simulation.scene import RecordingParams, Scene, VesselParams
+from seaclutter_cli.simulation.lidar.noise import NoiseParams
+from seaclutter_cli.simulation.marine.ground import GroundParams
+from seaclutter_cli.simulation.marine.scene import RecordingParams, Scene, VesselParams
 
 _REACH_M = 30.0
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from seaclutter_cli.simulation.ground import GroundParams
-from seaclutter_cli.simulation.lidar import LIDARS
-from seaclutter_cli.simulation.scene import ObjectParams, Scene
+from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.marine.ground import GroundParams
+from seaclutter_cli.simulation.marine.scene import ObjectParams, Scene
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -5,7 +5,7 @@ import yaml
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene
 from seaclutter_cli.simulation.layouts.rule import scene_class
-from seaclutter_cli.simulation.scene import builtin_scenes, load_scene, parse_scene
+from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
 
 SEEDS = range(3)
 

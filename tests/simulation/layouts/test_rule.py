@@ -3,8 +3,8 @@ import pytest
 
 from seaclutter_cli.simulation.layouts import LAYOUTS
 from seaclutter_cli.simulation.layouts.rule import REACH_M, horizon, scene_class
-from seaclutter_cli.simulation.render import Renderer
-from seaclutter_cli.simulation.scene import load_scene, parse_scene
+from seaclutter_cli.simulation.marine.render import Renderer
+from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 
 WATER = [name for name, layout in LAYOUTS.items() if layout.scene_class in ("open", "confined")]
 TREES = [name for name in LAYOUTS if name not in WATER]

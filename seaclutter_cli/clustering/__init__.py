@@ -1,0 +1,1 @@
+"""Euclidean and density-based clusters of points, exact and in bounded memory."""

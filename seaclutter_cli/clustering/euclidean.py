@@ -1,0 +1,177 @@
+"""Euclidean clusters: exact, in bounded memory, about as fast as counting neighbours with a tree."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from seaclutter_cli.clustering.cells import Indices, Points, blocks, cells_of, spans
+
+Mask = NDArray[np.bool_]
+
+_BLOCK = 1 << 18
+
+
+def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indices:
+    """Return which cluster each point belongs to.
+
+    Clusters are the connected components of "closer than the tolerance" that have enough points.
+
+    Parameters
+    ----------
+    xyz : ndarray, shape (3, N), float64
+        Finite coordinates in metres.
+    tolerance_m : float
+        Two points are neighbours if ``sqrt(dx**2 + dy**2 + dz**2) < tolerance_m``, as float64 computes it, without
+        further allowance: points exactly that far apart are not. Equal points are.
+    min_points : int
+        Points that make a cluster.
+
+    Returns
+    -------
+    ndarray, shape (N,), int64
+        Number of the point's cluster, from 0 in the order of their first points; -1 for points in none.
+
+    Examples
+    --------
+    >>> euclidean_clusters(np.array([[9.0, 0, 1, 2, 8], [0] * 5, [0] * 5]), 1.5, 2)
+    array([0, 1, 1, 1, 0])
+    """
+    everything = np.ones(xyz.shape[1], np.bool_)
+    return ClusterFinder(xyz, everything, tolerance_m).clusters(everything, min_points)
+
+
+class ClusterFinder:
+    """Finds the clusters of several subsets of the same points; what they have in common is computed once.
+
+    Points of one cell of a fine grid are close to each other (`Cells`). What remains is to join cells: first by the
+    distance of one point of each, then, where that does not decide and the cells are in different components still, by
+    the least distance between their points. Memory grows with the number of points, whatever their density, and so does
+    time, but for dense components that all but touch.
+
+    Parameters
+    ----------
+    xyz : ndarray, shape (3, N), float64
+        Coordinates in metres.
+    among : ndarray, shape (N,), bool
+        Points, with finite coordinates, that are in any of the subsets.
+    tolerance_m : float
+        As for `euclidean_clusters`.
+    """
+
+    def __init__(self, xyz: Points, among: Mask, tolerance_m: float) -> None:
+        self._tolerance_m = tolerance_m
+        members = np.flatnonzero(among)
+        cells = cells_of(xyz[:, members], tolerance_m)
+        self._order = members[cells.order]
+        self._xyz = xyz[:, self._order]
+        self._cell = np.repeat(np.arange(len(cells)), cells.count)
+        self._cells = len(cells)
+        low, high = (reduce.reduceat(self._xyz, cells.start, axis=1) for reduce in (np.minimum, np.maximum))
+        pairs = [np.empty((2, 0), np.int64)]
+        for own, other in cells.pairs():
+            above = low.take(own, axis=1) - high.take(other, axis=1)
+            below = low.take(other, axis=1) - high.take(own, axis=1)
+            near = np.flatnonzero(self._near(np.maximum(np.maximum(above, below), 0)))
+            pairs.append(np.stack((own[near], other[near])))
+        self._pairs = np.concatenate(pairs, axis=1)
+
+    def clusters(self, keep: Mask, min_points: int) -> Indices:
+        """Return which cluster each point belongs to, as `euclidean_clusters` does; -1 for those not kept.
+
+        Parameters
+        ----------
+        keep : ndarray, shape (N,), bool
+            The subset.
+        min_points : int
+            Points that make a cluster.
+        """
+        kept = np.flatnonzero(keep[self._order])
+        labels = np.full(len(keep), -1)
+        if len(kept) < min_points:
+            return labels
+        component = self._components(self._xyz[:, kept], np.bincount(self._cell[kept], minlength=self._cells))
+        labels[self._order[kept]] = component[self._cell[kept]]
+        members = np.flatnonzero(keep & (labels >= 0))
+        labels[members] = numbered(labels[members], min_points)
+        return labels
+
+    def cell_sizes(self, keep: Mask) -> Indices:
+        """Return, for each point kept, how many are in its cell, all closer than the tolerance; 0 for the others."""
+        kept = np.flatnonzero(keep[self._order])
+        cell = self._cell[kept]
+        sizes = np.zeros(len(keep), np.int64)
+        sizes[self._order[kept]] = np.bincount(cell, minlength=self._cells)[cell]
+        return sizes
+
+    def _components(self, xyz: Points, count: Indices) -> Indices:
+        """Return the component of each cell; of the points, shape (3, n), each holds as many as counted."""
+        start = np.cumsum(count) - count
+        occupied = count > 0
+        own, other = pairs = self._pairs[:, occupied[self._pairs[0]] & occupied[self._pairs[1]]]
+        first = xyz.take(np.minimum(start, xyz.shape[1] - 1), axis=1)
+        near = self._near(first.take(own, axis=1) - first.take(other, axis=1))
+        component = _join(np.arange(len(count)), own[near], other[near])
+        pairs = _apart(component, pairs[:, np.flatnonzero(~near)])
+        pairs = pairs[:, (count[pairs] > 1).any(axis=0)]
+        work = count[pairs].prod(axis=0)
+        order = np.argsort(work)
+        for block in blocks(work[order], _BLOCK):
+            own, other = _apart(component, pairs[:, order[block]])
+            near = self._any_near(xyz, (start[own], count[own]), (start[other], count[other]))
+            component = _join(component, own[near], other[near])
+        return component
+
+    def _any_near(self, xyz: Points, own: tuple[Indices, Indices], other: tuple[Indices, Indices]) -> Mask:
+        """Tell of pairs of cells, first points and counts, if any of their points are near: few, or one of any size."""
+        if len(own[0]) == 1:
+            first, second = (xyz[:, spans(*cell)] for cell in (own, other))
+            return np.array([self._touch(first, second)])
+        pair = np.repeat(np.arange(len(own[0])), own[1])
+        times = other[1][pair]
+        a, b = np.repeat(spans(*own), times), spans(other[0][pair], times)
+        return np.bincount(np.repeat(pair, times), self._near(xyz[:, a] - xyz[:, b]), len(own[0])) > 0
+
+    def _touch(self, own: Points, other: Points) -> bool:
+        """Tell whether any point of one set is near one of the other, both of shape (3, n)."""
+        own, other = self._in_reach(own, other), self._in_reach(other, own)
+        step = max(1, _BLOCK // max(1, other.shape[1]))
+        parts = (own[:, start : start + step] for start in range(0, own.shape[1], step))
+        return any(self._near(part[:, :, None] - other[:, None, :]).any() for part in parts)
+
+    def _in_reach(self, points: Points, others: Points) -> Points:
+        """Return those points that are near the box around others."""
+        low, high = others.min(axis=1, keepdims=True), others.max(axis=1, keepdims=True)
+        return points[:, self._near(np.maximum(np.maximum(low - points, points - high), 0))]
+
+    def _near(self, difference: Points) -> Mask:
+        """Tell which vectors, shape (3, …), are shorter than the tolerance."""
+        x, y, z = difference
+        with np.errstate(over="ignore"):
+            return np.asarray(np.sqrt(x * x + y * y + z * z) < self._tolerance_m)
+
+
+def numbered(component: Indices, min_points: int) -> Indices:
+    """Return the number of each point's component, large ones counted by their first points; -1 for small ones."""
+    size = np.bincount(component)
+    first = np.empty(len(size), np.int64)
+    first[component[::-1]] = np.arange(len(component))[::-1]
+    large = np.flatnonzero(size >= min_points)
+    number = np.full(len(size), -1)
+    number[large[np.argsort(first[large])]] = np.arange(len(large))
+    return number[component]
+
+
+def _apart(component: Indices, pairs: Indices) -> Indices:
+    """Return the pairs of cells that are in different components."""
+    return pairs[:, component[pairs[0]] != component[pairs[1]]]
+
+
+def _join(component: Indices, own: Indices, other: Indices) -> Indices:
+    """Join the components of pairs of cells."""
+    if not len(own):
+        return component
+    size = len(component)
+    graph = coo_array((np.ones(len(own), np.int8), (component[own], component[other])), (size, size))
+    joined: Indices = connected_components(graph, directed=False)[1].astype(np.int64)
+    return joined[component]

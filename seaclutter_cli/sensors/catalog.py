@@ -1,0 +1,92 @@
+"""Sensors that are known by name: what `info` compares a log with."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A rotating lidar.
+
+    Parameters
+    ----------
+    maker : str
+        Who makes it.
+    beams : int
+        Lasers, which is the number of rings in its clouds.
+    columns : int
+        Firings per turn at 10 Hz in its usual mode.
+    intensity : str
+        Unit of the intensity that its driver writes.
+    fields : frozenset of str
+        Field names that its driver uses beside x, y, z and intensity.
+    """
+
+    maker: str
+    beams: int
+    columns: int
+    intensity: str
+    fields: frozenset[str]
+
+
+_ROBOSENSE = frozenset({"ring", "timestamp"})
+_VELODYNE = frozenset({"ring", "time"})
+_OUSTER = frozenset({"t", "reflectivity", "ring", "range"})
+_PHOTONS = "photon counts; reflectivity 0 to 255"
+_HESAI = frozenset({"ring", "timestamp"})
+
+SENSORS: Mapping[str, Sensor] = {
+    "RS-LiDAR-32": Sensor("RoboSense", 32, 1800, "0 to 255", _ROBOSENSE),
+    "RS-LiDAR-16": Sensor("RoboSense", 16, 1800, "0 to 255", _ROBOSENSE),
+    "RS-Helios": Sensor("RoboSense", 32, 1800, "0 to 255", _ROBOSENSE),
+    "VLP-16": Sensor("Velodyne", 16, 1800, "0 to 255", _VELODYNE),
+    "Puck Hi-Res": Sensor("Velodyne", 16, 1800, "0 to 255", _VELODYNE),
+    "VLP-32A": Sensor("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
+    "VLP-32B": Sensor("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
+    "VLP-32C": Sensor("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
+    "HDL-32E": Sensor("Velodyne", 32, 2170, "0 to 255", _VELODYNE),
+    "Alpha Prime": Sensor("Velodyne", 128, 1800, "0 to 255", _VELODYNE),
+    "HDL-64E": Sensor("Velodyne", 64, 2083, "0 to 255", _VELODYNE),
+    "OS0-32": Sensor("Ouster", 32, 1024, _PHOTONS, _OUSTER),
+    "OS0-64": Sensor("Ouster", 64, 1024, _PHOTONS, _OUSTER),
+    "OS0-128": Sensor("Ouster", 128, 1024, _PHOTONS, _OUSTER),
+    "OS1-32": Sensor("Ouster", 32, 1024, _PHOTONS, _OUSTER),
+    "OS1-64": Sensor("Ouster", 64, 1024, _PHOTONS, _OUSTER),
+    "OS1-128": Sensor("Ouster", 128, 1024, _PHOTONS, _OUSTER),
+    "OS2-32": Sensor("Ouster", 32, 1024, _PHOTONS, _OUSTER),
+    "OS2-64": Sensor("Ouster", 64, 1024, _PHOTONS, _OUSTER),
+    "OS2-128": Sensor("Ouster", 128, 1024, _PHOTONS, _OUSTER),
+    "Pandar40P": Sensor("Hesai", 40, 1800, "0 to 255", _HESAI),
+    "PandarXT-32": Sensor("Hesai", 32, 2000, "0 to 255", _HESAI),
+}
+"""Sensors by name. A new one is one line here."""
+
+
+def guess_sensors(fields: Collection[str], rings: int | None, points: int) -> list[str]:
+    """Return the sensors that a cloud could come from, the likeliest first; several share a layout.
+
+    Parameters
+    ----------
+    fields : collection of str
+        Field names of the cloud.
+    rings : int or None
+        Number of different values in its ring field, if it has one.
+    points : int
+        Points per frame.
+
+    Examples
+    --------
+    >>> guess_sensors(["x", "y", "z", "intensity", "ring", "time"], 16, 28000)
+    ['Puck Hi-Res', 'VLP-16']
+    >>> guess_sensors(["x", "y", "z", "intensity"], None, 28000)
+    []
+    """
+    if rings is None:
+        return []
+    names = {name.lower() for name in fields}
+    fitting = [
+        (abs(sensor.beams * sensor.columns - points), name)
+        for name, sensor in SENSORS.items()
+        if sensor.beams == rings and sensor.fields <= names and points <= 1.2 * sensor.beams * sensor.columns
+    ]
+    return [name for _, name in sorted(fitting)]

@@ -1,0 +1,1 @@
+"""Hesai: PandarXT-32, Pandar40P."""

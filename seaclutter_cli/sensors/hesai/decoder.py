@@ -1,0 +1,216 @@
+"""Hesai sensors: PandarXT-32 and Pandar40P."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.sensors.hesai.angles import read_angles
+from seaclutter_cli.sensors.hesai.clock import SensorClock
+from seaclutter_cli.sensors.hesai.losses import LossCounter
+from seaclutter_cli.sensors.hesai.models import DUAL_MODES, MODELS, RETURN_MODES, HesaiModel, utc_ns
+from seaclutter_cli.sensors.hesai.revolutions import TURN, Turns
+from seaclutter_cli.sensors.packets import DecoderOptions, Facts, PacketFrame, Packets, point_dtype
+
+_GPS_LENGTH = 512
+_MOST_SLOTS = 4_000_000
+
+
+@dataclass
+class _Turn:
+    """Points of a turn that is not complete yet."""
+
+    points: list[NDArray[np.void]] = field(default_factory=list)
+    slots: int = 0
+    end_ns: int = 0
+
+
+class HesaiDecoder:
+    """Decodes the packets of one Hesai sensor.
+
+    Points are in the frame of Hesai's own drivers: y at azimuth 0, x to the right of it, z up. Where both returns of a
+    firing are the same, it counts once.
+
+    Parameters
+    ----------
+    model : HesaiModel
+        The sensor.
+    elevation_deg, azimuth_deg : ndarray, shape (C,)
+        Angles of its channels, in degrees.
+    returns : bool
+        Whether points get the number of their return.
+
+    Attributes
+    ----------
+    facts : Facts
+        What is known of the sensor.
+    """
+
+    def __init__(
+        self, model: HesaiModel, elevation_deg: NDArray[np.float64], azimuth_deg: NDArray[np.float64], *, returns: bool
+    ) -> None:
+        self.facts = Facts(model.name, {"intensity": "reflectivity, 0 to 255"})
+        self._model = model
+        self._azimuth_deg = azimuth_deg
+        self._cos, self._sin = np.cos(np.radians(elevation_deg)), np.sin(np.radians(elevation_deg))
+        self._dtype = point_dtype(returns=returns)
+        self._cutter = Turns(azimuth_deg * 100)
+        self._turns: dict[int, _Turn] = {}
+        self._clock = SensorClock()
+        self._numbered, self._timed = LossCounter(wrap=1 << 32), LossCounter()
+
+    def add(self, packets: Packets) -> Iterator[PacketFrame]:
+        """Yield the frames that these packets complete. Bad packets are counted, never raised."""
+        layout = self._model.layout(packets.payloads.shape[1])
+        if layout is None or not len(packets):
+            self.facts.bad_packets += len(packets) if packets.payloads.shape[1] != _GPS_LENGTH else 0
+            return
+        data = np.ascontiguousarray(packets.payloads).view(layout)[:, 0]
+        bad = ~self._model.is_sound(data) | ~np.isin(data["mode"], list(RETURN_MODES))
+        bad |= (data["blocks"]["azimuth"] >= TURN).any(axis=1)
+        self.facts.bad_packets += int(bad.sum())
+        sound = np.flatnonzero(~bad)
+        for part in np.split(sound, np.flatnonzero(np.diff(data["mode"][sound])) + 1):
+            if len(part):
+                self._decode(packets.payloads[part].view(layout)[:, 0], packets.times_ns[part])
+        yield from self._complete()
+
+    def finish(self) -> Iterator[PacketFrame]:
+        """Yield what is left."""
+        for turn in sorted(self._turns):
+            yield self._frame(turn)
+
+    def _complete(self) -> Iterator[PacketFrame]:
+        for turn in sorted(self._turns):
+            if turn < self._cutter.done:
+                yield self._frame(turn)
+            elif self._turns[turn].slots > _MOST_SLOTS:
+                self._cutter.skip()
+                yield self._frame(turn)
+
+    def _frame(self, number: int) -> PacketFrame:
+        turn = self._turns.pop(number)
+        points = np.concatenate(turn.points)
+        return PacketFrame(points, turn.end_ns, partial=self._cutter.is_partial(number))
+
+    def _decode(self, data: NDArray[np.void], times_ns: NDArray[np.int64]) -> None:
+        """Sort the points of packets of one return mode, shape (P,), into their turns."""
+        returns = self._returns(data)
+        clock_ns = utc_ns(data)
+        self._count_lost(data, clock_ns, returns)
+        firings = data["blocks"].shape[1] // returns
+        late_ns = self._model.last_block_ns - self._model.block_ns * np.arange(firings - 1, -1, -1)
+        fired_ns = clock_ns[:, None] + late_ns
+        azimuths = data["blocks"]["azimuth"][:, ::returns].astype(np.int64)
+        turns = self._cutter.count(azimuths, fired_ns, data["rpm"].astype(np.int64))
+        shifted_ns = fired_ns + self._clock.shifts(clock_ns, times_ns)[:, None]
+        if self._clock.is_wrong:
+            self.facts.details["clock"] = "not synchronised: times are those of the recorder"
+        point_ns = shifted_ns[..., None] + self._model.channel_ns
+        points, slots = self._points(data, azimuths, point_ns)
+        for turn in np.unique(turns):
+            member = turns == turn
+            part = self._turns.setdefault(int(turn), _Turn())
+            part.points.append(points[member.ravel()[slots]])
+            part.slots += int(np.count_nonzero(member))
+            part.end_ns = max(part.end_ns, int(point_ns[member].max()))
+
+    def _returns(self, data: NDArray[np.void]) -> int:
+        """Return the number of returns of a firing, and note what they are."""
+        mode = int(data["mode"][0])
+        name = RETURN_MODES[mode]
+        known = self.facts.details.setdefault("return mode", name)
+        if name not in known.split("; "):
+            self.facts.details["return mode"] = f"{known}; {name}"
+            self.facts.warnings.append(f"the return mode changes to {name}")
+        self.facts.details.setdefault("motor", f"{data['rpm'][0]} turns a minute")
+        return 2 if mode in DUAL_MODES else 1
+
+    def _count_lost(self, data: NDArray[np.void], clock_ns: NDArray[np.int64], returns: int) -> None:
+        """Count lost packets by their numbers, or by the time between them where they have none."""
+        if "sequence" in (data.dtype.names or ()):
+            self._numbered.add(data["sequence"].astype(np.int64))
+        else:
+            self._timed.add(clock_ns, self._model.block_ns * data["blocks"].shape[1] / returns)
+        self.facts.lost_packets = self._numbered.lost + self._timed.lost
+
+    def _points(
+        self, data: NDArray[np.void], azimuths: NDArray[np.int64], times_ns: NDArray[np.int64]
+    ) -> tuple[NDArray[np.void], NDArray[np.intp]]:
+        """Return the points of P packets of F firings, and the place of each among all P * F * C."""
+        channels = len(self._cos)
+        units = data["blocks"]["units"]
+        shape = (azimuths.size, units.shape[1] // azimuths.shape[1], channels)
+        distances, intensities = (units[name].reshape(shape).swapaxes(1, 2) for name in ("distance", "intensity"))
+        hit = np.flatnonzero(_distinct(distances, intensities))
+        slots, number = (hit, 0) if shape[1] == 1 else (hit // shape[1], hit % shape[1])
+        firings = slots // channels
+        channel = slots - firings * channels
+        units_m = self._model.unit_m(data)[firings // azimuths.shape[1]]
+        ranges = distances.ravel()[hit] * units_m
+        angles = np.radians(azimuths.ravel() / 100)[firings] + np.radians(self._azimuth_deg)[channel]
+        across = ranges * self._cos[channel]
+        points = np.empty(len(hit), self._dtype)
+        points["x"], points["y"] = across * np.sin(angles), across * np.cos(angles)
+        points["z"] = ranges * self._sin[channel]
+        points["intensity"] = intensities.ravel()[hit]
+        points["ring"] = channel
+        points["timestamp"] = times_ns.ravel()[slots] / 1e9
+        if "return_number" in (self._dtype.names or ()):
+            points["return_number"] = number + 1
+        return points, slots
+
+
+def _distinct(distances: NDArray[np.generic], intensities: NDArray[np.generic]) -> NDArray[np.bool_]:
+    """Tell which returns, shape (..., R), are there and not the same as the first of their firing."""
+    there = np.asarray(distances != 0)
+    same = (distances[..., 1:] == distances[..., :1]) & (intensities[..., 1:] == intensities[..., :1])
+    there[..., 1:] &= ~same
+    return there
+
+
+class Hesai:
+    """The Hesai sensors that can be decoded."""
+
+    title = "Hesai PandarXT-32, Pandar40P"
+    scan_types: Mapping[str, str] = {"pandar_msgs/msg/PandarScan": "packets"}
+
+    def recognises(self, payload: NDArray[np.uint8]) -> bool:
+        """Tell by its content whether a UDP payload, shape (L,), is a packet of a supported sensor."""
+        return _model(payload[None]) is not None
+
+    def decoder(self, packets: Packets, options: DecoderOptions) -> HesaiDecoder:
+        """Return a decoder for a sensor, told by some of its packets."""
+        model = _model(packets.payloads)
+        if model is None:
+            raise InputError("the packets are of no Hesai sensor that can be decoded: PandarXT-32 and Pandar40P are")
+        returns = bool(np.isin(_sound(model, packets.payloads)["mode"], DUAL_MODES).any())
+        if options.calibration is not None:
+            elevation, azimuth = read_angles(options.calibration, len(model.channel_ns))
+            source = options.calibration.name
+        else:
+            elevation, azimuth, source = model.elevation_deg, model.azimuth_deg, "by design"
+        decoder = HesaiDecoder(model, elevation, azimuth, returns=returns)
+        decoder.facts.details["angles"] = source
+        if options.calibration is None:
+            decoder.facts.warnings.append(
+                f"{model.name}: angles by design are used; --calibration with the unit's angle correction file (CSV) "
+                "gives its own"
+            )
+        return decoder
+
+
+def _model(payloads: NDArray[np.uint8]) -> HesaiModel | None:
+    """Return the model that any of some payloads, shape (P, L), is of."""
+    return next((model for model in MODELS if len(_sound(model, payloads))), None)
+
+
+def _sound(model: HesaiModel, payloads: NDArray[np.uint8]) -> NDArray[np.void]:
+    """Return those payloads, shape (P, L), that are packets of a model."""
+    layout = model.layout(payloads.shape[1])
+    if layout is None:
+        return np.empty(0, model.packets[0])
+    data = np.ascontiguousarray(payloads).view(layout)[:, 0]
+    return data[model.is_sound(data)]

@@ -1,0 +1,1 @@
+"""Ouster: OS0, OS1, OS2 with their metadata."""

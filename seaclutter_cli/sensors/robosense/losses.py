@@ -1,0 +1,51 @@
+"""Packets of a RoboSense sensor that never arrived, as far as gaps in its time tell."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.sensors.robosense.blocks import BLIND
+from seaclutter_cli.sensors.robosense.device import Device
+from seaclutter_cli.sensors.robosense.models import BLOCKS
+
+_CLOCK_WAS_SET_NS = 3600 * 10**9
+
+
+class Losses:
+    """Counts lost packets. A gap of more than an hour is the clock being set.
+
+    Parameters
+    ----------
+    device : Device
+        The sensor.
+
+    Notes
+    -----
+    State: time, length and last azimuth of the last packet.
+    """
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._period_ns = device.step_ns * BLOCKS // (2 if device.paired else 1)
+        self._last: tuple[NDArray[np.int64], ...] | None = None
+        self.packets = 0
+
+    def add(self, times_ns: NDArray[np.int64], after_ns: NDArray[np.int64], azimuth: NDArray[np.int64]) -> None:
+        """Take packets in order.
+
+        Parameters
+        ----------
+        times_ns : ndarray, shape (P,), int64
+            When each began, by the sensor's clock.
+        after_ns, azimuth : ndarray, shape (P, 12), int64
+            When each of its blocks began after that; azimuth of each, in hundredths of a degree.
+        """
+        columns = (times_ns, after_ns[:, -1] + self._device.step_ns, azimuth[:, 0], azimuth[:, -1])
+        if self._last is not None:
+            columns = tuple(np.concatenate(pair) for pair in zip(self._last, columns, strict=True))  # type: ignore[assignment]
+        self._last = tuple(column[-1:].copy() for column in columns)
+        times_ns, length_ns, first, last = columns
+        excess = np.diff(times_ns) - length_ns[:-1]
+        blind = (first[1:] - last[:-1]) % 36000 > BLIND
+        excess -= np.where(blind, min(self._device.gap_ns, _CLOCK_WAS_SET_NS), 0)
+        counted = (excess > 0) & (excess < _CLOCK_WAS_SET_NS)
+        self.packets += int(((excess[counted] + self._period_ns // 2) // self._period_ns).sum())

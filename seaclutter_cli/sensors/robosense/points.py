@@ -1,0 +1,125 @@
+"""Blocks of RoboSense packets as points; in single precision and in the order of operations of the vendor's driver."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.sensors.packets import point_dtype
+from seaclutter_cli.sensors.robosense.angles import Angles
+from seaclutter_cli.sensors.robosense.blocks import BLIND, Blocks
+from seaclutter_cli.sensors.robosense.device import Device
+from seaclutter_cli.sensors.robosense.models import CHANNELS, Model
+from seaclutter_cli.sensors.robosense.packets import channels
+
+_LEAST, _MOST = -9000, 45000
+_SWAPPED = 0x8000
+
+
+class Geometry:
+    """Turns blocks of one sensor into points.
+
+    Parameters
+    ----------
+    device : Device
+        The sensor.
+    angles : Angles
+        Where its lasers look.
+    """
+
+    def __init__(self, device: Device, angles: Angles) -> None:
+        model = device.model
+        self._device, self._horizontal, self._rings = device, angles.horizontal, angles.rings
+        channel_ns = model.channel_ns(dual=device.dual)
+        self.last_ns = int(channel_ns[-1])
+        self._channel_s = channel_ns / 1e9
+        share = (channel_ns / device.step_ns).astype(np.float32)
+        turned = np.arange(max(BLIND, device.step) + 1, dtype=np.float32)[:, None] * share
+        self._turned = turned.astype(np.int64)
+        self._sides = _sides()
+        forward, up = np.array(model.lens_m, np.float32)
+        self._lens = _lens(float(forward))
+        vertical = angles.vertical * 0.01 * np.pi / 180
+        self._cos, self._sin, self._up = np.cos(vertical).astype("f4"), np.sin(vertical).astype("f4"), up
+        self._unit, self._limits = np.float32(model.unit_m), _limits(model)
+        self._dtype = point_dtype(returns=device.dual)
+        self._packed = _packed(self._dtype)
+
+    def points(self, blocks: Blocks) -> NDArray[np.void]:
+        """Return the returns of blocks, shape (N,), in the order of firing."""
+        distance, intensity = self._measured(channels(blocks.channels))
+        azimuth = blocks.azimuth[:, None] + self._turned[blocks.step] - _LEAST
+        range_m = distance * self._unit
+        points = np.empty(distance.shape, self._packed)
+        places = self._sides.take(azimuth + self._horizontal, mode="clip")
+        places *= range_m * self._cos
+        places += self._lens.take(azimuth, mode="clip")
+        points["xy"] = places
+        points["z"] = range_m * self._sin + self._up
+        points["intensity"] = intensity
+        points["ring"] = self._rings
+        points["timestamp"] = (blocks.times_ns / 1e9)[:, None] + self._channel_s
+        if self._device.dual:
+            points["return_number"] = self._return_numbers(blocks)
+        least, most = self._limits
+        return _select(points.reshape(-1).view(self._dtype), (distance >= least) & (distance <= most))
+
+    def _measured(self, measured: NDArray[Any]) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+        """Return distances in units and intensities, shape (B, 32)."""
+        distance, intensity = measured["distance"].astype(np.uint16), measured["intensity"]
+        if self._device.model.two_kinds:
+            swapped = distance[:, 0] >= _SWAPPED
+            distance &= _SWAPPED - 1
+            intensity = intensity.copy()
+            for values in (distance, intensity):
+                values[swapped] = np.roll(values[swapped], CHANNELS // 2, axis=1)
+        return distance, intensity
+
+    def _return_numbers(self, blocks: Blocks) -> NDArray[np.int64]:
+        if self._device.paired:
+            return 1 + blocks.second[:, None].astype(np.int64)
+        return 1 + np.arange(CHANNELS) // self._device.model.lasers
+
+
+@cache
+def _limits(model: Model) -> tuple[np.uint16, np.uint16]:
+    """Return the least and the greatest distance that counts, in units."""
+    least, most = np.array(model.range_m, np.float32)
+    ranges = np.arange(2**16, dtype=np.float32) * np.float32(model.unit_m)
+    valid = np.flatnonzero((ranges >= least) & (ranges <= most))
+    return np.uint16(max(valid[0], 1)), np.uint16(valid[-1])
+
+
+@cache
+def _sides() -> NDArray[np.complex64]:
+    """Return where azimuths of hundredths of a degree look; any that two bytes hold, and what is added, has a place."""
+    hundredths = np.arange(_LEAST, 2**17)
+    hundredths[hundredths >= _MOST] = 0
+    radians = hundredths * 0.01 * np.pi / 180
+    sides = np.empty(len(radians), np.complex64)
+    sides.real, sides.imag = np.cos(radians), -np.sin(radians)
+    return sides
+
+
+@cache
+def _lens(forward: float) -> NDArray[np.complex64]:
+    """Return where the lens is at these azimuths."""
+    return (_sides() * np.float32(forward)).astype(np.complex64)
+
+
+def _packed(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the layout of points with x and y as one complex number, which is written in one go."""
+    fields = dict(dtype.fields or {})
+    names = [name for name in fields if name not in "xy"]
+    formats = ["<c8", *(fields[name][0] for name in names)]
+    offsets = [0, *(fields[name][1] for name in names)]
+    return np.dtype({"names": ["xy", *names], "formats": formats, "offsets": offsets, "itemsize": dtype.itemsize})
+
+
+def _select(points: NDArray[np.void], keep: NDArray[np.bool_]) -> NDArray[np.void]:
+    kept = np.flatnonzero(keep)
+    if len(kept) == len(points):
+        return points
+    # Points copy several times faster as so many bytes.
+    return points.view(np.dtype((np.void, points.dtype.itemsize))).take(kept).view(points.dtype)

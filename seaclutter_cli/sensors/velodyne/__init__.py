@@ -1,0 +1,1 @@
+"""Velodyne, decoded by the library ``velodyne-decoder``."""

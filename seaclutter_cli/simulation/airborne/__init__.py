@@ -1,0 +1,1 @@
+"""Scenes seen by an airborne lidar: tiles."""

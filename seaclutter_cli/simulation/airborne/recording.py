@@ -1,0 +1,87 @@
+"""A simulated tile as a LAS or LAZ file, with the truth of every point."""
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from datetime import date
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import MissingExtraError
+from seaclutter_cli.simulation.airborne.render import POINT, TileRenderer
+from seaclutter_cli.simulation.airborne.scene import TileScene
+from seaclutter_cli.sinks.las import LasSink
+
+TRUTH = {"object_class": ("u1", "0 none, 1 ship ... 8 garbage"), "object_id": ("u2", "number of the object, 0 none")}
+_SCALE_M = 0.001
+_ANGLE_UNIT_DEG = 0.006
+_MADE_ON = date(2024, 1, 1)
+
+
+def strips_of(scene: TileScene) -> Iterator[NDArray[np.void]]:
+    """Yield the echoes of a scene strip by strip, made by all cores; the same whatever their number."""
+    renderer = TileRenderer(scene)
+    threads = min(2, os.cpu_count() or 1)  # a strip takes a few hundred megabytes
+    pending: deque[Future[NDArray[np.void]]] = deque()
+    with ThreadPoolExecutor(threads, thread_name_prefix="simulate") as pool:
+        try:
+            for index in range(len(renderer.lines)):
+                pending.append(pool.submit(renderer.strip, index))
+                if len(pending) >= threads:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def record_tile(scene: TileScene, path: Path, on_strip: Callable[[NDArray[np.void]], object] = lambda _: None) -> None:
+    """Write a scene to a LAS or LAZ file of point format 6.
+
+    Parameters
+    ----------
+    scene : TileScene
+        What is there.
+    path : Path
+        The file; it appears when it is complete.
+    on_strip : callable, optional
+        Is told of each strip's echoes.
+
+    Raises
+    ------
+    MissingExtraError
+        If laspy, or its part for LAZ, is not installed.
+    OutputError
+        If the file cannot be written.
+    """
+    try:
+        import laspy  # an extra
+    except ImportError as error:
+        raise MissingExtraError("LAS/LAZ", "las") from error
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = np.full(3, _SCALE_M)
+    header.offsets = np.array([*scene.tile.origin_m, 0.0])
+    header.system_identifier, header.generating_software = "simulated", "seaclutter simulate"
+    header.creation_date = _MADE_ON
+    header.uuid = UUID(int=0)
+    header.global_encoding.wkt = True  # as LAS 1.4 has it from point format 6 on; some readers insist
+    empty = laspy.ScaleAwarePointRecord.zeros(0, header=header)
+    with LasSink(path, header, TRUTH, whole=False) as sink:
+        for points in strips_of(scene):
+            sink.write(_record(laspy, empty, points), {name: points[name] for name in TRUTH})
+            on_strip(points)
+
+
+def _record(laspy: Any, empty: Any, points: NDArray[np.void]) -> Any:
+    record = laspy.ScaleAwarePointRecord.zeros(
+        len(points), point_format=empty.point_format, scales=empty.scales, offsets=empty.offsets
+    )
+    for name in POINT.names or ():
+        if name not in TRUTH:
+            record[name] = points[name] / _ANGLE_UNIT_DEG if name == "scan_angle" else points[name]
+    return record

@@ -1,0 +1,287 @@
+"""What an airborne lidar measures of a tile: pulses of one strip, their echoes, and what each comes from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.simulation.airborne.scene import AirborneParams, Thing, TileScene, WaterParams
+from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M, Patch
+from seaclutter_cli.simulation.airborne.water import Water, water
+
+Floats = NDArray[np.float64]
+
+_BEAMS = 7
+_RESOLUTION_M = 0.6
+_WEAKEST = 0.0015
+_MEAN_SQUARE_SLOPE = 0.03
+_DIFFUSE = 0.12
+_LOW_NOISE, _HIGH_NOISE, _WATER, _OTHER = 7, 18, 9, 1
+
+POINT = np.dtype(
+    [
+        *((axis, "f8") for axis in "xyz"),
+        ("intensity", "u2"),
+        ("return_number", "u1"),
+        ("number_of_returns", "u1"),
+        ("scan_angle", "f4"),
+        ("gps_time", "f8"),
+        ("point_source_id", "u2"),
+        ("classification", "u1"),
+        ("object_class", "u1"),
+        ("object_id", "u2"),
+    ]
+)
+"""One echo of a simulated tile; the last three are truth."""
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """Pulses of a strip, P of them, each by where it meets the level of the sea.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (P,), float64
+        Place in metres from the tile's corner.
+    slope : ndarray, shape (P,), float64
+        How far a ray moves along y for each metre that it falls: the tangent of its angle.
+    times_s : ndarray, shape (P,), float64
+        When, from the start of the strip.
+    """
+
+    x: Floats
+    y: Floats
+    slope: Floats
+    times_s: Floats
+
+
+@dataclass
+class Hits:
+    """Where the rays of each pulse end, shape (P, B): height, reflectivity, and number of the object, 0 for none."""
+
+    z: Floats
+    shade: Floats
+    number: NDArray[np.int64]
+
+
+def strips(lidar: AirborneParams, size_m: tuple[float, ...]) -> list[float]:
+    """Return the y of each strip's flight line.
+
+    Examples
+    --------
+    >>> strips(AirborneParams(height_m=300, scan_angle_deg=60, overlap=0), (875.0, 695.0))
+    [115.83333333333333, 347.5, 579.1666666666666]
+    """
+    swath = 2 * lidar.height_m * np.tan(np.radians(lidar.scan_angle_deg / 2)) * (1 - lidar.overlap)
+    count = max(1, int(np.ceil(size_m[1] / swath - 1e-9)))
+    return [float(size_m[1] * (k + 0.5) / count) for k in range(count)]
+
+
+def fly(lidar: AirborneParams, size_m: tuple[float, ...], line_y: float, rng: np.random.Generator) -> Pulses:
+    """Return the pulses of a strip that end in the tile."""
+    reach = lidar.height_m * np.tan(np.radians(lidar.scan_angle_deg / 2))
+    low, high = max(-reach, -line_y - 20), min(reach, size_m[1] - line_y + 20)
+    spacing = 1 / np.sqrt(lidar.pulses_m2)
+    lines, across = int(np.ceil(size_m[0] / spacing)), int(np.ceil((high - low) / spacing))
+    angles = np.linspace(np.arctan(low / lidar.height_m), np.arctan(high / lidar.height_m), across)
+    sweep = np.concatenate([angles if line % 2 else angles[::-1] for line in range(lines)])
+    count = len(sweep)
+    x = np.arange(count) * (size_m[0] / count) + rng.normal(0, 0.05, count)
+    roll, height = rng.normal(0, 2e-4, count), lidar.height_m
+    y = line_y + height * np.tan(sweep + roll)
+    inside = (y >= 0) & (y < size_m[1]) & (x >= 0) & (x < size_m[0])
+    times = np.arange(count, dtype=np.float64) * 1e-5
+    return Pulses(x[inside], y[inside], np.tan(sweep[inside]), times[inside])
+
+
+class TileRenderer:
+    """Makes the strips of a scene, in any order and each the same whatever was made before.
+
+    Parameters
+    ----------
+    scene : TileScene
+        What is there.
+
+    Notes
+    -----
+    A pulse is seven rays across its beam. A ray falls until it is below the top of what is there; nets, debris and
+    leaves let some through. Rays that end within 0.6 m of each other in height are one echo, whose strength is the sum
+    of theirs, reflectivity by cosine of incidence for surfaces that scatter; echoes that are too weak are lost.
+    Intensities are as surveys deliver them, corrected for range and flying height but not for incidence. Water is a
+    mirror with facets (mean square slope 0.03) and a weak diffuse part: bright below the aircraft, often silent at the
+    edge of the swath. Fixed things stay, ships rise with the swell, mats and rafts follow the surface.
+    """
+
+    def __init__(self, scene: TileScene) -> None:
+        self.scene = scene
+        self.things = scene.things()
+        seed = scene.tile.seed
+        self._patches = [
+            KINDS[thing.kind].make(np.random.default_rng([seed, 2, thing.number]), thing.size_m, thing.reflectivity)
+            for thing in self.things
+        ]
+        self.lines = strips(scene.lidar, scene.tile.size_m)
+
+    def strip(self, index: int) -> NDArray[np.void]:
+        """Return the echoes of a strip, as `POINT`."""
+        scene, seed = self.scene, self.scene.tile.seed
+        rng = np.random.default_rng([seed, 3, index])
+        sea = water(scene.water, max(scene.tile.size_m), np.random.default_rng([seed, 4, index]))
+        pulses = fly(scene.lidar, scene.tile.size_m, self.lines[index], rng)
+        hits = self._sea_hits(pulses, sea, rng)
+        for thing, patch in zip(self.things, self._patches, strict=True):
+            self._meet(thing, patch, pulses, sea, hits, rng)
+        points = _echoes(pulses, hits, scene.lidar, rng)
+        points["gps_time"] += 1000.0 * index
+        points["point_source_id"] = index + 1
+        _stray(points, scene.water, rng)
+        codes = np.array([0, *(thing.code for thing in self.things)], np.uint8)
+        points["object_class"] = codes[points["object_id"]]
+        for axis, origin in zip("xy", scene.tile.origin_m, strict=True):
+            points[axis] += origin
+        return points
+
+    def _sea_hits(self, pulses: Pulses, sea: Water, rng: np.random.Generator) -> Hits:
+        params = self.scene.water
+        along, across = sea.slope(pulses.x, pulses.y)
+        tilt = along**2 + (across + pulses.slope) ** 2
+        mirror = np.exp(-tilt / (2 * _MEAN_SQUARE_SLOPE))
+        shade = params.reflectivity * (_DIFFUSE + (1 - _DIFFUSE) * mirror) * rng.gamma(2.0, 0.5, len(tilt))
+        z = sea.height(pulses.x, pulses.y) + rng.normal(0, 0.02, len(tilt))
+        shape = (len(z), _BEAMS)
+        return Hits(
+            np.broadcast_to(z[:, None], shape).copy(),
+            np.broadcast_to(shade[:, None], shape).copy(),
+            np.zeros(shape, np.int64),
+        )
+
+    def _meet(
+        self, thing: Thing, patch: Patch, pulses: Pulses, sea: Water, hits: Hits, rng: np.random.Generator
+    ) -> None:
+        """Let the rays that come near an object end on it."""
+        highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*thing.at_m))
+        reach = 0.5 * float(np.hypot(*thing.size_m[:2])) + 2.0
+        near_y = reach + highest * np.abs(pulses.slope)
+        near = np.flatnonzero((np.abs(pulses.x - thing.at_m[0]) < reach) & (np.abs(pulses.y - thing.at_m[1]) < near_y))
+        if not len(near):
+            return
+        x, y = _beams(pulses.x[near], pulses.y[near], self.scene.lidar)
+        slope = np.repeat(pulses.slope[near], _BEAMS)
+        lift = self._lift(thing, patch, sea, x, y)
+        z, shade = _fall(thing, patch, (x, y, slope), lift, highest, rng)
+        tilt = np.cos(np.arctan(slope)) ** (0.5 if patch.motion == "fixed" else 1)
+        struck = (z > hits.z[near].reshape(-1)).reshape(-1, _BEAMS)
+        for target, values in (("z", z), ("shade", shade * tilt)):
+            column = getattr(hits, target)
+            column[near] = np.where(struck, values.reshape(-1, _BEAMS), column[near])
+        hits.number[near] = np.where(struck, thing.number, hits.number[near])
+
+    def _lift(self, thing: Thing, patch: Patch, sea: Water, x: Floats, y: Floats) -> Floats:
+        """Return how high the waterline of an object stands at places, shape (R,)."""
+        if patch.motion == "fixed":
+            return np.zeros_like(x)
+        if patch.motion == "floats":
+            return np.full_like(x, sea.heave(*thing.at_m))
+        return sea.height(x, y)
+
+
+def _beams(x: Floats, y: Floats, lidar: AirborneParams) -> tuple[Floats, Floats]:
+    """Return the rays of pulses: one in the middle of the beam and six about it, shape (P * 7,)."""
+    radius = 0.35 * lidar.divergence_mrad / 1000 * lidar.height_m
+    around = np.arange(_BEAMS - 1) * (2 * np.pi / (_BEAMS - 1))
+    dx, dy = np.append(0.0, radius * np.cos(around)), np.append(0.0, radius * np.sin(around))
+    return (x[:, None] + dx).reshape(-1), (y[:, None] + dy).reshape(-1)
+
+
+def _fall(
+    thing: Thing,
+    patch: Patch,
+    rays: tuple[Floats, Floats, Floats],
+    lift: Floats,
+    highest: float,
+    rng: np.random.Generator,
+) -> tuple[Floats, Floats]:
+    """Return the height at which each of R rays ends on an object, or minus infinity, and the reflectivity there."""
+    x, y, slope = rays
+    z, shade = np.full(len(x), -np.inf), np.zeros(len(x))
+    luck, deep = rng.random(len(x)), rng.random(len(x))
+    steps = max(1, int(np.ceil(highest * float(np.abs(slope).max()) / STEP_M)))
+    falling = np.arange(len(x))
+    for step in range(steps):
+        upper, lower = highest * (1 - step / steps), highest * (1 - (step + 1) / steps) - (step + 1 == steps)
+        here, cells = _under(thing, patch, x[falling], y[falling] - slope[falling] * 0.5 * (upper + lower))
+        top = patch.top[cells] + lift[falling[here]]
+        stopped = (top >= lower) & (luck[falling[here]] < patch.cover[cells])
+        ended = falling[here[stopped]]
+        hit = np.minimum(top[stopped], upper) - deep[ended] * patch.depth[cells][stopped]
+        z[ended], shade[ended] = hit, patch.reflectivity[cells][stopped]
+        falling = np.delete(falling, here[stopped])
+    here, cells = _under(thing, patch, x[falling], y[falling])
+    ground = patch.base[cells]
+    z[falling[here]], shade[falling[here]] = ground, 0.6 * patch.reflectivity[cells]
+    return z, shade
+
+
+def _under(thing: Thing, patch: Patch, x: Floats, y: Floats) -> tuple[NDArray[np.intp], tuple[NDArray[np.intp], ...]]:
+    """Return which of some places lie over an object's maps, and in which cells."""
+    c, s = np.cos(thing.heading), np.sin(thing.heading)
+    dx, dy = x - thing.at_m[0], y - thing.at_m[1]
+    cells = [
+        np.floor(side / STEP_M + count / 2).astype(np.intp)
+        for side, count in zip((c * dx + s * dy, c * dy - s * dx), patch.top.shape, strict=True)
+    ]
+    inside = [(at >= 0) & (at < count) for at, count in zip(cells, patch.top.shape, strict=True)]
+    here = np.flatnonzero(inside[0] & inside[1])
+    return here, (cells[0][here], cells[1][here])
+
+
+def _echoes(pulses: Pulses, hits: Hits, lidar: AirborneParams, rng: np.random.Generator) -> NDArray[np.void]:
+    """Join rays to echoes, and lose the weak ones."""
+    order = np.argsort(-hits.z, axis=1, kind="stable")
+    z, shade, number = (np.take_along_axis(values, order, 1) for values in (hits.z, hits.shade, hits.number))
+    group = np.concatenate((np.zeros((len(z), 1), np.int64), np.cumsum(-np.diff(z, axis=1) > _RESOLUTION_M, axis=1)), 1)
+    found = []
+    for echo in range(lidar.max_returns):
+        own = group == echo
+        count = own.sum(axis=1)
+        power = (shade * own).sum(axis=1) / _BEAMS
+        heard = np.flatnonzero((count > 0) & (power > _WEAKEST * rng.exponential(3.0, len(power))))
+        first = np.argmax(own[heard], axis=1)
+        height = (z[heard] * own[heard]).sum(axis=1) / count[heard]
+        strongest = number[heard, first + (count[heard] - 1) // 2]
+        found.append((heard, height, power[heard], strongest))
+    pulse, height, power, label = (np.concatenate(column) for column in zip(*found, strict=True))
+    order = np.argsort(pulse, kind="stable")
+    return _points(pulses, (pulse[order], height[order], power[order], label[order]), lidar, rng)
+
+
+def _points(
+    pulses: Pulses,
+    echoes: tuple[NDArray[np.intp], Floats, Floats, NDArray[np.int64]],
+    lidar: AirborneParams,
+    rng: np.random.Generator,
+) -> NDArray[np.void]:
+    pulse, height, power, label = echoes
+    out = np.zeros(len(pulse), POINT)
+    z = height + rng.normal(0, lidar.range_noise_m, len(pulse))
+    out["x"], out["y"], out["z"] = pulses.x[pulse], pulses.y[pulse] - pulses.slope[pulse] * z, z
+    digital = lidar.gain * power * rng.lognormal(0, 0.08, len(pulse))
+    out["intensity"] = np.clip(np.round(digital), 1, 65535)
+    echoes_of = np.bincount(pulse, minlength=len(pulses.x))
+    before = np.cumsum(echoes_of) - echoes_of
+    out["return_number"] = np.arange(len(pulse)) - before[pulse] + 1
+    out["number_of_returns"] = echoes_of[pulse]
+    out["scan_angle"] = np.degrees(np.arctan(pulses.slope[pulse]))
+    out["gps_time"] = pulses.times_s[pulse]
+    out["object_id"] = label
+    out["classification"] = np.where(label > 0, _OTHER, _WATER)
+    return out
+
+
+def _stray(points: NDArray[np.void], params: WaterParams, rng: np.random.Generator) -> None:
+    """Turn a few echoes into such of nothing, below and above the surface."""
+    chosen = np.flatnonzero(rng.random(len(points)) < params.stray)
+    low = rng.random(len(chosen)) < 0.5
+    points["z"][chosen] = np.where(low, -rng.uniform(2, 15, len(chosen)), rng.uniform(8, 80, len(chosen)))
+    points["object_id"][chosen] = 0
+    points["classification"][chosen] = np.where(low, _LOW_NOISE, _HIGH_NOISE)

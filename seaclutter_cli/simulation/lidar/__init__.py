@@ -1,0 +1,1 @@
+"""Simulated lidars: models, echoes, receiver, noise."""

@@ -1,0 +1,176 @@
+"""Lidars that can be simulated: where each beam points and when it fires, and how strong an echo must be."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.simulation.lidar.noise import NO_NOISE, NoiseParams
+
+
+@dataclass(frozen=True)
+class Lidar:
+    """A lidar; K beams, C columns a turn. It rotates, or sees all of its field at once as a camera does.
+
+    Parameters
+    ----------
+    elevations_deg : tuple of float
+        Elevation of each beam in firing order, in degrees; K values.
+    azimuth_offsets_deg : tuple of float
+        How far each beam points from the azimuth of its column, clockwise from above, in degrees; K values.
+    firing_us : tuple of float
+        When each beam fires, in microseconds from the start of its column; K values.
+    columns : int
+        Columns a turn, C.
+    detection_m : float
+        Range up to which a surface of reflectivity 0.1, met head on, gives an echo of intensity 1.
+    max_range_m, min_range_m : float
+        Ranges between which echoes are reported.
+    range_noise_m : float
+        Standard deviation of the range.
+    lens_m : float
+        How far ahead of the axis the lens is, in the direction of the column.
+    clockwise : bool
+        Sense of rotation seen from above.
+    rate_hz : float
+        Turns per second.
+    field_deg : float
+        Width of its field; 360 of one that rotates. The columns of a lesser one are even about straight ahead, and all
+        shots are fired at once.
+    noise : NoiseParams
+        False returns, unless a scene says otherwise.
+    """
+
+    elevations_deg: tuple[float, ...]
+    azimuth_offsets_deg: tuple[float, ...]
+    firing_us: tuple[float, ...]
+    columns: int
+    detection_m: float
+    max_range_m: float
+    min_range_m: float = 0.4
+    range_noise_m: float = 0.02
+    lens_m: float = 0.0
+    clockwise: bool = True
+    rate_hz: float = 10.0
+    field_deg: float = 360.0
+    noise: NoiseParams = NO_NOISE
+
+    @property
+    def gain(self) -> float:
+        """Intensity of an echo of unit reflectivity from one metre."""
+        return self.detection_m**2 / 0.1
+
+    @property
+    def step_rad(self) -> float:
+        """Angle from column to column in radians; negative where clockwise."""
+        return float(np.radians(self.field_deg)) / self.columns * (-1 if self.clockwise else 1)
+
+    @property
+    def rotates(self) -> bool:
+        """Whether it turns, so that its columns are fired one after the other."""
+        return self.field_deg == 360
+
+    def looks_s(self, azimuths: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return after which time in a turn it looks in some directions of its frame, in seconds; shape (N,)."""
+        if not self.rotates:
+            return np.zeros(len(azimuths))
+        return azimuths / self.step_rad % self.columns / (self.columns * self.rate_hz)
+
+    @cached_property
+    def times_s(self) -> NDArray[np.float64]:
+        """Time of each shot from the start of the turn, shape (C, K), in seconds."""
+        if not self.rotates:
+            return np.zeros((self.columns, len(self.elevations_deg)))
+        column = np.arange(self.columns) / (self.columns * self.rate_hz)
+        return column[:, None] + np.array(self.firing_us) * 1e-6
+
+    @cached_property
+    def _turned(self) -> NDArray[np.float64]:
+        """Angle by which the lidar has turned at each shot, counter-clockwise, shape (C, K), in radians."""
+        if not self.rotates:
+            column = self.step_rad * (np.arange(self.columns) - (self.columns - 1) / 2)
+            return np.repeat(column[:, None], len(self.elevations_deg), axis=1)
+        return (-1 if self.clockwise else 1) * self.times_s * self.rate_hz * 2 * np.pi
+
+    @cached_property
+    def lenses(self) -> NDArray[np.float64]:
+        """Where the lens is at each shot in the lidar's frame, shape (C, K, 3), in metres."""
+        return self.lens_m * np.stack(
+            (np.cos(self._turned), np.sin(self._turned), np.zeros_like(self._turned)), axis=-1
+        )
+
+    @cached_property
+    def directions(self) -> NDArray[np.float64]:
+        """Unit vector of each shot in the lidar's frame (x forward, y left, z up), shape (C, K, 3)."""
+        azimuth = self._turned - np.radians(self.azimuth_offsets_deg)
+        elevation = np.broadcast_to(np.radians(self.elevations_deg), azimuth.shape)
+        flat = np.cos(elevation)
+        return np.stack((flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)), axis=-1)
+
+    @cached_property
+    def rings(self) -> NDArray[np.uint16]:
+        """Number of each beam counted from the lowest, shape (K,)."""
+        return np.argsort(np.argsort(self.elevations_deg)).astype(np.uint16)
+
+
+_RS32_ELEVATIONS = (
+    *(-10.281, -6.424, 2.333, 3.333, 4.667, 7.0, 10.333, 15.0),
+    *(0.333, 0.0, -0.333, -0.667, 1.667, 1.333, 1.0, 0.667),
+    *(-25.0, -14.638, -7.91, -5.407, -3.667, -4.0, -4.333, -4.667),
+    *(-2.333, -2.667, -3.0, -3.333, -1.0, -1.333, -1.667, -2.0),
+)
+# Four columns of lasers that look past each other. The manual prints the value of channel 10; the others follow the
+# pattern of the columns. Units differ from their design by fractions of a degree anyway.
+_RS32_OFFSETS = (-8.0, -2.672, 2.672, 8.0) * 8
+_RS32_FIRING = (
+    *(2.88 * c for c in range(15)),
+    44.64,
+    *(1.44 + 2.88 * c for c in range(15)),
+    46.08,
+)
+_VLP16_ELEVATIONS = (-15.0, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15)
+_RS16_ELEVATIONS = (-15.0, -13, -11, -9, -7, -5, -3, -1, 15, 13, 11, 9, 7, 5, 3, 1)
+
+
+def _even(beams: int, half_deg: float) -> tuple[float, ...]:
+    return tuple(np.linspace(half_deg, -half_deg, beams).tolist())
+
+
+def _ouster(beams: int) -> Lidar:
+    staggered = (4.23, 1.41, -1.41, -4.23) * (beams // 4)
+    return Lidar(_even(beams, 22.5), staggered, (0.0,) * beams, 1024, 90.0, 200.0, min_range_m=0.5)
+
+
+_CE30_D = Lidar(
+    tuple(round(1.9 - 0.2 * row, 1) for row in range(20)),
+    (0.0,) * 20,
+    (0.0,) * 20,
+    columns=320,
+    detection_m=28 / 3,
+    max_range_m=28.0,
+    rate_hz=30.0,
+    field_deg=60.0,
+    noise=NoiseParams(lost_share=0.15, edge_share=0.5),
+)
+
+LIDARS: Mapping[str, Lidar] = {
+    "RS-LiDAR-32": Lidar(_RS32_ELEVATIONS, _RS32_OFFSETS, _RS32_FIRING, 1800, 150.0, 200.0, lens_m=0.03997),
+    "RS-LiDAR-16": Lidar(
+        _RS16_ELEVATIONS, (0.0,) * 16, tuple(2.8 * c for c in range(16)), 1800, 100.0, 150.0, lens_m=0.03825
+    ),
+    "VLP-16": Lidar(
+        _VLP16_ELEVATIONS, (0.0,) * 16, tuple(2.304 * c for c in range(16)), 1808, 80.0, 100.0, min_range_m=0.5
+    ),
+    "OS1-64": _ouster(64),
+    "OS1-128": _ouster(128),
+    "CE30-D": _CE30_D,
+}
+"""Lidars by name; a new one is a line here.
+
+Angles, times and ranges are the makers' design values: RS-LiDAR-32 user manual (channel table, B.13 and B.14; appendix
+A for the times), RS-LiDAR-16 and VLP-16 user manuals, Ouster OS1 datasheet, CE30-D datasheet (table 2) and S3. That a
+CE30-D sees white at its full range and a reflectivity of 0.1 at a third of it, and the amounts of its noise, are
+assumptions.
+"""

@@ -1,0 +1,79 @@
+"""A simulated recording: turns made in several threads, written in their order."""
+
+import csv
+import io
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+from seaclutter_cli.simulation.marine.formats import FORMATS, Log
+from seaclutter_cli.simulation.marine.render import Renderer, Turn
+from seaclutter_cli.simulation.marine.scene import Scene
+from seaclutter_cli.sinks.atomic import AtomicFile
+
+_COLUMNS = ("frame", "track_id", "class", "x", "y", "z", "length", "width", "height", "yaw")
+
+
+def turns(scene: Scene) -> Iterator[Turn]:
+    """Yield the turns of a scene in order, made by all cores; the same whatever their number."""
+    threads = os.cpu_count() or 1
+    renderer = Renderer(scene)
+    pending: deque[Future[Turn]] = deque()
+    with ThreadPoolExecutor(threads, thread_name_prefix="simulate") as pool:
+        try:
+            for index in range(scene.recording.frames):
+                pending.append(pool.submit(renderer.turn, index))
+                if len(pending) > threads:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def record(scene: Scene, log: Path, labels: Path, on_turn: Callable[[Turn], None] = lambda _: None) -> None:
+    """Write a scene to a file of one of `FORMATS`, told by its ending, and its labels as native CSV.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is recorded.
+    log, labels : Path
+        The files; they appear when they are complete.
+    on_turn : callable, optional
+        Is told of each turn.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written.
+    UsageError
+        If the format cannot hold what the lidar measures.
+    """
+    with AtomicFile(log) as log_file, AtomicFile(labels) as label_file:
+        writer: Log = FORMATS[log.suffix[1:]](scene, log_file.stream)
+        try:
+            label_file.stream.write((",".join(_COLUMNS) + "\n").encode())
+            for turn in turns(scene):
+                writer.add(turn)
+                label_file.stream.write(_rows(turn).encode())
+                on_turn(turn)
+            writer.finish()
+        except BaseException:
+            writer.abort()
+            raise
+
+
+def _rows(turn: Turn) -> str:
+    """Return the lines of a turn's labels."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    boxes = turn.boxes
+    for track, kind, center, size, yaw in zip(
+        boxes.tracks, boxes.classes, boxes.centers, boxes.sizes, boxes.yaws, strict=True
+    ):
+        numbers = (f"{value:.3f}" for value in (*center, *size))
+        writer.writerow((turn.index, track, kind, *numbers, f"{yaw:.4f}"))
+    return text.getvalue()

@@ -1,0 +1,115 @@
+"""One turn of a lidar at sea or on land."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
+from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar.receiver import POINT, Receiver
+from seaclutter_cli.simulation.marine.bodies import Bodies, Placed, box_of, meet_body
+from seaclutter_cli.simulation.marine.motion import Pose
+from seaclutter_cli.simulation.marine.ride import Ride
+from seaclutter_cli.simulation.marine.scene import Scene
+from seaclutter_cli.simulation.marine.shapes import SHAPES
+from seaclutter_cli.simulation.marine.terrain import TERRAINS, Terrain, terrain_name
+from seaclutter_cli.truth import IGNORED, Boxes
+
+__all__ = ["POINT", "Renderer", "Turn"]
+
+Floats = NDArray[np.float64]
+
+_DARK_REFLECTIVITY = 0.3
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One frame of a simulated recording.
+
+    Parameters
+    ----------
+    index : int
+        Its number.
+    points : ndarray, shape (N,), `POINT`
+        Echoes in the order of firing, in the frame of the lidar; times in seconds from the start of the recording.
+    shots : ndarray, shape (N,), int64
+        Which shot of the turn each is of: its column times the number of beams, and its beam.
+    distances_m : ndarray, shape (N,), float64
+        Distance that was measured, from the lens.
+    boxes : Boxes
+        Own vessel and what else is within the lidar's range; of class ``ignore`` where it is no target.
+    """
+
+    index: int
+    points: NDArray[np.void]
+    shots: NDArray[np.int64]
+    distances_m: Floats
+    boxes: Boxes
+
+
+class Renderer:
+    """Makes the turns of a scene, each by itself, so that they can be made in any order.
+
+    Parameters
+    ----------
+    scene : Scene
+        What there is.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        recording, vessel = scene.recording, scene.vessel
+        self.scene, self.lidar, self._seed = scene, LIDARS[recording.lidar], recording.seed
+        self._bodies = Bodies(scene.objects)
+        self._own = SHAPES["own_vessel"]().scaled(vessel.length_m, vessel.width_m, vessel.lidar_height_m * 0.7)
+        self._terrain = self._make_terrain()
+        self._ride = Ride(vessel, self._terrain)
+        noise = scene.noise or self.lidar.noise
+        self._receiver = Receiver(self.lidar, noise, scene.terrain.extinction, recording.dropout)
+
+    def _make_terrain(self) -> Terrain:
+        vessel, params = self.scene.vessel, self.scene.terrain
+        hulls = [(vessel.track, vessel.length_m, vessel.width_m)] if vessel.speed_ms else []
+        hulls += [
+            (item.track, float(item.size_m[0]), float(item.size_m[1])) for item in self.scene.objects if item.speed_ms
+        ]
+        make = TERRAINS[terrain_name(params)][1]
+        terrain: Terrain = make(params, hulls, vessel.length_m, self._seed)
+        return terrain
+
+    def turn(self, index: int) -> Turn:
+        """Return a turn by its number."""
+        rng = np.random.default_rng([self._seed, 1, index])
+        start_s = index / self.lidar.rate_hz
+        moment = self._terrain.at(start_s + 0.5 / self.lidar.rate_hz)
+        times_s = start_s + self.lidar.times_s
+        shots = self._shots(*self._ride.along(times_s[:, 0]))
+        placed = self._bodies.placed(moment, self._ride, self.lidar, start_s)
+
+        echoes = Echoes.none(len(shots))
+        moment.meet(shots, echoes, rng)
+        hull = self._ride.hull(start_s)
+        meet_body(shots, echoes, np.arange(len(shots)), self._own, hull, (_DARK_REFLECTIVITY, IGNORED))
+        self._bodies.meet(shots, echoes, placed)
+        return Turn(index, *self._receiver.receive(echoes, times_s, rng), self._boxes(placed, hull, start_s))
+
+    def _shots(self, places: Floats, turns: Floats) -> Shots:
+        beams = len(self.lidar.elevations_deg)
+        directions = (self.lidar.directions @ turns.transpose(0, 2, 1)).reshape(-1, 3)
+        azimuths = np.arctan2(directions[:, 1], directions[:, 0])
+        origins = (self.lidar.lenses @ turns.transpose(0, 2, 1)).reshape(-1, 3) + np.repeat(places, beams, axis=0)
+        return Shots(origins, directions, azimuths)
+
+    def _boxes(self, placed: list[Placed], hull: Pose, start_s: float) -> Boxes:
+        """Return the boxes of what is within range; own vessel and the ground are areas to ignore."""
+        lidar, reach_m = self._ride.lidar(start_s), self.lidar.max_range_m
+        rows = [(IGNORED, "ignore", *box_of(self._own, hull, lidar, -np.inf))]
+        if (ground := self._terrain.box(lidar, reach_m)) is not None:
+            rows.append((IGNORED, "ignore", *ground))
+        for item, mesh, one in zip(self.scene.objects, self._bodies.meshes, placed, strict=True):
+            center, size, yaw = box_of(mesh, one.pose, one.lidar, one.base_m)
+            if np.hypot(center[0], center[1]) - np.hypot(size[0], size[1]) / 2 <= reach_m:
+                kind = "ignore" if item.ignore else item.class_name or item.shape
+                rows.append((item.track_id, kind, center, size, yaw))
+        tracks, kinds, centers, sizes, yaws = zip(*rows, strict=True)
+        return Boxes(tuple(str(track) for track in tracks), kinds, np.array(centers), np.array(sizes), np.array(yaws))

@@ -1,0 +1,256 @@
+"""Scenes: what a simulated recording shows."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from annotated_types import Ge, Gt, Interval, Len
+
+from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar.noise import NoiseParams
+from seaclutter_cli.simulation.marine.motion import Track
+from seaclutter_cli.simulation.marine.shapes import SHAPES
+from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, terrain_name
+from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.validation import as_lists, build_list, build_sections, builtin_files, find_file, read_yaml, refuse
+
+_SECTIONS = ("recording", *TERRAINS, "vessel", "noise", "objects")
+Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingParams:
+    """The recording as such.
+
+    Parameters
+    ----------
+    about : str
+        What the scene shows.
+    lidar : str
+        A lidar by name.
+    frames : int
+        Turns of the lidar.
+    seed : int
+        What all chance comes from.
+    dropout : float
+        Share of echoes that get lost.
+    """
+
+    about: str = ""
+    lidar: str = "RS-LiDAR-32"
+    frames: Annotated[int, Interval(ge=1, le=10**6)] = 100
+    seed: Annotated[int, Ge(0)] = 1
+    dropout: Annotated[float, Interval(ge=0, le=1)] = 0.01
+
+    def __post_init__(self) -> None:
+        """Check the lidar's name."""
+        if self.lidar not in LIDARS:
+            raise ValueError(f"lidar: unknown lidar {self.lidar!r}; allowed: {', '.join(LIDARS)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingParams:
+    """Where something is.
+
+    Parameters
+    ----------
+    path : tuple of (float, float)
+        Places in metres in the world's frame (x east, y north), one or more.
+    speed_ms : float
+        Speed along the path.
+    heading_deg : float
+        Heading where it lies still, counter-clockwise from the world's x.
+    start_s : float
+        When the path begins.
+    """
+
+    path: Path2 = ((0.0, 0.0),)
+    speed_ms: Annotated[float, Ge(0)] = 0.0
+    heading_deg: float = 0.0
+    start_s: float = 0.0
+
+    @property
+    def track(self) -> Track:
+        """The path in time."""
+        return Track(self.path, self.speed_ms, self.heading_deg, self.start_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VesselParams(MovingParams):
+    """Own vessel, or the vehicle on land, and the lidar on it.
+
+    Parameters
+    ----------
+    length_m, width_m : float
+        Of the hull.
+    lidar_height_m : float
+        Height of the lidar above the waterline or the ground.
+    lidar_forward_m : float
+        How far ahead of the vessel's middle the lidar stands.
+    sway : float
+        How much of the height and slope of waves or ground the vessel follows, 0 to 1.
+    """
+
+    length_m: Annotated[float, Gt(0)] = 7.0
+    width_m: Annotated[float, Gt(0)] = 2.5
+    lidar_height_m: Annotated[float, Gt(0)] = 2.5
+    lidar_forward_m: float = 2.5
+    sway: Annotated[float, Interval(ge=0, le=1)] = 0.6
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectParams(MovingParams):
+    """Something in the scene.
+
+    Parameters
+    ----------
+    track_id : int
+        Its number in the labels; 1 to 65534.
+    class_name : str
+        Its class in the labels; by default its shape.
+    shape : str
+        A shape by name.
+    size_m : tuple of float
+        Length, width and height above the waterline or the ground.
+    reflectivity : float
+        Of its brightest parts, met head on.
+    sway : float
+        How much of the waves' height it follows, 0 to 1.
+    ignore : bool
+        Whether it is an area to ignore (land, a pier) instead of a target.
+    """
+
+    track_id: Annotated[int, Interval(ge=1, le=65534)]
+    class_name: str = ""
+    shape: str
+    size_m: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3)]
+    reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.5
+    sway: Annotated[float, Interval(ge=0, le=1)] = 1.0
+    ignore: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the shape's name."""
+        if self.shape not in SHAPES:
+            raise ValueError(f"shape: unknown shape {self.shape!r}; allowed: {', '.join(SHAPES)}")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All of a scene.
+
+    Parameters
+    ----------
+    recording : RecordingParams
+        Lidar, length, seed.
+    terrain : SeaParams or GroundParams
+        What it lies on: a section named as in `TERRAINS`.
+    vessel : VesselParams
+        Own vessel, or the vehicle on land.
+    objects : tuple of ObjectParams
+        What else is there.
+    noise : NoiseParams, optional
+        False returns; by default those of the lidar.
+    """
+
+    recording: RecordingParams
+    terrain: TerrainParams
+    vessel: VesselParams
+    objects: tuple[ObjectParams, ...]
+    noise: NoiseParams | None = None
+
+    def with_recording(self, **changes: Any) -> "Scene":
+        """Return the scene with other frames, seed or lidar; None leaves a value as it is; `ConfigError`."""
+        given = {name: value for name, value in changes.items() if value is not None}
+        try:
+            return replace(self, recording=replace(self.recording, **given))
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+
+    def as_dict(self, *, defaults: bool = True) -> dict[str, Any]:
+        """Return the scene as it stands in a file, with or without what is a default."""
+        parts: dict[str, Any] = {
+            "recording": self.recording,
+            terrain_name(self.terrain): self.terrain,
+            "vessel": self.vessel,
+        }
+        if self.noise is not None:
+            parts["noise"] = self.noise
+        sections = {name: _plain(params, defaults=defaults) for name, params in parts.items()}
+        return {**sections, "objects": [_plain(item, defaults=defaults) for item in self.objects]}
+
+
+def _plain(params: Any, *, defaults: bool) -> dict[str, Any]:
+    values = {field.name: (getattr(params, field.name), field.default) for field in fields(params)}
+    return {name: as_lists(value) for name, (value, default) in values.items() if defaults or value != default}
+
+
+def builtin_scenes() -> Mapping[str, Path]:
+    """Return the scenes that come with the program by name."""
+    return builtin_files("scenes")
+
+
+def load_scene(name: str) -> Scene:
+    """Return a scene from a file, or a built-in one by its name.
+
+    Raises
+    ------
+    ConfigError
+        If anything is wrong, with everything that is.
+    """
+    path = find_file(name, "scenes", "scene file")
+    return parse_scene(read_yaml(path, _SECTIONS), str(path))
+
+
+def save_scene(scene: Scene, path: Path) -> None:
+    """Write a scene to a file that `load_scene` reads, without what is a default and each object on a line.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    write_scene(scene.as_dict(defaults=False), path)
+
+
+def write_scene(scene: Mapping[str, Any], path: Path) -> None:
+    """Write a scene as it stands in a file, each object on a line; `OutputError` if that cannot be done."""
+    sections = dict(scene)
+    objects = sections.pop("objects")
+    text = yaml.safe_dump(sections, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+    if objects:
+        text += "objects:\n"
+    for item in objects:
+        line = yaml.safe_dump(item, sort_keys=False, default_flow_style=True, width=10**6, allow_unicode=True)
+        text += f"  - {line}"
+    with AtomicFile(path) as file:
+        file.stream.write(text.encode())
+
+
+def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
+    """Return the scene that a mapping describes; ``where`` names it in errors."""
+    problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
+    chosen = [name for name in TERRAINS if name in raw] or [next(iter(TERRAINS))]
+    if len(chosen) > 1:
+        problems.append(f"{' and '.join(chosen)}: a scene has one of them")
+    kinds: dict[str, type[Any]] = {
+        "recording": RecordingParams,
+        chosen[0]: TERRAINS[chosen[0]][0],
+        "vessel": VesselParams,
+    }
+    if "noise" in raw:
+        kinds["noise"] = NoiseParams
+    parts = build_sections(kinds, raw, problems)
+    objects = _objects(raw.get("objects") or [], problems)
+    refuse(where, problems)
+    parts["terrain"] = parts.pop(chosen[0])
+    return Scene(**parts, objects=tuple(objects))
+
+
+def _objects(raw: Any, problems: list[str]) -> list[ObjectParams]:
+    found: list[ObjectParams] = build_list(ObjectParams, raw, "objects", "an object", problems)
+    ids = [item.track_id for item in found]
+    problems += [f"objects: track_id {one} occurs twice" for one in sorted({i for i in ids if ids.count(i) > 1})]
+    return found

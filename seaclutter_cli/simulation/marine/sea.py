@@ -1,0 +1,232 @@
+"""The sea surface: random waves of a published spectrum that ride by."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+from scipy import fft
+
+from seaclutter_cli.simulation.marine.air import extinction
+
+GRAVITY = 9.81
+_CELLS = 256
+_SWELL_WAVES = 256
+_TILE_WAVES = 12.0
+_LEAST_TILE_M, _MOST_TILE_M = 48.0, 160.0
+_HEIGHTS_M = (0.0, 0.05, 0.3, 0.875, 1.875, 3.25, 5.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeaParams:
+    r"""The sea of a scene.
+
+    Parameters
+    ----------
+    sea_state : float
+        Degree of the sea on the WMO scale, 0 to 6; between its whole numbers the wave height is interpolated.
+    peak_enhancement : float
+        Peak enhancement of the JONSWAP spectrum; 1 makes it that of Pierson and Moskowitz.
+    direction_deg : float
+        Where the waves run to, counter-clockwise from the world's x.
+    spreading : int
+        Exponent of the directional spread, :math:`\cos^{2s}(\theta/2)`.
+    reflectivity : float
+        Mean reflectivity of water, met head on.
+    spikiness : float
+        Shape of the texture that makes few facets bright and most dark; the smaller, the spikier.
+    foam_reflectivity : float
+        Reflectivity of foam and spray, met head on.
+    foam_life_s : float
+        Time after which a wake's foam is down to 1/e.
+    visibility_km : float
+        Meteorological visibility, from which the extinction in air follows.
+    """
+
+    sea_state: Annotated[float, Interval(ge=0, le=6)] = 2.0
+    peak_enhancement: Annotated[float, Interval(ge=1, le=10)] = 3.3
+    direction_deg: float = 0.0
+    spreading: Annotated[int, Interval(ge=1, le=50)] = 4
+    reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.002
+    spikiness: Annotated[float, Gt(0)] = 0.2
+    foam_reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.22
+    foam_life_s: Annotated[float, Gt(0)] = 8.0
+    visibility_km: Annotated[float, Gt(0)] = 10.0
+
+    @property
+    def significant_height_m(self) -> float:
+        """Significant wave height of the sea state: the middle of the WMO's bounds."""
+        return float(np.interp(self.sea_state, np.arange(len(_HEIGHTS_M)), _HEIGHTS_M))
+
+    @property
+    def wind_ms(self) -> float:
+        """Wind that raises such a sea if it is fully developed: :math:`H_s = 0.21 U^2 / g`."""
+        return float(np.sqrt(self.significant_height_m * GRAVITY / 0.21))
+
+    @property
+    def extinction(self) -> float:
+        """Extinction coefficient in 1/m."""
+        return extinction(self.visibility_km)
+
+    @property
+    def whitecaps(self) -> float:
+        r"""Share of the sea under whitecaps: :math:`3.84 \cdot 10^{-6} U^{3.41}` (Monahan and Muircheartaigh 1980)."""
+        return float(min(1.0, 3.84e-6 * self.wind_ms**3.41))
+
+
+def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancement: float) -> NDArray[np.float64]:
+    r"""Return the JONSWAP spectrum of the surface elevation.
+
+    .. math:: S(\omega) = \frac{A}{\omega^5} \exp\!\left(-\tfrac54 \left(\tfrac{\omega_p}{\omega}\right)^4\right)
+        \gamma^{\exp(-(\omega-\omega_p)^2 / (2 \sigma^2 \omega_p^2))}
+
+    Parameters
+    ----------
+    omega : ndarray, shape (N,), float64
+        Angular frequencies in rad/s; > 0.
+    height_m : float
+        Significant wave height, :math:`H_s = 4 \sqrt{m_0}`, in metres.
+    peak : float
+        Angular frequency of the peak, :math:`\omega_p`, in rad/s.
+    enhancement : float
+        Peak enhancement :math:`\gamma`; with 1 this is the spectrum of Pierson and Moskowitz.
+
+    Returns
+    -------
+    ndarray, shape (N,), float64
+        Variance density in m² s / rad.
+
+    Notes
+    -----
+    A is such that the height is met to about 1 % (Goda's approximation of it).
+
+    References
+    ----------
+    .. [1] Hasselmann et al. (1973). "Measurements of wind-wave growth and swell decay during the Joint North Sea Wave
+       Project (JONSWAP)". Deutsche Hydrographische Zeitschrift A8(12).
+    .. [2] Pierson, Moskowitz (1964). "A proposed spectral form for fully developed wind seas". JGR 69(24).
+
+    Examples
+    --------
+    >>> omega = np.linspace(0.01, 40, 400_000)
+    >>> 4 * np.sqrt(np.trapezoid(jonswap(omega, 0.3, 2.3, 1.0), omega)).round(3)
+    np.float64(0.3)
+    """
+    sigma = np.where(omega <= peak, 0.07, 0.09)
+    bump = enhancement ** np.exp(-((omega / peak - 1) ** 2) / (2 * sigma**2))
+    scale = 5 / 16 * height_m**2 * peak**4 * (1 - 0.287 * np.log(enhancement))
+    return np.asarray(scale / omega**5 * np.exp(-1.25 * (peak / omega) ** 4) * bump)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The sea at one moment: a periodic tile of heights.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (M, M), float32
+        Elevation in metres by x and y.
+    cell_m : float
+        Width of a cell in metres.
+    """
+
+    heights: NDArray[np.float32]
+    cell_m: float
+
+    def _cells(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
+        size = len(self.heights)
+        column = np.floor(x / self.cell_m + 0.5).astype(np.int64) % size
+        row = np.floor(y / self.cell_m + 0.5).astype(np.int64) % size
+        return np.asarray(column * size + row)
+
+    def height(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return the elevation of the nearest cells in metres."""
+        return np.asarray(self.heights.reshape(-1)[self._cells(x, y)])
+
+    def slope(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the slopes along x and y of the nearest cells, by central differences."""
+        size, flat = len(self.heights), self.heights.reshape(-1)
+        cells = self._cells(x, y)
+        column, row = cells // size, cells % size
+        along_x = flat[(column + 1) % size * size + row] - flat[(column - 1) % size * size + row]
+        along_y = flat[column * size + (row + 1) % size] - flat[column * size + (row - 1) % size]
+        return along_x / (2 * self.cell_m), along_y / (2 * self.cell_m)
+
+
+class Sea:
+    r"""Random waves in deep water on a periodic tile.
+
+    Parameters
+    ----------
+    params : SeaParams
+        Sea state and direction.
+    rng : numpy.random.Generator
+        Source of phases.
+
+    Notes
+    -----
+    Each wave vector of a grid gets a random amplitude with the variance that spectrum and spread give it, and turns
+    with :math:`\omega = \sqrt{g k}`; the surface is their inverse Fourier transform, as in [1]_. The tile is twelve
+    peak wavelengths wide, but 160 m at most, so that its repetition lies beyond what a lidar sees of the sea.
+
+    References
+    ----------
+    .. [1] Tessendorf (2001). "Simulating Ocean Water". SIGGRAPH course notes.
+    """
+
+    def __init__(self, params: SeaParams, rng: np.random.Generator) -> None:
+        self.params = params
+        peak = 0.877 * GRAVITY / params.wind_ms if params.wind_ms else 5.0
+        wavelength = 2 * np.pi * GRAVITY / peak**2
+        self.tile_m = max(_LEAST_TILE_M, min(_TILE_WAVES * wavelength, _MOST_TILE_M))
+        self.cell_m = self.tile_m / _CELLS
+        wave = 2 * np.pi * fft.fftfreq(_CELLS, self.cell_m)
+        self._kx, self._ky = wave[:, None], wave[None, :]
+        k = np.hypot(self._kx, self._ky)
+        self._omega = np.sqrt(GRAVITY * k)
+        noise = rng.standard_normal((2, _CELLS, _CELLS))
+        self._amplitude = np.sqrt(self._variance(k, peak)) * (noise[0] + 1j * noise[1])
+
+    def _variance(self, k: NDArray[np.float64], peak: float) -> NDArray[np.float64]:
+        """Return the variance of each wave vector in m², shape (M, M)."""
+        out = np.zeros_like(k)
+        some = k > 0
+        omega = self._omega[some]
+        spectrum = jonswap(omega, self.params.significant_height_m, peak, self.params.peak_enhancement)
+        theta = np.arctan2(*np.broadcast_arrays(self._ky, self._kx))[some] - np.radians(self.params.direction_deg)
+        spread = np.cos(theta / 2) ** (2 * self.params.spreading)
+        angles = np.linspace(-np.pi, np.pi, 720, endpoint=False)
+        spread /= np.mean(np.cos(angles / 2) ** (2 * self.params.spreading)) * 2 * np.pi
+        # S(omega) D(theta) d omega d theta, in wave vectors: d omega / d k = g / (2 omega), dk k dtheta = dkx dky.
+        out[some] = spectrum * spread * GRAVITY / (2 * omega) / k[some] * (2 * np.pi / self.tile_m) ** 2
+        return out
+
+    def at(self, time_s: float) -> Surface:
+        """Return the surface at a time."""
+        modes = self._amplitude * np.exp(-1j * self._omega * time_s)
+        heights = fft.ifft2(modes, workers=1, overwrite_x=True).real * _CELLS**2
+        return Surface(heights.astype(np.float32), self.cell_m)
+
+    def swell(self, shortest_m: float) -> "Swell":
+        """Return the waves longer than a hull, which are those that move it; ``shortest_m`` in metres."""
+        kx, ky = (part.reshape(-1) for part in np.broadcast_arrays(self._kx, self._ky))
+        long = np.flatnonzero(np.hypot(kx, ky) < 2 * np.pi / shortest_m)
+        amplitude, omega = self._amplitude.reshape(-1), self._omega.reshape(-1)
+        chosen = long[np.argsort(-np.abs(amplitude[long]), kind="stable")[:_SWELL_WAVES]]
+        return Swell(kx[chosen, None], ky[chosen, None], omega[chosen, None], amplitude[chosen, None])
+
+
+@dataclass(frozen=True)
+class Swell:
+    """The strongest long waves of a sea, W of them: wave vectors, frequencies and amplitudes, shape (W, 1) each."""
+
+    kx: NDArray[np.float64]
+    ky: NDArray[np.float64]
+    omega: NDArray[np.float64]
+    amplitude: NDArray[np.complex128]
+
+    def at(self, x: NDArray[np.float64], y: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return height in metres and slopes along x and y at places and times, shape (T,) each, as shape (3, T)."""
+        modes = self.amplitude * np.exp(1j * (self.kx * x + self.ky * y - self.omega * times_s))
+        return np.stack([(factor * modes).sum(axis=0).real for factor in (1, 1j * self.kx, 1j * self.ky)])

@@ -1,0 +1,212 @@
+"""Shapes of what floats or stands in the water, as triangles."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.simulation.marine.rays import UnitTransforms
+
+Triangles = NDArray[np.float64]
+Point = tuple[float, float]
+
+_LEAVES = 130
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles in the body's frame (x forward, y left, z up, 0 at the waterline), T of them.
+
+    Parameters
+    ----------
+    triangles : ndarray, shape (T, 3, 3), float64
+        Corners in metres.
+    shades : ndarray, shape (T,), float64
+        Reflectivity of each, as a factor of the object's own.
+    """
+
+    triangles: Triangles
+    shades: NDArray[np.float64]
+
+    @cached_property
+    def units(self) -> UnitTransforms:
+        """What tests of rays take."""
+        return UnitTransforms.of(self.triangles)
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64]:
+        """Normals, as long as the triangle is large, shape (T, 3)."""
+        one, other = self.triangles[:, 1] - self.triangles[:, 0], self.triangles[:, 2] - self.triangles[:, 0]
+        return np.cross(one, other)
+
+    @cached_property
+    def corners(self) -> NDArray[np.float64]:
+        """All corners once, shape (V, 3), in metres."""
+        return np.unique(self.triangles.reshape(-1, 3), axis=0)
+
+    @cached_property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest coordinates, shape (3,) each."""
+        return self.corners.min(axis=0), self.corners.max(axis=0)
+
+    def scaled(self, length_m: float, width_m: float, height_m: float) -> "Mesh":
+        """Return the mesh, built in a box of unit length, width and height, in its true size."""
+        return Mesh(self.triangles * np.array([length_m, width_m, height_m]), self.shades)
+
+
+def _prism(outline: Sequence[Point], bottom: float, top: float, *, taper: float = 1.0) -> Triangles:
+    """Return an upright prism; its top is its bottom, shrunk towards the outline's middle."""
+    low = np.array([(x, y, bottom) for x, y in outline])
+    middle = low.mean(axis=0)
+    high = middle + (low - middle) * taper
+    high[:, 2] = top
+    after = np.arange(1, len(low) + 1) % len(low)
+    sides = np.concatenate((np.stack((low, low[after], high), 1), np.stack((low[after], high[after], high), 1)))
+    fan = np.stack((np.broadcast_to(high.mean(axis=0), high.shape), high, high[after]), 1)
+    return np.concatenate((sides, fan))
+
+
+def _circle(radius: float, corners: int = 12) -> list[Point]:
+    angles = 2 * np.pi * np.arange(corners) / corners
+    return [(radius * float(np.cos(angle)), radius * float(np.sin(angle))) for angle in angles]
+
+
+def _box(x: Point, y: Point) -> list[Point]:
+    return [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
+
+
+def _hull(start: float = 0.15) -> list[Point]:
+    """Return the outline of a hull of unit length and width, its bow at x = 0.5."""
+    return [(-0.5, -0.42), (start, -0.5), (0.38, -0.3), (0.5, 0.0), (0.38, 0.3), (start, 0.5), (-0.5, 0.42)]
+
+
+def _mesh(*parts: tuple[Triangles, float]) -> Mesh:
+    shades = [np.full(len(triangles), shade) for triangles, shade in parts]
+    return Mesh(np.concatenate([triangles for triangles, _ in parts]), np.concatenate(shades))
+
+
+def _buoy() -> Mesh:
+    return _mesh((_prism(_circle(0.5), -0.2, 0.35), 1.0), (_prism(_circle(0.3), 0.35, 1.0, taper=0.2), 1.0))
+
+
+def _speedboat() -> Mesh:
+    windscreen = _prism(_box((-0.05, 0.12), (-0.36, 0.36)), 0.6, 1.0, taper=0.8)
+    crew = _prism(_box((-0.2, -0.12), (-0.2, 0.2)), 0.55, 1.0, taper=0.7)
+    engine = _prism(_box((-0.5, -0.44), (-0.15, 0.15)), 0.3, 0.85)
+    return _mesh((_prism(_hull(), -0.15, 0.6), 1.0), (windscreen, 0.25), (crew, 0.6), (engine, 0.2))
+
+
+def _sailing_boat() -> Mesh:
+    # A sail is a thin sheet at an angle to the hull.
+    mast, boom, foot = 0.08, -0.42, 0.15
+    main = np.array([[(mast, 0.0, foot), (boom, 0.35, foot), (mast, 0.0, 1.0)]])
+    fore = np.array([[(0.46, 0.0, 0.12), (mast + 0.02, 0.2, 0.15), (mast, 0.0, 0.85)]])
+    spar = _prism([(mast + x, y) for x, y in _circle(0.008, 6)], 0.1, 1.0)
+    return _mesh((_prism(_hull(), -0.03, 0.11), 1.0), (main, 0.8), (fore, 0.8), (spar, 0.5))
+
+
+def _cruise_ship() -> Mesh:
+    decks = [
+        (_prism(_box((-0.44, 0.3 - 0.05 * level), (-0.46, 0.46)), 0.3 + 0.14 * level, 0.44 + 0.14 * level), shade)
+        for level, shade in enumerate((1.0, 0.55, 1.0, 0.55))
+    ]
+    funnel = _prism(_box((-0.3, -0.2), (-0.15, 0.15)), 0.86, 1.0)
+    return _mesh((_prism(_hull(0.3), -0.08, 0.3), 1.0), *decks, (funnel, 0.8))
+
+
+def _kayak() -> Mesh:
+    paddler = _prism(_box((-0.1, 0.05), (-0.4, 0.4)), 0.25, 0.85, taper=0.8)
+    head = _prism([(x - 0.02, y) for x, y in _box((-0.03, 0.03), (-0.15, 0.15))], 0.85, 1.0)
+    outline = [(-0.5, 0.0), (-0.1, -0.5), (0.1, -0.5), (0.5, 0.0), (0.1, 0.5), (-0.1, 0.5)]
+    return _mesh((_prism(outline, -0.1, 0.25), 1.0), (paddler, 0.6), (head, 0.5))
+
+
+def _wall() -> Mesh:
+    return _mesh((_prism(_box((-0.5, 0.5), (-0.5, 0.5)), -0.5, 1.0), 1.0))
+
+
+def _barge() -> Mesh:
+    """Return a hull with straight sides, a low house astern and two holds."""
+    holds = [(_prism(_box((start, start + 0.34), (-0.4, 0.4)), 0.55, 0.75), 0.7) for start in (-0.28, 0.1)]
+    house = _prism(_box((-0.48, -0.34), (-0.42, 0.42)), 0.55, 1.0)
+    return _mesh((_prism(_box((-0.5, 0.5), (-0.5, 0.5)), -0.3, 0.55), 1.0), *holds, (house, 1.0))
+
+
+def _cargo_ship() -> Mesh:
+    """Return a high hull with its house astern and stacks of containers of uneven height."""
+    heights = (0.72, 0.6, 0.78, 0.66)
+    stacks = [
+        (_prism(_box((-0.2 + 0.15 * k, -0.08 + 0.15 * k), (-0.45, 0.45)), 0.45, height), 0.5 + 0.15 * (k % 2))
+        for k, height in enumerate(heights)
+    ]
+    house = _prism(_box((-0.42, -0.28), (-0.48, 0.48)), 0.45, 1.0)
+    return _mesh((_prism(_hull(0.34), -0.1, 0.45), 0.8), *stacks, (house, 1.0))
+
+
+def _pile() -> Mesh:
+    return _mesh((_prism(_circle(0.5, 8), -0.5, 1.0), 1.0))
+
+
+def _bank() -> Mesh:
+    """Return a slope that rises from the water on the right to a level top on the left."""
+    profile = [(-0.5, -0.2), (0.1, 1.0), (0.5, 1.0), (0.5, -0.2)]
+    ends = [np.array([(x, y, z) for y, z in profile]) for x in (-0.5, 0.5)]
+    after = np.roll(np.arange(4), -1)
+    sides = [
+        np.stack((ends[0], ends[0][after], ends[1]), 1),
+        np.stack((ends[0][after], ends[1][after], ends[1]), 1),
+    ]
+    caps = [end[[[0, 1, 2], [0, 2, 3]]] for end in ends]
+    return _mesh((np.concatenate((*sides, *caps)), 1.0))
+
+
+def _trunk() -> Mesh:
+    """Return a round stem that gets thinner upwards."""
+    return _mesh((_prism(_circle(0.5, 10), -0.05, 1.0, taper=0.75), 1.0))
+
+
+def _crown() -> Mesh:
+    """Return the upper part of a tree, from 0.45 of its height on."""
+    return _mesh(
+        (_prism(_circle(0.5, 8), 0.6, 1.0, taper=0.25), 1.0),
+        (_prism(_circle(0.15, 8), 0.45, 0.6, taper=1 / 0.3), 1.0),
+    )
+
+
+def _apple_tree() -> Mesh:
+    """Return a slender stem full of leaves from 0.15 of its height on, between which some shots pass."""
+    rng = np.random.default_rng(5)
+    centers = rng.uniform((-0.42, -0.42, 0.2), (0.42, 0.42, 0.95), (_LEAVES, 3))
+    across = rng.normal(0, 1, (_LEAVES, 3, 3))
+    across *= np.array([0.12, 0.12, 0.055]) / np.linalg.norm(across, axis=2, keepdims=True)
+    leaves = np.clip(centers[:, None] + across, (-0.5, -0.5, 0.12), (0.5, 0.5, 1.0))
+    return _mesh((_prism(_circle(0.04, 6), -0.05, 0.9), 0.7), (leaves, 1.0))
+
+
+def _deck() -> Mesh:
+    """Own vessel: a hull with a low house behind the lidar's mast."""
+    house = _prism(_box((-0.3, 0.0), (-0.3, 0.3)), 0.5, 1.0)
+    return _mesh((_prism(_hull(), -0.2, 0.5), 1.0), (house, 1.0))
+
+
+SHAPES: Mapping[str, Callable[[], Mesh]] = {
+    "buoy": _buoy,
+    "speedboat": _speedboat,
+    "sailing_boat": _sailing_boat,
+    "cruise_ship": _cruise_ship,
+    "kayak": _kayak,
+    "barge": _barge,
+    "cargo_ship": _cargo_ship,
+    "quay_wall": _wall,
+    "pontoon": _wall,
+    "building": _wall,
+    "pile": _pile,
+    "bank": _bank,
+    "trunk": _trunk,
+    "crown": _crown,
+    "apple_tree": _apple_tree,
+    "own_vessel": _deck,
+}
+"""Makers of meshes in a box of unit length, width and height above the waterline; a new shape is a line here."""

@@ -1,0 +1,174 @@
+"""Wakes: foam and waves that a vessel leaves on the sea, and spray about it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
+from seaclutter_cli.simulation.marine.motion import Leg, Pose, Track
+from seaclutter_cli.simulation.marine.rays import meet_box
+from seaclutter_cli.simulation.marine.sea import GRAVITY
+from seaclutter_cli.truth import CLUTTER
+
+Floats = NDArray[np.float64]
+
+KELVIN = np.arcsin(1 / 3)
+"""Half the angle of a wake in deep water, 19.47°, at any speed."""
+
+_LONGEST_S = 60.0
+_FOAM_SPEED_MS = 8.0
+_FOAM_COVER = 0.15
+_PATCH_M = 0.4
+_SPRAY_SPEED_MS = 4.0
+_LEAST_WAVE_M = 0.05
+_DROPLETS_S_M2 = 0.0005
+
+
+@dataclass(frozen=True)
+class Wake:
+    r"""The wake of one vessel.
+
+    Parameters
+    ----------
+    track : Track
+        Where it goes.
+    length_m, width_m : float
+        Of its waterline.
+    foam_life_s : float
+        Time after which foam is down to 1/e.
+
+    Notes
+    -----
+    Three parts, each in the frame of the leg that left it, x metres behind the vessel and y to its side:
+
+    * Foam churned up behind the stern. Its width grows with :math:`x^{1/5}` (Milgram et al. 1993), its cover starts
+      with the square of the speed and decays with the age of the water.
+    * The bow wave and the arms of the Kelvin wake, at :math:`\pm 19.47^\circ`, which break near the vessel; their
+      height falls with :math:`x^{-1/3}`, and their length along the arm is :math:`\tfrac23 \cdot 2 \pi U^2 / g`.
+    * Both stay where they are after the vessel has gone.
+
+    How much foam there is, and how much spray, is not in the literature in terms that a lidar sees; the two constants
+    were set so that of the clutter in `buoy_speedboat` a few percent are brighter than the thresholds of S0, as in its
+    Table 3.
+
+    References
+    ----------
+    .. [1] Milgram, Skop, Peltzer, Griffin (1993). "Modeling short sea wave energy distributions in the far wakes of
+       ships". JGR 98(C4).
+    .. [2] Newman (1977). "Marine Hydrodynamics". MIT Press, chapter 6.
+    """
+
+    track: Track
+    length_m: float
+    width_m: float
+    foam_life_s: float
+
+    def foam(self, x: Floats, y: Floats, time_s: float) -> Floats:
+        """Return the share of the water under foam at some places, shape (N,), from 0 to 1."""
+        cover = np.zeros(len(x))
+        for leg in self.track.legs:
+            inside, behind, aside, age = self._behind(leg, x, y, time_s)
+            fresh = min(1.0, (leg.speed_ms / _FOAM_SPEED_MS) ** 2) * _FOAM_COVER
+            half = self.width_m / 2 * np.maximum(1.0, behind / self.length_m) ** 0.2
+            churned = np.exp(-((aside / half) ** 4)) * np.exp(-age / self.foam_life_s)
+            arm = np.exp(-(((aside - self._arm(behind)) / (0.4 + 0.05 * behind)) ** 2))
+            breaking = arm * np.exp(-behind / (2 * self.length_m + leg.speed_ms))
+            cover[inside] = np.maximum(cover[inside], fresh * np.maximum(churned, breaking))
+        return cover
+
+    def height(self, x: Floats, y: Floats, time_s: float) -> Floats:
+        """Return what the wake adds to the sea's height at some places, shape (N,), in metres."""
+        rise = np.zeros(len(x))
+        for leg in self.track.legs:
+            steep = 0.1 * min(leg.speed_ms**2 / (2 * GRAVITY), 1.5)
+            if steep < _LEAST_WAVE_M:
+                continue
+            inside, behind, aside, _ = self._behind(leg, x, y, time_s)
+            wavelength = 2 / 3 * 2 * np.pi * leg.speed_ms**2 / GRAVITY
+            arm = np.exp(-(((aside - self._arm(behind)) / (0.5 + 0.1 * behind)) ** 2))
+            decay = np.maximum(1.0, behind / self.length_m) ** (-1 / 3)
+            rise[inside] += steep * decay * arm * np.cos(2 * np.pi * behind / wavelength)
+        return rise
+
+    def _arm(self, behind: Floats) -> Floats:
+        """Return how far to the side the arms of the wake are."""
+        return np.asarray(self.width_m / 2 + behind * np.tan(KELVIN))
+
+    def _behind(
+        self, leg: Leg, x: Floats, y: Floats, time_s: float
+    ) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
+        """Return which places the wake of a leg reaches, how far behind the bow and aside they are, and their age."""
+        if leg.speed_ms <= 0 or time_s <= leg.start_s - _LONGEST_S:
+            return np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0)
+        cos, sin = np.cos(leg.heading_rad), np.sin(leg.heading_rad)
+        bow = leg.speed_ms * (time_s - leg.start_s) + self.length_m / 2
+        # The water that the leg has passed lately, from its start to its end; the first leg reaches back.
+        first = bow - leg.speed_ms * _LONGEST_S
+        if leg is not self.track.legs[0]:
+            first = max(first, 0.0)
+        last = min(bow, leg.speed_ms * (leg.end_s - leg.start_s) + self.length_m / 2)
+        along = cos * x + (sin * y - (leg.x_m * cos + leg.y_m * sin))
+        passed = np.flatnonzero((along > first) & (along < last))
+        behind = bow - along[passed]
+        aside = np.abs(cos * (y[passed] - leg.y_m) - sin * (x[passed] - leg.x_m))
+        near = np.flatnonzero(aside < self._arm(behind) + 1 + 0.3 * behind)
+        behind = behind[near]
+        return passed[near], behind, aside[near], np.maximum(0.0, behind - self.length_m) / leg.speed_ms
+
+    def spray(self, time_s: float) -> tuple[Floats, Floats, float] | None:
+        """Return the corners of the box in the world's frame turned by the heading in which droplets fly.
+
+        Returns
+        -------
+        tuple of (ndarray, shape (2, 3)), (ndarray, shape (3,)), float; or None
+            Lower and upper corner in the vessel's frame; place and heading of the vessel; droplets met per metre.
+            None where it is too slow to throw any.
+        """
+        x, y, heading = self.track.at(np.array([time_s]))
+        speed = next((leg.speed_ms for leg in reversed(self.track.legs) if leg.start_s <= time_s), 0.0)
+        if speed < _SPRAY_SPEED_MS:
+            return None
+        back = -self.length_m / 2 - 0.4 * speed
+        corners = np.array([[back, -self.width_m, 0.0], [self.length_m / 2, self.width_m, 0.08 * speed + 0.2]])
+        return corners, np.array([x[0], y[0], heading[0]]), _DROPLETS_S_M2 * speed
+
+    def meet_spray(
+        self, shots: Shots, echoes: Echoes, time_s: float, reflectivity: float, rng: np.random.Generator
+    ) -> None:
+        """Add droplets to the echoes: along a shot through spray, the chance to meet one grows with the way."""
+        spray = self.spray(time_s)
+        if spray is None:
+            return
+        corners, (x, y, heading), density = spray
+        pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
+        offset = pose.place[:2] - shots.origins[0, :2]
+        away, reach = float(np.hypot(*offset)), float(np.abs(corners).max()) + 1
+        half = np.pi if away <= reach else float(np.arcsin(reach / away))
+        near = shots.towards(float(np.arctan2(offset[1], offset[0])), half)
+        origins = (shots.origins[near] - pose.place) @ pose.turn
+        begin, end = meet_box(origins, shots.directions[near] @ pose.turn, *corners)
+        way = np.clip(end - begin, 0.0, None)
+        met = np.flatnonzero(rng.random(len(near)) < 1 - np.exp(-density * way))
+        distance = begin[met] + rng.random(len(met)) * way[met]
+        bright = reflectivity * rng.standard_exponential(len(met))
+        echoes.add(near[met], distance, bright, CLUTTER)
+
+
+def patches(x: Floats, y: Floats, seed: int) -> Floats:
+    """Return a number from 0 to 1 for each patch of water, shape (N,), which stays the same over time.
+
+    Where it is below the share of foam, the patch is foam; so a patch that is foam stays so until it fades.
+
+    Examples
+    --------
+    >>> patches(np.array([0.1, 0.2, 5.0]), np.zeros(3), 1).round(2).tolist()
+    [0.82, 0.82, 0.04]
+    """
+    column = np.floor(x / _PATCH_M).astype(np.int64).view(np.uint64)
+    row = np.floor(y / _PATCH_M).astype(np.int64).view(np.uint64)
+    mixed = column * np.uint64(0x9E3779B97F4A7C15) ^ row * np.uint64(0xC2B2AE3D27D4EB4F)
+    mixed += np.uint64(seed * 0x165667B19E3779F9 % 2**64)
+    mixed = (mixed ^ (mixed >> np.uint64(31))) * np.uint64(0xBF58476D1CE4E5B9)
+    mixed = (mixed ^ (mixed >> np.uint64(29))) * np.uint64(0x94D049BB133111EB)
+    return np.asarray((mixed >> np.uint64(11)).astype(np.float64) / 2**53)

@@ -1,0 +1,299 @@
+"""MCAP files: indexed or not, chunked or not, every compression, whole or damaged."""
+
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+from mcap import records as mcap_records
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record
+from seaclutter_cli.sources.mcap.records import (
+    COMPRESSIONS,
+    MAGIC,
+    MESSAGE,
+    BrokenRecordError,
+    name_of,
+    parse,
+    salvage,
+    split,
+    unpack,
+    walk,
+)
+from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, Survey, Trust
+from seaclutter_cli.sources.shared.chunked import in_time_order
+from seaclutter_cli.sources.shared.mapped import MappedFile
+
+R = TypeVar("R")
+
+
+class McapSource:
+    """An MCAP file as a `Source`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If the file is no MCAP, or nothing in it can be read.
+
+    Notes
+    -----
+    Memory holds a few unpacked chunks, and a few numbers for each chunk of the file.
+    """
+
+    format = "MCAP"
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.name = path.stem
+        self.damage: list[Damage] = []
+        self.warnings: list[str] = []
+        self._reported: set[Damage] = set()
+        self._file = MappedFile(path)
+        self._view = self._file.view
+        self._declared = Declarations(self._report)
+        try:
+            self._open()
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self) -> None:
+        if self._view[: len(MAGIC)] != MAGIC:
+            if self.path.suffix.lower() != ".mcap":
+                raise InputError(f"{self.path}: not an MCAP file")
+            self._report(0, "the file does not begin as an MCAP file should", 0)
+        found = Survey(self._file, self._declared, self._report)
+        self.profile = found.profile
+        self._chunks, self._extras, self._tail = found.chunks, found.extras, found.tail
+        self._counts, self._first = found.counts, found.first
+        if not (self._chunks or self._extras or self._tail or self._declared.all()):
+            raise InputError(f"{self.path}: nothing in this MCAP file can be read")
+        used = (chunk.head.compression for chunk in self._chunks if chunk.head)
+        self.compression = next((name for name in used if name in COMPRESSIONS), None)
+        trust, in_place = self._trust_in_tail(found.end)
+        found.declare(self._tail, trust)
+        self._declares_channels = trust == Trust.SUMMARY and any(span.op == Opcode.CHANNEL for span in self._tail)
+        self._statistics: mcap_records.Statistics | None = None
+        if in_place:
+            self._check_chunk_index()
+        if self._is_closed and trust > Trust.BROKEN:
+            self._statistics = next(iter(self._summary(Opcode.STATISTICS, mcap_records.Statistics.read)), None)
+        self._inspect_chunks()
+        self._declared.report_lacking_schemas()
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """Channels in the order of their numbers."""
+        return self._declared.all()
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Messages per channel number, from the statistics, else from the index behind each chunk."""
+        return dict(self._statistics.channel_message_counts if self._statistics else self._counts)
+
+    def records(self) -> Iterator[Record]:
+        """Yield metadata and attachments, then the messages in the order of their log time; can be called again."""
+        self._reported = set(self.damage)
+        yield from self._extras
+        found = 0
+        for message in in_time_order(self._chunks, self._unpack, self._load):
+            yield message
+            found += 1
+        self._check_statistics(found)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+    @property
+    def _is_closed(self) -> bool:
+        return bool(self._tail) and self._tail[-1].op == Opcode.FOOTER
+
+    def _trust_in_tail(self, end: int) -> tuple[Trust, bool]:
+        """Return how far the summary is to be believed, and whether its places are; report what is wrong."""
+        if not self._is_closed:
+            self._report(len(self._view), "the recording was not closed: the file has no footer", 0)
+            return Trust.UNCHECKED, False
+        if self._view[end : end + len(MAGIC)] != MAGIC:
+            self._report(end, "the file does not end as an MCAP file should", 0)
+        first, last = self._tail[0], self._tail[-1]
+        footer = parse(mcap_records.Footer.read, self._view[last.start : last.end])
+        in_place = footer.summary_start == (0 if len(self._tail) == 1 else first.offset)
+        # The checksum covers all from the summary's beginning up to itself.
+        if footer.summary_crc == zlib.crc32(self._view[first.offset : last.end - 4]):
+            trust = Trust.SUMMARY
+        else:
+            trust = Trust.UNCHECKED if in_place and not footer.summary_crc else Trust.BROKEN
+        if not in_place or trust == Trust.BROKEN:
+            self._report(first.offset, "the index at the end is broken; the log was read without it", 0)
+        return trust, in_place and trust > Trust.BROKEN
+
+    def _summary(self, op: Opcode, read: Callable[[ReadDataStream], R]) -> list[R]:
+        """Return the records of a kind in the summary."""
+        records = []
+        for span in self._tail:
+            if span.op == op:
+                try:
+                    records.append(parse(read, self._view[span.start : span.end]))
+                except BrokenRecordError as error:
+                    self._report(span.offset, f"broken {name_of(op)} ({error})", span.end - span.start)
+        return records
+
+    def _check_chunk_index(self) -> None:
+        """Compare the index with the chunks; the times of those that it knows otherwise are suspect."""
+        entries = self._summary(Opcode.CHUNK_INDEX, mcap_records.ChunkIndex.read)
+        if not entries:
+            return
+        indexed = {(entry.chunk_start_offset, entry.message_start_time, entry.message_end_time) for entry in entries}
+        known = {chunk.offset for chunk in self._chunks}
+        wrong = [
+            number
+            for number, chunk in enumerate(self._chunks)
+            if chunk.head and (chunk.offset, chunk.start_ns, chunk.end_ns) not in indexed
+        ]
+        for number in wrong:
+            self._chunks[number] = replace(self._chunks[number], suspect=True)
+        if wrong:
+            what = f"the index at the end does not fit {len(wrong)} of {len(known)} chunks; the log was read without it"
+            self._report(self._chunks[wrong[0]].offset, what, 0)
+        absent = sum(entry.chunk_start_offset not in known for entry in entries)
+        if absent and not wrong and not self.damage:
+            place = next(span.offset for span in self._tail if span.op == Opcode.CHUNK_INDEX)
+            self._report(place, f"the index at the end names {absent} chunks that are not there", 0)
+
+    def _check_statistics(self, found: int) -> None:
+        """Compare what was found, or is known to be lost, with the statistics."""
+        if self._statistics is None:
+            return
+        place = next(span.offset for span in self._tail if span.op == Opcode.STATISTICS)
+        expected = self._statistics.message_count
+        missing = expected - found - sum(item.lost_messages or 0 for item in self.damage)
+        extras = self._statistics.attachment_count + self._statistics.metadata_count
+        if missing > 0:
+            self._report(place, f"{missing} of {expected} messages are nowhere in the file", 0, missing)
+        elif found > expected:
+            self._report(place, f"the file holds {found - expected} messages more than its statistics say", 0)
+        elif extras > len(self._extras) and not self.damage:
+            what = f"{extras - len(self._extras)} of {extras} attachments and metadata records are nowhere in the file"
+            self._report(place, what, 0)
+
+    def _inspect_chunks(self) -> None:
+        """Load chunks that declare channels, if the summary does not, and those of which too little is known."""
+        wanted = self._declared.lacking(self._first) if self._declares_channels else self._first
+        for number in sorted({self._first[channel] for channel in wanted}):
+            self._read(replace(self._chunks[number], suspect=True))
+        for number, chunk in enumerate(self._chunks):
+            if chunk.suspect or not (chunk.messages or self._declares_channels):
+                self._inspect(number)
+        for chunk in self._chunks:
+            if not self._declared.lacking(self._first):
+                return
+            self._read(replace(chunk, suspect=True))
+
+    def _inspect(self, number: int) -> None:
+        """Find out what a chunk really holds."""
+        chunk = replace(self._chunks[number], suspect=True)
+        messages = self._read(chunk)
+        further = chunk.messages + chunk.further - len(messages)
+        if chunk.further and further > 0:
+            self._report(chunk.offset, "the chunk that followed this one is not there", 0, further)
+        if not chunk.messages:
+            self._counts.update(message.channel.id for message in messages)
+        times_ns = [message.log_time_ns for message in messages] or [chunk.start_ns, chunk.end_ns]
+        start_ns, end_ns = min(times_ns), max(times_ns)
+        if not chunk.start_ns <= start_ns <= end_ns <= chunk.end_ns:
+            self._report(chunk.offset, "the messages of this chunk are of other times than it says", 0)
+        count = max(chunk.messages, len(messages))
+        self._chunks[number] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=count, suspect=False)
+
+    def _read(self, chunk: McapChunk) -> list[Message]:
+        return self._load(chunk, partial(self._unpack, chunk))
+
+    def _load(self, chunk: McapChunk, unpacked: Callable[[], Buffer]) -> list[Message]:
+        """Return the messages of a chunk in the order of the file, and report what is wrong with it."""
+        try:
+            records = unpacked()
+        except BrokenRecordError as error:
+            self._report(chunk.offset, f"the chunk {error}", chunk.size, chunk.messages or None)
+            self._salvage_declarations(chunk)
+            return []
+        gaps: list[int] = []
+        strangers = Counter[int]()
+        messages = list(self._messages(chunk, records, gaps, strangers))
+        lost = max(chunk.messages - len(messages) - strangers.total(), 0)
+        if self._is_cut(chunk):
+            missing = max(chunk.head.size - len(records), 0) if chunk.head else 0
+            self._report(chunk.offset, "the file ends inside this chunk", missing + sum(gaps))
+        elif gaps or (lost and not self._is_verified(chunk)):
+            self._report(chunk.offset, "broken records inside the chunk", sum(gaps), lost or None)
+        elif lost and not chunk.suspect:
+            self._report(chunk.offset, f"the index behind this chunk names {lost} messages that are not in it", 0)
+        if not chunk.suspect:
+            self._check_messages(chunk, messages, strangers)
+        return messages
+
+    def _check_messages(self, chunk: McapChunk, messages: Sequence[Message], strangers: Counter[int]) -> None:
+        """Report what is wrong with messages once all channels and times are known."""
+        for number, count in strangers.items():
+            self._report(chunk.offset, f"messages of channel {number}, which is declared nowhere", 0, count)
+        if not all(chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
+            self._report(chunk.offset, "the messages of this chunk are of other times than it says", 0)
+
+    def _salvage_declarations(self, chunk: McapChunk) -> None:
+        """Take note of the channels in a broken chunk: the rest of a log without a summary depends on them."""
+        if chunk.head is not None and not self._declares_channels:
+            records = memoryview(salvage(chunk.head, self._view[chunk.head.data_start : chunk.head.data_end]))
+            for op, _, start, end, _ in walk(records, lambda *_: None):
+                self._declared.add(op, records[start:end], chunk.offset, Trust.BROKEN)
+
+    def _unpack(self, chunk: McapChunk) -> Buffer:
+        """Return the records of a chunk; those of an uncompressed one are a view of the file."""
+        head = chunk.head
+        self._file.touched(chunk.size)
+        if head is None:
+            return self._view[chunk.offset : chunk.offset + chunk.size]
+        packed = self._view[head.data_start : head.data_end]
+        return salvage(head, packed) if self._is_cut(chunk) else unpack(head, packed)
+
+    def _is_cut(self, chunk: McapChunk) -> bool:
+        return chunk.offset + chunk.size > len(self._view)
+
+    def _is_verified(self, chunk: McapChunk) -> bool:
+        """Tell whether a chunk that could be unpacked holds what was written."""
+        return chunk.head is not None and chunk.head.crc != 0 and not self._is_cut(chunk)
+
+    def _messages(
+        self, chunk: McapChunk, unpacked: Buffer, gaps: list[int], strangers: Counter[int]
+    ) -> Iterator[Message]:
+        """Yield the messages among unpacked records, and take note of the channels."""
+        view = memoryview(unpacked)
+        verified = self._is_verified(chunk)
+        trust = Trust.CHUNK if verified else Trust.UNCHECKED
+        records = split(view, lambda _, __, size: gaps.append(size), trusted=verified or chunk.head is None)
+        for op, start, end in records:
+            if op == Opcode.MESSAGE and end - start >= MESSAGE.size:
+                number, sequence, log_time, publish_time = MESSAGE.unpack_from(view, start)
+                channel = self._declared.get(number)
+                if channel is None:
+                    strangers[number] += 1
+                else:
+                    yield Message(channel, log_time, publish_time, sequence, view[start + MESSAGE.size : end])
+            else:
+                self._declared.add(op, view[start:end], chunk.offset, trust)
+
+    def _report(self, offset: int, what: str, lost_bytes: int, lost_messages: int | None = None) -> None:
+        damage = Damage(self.path, offset, what, lost_bytes, lost_messages)
+        if damage not in self._reported:  # a chunk may be read more than once
+            self._reported.add(damage)
+            self.damage.append(damage)

@@ -1,0 +1,352 @@
+"""What an MCAP file holds, found in one pass over its records that unpacks no chunk."""
+
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Protocol, TypeVar
+
+import numpy as np
+from mcap import records as mcap_records
+from mcap.opcode import Opcode
+
+from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
+from seaclutter_cli.sources.mcap.records import (
+    MAGIC,
+    MESSAGE,
+    BrokenRecordError,
+    ChunkHead,
+    Span,
+    is_other,
+    name_of,
+    parse,
+    walk,
+)
+from seaclutter_cli.sources.shared.chunked import Chunk
+from seaclutter_cli.sources.shared.mapped import MappedFile
+
+_LOOSE_BYTES = 4 * 2**20
+_PIECE = 4 * 2**20
+_END_OPS = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.STATISTICS,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+    Opcode.SUMMARY_OFFSET,
+    Opcode.FOOTER,
+)
+
+
+class Report(Protocol):
+    """Takes note of damage."""
+
+    def __call__(self, offset: int, what: str, lost_bytes: int, lost_messages: int | None = None, /) -> object:
+        """Take place, kind and amount of a damage."""
+        ...
+
+
+D = TypeVar("D", mcap_records.Schema, mcap_records.Channel)
+
+
+@dataclass(frozen=True, slots=True)
+class McapChunk(Chunk):
+    """A chunk record, or a run of messages that stand outside chunks (``head`` is None).
+
+    ``messages`` is their number as far as known. ``suspect`` tells that the times may be wrong, or that this many
+    ``further`` messages, of which an index behind broken bytes tells, may be here or in a chunk that is lost.
+    """
+
+    head: ChunkHead | None
+    messages: int = 0
+    suspect: bool = False
+    further: int = 0
+
+
+class Trust(IntEnum):
+    """How far a declaration is to be believed."""
+
+    BROKEN = 0
+    """It stands among records of which some are broken."""
+    UNCHECKED = 1
+    CHUNK = 2
+    """It is in a chunk whose checksum is right."""
+    SUMMARY = 3
+    """It is in the summary, whose checksum is right."""
+
+
+class Declarations:
+    """The schemas and channels of a file, whatever the order in which they turn up.
+
+    The format allows no two of a number that differ. Where there are, the most trustworthy one holds, then the first.
+
+    Parameters
+    ----------
+    report : callable
+        Is told of broken records and contradictions.
+    """
+
+    def __init__(self, report: Report) -> None:
+        self._report = report
+        self._schemas: dict[int, tuple[Trust, mcap_records.Schema]] = {}
+        self._records: dict[int, tuple[Trust, mcap_records.Channel]] = {}
+        self._channels: dict[int, Channel] = {}
+        self._offsets: dict[int, int] = {}
+        self._contradicted: set[tuple[int, int]] = set()
+
+    def add(self, op: int, content: Buffer, offset: int, trust: Trust) -> None:
+        """Take note of a schema or channel, and leave alone other records."""
+        try:
+            if op == Opcode.SCHEMA:
+                differs = _put(self._schemas, parse(mcap_records.Schema.read, content), trust)
+            elif op == Opcode.CHANNEL:
+                differs = _put(self._records, parse(mcap_records.Channel.read, content), trust)
+            else:
+                return
+        except BrokenRecordError as error:
+            self._report(offset, f"broken {name_of(op)} ({error})", len(content))
+            return
+        self._channels = {}
+        number = int.from_bytes(content[:2], "little")
+        if op == Opcode.CHANNEL:
+            self._offsets.setdefault(number, offset)
+        if differs and (op, number) not in self._contradicted:
+            self._contradicted.add((op, number))
+            self._report(offset, f"{name_of(op)} {number} is declared again, and differently", 0)
+
+    def get(self, number: int) -> Channel | None:
+        """Return a channel by its number."""
+        built = self._channels
+        channel = built.get(number)
+        if channel is None and number in self._records:
+            _, record = self._records[number]
+            _, schema = self._schemas.get(record.schema_id, (None, None))
+            known = Schema(schema.name, schema.encoding, schema.data) if schema else None
+            metadata = tuple(record.metadata.items())
+            channel = built[number] = Channel(number, record.topic, record.message_encoding, known, metadata)
+        return channel
+
+    def all(self) -> list[Channel]:
+        """Return the channels in the order of their numbers."""
+        channels = (self.get(number) for number in sorted(self._records))
+        return [channel for channel in channels if channel is not None]
+
+    def lacking(self, numbers: Iterable[int]) -> set[int]:
+        """Return those of some channels that are not declared, or whose schema is not."""
+        return {number for number in numbers if number not in self._records or self._lacks_schema(number)}
+
+    def report_lacking_schemas(self) -> None:
+        """Report channels whose schema is nowhere."""
+        for number, (_, record) in self._records.items():
+            if self._lacks_schema(number):
+                what = f"topic {record.topic} has schema {record.schema_id}, which is nowhere"
+                self._report(self._offsets[number], what, 0)
+
+    def _lacks_schema(self, number: int) -> bool:
+        schema = self._records[number][1].schema_id
+        return schema != 0 and schema not in self._schemas
+
+
+def _put(known: dict[int, tuple[Trust, D]], record: D, trust: Trust) -> bool:
+    """Keep a record under its id, if it is the first or more to be trusted; return whether another one was there."""
+    before, other = known.setdefault(record.id, (trust, record))
+    if trust > before:
+        known[record.id] = trust, record
+    return other != record
+
+
+class Survey:
+    """One pass over the records of a file.
+
+    Parameters
+    ----------
+    file : MappedFile
+        The file.
+    declarations : Declarations
+        Takes the schemas and channels outside chunks, but for those in the tail.
+    report : callable
+        Is told of damage: its place, kind, and amount in bytes and messages.
+
+    Attributes
+    ----------
+    profile : str
+        Profile of the file's header.
+    chunks : list of McapChunk
+        Chunks, and runs of messages outside chunks, in the order of the file.
+    counts : Counter
+        Messages per channel number, from the index behind each chunk.
+    first : dict of int to int
+        For each channel number, the first chunk that holds messages of it.
+    extras : list of Attachment and Metadata
+        Attachments, which are views of the file, and metadata records.
+    tail : list of Span
+        The records behind the last one that is data: the summary, if there is one.
+    end : int
+        Where the last record ends.
+    """
+
+    def __init__(self, file: MappedFile, declarations: Declarations, report: Report) -> None:
+        self.profile = ""
+        self.chunks: list[McapChunk] = []
+        self.counts: Counter[int] = Counter()
+        self.first: dict[int, int] = {}
+        self.extras: list[Attachment | Metadata] = []
+        self.tail: list[Span] = []
+        self.end = len(MAGIC)
+        self._file = file
+        self._view = file.view
+        self._declarations = declarations
+        self._report = report
+        self._follows_chunk = self._follows_gap = self._follows_odd = False
+        self._orphans = self._orphans_at = self._loose_streak = 0
+        self._run()
+
+    def _run(self) -> None:
+        start = len(MAGIC) if self._view[: len(MAGIC)] == MAGIC else 0
+        for span in walk(self._view, self._gap, start, self._file.touched):
+            self._file.touched()
+            self.end = span.end
+            self._take(span)
+            is_closed = span.op == Opcode.FOOTER and bool(self.chunks or self.extras)
+            if is_closed and self._view[span.end : span.end + 2 * len(MAGIC)] == 2 * MAGIC:
+                self._gap(span.end, "", len(self._view) - span.end)  # another file
+                break
+        self._report_orphans()
+
+    def declare(self, spans: Sequence[Span], trust: Trust) -> None:
+        """Take note of the schemas and channels among records of the file."""
+        for span in spans:
+            self._declarations.add(span.op, self._view[span.start : span.end], span.offset, trust)
+
+    def _take(self, span: Span) -> None:
+        is_out_of_place = span.op == Opcode.MESSAGE and (self._follows_chunk or self._follows_odd)
+        if is_out_of_place and is_other(self._view, span):
+            self._report(span.offset, "broken opcode of a record that is not needed", 0)
+            return
+        if span.op in _END_OPS:
+            self.tail.append(span)
+            return
+        self.declare(self.tail, Trust.UNCHECKED)
+        self.tail.clear()
+        if span.op == Opcode.MESSAGE_INDEX:
+            self._message_index(span)
+            return
+        self._report_orphans()
+        self._follows_chunk, self._follows_gap = span.op == Opcode.CHUNK, False
+        self._follows_odd = span.op == Opcode.DATA_END
+        self._loose_streak = self._loose_streak + 1 if span.op == Opcode.MESSAGE else 0
+        if span.op == Opcode.CHUNK:
+            self._chunk(span)
+        elif span.op == Opcode.MESSAGE:
+            self._loose_message(span)
+        else:
+            self._extra(span)
+
+    def _chunk(self, span: Span) -> None:
+        try:
+            head = ChunkHead.read(self._view, span)
+        except BrokenRecordError as error:
+            self._report(span.offset, f"broken chunk ({error})", span.end - span.offset)
+            self._follows_chunk = False
+            return
+        self.chunks.append(McapChunk(span.offset, span.end - span.offset, head.start_ns, head.end_ns, head))
+
+    def _extra(self, span: Span) -> None:
+        """Take in a record that is about the file as a whole."""
+        content = self._view[span.start : span.end]
+        try:
+            if span.op == Opcode.HEADER or span.offset == len(MAGIC):
+                self.profile = parse(mcap_records.Header.read, content).profile
+            elif span.op == Opcode.METADATA:
+                record = parse(mcap_records.Metadata.read, content)
+                self.extras.append(Metadata(record.name, dict(record.metadata)))
+            elif span.op == Opcode.ATTACHMENT:
+                self.extras.append(self._attachment(content))
+        except BrokenRecordError as error:
+            self._report(span.offset, f"broken {name_of(span.op)} ({error})", len(content))
+
+    def _attachment(self, content: memoryview) -> Attachment:
+        """Read an attachment without copying its data."""
+        crc = 0
+        for start in range(0, len(content) - 4, _PIECE):
+            piece = content[start : min(start + _PIECE, len(content) - 4)]
+            crc = zlib.crc32(piece, crc)
+            self._file.touched(len(piece))
+        if int.from_bytes(content[-4:], "little") not in (0, crc):
+            raise BrokenRecordError("its checksum is wrong")
+        at = 16
+        strings: list[str] = []
+        for _ in range(2):
+            size = int.from_bytes(content[at : at + 4], "little")
+            strings.append(bytes(content[at + 4 : at + 4 + size]).decode("utf-8", "replace"))
+            at += 4 + size
+        size = int.from_bytes(content[at : at + 8], "little")
+        log_time, create_time = (int.from_bytes(content[i : i + 8], "little") for i in (0, 8))
+        return Attachment(log_time, create_time, strings[0], strings[1], content[at + 8 : at + 8 + size])
+
+    def _message_index(self, span: Span) -> None:
+        """Count the messages of a channel in the chunk before, and compare their times with the chunk's."""
+        content = self._view[span.start : span.end]
+        count = int.from_bytes(content[2:6], "little") // 16
+        if not self._follows_chunk:
+            self._orphans_at = self._orphans_at or span.offset
+            self._orphans += count
+        elif count:
+            chunk = self.chunks[-1]
+            suspect = chunk.suspect or not self._is_index(span)
+            self.chunks[-1] = replace(chunk, messages=chunk.messages + count, suspect=suspect)
+            self._count(int.from_bytes(content[:2], "little"), count)
+
+    def _is_index(self, span: Span) -> bool:
+        """Tell whether a record holds times as an index of the last chunk does."""
+        content = self._view[span.start : span.end]
+        size = int.from_bytes(content[2:6], "little")
+        if size % 16 or not 0 < size <= len(content) - 6:
+            return False
+        self._file.touched(len(content))
+        times_ns = np.frombuffer(content, "<u8", size // 8, 6)[::2]
+        chunk = self.chunks[-1]
+        return chunk.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= chunk.end_ns
+
+    def _gap(self, offset: int, what: str, lost_bytes: int) -> None:
+        """Report broken bytes; the chunk of an index that follows them is not known."""
+        is_behind = self.tail and self.tail[-1].op == Opcode.FOOTER and lost_bytes > len(MAGIC)
+        if is_behind and self._view[offset : offset + len(MAGIC)] == MAGIC:
+            what, offset, lost_bytes = "bytes behind the end of the recording", offset + 8, lost_bytes - len(MAGIC)
+        self._report(offset, what, lost_bytes)
+        if self._follows_chunk:
+            self.chunks[-1] = replace(self.chunks[-1], suspect=True)
+        if lost_bytes:
+            self._follows_chunk, self._follows_gap, self._follows_odd = False, self._follows_chunk, True
+
+    def _report_orphans(self) -> None:
+        """Report the messages of a chunk that is lost though its index is there, but for those found all the same."""
+        if self._orphans and self._follows_gap:
+            self.chunks[-1] = replace(self.chunks[-1], suspect=True, further=self._orphans)
+        elif self._orphans > self._loose_streak:
+            lost = self._orphans - self._loose_streak
+            self._report(self._orphans_at, "the chunk before this message index is not there", 0, lost)
+        self._orphans = self._orphans_at = 0
+
+    def _loose_message(self, span: Span) -> None:
+        """Add a message outside chunks to the run before it, or begin a run."""
+        channel, _, log_time, _ = MESSAGE.unpack_from(self._view, span.start)
+        last = self.chunks[-1] if self.chunks else None
+        if last and last.head is None and last.offset + last.size == span.offset and last.size < _LOOSE_BYTES:
+            offset, start_ns, end_ns = (
+                self.chunks.pop().offset,
+                min(last.start_ns, log_time),
+                max(last.end_ns, log_time),
+            )
+            count = last.messages
+        else:
+            offset, start_ns, end_ns, count = span.offset, log_time, log_time, 0
+        self.chunks.append(McapChunk(offset, span.end - offset, start_ns, end_ns, None, count + 1))
+        self._count(channel, 1)
+
+    def _count(self, channel: int, messages: int) -> None:
+        """Note that the last chunk holds messages of a channel."""
+        self.counts[channel] += messages
+        self.first.setdefault(channel, len(self.chunks) - 1)

@@ -1,0 +1,1 @@
+"""Packet captures (PCAP and PCAPNG): `source.CaptureSource`."""

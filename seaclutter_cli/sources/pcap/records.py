@@ -1,0 +1,184 @@
+"""Records of captures: where each packet lies in the file, and when it was taken."""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.records import Damage
+from seaclutter_cli.sources.shared.mapped import MappedFile
+
+BATCH = 1024
+LONGEST = 262144
+"""Bytes that a capture keeps of a packet at most: libpcap's own limit."""
+DAY_NS = 86400 * 10**9
+
+PCAP_MAGICS = {
+    bytes.fromhex("a1b2c3d4"): (">", 1000),
+    bytes.fromhex("d4c3b2a1"): ("<", 1000),
+    bytes.fromhex("a1b23c4d"): (">", 1),
+    bytes.fromhex("4d3cb2a1"): ("<", 1),
+}
+"""Byte order and nanoseconds a tick of classic captures, by their first bytes."""
+_HEADER_BYTES, _RECORD_BYTES = 24, 16
+_WINDOW = 2**20
+_RUN, _SINGLY = 16, 128
+
+
+@dataclass(frozen=True)
+class Records:
+    """Some records of one link type, R of them.
+
+    Parameters
+    ----------
+    link : int
+        Link type.
+    offsets, lengths : ndarray, shape (R,), int64
+        Where each packet lies in the file, in bytes, as far as it was captured.
+    times_ns : ndarray, shape (R,), int64
+        When it was taken, in nanoseconds of Unix time.
+    """
+
+    link: int
+    offsets: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    times_ns: NDArray[np.int64]
+
+
+class RecordReader(Protocol):
+    """Reads a capture once."""
+
+    damage: list[Damage]
+
+    def batches(self) -> Iterator[Records]:
+        """Yield all records in their order."""
+        ...
+
+
+class PcapReader:
+    """Reads a classic capture.
+
+    Parameters
+    ----------
+    file : MappedFile
+        The capture.
+    path : Path
+        Its name, for messages.
+
+    Raises
+    ------
+    InputError
+        If it is not even as long as its header.
+    """
+
+    def __init__(self, file: MappedFile, path: Path) -> None:
+        if len(file.data) < _HEADER_BYTES:
+            raise InputError(f"{path}: the capture ends within its header")
+        order, self._tick_ns = PCAP_MAGICS[file.data[:4]]
+        self._file, self._path, self._size = file, path, len(file.data)
+        self._word = np.dtype(order + "u4")
+        self._record = struct.Struct(order + "IIII")
+        # The upper bits tell of check sums.
+        self._link = int(struct.unpack_from(order + "I", file.data, 20)[0]) & 0xFFFF
+        self._time_ns: int | None = None
+        self.damage: list[Damage] = []
+
+    def batches(self) -> Iterator[Records]:
+        """Yield all records in their order."""
+        offset = _HEADER_BYTES
+        while offset < self._size:
+            rows, after = self._walk(offset)
+            if len(rows):
+                self._time_ns = int(rows[-1, 2])
+                yield Records(self._link, *rows.T.copy())
+            offset = after
+            if len(rows) < BATCH and offset < self._size:
+                offset = self._skip_damage(offset)
+
+    def _walk(self, offset: int) -> tuple[NDArray[np.int64], int]:
+        """Return the rows of a batch at most, and where it ends: at the end of the file, or at what is no record."""
+        parts: list[NDArray[np.int64]] = []
+        left, many = BATCH, True
+        while left and offset + _RECORD_BYTES <= self._size:
+            # Records of one length are taken all at once; where lengths change from one to the next, singly.
+            rows, offset = self._run(offset, left) if many else self._step(offset, min(left, _SINGLY))
+            if not len(rows):
+                break
+            many = not many or len(rows) >= _RUN
+            parts.append(rows)
+            left -= len(rows)
+        return np.concatenate(parts) if parts else np.empty((0, 3), np.int64), offset
+
+    def _step(self, offset: int, most: int) -> tuple[NDArray[np.int64], int]:
+        """Return the rows of records from a place on, one after the other, and where they end."""
+        data, unpack, size, ticks = self._file.data, self._record.unpack_from, self._size, 10**9 // self._tick_ns
+        rows: list[tuple[int, int, int]] = []
+        while len(rows) < most and offset + _RECORD_BYTES <= size:
+            seconds, fraction, length, original = unpack(data, offset)
+            end = offset + _RECORD_BYTES + length
+            if end > size or length > LONGEST or fraction >= ticks or not original:
+                break
+            rows.append((offset + _RECORD_BYTES, length, seconds * 10**9 + fraction * self._tick_ns))
+            offset = end
+        return np.array(rows, np.int64).reshape(-1, 3), offset
+
+    def _run(self, offset: int, most: int) -> tuple[NDArray[np.int64], int]:
+        """Return the rows of records of one length from a place on, and where they end."""
+        length = int(self._record.unpack_from(self._file.data, offset)[2])
+        size = _RECORD_BYTES + length
+        count = min(most, (self._size - offset) // size)
+        if length > LONGEST or not count:
+            return np.empty((0, 3), np.int64), offset
+        words = np.ndarray((count, 4), self._word, self._file.data, offset, (size, 4)).astype(np.int64)
+        bad = np.flatnonzero((words[:, 2] != length) | (words[:, 1] >= 10**9 // self._tick_ns) | (words[:, 3] == 0))
+        words = words[: bad[0]] if len(bad) else words
+        rows = np.empty((len(words), 3), np.int64)
+        rows[:, 0] = offset + _RECORD_BYTES + np.arange(len(words)) * size
+        rows[:, 1], rows[:, 2] = length, words[:, 0] * 10**9 + words[:, 1] * self._tick_ns
+        return rows, offset + len(words) * size
+
+    def _skip_damage(self, offset: int) -> int:
+        """Return where sound records go on; note what lies between, or that the file ends within a record."""
+        found = self._find(offset)
+        cut = found == self._size and self._looks_cut(offset)
+        what = "the capture ends within a packet" if cut else "no packet can be read here"
+        self.damage.append(Damage(self._path, offset, what, found - offset))
+        return found
+
+    def _looks_cut(self, offset: int) -> bool:
+        if offset + _RECORD_BYTES > self._size:
+            return True
+        _, fraction, length, original = self._record.unpack_from(self._file.data, offset)
+        return bool(length <= LONGEST and fraction < 10**9 // self._tick_ns and original > 0)
+
+    def _find(self, offset: int) -> int:
+        """Return the next place where two records of a likely time begin, or one that ends the file."""
+        for start in range(offset + 1, self._size - _RECORD_BYTES + 1, _WINDOW):
+            count = min(_WINDOW, self._size - _RECORD_BYTES + 1 - start)
+            for candidate in self._candidates(start, count):
+                if self._is_followed(candidate):
+                    return candidate
+            self._file.touched(count)
+        return self._size
+
+    def _candidates(self, start: int, count: int) -> list[int]:
+        words = (np.ndarray((count,), self._word, self._file.data, start + 4 * n, (1,)) for n in range(4))
+        seconds, fraction, length, original = words
+        likely = (fraction < 10**9 // self._tick_ns) & (length <= LONGEST) & (length <= original) & (length > 0)
+        if self._time_ns is not None:
+            likely &= np.abs(seconds.astype(np.int64) - self._time_ns // 10**9) <= DAY_NS // 10**9
+        return (np.flatnonzero(likely) + start).tolist()
+
+    def _is_followed(self, offset: int) -> bool:
+        seconds, _, length, _ = self._record.unpack_from(self._file.data, offset)
+        end = int(offset + _RECORD_BYTES + length)
+        if end + _RECORD_BYTES > self._size:
+            return end == self._size
+        after, fraction, length, original = self._record.unpack_from(self._file.data, end)
+        likely = fraction < 10**9 // self._tick_ns and length <= LONGEST and length <= original and original > 0
+        return bool(likely and abs(after - seconds) <= DAY_NS // 10**9)

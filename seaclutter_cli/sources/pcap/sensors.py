@@ -1,0 +1,215 @@
+"""Which sensors sent the datagrams of a capture."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.sensors.families import PACKET_FAMILIES, SelfCalibrating
+from seaclutter_cli.sensors.packets import Packets
+from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
+
+_TRIED_AT_ONCE, _TRIED = 4, 256
+_SAMPLES, _CALIBRATIONS = 64, 32
+_MOST_FLOWS = 10_000
+_FEW = 10
+
+Kind = tuple[int, int]
+"""Flow and length of a payload."""
+
+
+@dataclass
+class Flow:
+    """Datagrams of one length that one port sent to one port.
+
+    Parameters
+    ----------
+    address : str
+        Sender.
+    source_port, port : int
+        Ports of sender and receiver.
+    length : int
+        Bytes of the payload.
+    family : str or None
+        Family of sensors that they belong to, once it is known.
+    count : int
+        How many there are.
+    samples, calibrations : list of (int, ndarray)
+        Times and payloads of some with data and of some with a calibration.
+    """
+
+    address: str
+    source_port: int
+    port: int
+    length: int
+    family: str | None = None
+    count: int = 0
+    samples: list[tuple[int, NDArray[np.uint8]]] = field(default_factory=list)
+    calibrations: list[tuple[int, NDArray[np.uint8]]] = field(default_factory=list)
+
+    @property
+    def ends(self) -> str:
+        """Sender and receiver, for people."""
+        return f"{self.address}:{self.source_port} to port {self.port}"
+
+    def __str__(self) -> str:
+        """Return what is said where no flow is of a sensor."""
+        return f"{self.count} of {self.length} bytes from {self.ends}"
+
+
+@dataclass
+class Sensor:
+    """A sensor in a capture.
+
+    Parameters
+    ----------
+    family : str
+        Its family.
+    address : str
+        Its address.
+    port : int
+        Where it sends its data.
+    kinds : set of (int, int)
+        Its flows.
+    sample : Packets
+        Some of its packets, calibrations first.
+    shares : bool
+        Whether the address is that of several sensors.
+    """
+
+    family: str
+    address: str
+    port: int
+    kinds: set[Kind]
+    sample: Packets
+    shares: bool = False
+
+
+def each_kind(datagrams: Datagrams) -> list[tuple[Kind, NDArray[np.int64]]]:
+    """Return the rows, ascending, of each flow and length among some datagrams."""
+    if not len(datagrams.flows):
+        return []
+    codes = datagrams.flows << 16 | datagrams.lengths
+    order = np.argsort(codes, kind="stable")
+    sorted_codes = codes[order]
+    starts = np.flatnonzero(np.diff(sorted_codes, prepend=sorted_codes[0] - 1))
+    parts = np.split(order, starts[1:])
+    return [((int(datagrams.flows[rows[0]]), int(datagrams.lengths[rows[0]])), rows) for rows in parts]
+
+
+class Survey:
+    """Looks through the datagrams of a capture for sensors.
+
+    Parameters
+    ----------
+    udp : Udp
+        Knows where payloads lie.
+    """
+
+    def __init__(self, udp: Udp) -> None:
+        self._udp = udp
+        self.flows: dict[Kind, Flow] = {}
+        self._calibrated: set[tuple[str, str]] = set()
+
+    def add(self, datagrams: Datagrams) -> None:
+        """Look at some datagrams."""
+        for kind, rows in each_kind(datagrams):
+            flow = self.flows.get(kind) or Flow(*self._udp.ends(kind[0]), kind[1])
+            flow.count += len(rows)
+            if flow.family is None and flow.count - len(rows) < _TRIED:
+                self._recognise(flow, self._udp.payloads(datagrams, rows[:_TRIED_AT_ONCE]))
+            if flow.family is not None:
+                self._sample(flow, datagrams, rows)
+            if flow.family is not None or len(self.flows) < _MOST_FLOWS:
+                self.flows[kind] = flow
+
+    def _recognise(self, flow: Flow, payloads: NDArray[np.uint8]) -> None:
+        for name, family in PACKET_FAMILIES.items():
+            if any(family.recognises(payload) for payload in payloads):
+                flow.family = name
+                return
+
+    def _sample(self, flow: Flow, datagrams: Datagrams, rows: NDArray[np.int64]) -> None:
+        family = PACKET_FAMILIES[flow.family or ""]
+        sensor = (flow.family or "", flow.address)
+        searched = isinstance(family, SelfCalibrating) and (sensor not in self._calibrated or not flow.samples)
+        if len(flow.samples) >= _SAMPLES and not searched:
+            return
+        payloads, times_ns = self._udp.payloads(datagrams, rows), datagrams.times_ns[rows]
+        calibrates = np.zeros(len(rows), np.bool_)
+        if isinstance(family, SelfCalibrating):
+            calibrates = family.is_calibration(payloads)
+        _take(flow.calibrations, times_ns[calibrates], payloads[calibrates], _CALIBRATIONS)
+        if isinstance(family, SelfCalibrating):
+            sound = np.array([family.recognises(payload) for payload in payloads[:_SAMPLES]], np.bool_)
+            calibrates[: len(sound)] |= ~sound
+        _take(flow.samples, times_ns[~calibrates], payloads[~calibrates], _SAMPLES)
+        if len(flow.calibrations) >= _CALIBRATIONS:
+            self._calibrated.add(sensor)
+
+    def strays(self) -> list[Flow]:
+        """Return flows of so few data packets that those are rather damaged ones of another flow."""
+        most: dict[tuple[str | None, int], int] = defaultdict(int)
+        for flow in self.flows.values():
+            most[flow.family, flow.length] = max(most[flow.family, flow.length], flow.count)
+        few = [flow for flow in self.flows.values() if flow.count < _FEW and flow.samples and not flow.calibrations]
+        return [flow for flow in few if flow.count * 100 < most[flow.family, flow.length]]
+
+    def sensors(self) -> list[Sensor]:
+        """Return the sensors, by address."""
+        groups: dict[tuple[str, str], dict[Kind, Flow]] = defaultdict(dict)
+        strays = {id(flow) for flow in self.strays()}
+        for kind, flow in self.flows.items():
+            if flow.family is not None and id(flow) not in strays:
+                groups[flow.address, flow.family][kind] = flow
+        found = [sensor for group in groups.values() for sensor in _split(group)]
+        addresses = [sensor.address for sensor in found]
+        for sensor in found:
+            sensor.shares = addresses.count(sensor.address) > 1
+        return sorted(found, key=lambda sensor: (sensor.address, sensor.port, sensor.family))
+
+
+def _take(
+    samples: list[tuple[int, NDArray[np.uint8]]], times_ns: NDArray[np.int64], payloads: NDArray[np.uint8], most: int
+) -> None:
+    count = most - len(samples)
+    pairs = zip(times_ns[:count].tolist(), payloads[:count], strict=True)
+    samples += [(time_ns, payload.copy()) for time_ns, payload in pairs]
+
+
+def _split(flows: dict[Kind, Flow]) -> list[Sensor]:
+    """Return the sensors behind one address: as many as there are ports that send data of one length."""
+    data = {kind: flow for kind, flow in flows.items() if flow.samples}
+    by_length: dict[int, list[Kind]] = defaultdict(list)
+    for kind, flow in sorted(data.items(), key=lambda item: (item[1].port, item[1].source_port)):
+        by_length[flow.length].append(kind)
+    if not by_length:
+        return []
+    heaviest = max(by_length, key=lambda length: sum(data[kind].count for kind in by_length[length]) * length)
+    firsts = by_length[heaviest]
+    sensors = []
+    for place, first in enumerate(firsts):
+        own = {first} | {kinds[place] for kinds in by_length.values() if len(kinds) == len(firsts)}
+        if len(firsts) == 1:
+            own = set(data)
+        sensors.append(_sensor(first, own, flows, place, len(firsts)))
+    return sensors
+
+
+def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], place: int, count: int) -> Sensor:
+    flow = flows[first]
+    informing = sorted(
+        (kind for kind, other in flows.items() if other.calibrations and other.length == flow.length),
+        key=lambda kind: (flows[kind].port, flows[kind].source_port),
+    )
+    apart = [kind for kind in informing if not flows[kind].samples]
+    if first in informing:
+        informing = [first]
+    elif len(apart) == count:
+        informing = [apart[place]]
+    if not place:
+        own = own | set(apart)
+    pairs = [pair for kind in informing for pair in flows[kind].calibrations] + flow.samples
+    sample = Packets(np.array([time_ns for time_ns, _ in pairs], np.int64), np.stack([payload for _, payload in pairs]))
+    return Sensor(flow.family or "", flow.address, flow.port, own, sample)

@@ -1,0 +1,271 @@
+"""Captures of the packets of lidars: PCAP and PCAPNG."""
+
+from collections import defaultdict, deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.messages import CODECS
+from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.records import Channel, Damage, Message
+from seaclutter_cli.sensors.families import CALIBRATIONS_BESIDE, PACKET_FAMILIES
+from seaclutter_cli.sensors.packets import DecoderOptions, Facts, PacketDecoder, PacketFrame, Packets
+from seaclutter_cli.sources.pcap.pcapng import PCAPNG_MAGIC, PcapngReader
+from seaclutter_cli.sources.pcap.records import PCAP_MAGICS, PcapReader, RecordReader
+from seaclutter_cli.sources.pcap.sensors import Kind, Sensor, Survey, each_kind
+from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
+from seaclutter_cli.sources.shared.mapped import MappedFile
+
+CAPTURE_MAGICS = (*PCAP_MAGICS, PCAPNG_MAGIC)
+_TYPE = "sensor_msgs/msg/PointCloud2"
+_MOST_WAITING = 16
+_SHOWN_FLOWS = 5
+
+
+class CaptureSource:
+    """A capture of one or several sensors, each turn of one a ROS 2 point cloud.
+
+    One sensor is on ``/points``, several are on ``/points/<address>``, or ``/points/<address>/<port>`` where they
+    share an address.
+
+    Parameters
+    ----------
+    path : Path
+        The capture.
+    options : DecoderOptions, optional
+        What the packets cannot tell. Metadata of an Ouster that lies beside the capture is found without it.
+
+    Raises
+    ------
+    InputError
+        If it is no capture, or none of its packets can be decoded.
+    """
+
+    profile = "ros2"
+    compression: str | None = None
+
+    def __init__(self, path: Path, options: DecoderOptions | None = None) -> None:
+        self.name, self._path = path.stem, path
+        self._options = options or DecoderOptions()
+        self._file = MappedFile(path)
+        self.damage: list[Damage] = []
+        self.warnings: list[str] = []
+        try:
+            decoders = self._usable(self._survey())
+        except BaseException:
+            self._file.close()
+            raise
+        self._sensors = [sensor for sensor, _ in decoders]
+        self._channels = tuple(
+            Channel(number, topic, "cdr", ros2_schema(_TYPE)) for number, topic in enumerate(self._topics(), 1)
+        )
+        self.facts: dict[str, Facts] = {}
+        for channel, (_, decoder) in zip(self._channels, decoders, strict=True):
+            self._tell(channel, decoder.facts)
+        models = dict.fromkeys(facts.model for facts in self.facts.values())
+        self.format = f"{self._kind} of {', '.join(models)}"
+
+    @property
+    def _kind(self) -> str:
+        return "PCAPNG" if self._file.data[:4] == PCAPNG_MAGIC else "PCAP"
+
+    def _reader(self) -> RecordReader:
+        if self._file.data[:4] == PCAPNG_MAGIC:
+            return PcapngReader(self._file, self._path)
+        if self._file.data[:4] in PCAP_MAGICS:
+            return PcapReader(self._file, self._path)
+        raise InputError(f"{self._path}: no capture: it does not begin as PCAP or PCAPNG files do")
+
+    def _datagrams(self, reader: RecordReader, udp: Udp) -> Iterator[Datagrams]:
+        for records in reader.batches():
+            yield udp.datagrams(records)
+            self._file.touched(int(records.offsets[-1] - records.offsets[0]))
+
+    def _survey(self) -> Survey:
+        """Look through the whole capture: a sensor's calibration may be anywhere."""
+        reader, udp = self._reader(), Udp(self._file)
+        survey = Survey(udp)
+        cut = 0
+        for datagrams in self._datagrams(reader, udp):
+            survey.add(datagrams)
+            cut += len(datagrams.cut)
+        udp.fragments.finish()
+        self.damage += reader.damage
+        self.damage += [
+            Damage(
+                self._path,
+                None,
+                f"{stray.count} packets from {stray.ends}, too few for a sensor",
+                stray.count * stray.length,
+            )
+            for stray in survey.strays()
+        ]
+        if udp.fragments.lost:
+            self.warnings.append(f"fragments of {udp.fragments.lost} datagrams are missing")
+        if not survey.sensors():
+            found = _found(survey, cut, udp.other, self.damage)
+            raise InputError(f"{self._path}: no packets of a known lidar; {found}")
+        return survey
+
+    def _usable(self, survey: Survey) -> list[tuple[Sensor, PacketDecoder]]:
+        """Return the sensors that can be decoded, with what was found out; `InputError` if there is none."""
+        usable: list[tuple[Sensor, PacketDecoder]] = []
+        problems = []
+        for sensor in survey.sensors():
+            try:
+                usable.append((sensor, self._decoder(sensor)))
+            except InputError as error:
+                problems.append(f"{sensor.address}: {error}")
+        if not usable:
+            raise InputError(f"{self._path}: {'; '.join(problems)}")
+        self.warnings += problems
+        return usable
+
+    def _decoder(self, sensor: Sensor) -> PacketDecoder:
+        options = self._options
+        if options.calibration is None and (suffix := CALIBRATIONS_BESIDE.get(sensor.family)):
+            options = replace(options, calibration=_find_beside(self._path, suffix))
+        return PACKET_FAMILIES[sensor.family].decoder(sensor.sample, options)
+
+    def _topics(self) -> list[str]:
+        if len(self._sensors) == 1:
+            return ["/points"]
+        return [f"/points/{sensor.address}" + f"/{sensor.port}" * sensor.shares for sensor in self._sensors]
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """A channel for each sensor."""
+        return self._channels
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Nothing: turns are only known when they are decoded."""
+        return {}
+
+    def records(self) -> Iterator[Message]:
+        """Yield the turns of all sensors, one at a time decoded, in the order of their stamps."""
+        decoders = [self._decoder(sensor) for sensor in self._sensors]
+        kinds = {kind: number for number, sensor in enumerate(self._sensors) for kind in sensor.kinds}
+        flows = {flow: number for (flow, _), number in kinds.items()}
+        merge = _Merge(self._channels)
+        udp, cut = Udp(self._file), np.zeros(len(decoders), np.int64)
+        for datagrams in self._datagrams(self._reader(), udp):
+            for number, packets in _packets(datagrams, udp, kinds):
+                for frame in decoders[number].add(packets):
+                    yield from merge.add(number, frame)
+            for flow in datagrams.cut.tolist():
+                if flow in flows:
+                    cut[flows[flow]] += 1
+        for number, decoder in enumerate(decoders):
+            for frame in decoder.finish():
+                yield from merge.add(number, frame)
+        yield from merge.finish()
+        for number, channel in enumerate(self._channels):
+            self._tell(channel, decoders[number].facts, merge.partial[number])
+            self._count(channel, decoders[number].facts, int(cut[number]))
+
+    def _tell(self, channel: Channel, facts: Facts, partial: int = 0) -> None:
+        """Take over what a decoder found out."""
+        if partial:
+            facts.details["partial turns"] = f"{partial}, where the capture begins or ends"
+        self.facts[channel.topic] = facts
+        self._warn(*(f"{channel.topic}: {text}" for text in facts.warnings))
+
+    def _warn(self, *texts: str) -> None:
+        self.warnings += [text for text in texts if text not in self.warnings]
+
+    def _count(self, channel: Channel, facts: Facts, cut: int) -> None:
+        if facts.lost_packets:
+            self._warn(f"{channel.topic}: {facts.lost_packets} packets are missing, as gaps tell")
+        counted = {"packets that cannot be decoded": facts.bad_packets, "packets cut short by the capture": cut}
+        size = self._sensors[channel.id - 1].sample.payloads.shape[1]
+        for what, count in counted.items():
+            damage = Damage(self._path, None, f"{channel.topic}: {count} {what}", count * size)
+            if count and damage not in self.damage:
+                self.damage.append(damage)
+
+    def close(self) -> None:
+        """Unmap the file."""
+        self._file.close()
+
+
+def _packets(datagrams: Datagrams, udp: Udp, kinds: Mapping[Kind, int]) -> Iterator[tuple[int, Packets]]:
+    """Yield the packets of each sensor among some datagrams, those of a length in the order of their arrival."""
+    rows = defaultdict(list)
+    for kind, found in each_kind(datagrams):
+        if kind in kinds:
+            rows[kinds[kind], kind[1]].append(found)
+    for (number, _), parts in rows.items():
+        chosen = parts[0] if len(parts) == 1 else np.sort(np.concatenate(parts))
+        yield number, Packets(datagrams.times_ns[chosen], udp.payloads(datagrams, chosen))
+
+
+class _Merge:
+    """Puts the turns of several sensors into the order of their stamps.
+
+    Notes
+    -----
+    State: turns that wait for those of the other sensors, at most 16 of each.
+    """
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self._channels = channels
+        self._waiting: list[deque[PacketFrame]] = [deque() for _ in channels]
+        self._sequence = [0] * len(channels)
+        self.partial = [0] * len(channels)
+
+    def add(self, number: int, frame: PacketFrame) -> Iterator[Message]:
+        """Yield the turns whose place is known now."""
+        self.partial[number] += frame.partial
+        self._waiting[number].append(frame)
+        while all(self._waiting) or max(map(len, self._waiting)) > _MOST_WAITING:
+            yield self._next()
+
+    def finish(self) -> Iterator[Message]:
+        """Yield the others."""
+        while any(self._waiting):
+            yield self._next()
+
+    def _next(self) -> Message:
+        number = min(
+            (number for number, frames in enumerate(self._waiting) if frames),
+            key=lambda number: self._waiting[number][0].stamp_ns,
+        )
+        frame, channel = self._waiting[number].popleft(), self._channels[number]
+        self._sequence[number] += 1
+        stamp_ns = max(frame.stamp_ns, 0)
+        cloud = from_array(frame.points, stamp_ns=stamp_ns, height=frame.height)
+        return Message(channel, stamp_ns, stamp_ns, self._sequence[number] - 1, CODECS[_TYPE, "cdr"].encode(cloud))
+
+
+def _found(survey: Survey, cut: int, other: int, damage: Sequence[Damage]) -> str:
+    """Return what there is in a capture without sensors, and what to do."""
+    flows = sorted(survey.flows.values(), key=lambda flow: flow.count * flow.length, reverse=True)
+    found = [str(flow) for flow in flows[:_SHOWN_FLOWS]]
+    if len(flows) > _SHOWN_FLOWS:
+        found.append(f"{len(flows) - _SHOWN_FLOWS} other flows")
+    parts = [f"UDP datagrams: {', '.join(found)}" if found else "no whole UDP datagrams"]
+    if cut:
+        parts.append(f"{cut} cut short: capture with whole packets (tcpdump -s 0)")
+    if other:
+        parts.append(f"{other} other packets")
+    parts += [str(item) for item in damage[:1]]
+    titles = ", ".join(family.title for family in PACKET_FAMILIES.values())
+    return f"found {'; '.join(parts)}. Packets of these are read: {titles}"
+
+
+def _find_beside(path: Path, suffix: str) -> Path | None:
+    """Return the file beside a capture that is named like it, or the only one whose name begins alike."""
+    same = path.with_suffix(suffix)
+    if same.is_file():
+        return same
+    try:
+        others = [file for file in path.parent.iterdir() if file.suffix.lower() == suffix and file.is_file()]
+    except OSError:
+        return None
+    like = [file for file in others if path.stem.startswith(file.stem) or file.stem.startswith(path.stem)]
+    return like[0] if len(like) == 1 else None

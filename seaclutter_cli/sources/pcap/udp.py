@@ -1,0 +1,253 @@
+"""UDP datagrams in the records of a capture, many at a time."""
+
+import ipaddress
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.sources.pcap.fragments import Fragments
+from seaclutter_cli.sources.pcap.records import Records
+from seaclutter_cli.sources.shared.mapped import MappedFile
+
+_HEAD = 128
+_ETHERNET, _COOKED, _COOKED_2, _RAW = 1, 113, 276, (12, 14, 101, 228, 229)
+_LOOPBACK = (0, 108)
+_VLAN = (0x8100, 0x88A8, 0x9100)
+_MOST_TAGS = 4
+_IPV4, _IPV6, _UDP = 0x0800, 0x86DD, 17
+_MOST_ADDRESSES = 2**15
+
+
+@dataclass(frozen=True)
+class Datagrams:
+    """Some UDP datagrams in order, D of them.
+
+    Parameters
+    ----------
+    flows : ndarray, shape (D,), int64
+        Sender and ports of each as one number, see `Udp.ends`.
+    times_ns : ndarray, shape (D,), int64
+        When it was taken.
+    offsets, lengths : ndarray, shape (D,), int64
+        Where its payload lies in the file; below 0 for the number of one in ``joined``, from -1 down.
+    joined : list of bytes
+        Payloads that came in fragments.
+    cut : ndarray, int64
+        Flows of those of which the capture has only the beginning.
+    """
+
+    flows: NDArray[np.int64]
+    times_ns: NDArray[np.int64]
+    offsets: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    joined: list[bytes]
+    cut: NDArray[np.int64]
+
+
+@dataclass
+class _Parsed:
+    """Rows of one batch that are UDP over IP, with the places of their headers."""
+
+    rows: NDArray[np.int64]
+    udp: NDArray[np.int64]
+    sources: NDArray[np.int64]
+    fragments: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+
+
+class Udp:
+    """Finds datagrams.
+
+    Parameters
+    ----------
+    file : MappedFile
+        The capture.
+
+    Notes
+    -----
+    State: addresses seen, and open fragments. ``other`` counts records without a datagram.
+    """
+
+    def __init__(self, file: MappedFile) -> None:
+        self._file = file
+        self._bytes = np.frombuffer(file.data, np.uint8)
+        self._addresses: dict[bytes, int] = {}
+        self._names: list[bytes] = []
+        self.fragments = Fragments()
+        self.other = 0
+
+    def ends(self, flow: int) -> tuple[str, int, int]:
+        """Return address of the sender, its port and the port of the receiver."""
+        return str(ipaddress.ip_address(self._names[flow >> 32])), flow >> 16 & 0xFFFF, flow & 0xFFFF
+
+    def payloads(self, datagrams: Datagrams, rows: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """Return the payloads of some datagrams of equal length L, shape (P, L)."""
+        offsets, length = datagrams.offsets[rows], int(datagrams.lengths[rows[0]])
+        direct = offsets >= 0
+        if direct.all():
+            return self._gather(offsets, length)
+        payloads = np.empty((len(rows), length), np.uint8)
+        if direct.any():
+            payloads[direct] = self._gather(offsets[direct], length)
+        for row in np.flatnonzero(~direct).tolist():
+            payloads[row] = np.frombuffer(datagrams.joined[-1 - offsets[row]], np.uint8)
+        return payloads
+
+    def _gather(self, offsets: NDArray[np.int64], length: int) -> NDArray[np.uint8]:
+        places = len(self._bytes) - length + 1
+        return np.ndarray((places, length), np.uint8, self._file.data, strides=(1, 1))[offsets]
+
+    def datagrams(self, records: Records) -> Datagrams:
+        """Return the datagrams in some records."""
+        heads = self._heads(records)
+        parsed = self._parse(records, heads)
+        self.other += len(records.offsets) - len(parsed.rows) - len(parsed.fragments)
+        rows, udp = parsed.rows, parsed.udp
+        ports = _word(heads, rows, udp) << 16 | _word(heads, rows, udp + 2)
+        lengths = _word(heads, rows, udp + 4) - 8
+        flows = parsed.sources << 32 | ports
+        good = (lengths >= 0) & (udp + 8 <= records.lengths[rows])
+        whole = good & (udp + 8 + lengths <= records.lengths[rows])
+        found = Datagrams(
+            flows[whole],
+            records.times_ns[rows[whole]],
+            (records.offsets[rows] + udp + 8)[whole],
+            lengths[whole],
+            [],
+            flows[good & ~whole],
+        )
+        return self._with_joined(found, rows[whole], records, heads, parsed) if len(parsed.fragments) else found
+
+    def _heads(self, records: Records) -> NDArray[np.uint8]:
+        """Return the first bytes of each record, shape (R, 128), with zeros behind its end."""
+        offsets = records.offsets
+        heads = np.zeros((len(offsets), _HEAD), np.uint8)
+        inside = offsets + _HEAD <= len(self._bytes)
+        if inside.any():
+            heads[inside] = self._gather(offsets[inside], _HEAD)
+        for row in np.flatnonzero(~inside).tolist():
+            rest = self._bytes[offsets[row] :]
+            heads[row, : len(rest)] = rest
+        short = np.flatnonzero(records.lengths < _HEAD)
+        if len(short):
+            heads[short] *= np.arange(_HEAD) < records.lengths[short, None]
+        return heads
+
+    def _parse(self, records: Records, heads: NDArray[np.uint8]) -> _Parsed:
+        network, version = _network(records.link, heads)
+        everything = np.arange(len(heads))
+        rows4 = everything[version == 4]
+        at = network[rows4]
+        is_udp = heads[rows4, at + 9] == _UDP
+        rows4, at = rows4[is_udp], at[is_udp]
+        in_parts = (_word(heads, rows4, at + 6) & 0x3FFF) != 0
+        sources = self._numbers4(heads, rows4, at)
+        ihl = (heads[rows4, at] & 0x0F).astype(np.int64) * 4
+        udp = at + ihl
+        usable = ~in_parts & (ihl >= 20) & (sources >= 0)
+        fragments = rows4[in_parts & (ihl >= 20) & (sources >= 0)]
+        rows6 = everything[version == 6]
+        if not len(rows6):
+            return _Parsed(rows4[usable], udp[usable], sources[usable], fragments)
+        rows6 = rows6[heads[rows6, network[rows6] + 6] == _UDP]
+        sources6 = self._numbers6(heads, rows6, network[rows6])
+        rows6, sources6 = rows6[sources6 >= 0], sources6[sources6 >= 0]
+        rows = np.concatenate([rows4[usable], rows6])
+        order = np.argsort(rows, kind="stable")
+        udp = np.concatenate([udp[usable], network[rows6] + 40])
+        return _Parsed(rows[order], udp[order], np.concatenate([sources[usable], sources6])[order], fragments)
+
+    def _numbers4(self, heads: NDArray[np.uint8], rows: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the number of each sender, shape (R,); -1 where there are too many."""
+        values = _word(heads, rows, at + 12) << 16 | _word(heads, rows, at + 14)
+        different, inverse = np.unique(values, return_inverse=True)
+        numbers = [self._number(int(value).to_bytes(4, "big")) for value in different]
+        return np.array(numbers, np.int64)[inverse] if numbers else np.empty(0, np.int64)
+
+    def _numbers6(self, heads: NDArray[np.uint8], rows: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.int64]:
+        pairs = zip(rows.tolist(), at.tolist(), strict=True)
+        return np.array([self._number(heads[row, start + 8 : start + 24].tobytes()) for row, start in pairs], np.int64)
+
+    def _number(self, address: bytes) -> int:
+        number = self._addresses.get(address)
+        if number is None:
+            if len(self._names) >= _MOST_ADDRESSES:
+                return -1
+            number = self._addresses[address] = len(self._names)
+            self._names.append(address)
+        return number
+
+    def _with_joined(
+        self,
+        found: Datagrams,
+        rows: NDArray[np.int64],
+        records: Records,
+        heads: NDArray[np.uint8],
+        parsed: _Parsed,
+    ) -> Datagrams:
+        """Return datagrams with those between them that fragments complete."""
+        network, _ = _network(records.link, heads[parsed.fragments])
+        more: list[tuple[int, int, int, bytes]] = []
+        for row, at in zip(parsed.fragments.tolist(), network.tolist(), strict=True):
+            data = self._join(records, heads[row].tobytes(), row, at)
+            length = int.from_bytes(data[4:6], "big") - 8 if data else -1
+            if 0 <= length <= len(data) - 8:
+                source = self._number(heads[row, at + 12 : at + 16].tobytes())
+                flow = source << 32 | int.from_bytes(data[:4], "big")
+                more.append((row, flow, int(records.times_ns[row]), data[8 : 8 + length]))
+        if not more:
+            return found
+        numbers = -1 - np.arange(len(more))
+        columns: list[tuple[NDArray[Any], Any]] = [
+            (found.flows, [flow for _, flow, _, _ in more]),
+            (found.times_ns, [time_ns for _, _, time_ns, _ in more]),
+            (found.offsets, numbers),
+            (found.lengths, [len(data) for _, _, _, data in more]),
+        ]
+        order = np.argsort(np.concatenate([rows, [row for row, _, _, _ in more]]), kind="stable")
+        flows, times_ns, offsets, lengths = (np.concatenate(pair).astype(np.int64)[order] for pair in columns)
+        return Datagrams(flows, times_ns, offsets, lengths, [data for _, _, _, data in more], found.cut)
+
+    def _join(self, records: Records, head: bytes, row: int, at: int) -> bytes:
+        """Return the datagram that a fragment completes, else nothing."""
+        header = (head[at] & 0x0F) * 4
+        begin = int(records.offsets[row]) + at + header
+        size = int.from_bytes(head[at + 2 : at + 4], "big") - header
+        left = int(records.lengths[row]) - at - header
+        if size <= 0 or size > left:
+            return b""  # cut: its datagram never becomes complete, and is counted then
+        place = int.from_bytes(head[at + 6 : at + 8], "big")
+        pair = int.from_bytes(head[at + 12 : at + 16], "big"), int.from_bytes(head[at + 16 : at + 20], "big")
+        key = (*pair, int.from_bytes(head[at + 4 : at + 6], "big"))
+        piece = self._file.data[begin : begin + size]
+        return self.fragments.add(key, (place & 0x1FFF) * 8, bool(place & 0x2000), piece) or b""
+
+
+def _network(link: int, heads: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where the IP header of each record begins, shape (R,), and its version; 0 if there is none."""
+    count = len(heads)
+    if link in _RAW or link in _LOOPBACK:
+        at = np.full(count, 0 if link in _RAW else 4)
+        version = heads[np.arange(count), at] >> 4
+        return at, np.where((version == 4) | (version == 6), version, 0).astype(np.int64)
+    if link not in (_ETHERNET, _COOKED, _COOKED_2):
+        return np.zeros(count, np.int64), np.zeros(count, np.int64)
+    kind_at = np.full(count, {_ETHERNET: 12, _COOKED: 14, _COOKED_2: 0}[link])
+    rows = np.arange(count)
+    kind = _word(heads, rows, kind_at)
+    at = kind_at + (20 if link == _COOKED_2 else 2)
+    for _ in range(_MOST_TAGS):
+        tagged = np.isin(kind, _VLAN)
+        if not tagged.any():
+            break
+        kind = np.where(tagged, _word(heads, rows, at + 2), kind)
+        at = at + 4 * tagged
+    version = (heads[rows, at] >> 4).astype(np.int64)
+    sound = ((kind == _IPV4) & (version == 4)) | ((kind == _IPV6) & (version == 6))
+    return at, np.where(sound, version, 0)
+
+
+def _word(heads: NDArray[np.uint8], rows: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the two bytes at a place of each row, as a number."""
+    return heads[rows, at].astype(np.int64) << 8 | heads[rows, at + 1]

@@ -1,0 +1,96 @@
+"""Chunks of ROS 1 bags: unpacking them, as far as they are whole, and reading the index behind them."""
+
+import bz2
+from collections import Counter
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain
+from struct import Struct
+from typing import Any
+
+import lz4.frame
+
+from seaclutter_cli.sources.rosbag1.records import NANO, BagRecord, Op, read_record
+
+MAX_CHUNK_BYTES = 2**30
+"""Bytes that a chunk may unpack to; what is beyond is left out."""
+
+_PIECE = 4096
+_MAX_RATIO = 256
+_ENTRY = Struct("<II4x")
+_DECOMPRESSORS: Mapping[bytes, Callable[[], Any]] = {
+    b"bz2": bz2.BZ2Decompressor,
+    b"lz4": lz4.frame.LZ4FrameDecompressor,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkIndex:
+    """Times of the first and last message of a chunk, and the number of messages per connection."""
+
+    start_ns: int
+    end_ns: int
+    counts: Counter[int]
+
+
+def read_index(view: memoryview, at: int) -> ChunkIndex | None:
+    """Return what the index records at a place say; None if there are none, or broken ones."""
+    counts: Counter[int] = Counter()
+    first, last = (2**32, 0), (0, 0)
+    while (record := read_record(view, at)) is not None and record.op == Op.INDEX:
+        entries = view[record.data : record.end]
+        count = record.number(b"count")
+        if len(entries) != 12 * count:
+            return None
+        if count:
+            first = min(chain([first], _ENTRY.iter_unpack(entries)))
+            last = max(chain([last], _ENTRY.iter_unpack(entries)))
+            counts[record.number(b"conn")] += count
+        at = record.end
+    if not counts:
+        return None
+    return ChunkIndex(first[0] * NANO + first[1], last[0] * NANO + last[1], counts)
+
+
+def unpack(view: memoryview, chunk: BagRecord) -> tuple[memoryview, str | None]:
+    """Return the content of a chunk as far as it can be had, and in words what is wrong with it, if anything is."""
+    packed = view[chunk.data : chunk.end]
+    size = chunk.number(b"size")
+    compression = chunk.fields[b"compression"]
+    if compression == b"none":
+        content, whole = packed[:size] if chunk.mended else packed, True
+    elif compression in _DECOMPRESSORS:
+        unpacked, whole = _decompress(_DECOMPRESSORS[compression], packed, size)
+        content = memoryview(unpacked)
+    else:
+        return memoryview(b""), f"a chunk of unknown compression {compression.decode('utf-8', 'replace')!r}"
+    if not whole or len(content) != size:
+        if chunk.mended and chunk.end == len(view):
+            return content, "the bag ends in the middle of a chunk"
+        return content, f"a damaged chunk: {len(content)} of {size} bytes can be read"
+    return content, "a record of wrong length, or damage behind it" if chunk.mended else None
+
+
+def _decompress(make: Callable[[], Any], packed: memoryview, size: int) -> tuple[bytes | bytearray, bool]:
+    """Return what can be decompressed, and whether that is all."""
+    with suppress(OSError, RuntimeError, EOFError):
+        decompressor = make()
+        # One more than expected, since the end is only noticed behind it; no more than can be, since it is allocated.
+        content: bytes = decompressor.decompress(packed, min(size, _MAX_RATIO * len(packed), MAX_CHUNK_BYTES) + 1)
+        if decompressor.eof:
+            return content, True
+    return _salvage(make(), packed)
+
+
+def _salvage(decompressor: Any, packed: memoryview) -> tuple[bytearray, bool]:
+    """Decompress piece by piece, so that what precedes an error is not lost."""
+    content = bytearray()
+    with suppress(OSError, RuntimeError, EOFError):
+        for at in range(0, len(packed), _PIECE):
+            content += decompressor.decompress(packed[at : at + _PIECE], _PIECE * _MAX_RATIO)
+            while not (decompressor.needs_input or decompressor.eof or len(content) > MAX_CHUNK_BYTES):
+                content += decompressor.decompress(b"", _PIECE * _MAX_RATIO)
+            if decompressor.eof or len(content) > MAX_CHUNK_BYTES:
+                break
+    return content, decompressor.eof

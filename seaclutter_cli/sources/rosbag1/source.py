@@ -1,0 +1,173 @@
+"""ROS 1 bags (format 2.0), healthy, unindexed, cut off or damaged."""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.records import Channel, Damage, Message, Record
+from seaclutter_cli.sources.rosbag1.chunks import read_index, unpack
+from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
+from seaclutter_cli.sources.rosbag1.survey import Survey, channel_of
+from seaclutter_cli.sources.shared.chunked import Chunk, in_time_order
+from seaclutter_cli.sources.shared.mapped import MappedFile
+
+_COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
+_ANY_TIME = (0, 2**63)
+
+Content = tuple[memoryview, int, str | None]
+
+
+class BagSource:
+    """A ROS 1 bag as a `Source`.
+
+    Memory holds a few unpacked chunks, and a few numbers for each chunk of the file. Messages are views of their chunk,
+    or of the file if that is not compressed.
+
+    Parameters
+    ----------
+    path : Path
+        The bag; ``.bag.active``, as a crashed recorder leaves it, is as good.
+
+    Raises
+    ------
+    InputError
+        If the file is no bag of format 2.0, or an encrypted one.
+    """
+
+    format = "ROS 1 bag"
+    profile = "ros1"
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.name.removesuffix(".active").removesuffix(".bag")
+        self.damage: list[Damage] = []
+        self.warnings: list[str] = []
+        self._reported: set[Damage] = set()
+        self._path = path
+        self._file = MappedFile(path)
+        self._view = self._file.view
+        try:
+            self._read_survey()
+        except BaseException:
+            self.close()
+            raise
+
+    def _read_survey(self) -> None:
+        start = bytes(self._view[: len(MAGIC)])
+        if start != MAGIC:
+            raise InputError(f"{self._path}: {_describe(start)}")
+        survey = Survey(self._view, self._file.touched)
+        if survey.header is not None and survey.header.fields.get(b"encryptor"):
+            raise InputError(f"{self._path}: the bag is encrypted; decrypt it first (rosbag decrypt)")
+        self.compression = _COMPRESSIONS.get(survey.compression) if survey.compression else None
+        self.damage += survey.damage(self._path)
+        self._channels = survey.channels
+        self._counts = survey.counts
+        self._announced = survey.announced
+        self._chunks = list(survey.chunks.values())
+        self._unpack_untimed(survey)
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """Channels known before reading, those without messages too."""
+        return list(self._channels.values())
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Messages per channel id."""
+        return {channel: self._counts[channel] for channel in self._channels}
+
+    def records(self) -> Iterator[Record]:
+        """Yield the messages in the order of their log time; can be called again."""
+        read = 0
+        for message in in_time_order(self._chunks, self._unpack, self._load):
+            read += 1
+            yield message
+        self._compare(read)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+    def _unpack_untimed(self, survey: Survey) -> None:
+        """Unpack the chunks where unknown channels first occur, and those of unknown times."""
+        for connection, offset in survey.first_use.items():
+            if connection not in self._channels and offset in survey.chunks:
+                self._read(survey.chunks[offset])
+        for offset, size in survey.untimed.items():
+            messages = self._read(Chunk(offset, size, *_ANY_TIME))
+            if messages:
+                times = [message.log_time_ns for message in messages]
+                self._chunks.append(Chunk(offset, size, min(times), max(times)))
+                self._counts.update(message.channel.id for message in messages)
+
+    def _read(self, chunk: Chunk) -> list[Message]:
+        return self._load(chunk, partial(self._unpack, chunk))
+
+    def _load(self, chunk: Chunk, unpacked: Callable[[], Content]) -> list[Message]:
+        """Return the messages of a chunk, and report what is wrong with it."""
+        end = chunk.offset + chunk.size
+        content, size, problem = unpacked()
+        gaps: list[tuple[int, int]] = []
+        messages, strays = self._messages(content, gaps)
+        if problem is None and gaps:
+            problem = "damaged records in a chunk"
+        elif problem is None and strays:
+            problem = "messages of a connection that is described nowhere"
+        if problem is not None:
+            index = read_index(self._view, end)
+            lost_bytes = max(size - len(content), 0) + sum(stop - start for start, stop in gaps)
+            lost = index.counts.total() - len(messages) if index else strays
+            self._report(chunk.offset, problem, lost_bytes, lost if lost > 0 else None)
+        elif any(not chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
+            self._report(chunk.offset, "a chunk whose messages are of other times than its index says", 0, None)
+        return messages
+
+    def _unpack(self, chunk: Chunk) -> Content:
+        """Return the records of a chunk, the size that they should have, and what is wrong with them, if anything."""
+        self._file.touched(chunk.size)
+        view = self._view[: chunk.offset + chunk.size]
+        record = read_record(view, chunk.offset)
+        if record is None or record.op != Op.CHUNK:
+            return view[chunk.offset :], chunk.size, None
+        mended = record.end != len(view)
+        content, problem = unpack(self._view, record._replace(end=len(view), mended=mended))
+        return content, record.number(b"size"), problem
+
+    def _messages(self, content: memoryview, gaps: list[tuple[int, int]]) -> tuple[list[Message], int]:
+        """Return the messages of a chunk, and the number of those whose connection is unknown."""
+        messages = []
+        strays = 0
+        for record in walk(content, 0, gaps):
+            if record.op == Op.MESSAGE:
+                channel = self._channels.get(record.number(b"conn"))
+                if channel is None:
+                    strays += 1
+                    continue
+                time_ns = record.time_ns()
+                messages.append(Message(channel, time_ns, time_ns, 0, content[record.data : record.end]))
+            elif record.op == Op.CONNECTION:
+                self._channels.setdefault(record.number(b"conn"), channel_of(content, record))
+        return messages, strays
+
+    def _compare(self, read: int) -> None:
+        """Report messages that the index announces, and that are neither read nor reported as lost."""
+        known = sum(damage.lost_messages or 0 for damage in self.damage)
+        if self._announced is not None and self._announced > read + known:
+            what = f"the index announces {self._announced} messages, {read} could be read"
+            self._report(None, what, 0, self._announced - read - known)
+
+    def _report(self, offset: int | None, what: str, lost_bytes: int, lost_messages: int | None) -> None:
+        damage = Damage(self._path, offset, what, lost_bytes, lost_messages)
+        if damage not in self._reported:
+            self._reported.add(damage)
+            self.damage.append(damage)
+
+
+def _describe(start: bytes) -> str:
+    if MAGIC.startswith(start):
+        return "the bag is cut off in its first line"
+    if start.startswith(b"#ROSBAG V"):
+        version = start[9:].strip().decode("utf-8", "replace")
+        return f"a bag of version {version}; only 2.0 can be read, so convert it first (rosbag reindex)"
+    return "not a ROS 1 bag"

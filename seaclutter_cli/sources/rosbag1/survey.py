@@ -1,0 +1,189 @@
+"""What a ROS 1 bag holds, found by hopping over its records without unpacking a chunk."""
+
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from struct import Struct
+
+from seaclutter_cli.records import Channel, Damage, Schema
+from seaclutter_cli.sources.rosbag1.chunks import read_index
+from seaclutter_cli.sources.rosbag1.records import MAGIC, BagRecord, Op, parse_fields, walk
+from seaclutter_cli.sources.shared.chunked import Chunk
+
+_COUNT = Struct("<II")
+_RUN_BYTES = 4 * 2**20
+
+
+def channel_of(view: memoryview, record: BagRecord) -> Channel:
+    """Return the channel that a connection record describes."""
+    entries = parse_fields(bytes(view[record.data : record.end])) or {}
+    definition = entries.pop(b"message_definition", b"")
+    text = {name.decode("utf-8", "replace"): value.decode("utf-8", "replace") for name, value in entries.items()}
+    schema = Schema(text["type"], "ros1msg", definition) if "type" in text else None
+    topic = record.fields[b"topic"].decode("utf-8", "replace")
+    return Channel(record.number(b"conn"), topic, "ros1", schema, tuple(sorted(text.items())))
+
+
+class Survey:
+    """Chunks, channels and counts of a bag.
+
+    Messages outside of chunks, as a chunk leaves behind whose own header is destroyed, are put together to runs that
+    are read like a chunk.
+
+    Parameters
+    ----------
+    view : memoryview
+        The whole bag.
+    touched : callable
+        Called whenever a place of it was read.
+
+    Attributes
+    ----------
+    header : BagRecord or None
+        The bag header.
+    compression : bytes or None
+        Compression of the first chunk.
+    channels : dict
+        By connection id.
+    chunks : dict
+        By offset, those whose times are known.
+    untimed : dict
+        Sizes by offset of the chunks that have to be unpacked for their times and counts to be known.
+    first_use : dict
+        By connection id, the offset of a chunk that holds messages of it.
+    counts : Counter
+        Messages per connection id, those of untimed chunks left out.
+    announced : int or None
+        Number of messages by the index at the end of the bag; None if there is no complete one.
+    """
+
+    def __init__(self, view: memoryview, touched: Callable[[], None]) -> None:
+        self.header: BagRecord | None = None
+        self.compression: bytes | None = None
+        self.channels: dict[int, Channel] = {}
+        self.chunks: dict[int, Chunk] = {}
+        self.untimed: dict[int, int] = {}
+        self.first_use: dict[int, int] = {}
+        self.counts: Counter[int] = Counter()
+        self.announced: int | None = None
+        self._view = view
+        self._gaps: list[tuple[int, int]] = []
+        self._seen: Counter[Op] = Counter()
+        self._infos: dict[int, int] = {}
+        self._runs: list[tuple[int, int]] = []
+        take = {
+            Op.MESSAGE: self._take_message,
+            Op.BAG_HEADER: self._take_header,
+            Op.CHUNK: self._take_chunk,
+            Op.CHUNK_INFO: self._take_info,
+            Op.CONNECTION: self._take_connection,
+        }
+        for record in walk(view, len(MAGIC), self._gaps):
+            touched()
+            self._seen[record.op] += 1
+            if record.op in take:
+                take[record.op](record)
+        self._settle_runs()
+        if self.header is not None and self._infos and not self._index_incomplete(self.header):
+            self.announced = sum(self._infos.values())
+
+    def _take_header(self, record: BagRecord) -> None:
+        self.header = self.header or record
+
+    def _take_connection(self, record: BagRecord) -> None:
+        self.channels.setdefault(record.number(b"conn"), channel_of(self._view, record))
+
+    def _take_chunk(self, record: BagRecord) -> None:
+        self.compression = self.compression or record.fields[b"compression"]
+        size = record.end - record.start
+        index = None if record.mended else read_index(self._view, record.end)
+        if index is None:
+            self.untimed[record.start] = size
+            return
+        self.chunks[record.start] = Chunk(record.start, size, index.start_ns, index.end_ns)
+        self._count(record.start, index.counts)
+
+    def _take_info(self, record: BagRecord) -> None:
+        """Complete or check the times of a chunk, or note that it was not found."""
+        offset = record.number(b"chunk_pos")
+        start_ns, end_ns = record.time_ns(b"start_time"), record.time_ns(b"end_time")
+        entries = self._view[record.data : record.end]
+        counts: Counter[int] = Counter()
+        for connection, count in _COUNT.iter_unpack(entries[: len(entries) // _COUNT.size * _COUNT.size]):
+            counts[connection] += count
+        self._infos[offset] = counts.total()
+        if offset in self.untimed and counts:
+            self.chunks[offset] = Chunk(offset, self.untimed.pop(offset), start_ns, end_ns)
+            self._count(offset, counts)
+        chunk = self.chunks.get(offset)
+        if chunk is not None and (chunk.start_ns, chunk.end_ns) != (start_ns, end_ns):
+            self._distrust(self.chunks.pop(offset))
+
+    def _count(self, offset: int, counts: Counter[int]) -> None:
+        self.counts += counts
+        for connection in counts:
+            self.first_use.setdefault(connection, offset)
+
+    def _distrust(self, chunk: Chunk) -> None:
+        """Have a chunk unpacked, since its index and its chunk info contradict each other."""
+        self.untimed[chunk.offset] = chunk.size
+        index = read_index(self._view, chunk.offset + chunk.size)
+        if index is not None:
+            self.counts -= index.counts
+
+    def _take_message(self, record: BagRecord) -> None:
+        """Append a message outside of chunks to the run before it, or start a run."""
+        start, end = self._runs.pop() if self._runs else (record.start, record.start)
+        if end != record.start or end - start > _RUN_BYTES:
+            self._runs.append((start, end))
+            start = record.start
+        self._runs.append((start, record.end))
+
+    def _settle_runs(self) -> None:
+        """Keep the messages outside of chunks, unless they are what compressed data happen to contain of them."""
+        if self.compression in {None, b"none"}:
+            self.untimed |= {start: end - start for start, end in self._runs}
+        else:
+            self._gaps += self._runs
+            self._runs = []
+
+    def damage(self, path: Path) -> list[Damage]:
+        """Return what is wrong with the bag as far as that shows without unpacking its chunks."""
+        found = [self._gap(path, *gap) for gap in _joined(self._gaps)]
+        size = len(self._view)
+        if self.header is None:
+            return found or [Damage(path, len(MAGIC), "the bag is cut off before its first record")]
+        index_pos = self.header.number(b"index_pos")
+        if index_pos == 0:
+            found.append(Damage(path, None, "the recorder did not close the bag; it was read without its index"))
+        elif self._index_incomplete(self.header):
+            what = "the index at the end of the bag is incomplete; the bag was read without it"
+            if index_pos > size:
+                what = (
+                    f"the bag is cut off, at least {index_pos - size} bytes are missing; it was read without its index"
+                )
+            found.append(Damage(path, min(index_pos, size), what))
+        return found
+
+    def _index_incomplete(self, header: BagRecord) -> bool:
+        connections, infos = self._seen[Op.CONNECTION], self._seen[Op.CHUNK_INFO]
+        return connections < header.number(b"conn_count") or infos < header.number(b"chunk_count")
+
+    def _gap(self, path: Path, start: int, end: int) -> Damage:
+        lost = 0 if self._runs else sum(count for offset, count in self._infos.items() if start <= offset < end)
+        if start == end:
+            what = "a record of wrong length"
+        elif end == len(self._view):
+            what = "damaged or cut off; nothing readable follows"
+        else:
+            what = f"damaged; reading resumed at byte {end}"
+        return Damage(path, start, what, end - start, lost or None)
+
+
+def _joined(gaps: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return gaps in order, those that touch as one."""
+    joined: list[tuple[int, int]] = []
+    for start, end in sorted(gaps):
+        touches = joined and joined[-1][1] == start
+        joined.append((joined.pop()[0] if touches else start, end))
+    return joined

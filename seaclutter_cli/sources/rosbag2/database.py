@@ -1,0 +1,123 @@
+"""Opening sqlite3 files without writing to them, and reading the messages of damaged ones."""
+
+import sqlite3
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from functools import partial
+from pathlib import Path
+from shutil import copy
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from seaclutter_cli.sources.rosbag2.salvage import BROKEN, find_rows
+
+Row = tuple[int, Any, Any, Any]
+"""Number, time in nanoseconds, topic and data of a message; but for the number, of any type in a damaged file."""
+
+_COLUMNS = "rowid, timestamp, topic_id, data FROM messages"
+_PROBE = "SELECT count(*) FROM sqlite_master"
+
+
+def open_database(path: Path, stack: ExitStack) -> sqlite3.Connection:
+    """Open a database read-only; the stack closes it again.
+
+    Notes
+    -----
+    A file alone is opened as immutable: in read-only folders too, and with nothing left beside it. Where a crashed
+    recorder left a ``-wal`` or ``-journal`` file, what it holds is read as well, in a temporary copy if need be.
+
+    Raises
+    ------
+    sqlite3.Error
+        If it is no database.
+    """
+    beside = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
+    beside = [file for file in beside if file.exists() and file.stat().st_size]
+    if not beside:
+        return _connect(path, "mode=ro&immutable=1", stack)
+    with suppress(sqlite3.OperationalError):
+        shared = path.with_name(path.name + "-shm")
+        if not shared.exists():
+            stack.callback(shared.unlink, missing_ok=True)
+        return _connect(path, "mode=ro", stack)
+    folder = Path(stack.enter_context(TemporaryDirectory(prefix="seaclutter-")))
+    for file in (path, *beside):
+        copy(file, folder)
+    return _connect(folder / path.name, "mode=rw", stack)
+
+
+def _connect(path: Path, options: str, stack: ExitStack) -> sqlite3.Connection:
+    database = sqlite3.connect(f"{path.absolute().as_uri()}?{options}", uri=True, check_same_thread=False)
+    stack.callback(database.close)
+    database.text_factory = lambda text: text.decode("utf-8", "replace")
+    try:
+        database.execute(_PROBE).fetchone()
+    except sqlite3.DatabaseError as error:
+        if error.sqlite_errorcode != sqlite3.SQLITE_CORRUPT:
+            raise
+        # The way to make sqlite3 open a file that is shorter than it should be.
+        database.execute("PRAGMA writable_schema=ON")
+        database.execute(_PROBE).fetchone()
+    return database
+
+
+def read_rows(database: sqlite3.Connection, report: Callable[[str, int | None], None]) -> Iterator[Row]:
+    """Yield the messages in the order of their times, and all that can be read of a damaged file.
+
+    Parameters
+    ----------
+    database : Connection
+        With the tables of rosbag2.
+    report : callable
+        Takes what is wrong, and the number of lost messages if it is known, once reading ends.
+
+    Notes
+    -----
+    Rows come through the index over their times. Where that breaks, the rest is looked up row by row; what came already
+    is remembered in a bit a row.
+    """
+    seen: defaultdict[int, int] = defaultdict(int)
+    try:
+        for row in _in_time_order(database):
+            block, bit = row[0] >> 10, 1 << (row[0] & 1023)
+            if seen[block] & bit:
+                raise sqlite3.DatabaseError("the index names a message twice")
+            seen[block] |= bit
+            yield row
+    except BROKEN as error:
+        yield from _salvage(database, seen, partial(report, f"the database is damaged ({error})"))
+
+
+def _in_time_order(database: sqlite3.Connection) -> Iterator[Row]:
+    query = f"SELECT {_COLUMNS} ORDER BY timestamp, rowid"
+    if not any("TEMP B-TREE" in row[3] for row in database.execute(f"EXPLAIN QUERY PLAN {query}")):
+        return database.execute(query)
+    # No index over the times: sort the numbers only, since sorting rows would copy all data to a temporary file.
+    numbers = database.execute("SELECT rowid FROM messages ORDER BY timestamp, rowid")
+    return (row for (number,) in numbers for row in _row(database, number))
+
+
+def _row(database: sqlite3.Connection, number: int) -> sqlite3.Cursor:
+    return database.execute(f"SELECT {_COLUMNS} WHERE rowid = ?", (number,))
+
+
+def _salvage(
+    database: sqlite3.Connection, seen: defaultdict[int, int], report: Callable[[int | None], None]
+) -> Iterator[Row]:
+    """Yield the rows that are not seen yet and can be read, in the order of their times."""
+    rows = find_rows(database)
+    lost = 0
+    try:
+        for place in np.lexsort((rows.numbers, rows.times)):
+            number = rows.numbers[place]
+            if seen.get(number >> 10, 0) & 1 << (number & 1023):
+                continue
+            try:
+                yield from _row(database, number).fetchall()
+            except BROKEN:
+                lost += 1
+    finally:
+        report(None if rows.missing is None else rows.missing + lost)

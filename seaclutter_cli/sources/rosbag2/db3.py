@@ -1,0 +1,159 @@
+"""ROS 2 recordings in sqlite3 files, of every schema version of rosbag2."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.records import Channel, Damage, Message, Record, Schema
+from seaclutter_cli.sources.rosbag2.compression import unpack_file, unpack_message
+from seaclutter_cli.sources.rosbag2.database import open_database, read_rows
+from seaclutter_cli.sources.rosbag2.salvage import BROKEN
+
+# Optional columns of topics, and what rosbag2's MCAP storage calls them.
+_METADATA = {"offered_qos_profiles": "offered_qos_profiles", "type_description_hash": "topic_type_hash"}
+
+
+class Db3Source:
+    """One sqlite3 storage file of rosbag2 as a `Source`.
+
+    The file is opened read-only. Messages that are compressed one by one are unpacked; a file that is compressed as a
+    whole (``.db3.zstd``) is unpacked to a temporary one, which `close` removes.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Attributes
+    ----------
+    warnings : list of str
+        Topics whose message definition neither the file nor this program has.
+
+    Raises
+    ------
+    InputError
+        If the file is no sqlite3 recording, or so damaged that its topics cannot be read.
+    """
+
+    format = "ROS 2 bag (sqlite3)"
+    profile = "ros2"
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.name.removesuffix(".zstd").removesuffix(".db3")
+        self.compression = "zstd" if path.suffix == ".zstd" else None
+        self.damage: list[Damage] = []
+        self.warnings: list[str] = []
+        self._path = path
+        self._stack = ExitStack()
+        try:
+            self._db = open_database(self._unpacked(), self._stack)
+            self._channels = self._read_channels()
+        except BROKEN as error:
+            self.close()
+            raise InputError(f"{path}: not a readable ROS 2 recording: {error}") from error
+        except BaseException:
+            self.close()
+            raise
+        self._at_opening = len(self.damage)
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """Channels, those without messages too."""
+        return list(self._channels.values())
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Messages per channel id; empty if damage prevents counting."""
+        with suppress(*BROKEN):
+            found = dict(self._db.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id"))
+            return {channel: found.get(channel, 0) for channel in self._channels}
+        return {}
+
+    def records(self) -> Iterator[Record]:
+        """Yield the messages in the order of their log time; can be called again."""
+        del self.damage[self._at_opening :]
+        lost = 0
+        try:
+            for _, time_ns, topic, data in read_rows(self._db, self._report):
+                message = self._message(time_ns, topic, data)
+                if message is None:
+                    lost += 1
+                else:
+                    yield message
+        finally:
+            if lost:
+                self._report("messages of unknown topics, or that are broken", lost)
+
+    def close(self) -> None:
+        """Close the file, and remove the temporary one."""
+        self._stack.close()
+
+    def _unpacked(self) -> Path:
+        if self._path.suffix != ".zstd":
+            return self._path
+        folder = self._stack.enter_context(TemporaryDirectory(prefix="seaclutter-"))
+        path, damage = unpack_file(self._path, Path(folder))
+        self.damage += [] if damage is None else [damage]
+        return path
+
+    def _message(self, time_ns: Any, topic: Any, data: Any) -> Message | None:
+        """Return the message of a row; None if the row holds none."""
+        channel = self._channels.get(topic)
+        if channel is None or not isinstance(time_ns, int) or time_ns < 0 or not isinstance(data, bytes):
+            return None
+        unpacked = unpack_message(data)
+        return None if unpacked is None else Message(channel, time_ns, time_ns, 0, unpacked)
+
+    def _report(self, what: str, lost_messages: int | None) -> None:
+        if lost_messages is None:
+            what += "; how many messages are lost cannot be told"
+        self.damage.append(Damage(self._path, None, what, lost_messages=lost_messages))
+
+    def _read_channels(self) -> dict[int, Channel]:
+        columns = {row[1] for row in self._db.execute("PRAGMA table_info(topics)")}
+        if not columns or not self._db.execute("PRAGMA table_info(messages)").fetchall():
+            raise InputError(
+                f"{self._path}: an sqlite3 database, but no ROS 2 recording: it has no topics and messages"
+            )
+        extra = [column for column in _METADATA if column in columns]
+        definitions = self._read_definitions()
+        channels = {}
+        rows = self._db.execute(f"SELECT {', '.join(('rowid, name, type, serialization_format', *extra))} FROM topics")  # noqa: S608
+        for number, *texts in rows:
+            topic, typename, encoding, *values = map(str, texts)
+            schema = self._schema(topic, _full_name(typename), definitions)
+            metadata = tuple((_METADATA[name], text) for name, text in zip(extra, values, strict=True) if text)
+            channels[number] = Channel(number, topic, encoding, schema, metadata)
+        return channels
+
+    def _read_definitions(self) -> dict[str, Schema]:
+        """Return the message definitions in the file; there are some since ROS 2 Iron."""
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY rowid"
+        try:
+            rows = self._db.execute(query).fetchall()
+        except BROKEN:
+            return {}
+        return {row[0]: Schema(row[0], row[1], row[2].encode()) for row in rows if all(map(_is_text, row))}
+
+    def _schema(self, topic: str, typename: str, definitions: dict[str, Schema]) -> Schema:
+        if typename in definitions:
+            return definitions[typename]
+        try:
+            return ros2_schema(typename)
+        except KeyError:
+            self.warnings.append(f"{topic}: the definition of {typename} is not known, so the output will lack it")
+            return Schema(typename, "ros2msg", b"")
+
+
+def _full_name(typename: str) -> str:
+    """Return a type name in its present form; the first ROS 2 versions left out ``msg``."""
+    package, slash, name = typename.partition("/")
+    return f"{package}/msg/{name}" if slash and "/" not in name else typename
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and value != ""

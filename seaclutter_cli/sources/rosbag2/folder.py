@@ -1,0 +1,194 @@
+"""ROS 2 recordings: folders with a ``metadata.yaml``, and what a crashed recorder leaves of them."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path, PureWindowsPath
+from typing import Any
+
+import yaml
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.records import Damage
+from seaclutter_cli.sources.shared.split import SplitSource
+
+__all__ = ["SplitSource", "is_rosbag2_folder", "open_rosbag2", "split_groups"]
+
+METADATA = "metadata.yaml"
+
+_KEY = "rosbag2_bagfile_information"
+_STORAGE = re.compile(r".+\.(mcap|db3)(\.zstd)?", re.IGNORECASE)
+_NUMBERED = re.compile(r"(.+)_(0|[1-9][0-9]{0,8})(\.mcap|\.db3|\.bag)(\.zstd|\.active)?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class _Metadata:
+    """What of a ``metadata.yaml`` matters here; everything is there already in the storage files."""
+
+    names: list[str] = field(default_factory=list)
+    counts: Mapping[str, int] = field(default_factory=dict)
+    messages: int | None = None
+    compression_mode: str = ""
+    compression_format: str = ""
+
+
+def is_rosbag2_folder(path: Path) -> bool:
+    """Say whether a folder is one ROS 2 recording.
+
+    It is if it has a ``metadata.yaml`` of rosbag2, or holds nothing but the files that a recorder named after it.
+    """
+    if not path.is_dir():
+        return False
+    files = _storage_files(path)
+    if (path / METADATA).is_file():
+        return bool(files) or _KEY in _read_text(path / METADATA)
+    name = path.resolve().name
+    matches = [_NUMBERED.fullmatch(file.name) for file in files]
+    return bool(files) and all(match is not None and match[1] == name for match in matches)
+
+
+def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
+    """Open a rosbag2 folder.
+
+    The files that ``metadata.yaml`` names are read, then those that continue their numbers. Topics come from the files,
+    so that a wrong or incomplete ``metadata.yaml`` costs no message.
+
+    Parameters
+    ----------
+    folder : Path
+        With or without a ``metadata.yaml``.
+    open_file : callable
+        Opens one storage file.
+
+    Raises
+    ------
+    InputError
+        If no file of the recording is there, none can be read, or they are compressed in an unknown format.
+    """
+    metadata, damage = _read_metadata(folder)
+    if metadata.compression_mode in {"file", "message"} and metadata.compression_format not in {"", "zstd"}:
+        raise InputError(f"{folder}: compressed as {metadata.compression_format!r}; of those, only zstd can be read")
+    files = []
+    for name in metadata.names:
+        file = _find(folder, name)
+        if file is None:
+            what = f"{METADATA} names this file, but it is not there"
+            damage.append(Damage(folder / name, None, what, lost_messages=metadata.counts.get(name)))
+        else:
+            files.append(file)
+    files += _unnamed(folder, files)
+    if not files:
+        raise InputError(f"{folder}: a ROS 2 recording without its .mcap or .db3 files")
+    return SplitSource(
+        files,
+        open_file,
+        name=folder.resolve().name,
+        damage=damage,
+        expected=None if metadata.messages is None else (folder / METADATA, metadata.messages),
+        packed_messages=metadata.compression_mode == "message",
+    )
+
+
+def split_groups(files: Sequence[Path]) -> list[list[Path]]:
+    """Group the files of split recordings: equal names but for consecutive numbers from 0; all others stay alone.
+
+    Examples
+    --------
+    >>> [len(group) for group in split_groups([Path("a_0.mcap"), Path("a_1.mcap"), Path("a_3.mcap"), Path("b.mcap")])]
+    [2, 1, 1]
+    """
+    groups: list[list[Path]] = []
+    growing: dict[tuple[Path, str, str], list[Path]] = {}
+    for file in sorted(files, key=_number):
+        match = _NUMBERED.fullmatch(file.name)
+        key = (file.parent, match[1], match[3].lower()) if match else (file.parent, file.name, "")
+        group = growing.get(key)
+        if group is not None and len(group) == _number(file):
+            group.append(file)
+            continue
+        groups.append([file])
+        if _number(file) == 0:
+            growing[key] = groups[-1]
+    order = {file: place for place, file in enumerate(files)}
+    return sorted(groups, key=lambda group: order[group[0]])
+
+
+def _number(file: Path) -> int:
+    match = _NUMBERED.fullmatch(file.name)
+    return int(match[2]) if match else -1
+
+
+def _storage_files(folder: Path) -> list[Path]:
+    """Return the storage files of a folder in natural order; of a file packed and unpacked, only the latter."""
+    try:
+        files = [file for file in folder.iterdir() if _STORAGE.fullmatch(file.name) and file.is_file()]
+    except OSError as error:
+        raise InputError(f"{folder}: {error.strerror}") from error
+    unpacked = {file for file in files if file.suffix.lower() != ".zstd"}
+    return sorted((file for file in files if file in unpacked or file.with_suffix("") not in unpacked), key=_natural)
+
+
+def _natural(file: Path) -> tuple[str, int, str]:
+    match = _NUMBERED.fullmatch(file.name)
+    return (match[1], int(match[2]), file.name) if match else (file.name, -1, "")
+
+
+def _find(folder: Path, name: str) -> Path | None:
+    """Return a named file, or its packed or unpacked twin."""
+    candidates = (folder / name, folder / f"{name}.zstd", folder / name.removesuffix(".zstd"))
+    return next((file for file in candidates if file.is_file()), None)
+
+
+def _unnamed(folder: Path, named: list[Path]) -> list[Path]:
+    """Return the files that belong to the recording although ``metadata.yaml`` does not say so, as after a crash."""
+    files = _storage_files(folder)
+    if not named:
+        return files
+    last = _NUMBERED.fullmatch(named[-1].name)
+    if last is None:
+        return []
+    matches = [(file, _NUMBERED.fullmatch(file.name)) for file in files if file not in named]
+    return [file for file, match in matches if match and match[1] == last[1] and int(match[2]) > int(last[2])]
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text("utf-8", "replace")
+    except OSError:
+        return ""
+
+
+def _read_metadata(folder: Path) -> tuple[_Metadata, list[Damage]]:
+    """Return what ``metadata.yaml`` says as far as it makes sense, and what is wrong with it."""
+    path = folder / METADATA
+    if not path.is_file():
+        return _Metadata(), []
+    try:
+        document = yaml.safe_load(_read_text(path))
+    except (yaml.YAMLError, RecursionError, ValueError):
+        document = None
+    info = document.get(_KEY) if isinstance(document, dict) else None
+    info = info if isinstance(info, dict) else {}
+    names = _list(info, "relative_file_paths", str)
+    if not names:
+        return _Metadata(), [Damage(path, None, "not readable; the files were taken in the order of their numbers")]
+    files = [file for file in _list(info, "files", dict) if isinstance(file.get("path"), str)]
+    return _Metadata(
+        # Early versions put the name of the folder before the files'.
+        names=[PureWindowsPath(name).name for name in names],
+        counts={PureWindowsPath(file["path"]).name: _count(file) or 0 for file in files},
+        messages=_count(info),
+        compression_mode=str(info.get("compression_mode") or "").lower(),
+        compression_format=str(info.get("compression_format") or "").lower(),
+    ), []
+
+
+def _list(mapping: Mapping[str, Any], key: str, kind: type) -> list[Any]:
+    items = mapping.get(key)
+    return [item for item in items if isinstance(item, kind)] if isinstance(items, list) else []
+
+
+def _count(mapping: Mapping[str, Any]) -> int | None:
+    count = mapping.get("message_count")
+    return count if isinstance(count, int) else None

@@ -1,0 +1,1 @@
+"""Parts that sources of several formats use."""

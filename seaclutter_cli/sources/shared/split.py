@@ -1,0 +1,180 @@
+"""Recordings that consist of several files."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.records import Channel, Damage, Message, Record
+from seaclutter_cli.sources.rosbag2.compression import unpack_file, unpack_message
+
+
+class SplitSource:
+    """Several storage files in their order as one `Source`, of which one is open at a time.
+
+    Equal channels of different files become one channel; the others get ids of their own.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        In the order of time.
+    open_file : callable
+        Opens one file.
+    name : str, optional
+        Name of the recording; from the first file if not given.
+    damage : sequence of Damage, optional
+        What is known to be wrong with the recording already.
+    expected : tuple of Path and int, optional
+        Number of messages that there should be, and the file that says so.
+    packed_messages : bool, optional
+        Whether messages are compressed one by one.
+
+    Attributes
+    ----------
+    warnings : list of str
+        What the files have to say besides damage.
+
+    Raises
+    ------
+    InputError
+        If none of the files can be read.
+    """
+
+    def __init__(
+        self,
+        files: Sequence[Path],
+        open_file: Callable[[Path], Source],
+        *,
+        name: str | None = None,
+        damage: Sequence[Damage] = (),
+        expected: tuple[Path, int] | None = None,
+        packed_messages: bool = False,
+    ) -> None:
+        self.name = name or Path(files[0].name.removesuffix(".zstd").removesuffix(".active")).stem.removesuffix("_0")
+        self.damage = list(damage)
+        self.warnings: list[str] = []
+        self._open_file = open_file
+        self._expected = expected
+        self._packed_messages = packed_messages
+        self._stack = ExitStack()
+        self._current: tuple[Path, Source] | None = None
+        self._merged: dict[tuple[Channel, int], Channel] = {}
+        self._relabelled: dict[Path, dict[int, Channel]] = {}
+        self._survey(files)
+        self._at_opening = len(self.damage)
+
+    def _survey(self, files: Sequence[Path]) -> None:
+        """Look into every file for its channels."""
+        for file in files:
+            try:
+                source = self._source(file)
+            except InputError as error:
+                self.damage.append(Damage(file, None, str(error).removeprefix(f"{file}: ")))
+                continue
+            if not self._relabelled:
+                self.format, self.profile, self.compression = source.format, source.profile, source.compression
+            self._relabelled[file] = {}
+            for channel in source.channels:
+                self._relabel(file, channel)
+            self.warnings += [text for text in source.warnings if text not in self.warnings]
+        if not self._relabelled:
+            raise InputError("; ".join(f"{damage.path}: {damage.what}" for damage in self.damage))
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """Channels of all files."""
+        return list(self._merged.values())
+
+    @cached_property
+    def counts(self) -> dict[int, int]:
+        """Messages per channel id, as far as all files know."""
+        counts: Counter[int] = Counter()
+        for file, channels in self._relabelled.items():
+            for channel, count in self._source(file).counts.items():
+                if channel in channels:
+                    counts[channels[channel].id] += count
+        return dict(counts)
+
+    def records(self) -> Iterator[Record]:
+        """Yield the records of one file after the other; can be called again.
+
+        Messages are in the order of their log time within a file. Where a recorder wrote late messages into the next
+        file, they stay there.
+        """
+        del self.damage[self._at_opening :]
+        read = 0
+        for file in self._relabelled:
+            source = self._source(file)
+            broken = 0
+            try:
+                for record in source.records():
+                    if not isinstance(record, Message):
+                        yield record
+                        continue
+                    message = self._message(file, record)
+                    if message is None:
+                        broken += 1
+                        continue
+                    read += 1
+                    yield message
+            finally:
+                self.damage += [replace(damage, path=file) for damage in source.damage]
+                if broken:
+                    self.damage.append(Damage(file, None, "damaged compressed messages", lost_messages=broken))
+        self._compare(read)
+
+    def close(self) -> None:
+        """Close the file that is open."""
+        self._current = None
+        self._stack.close()
+
+    def _source(self, file: Path) -> Source:
+        """Return a file opened, and close the one before."""
+        if self._current is not None and self._current[0] == file:
+            return self._current[1]
+        self.close()
+        path = file
+        if file.name.lower().endswith(".mcap.zstd"):
+            folder = self._stack.enter_context(TemporaryDirectory(prefix="seaclutter-"))
+            path, _ = unpack_file(file, Path(folder))
+        source = self._stack.enter_context(closing(self._open_file(path)))
+        self._current = (file, source)
+        return source
+
+    def _message(self, file: Path, message: Message) -> Message | None:
+        """Return a message under the channel of the whole recording; None if it cannot be unpacked."""
+        channel = self._relabelled[file].get(message.channel.id) or self._relabel(file, message.channel)
+        if channel.id == message.channel.id and not self._packed_messages:
+            return message
+        data = unpack_message(message.data) if self._packed_messages else message.data
+        if data is None:
+            return None
+        return Message(channel, message.log_time_ns, message.publish_time_ns, message.sequence, data)
+
+    def _relabel(self, file: Path, channel: Channel) -> Channel:
+        """Return the channel of the whole recording for a channel of a file."""
+        known = self._relabelled[file]
+        alike = replace(channel, id=0)
+        twin = sum(replace(other, id=0) == alike for other in known.values())
+        merged = self._merged.get((alike, twin))
+        if merged is None:
+            taken = {other.id for other in self._merged.values()}
+            merged = replace(channel, id=max(taken) + 1) if channel.id in taken else channel
+            self._merged[alike, twin] = merged
+        known[channel.id] = merged
+        return merged
+
+    def _compare(self, read: int) -> None:
+        """Report messages that should be there, are not, and are not reported yet."""
+        if self._expected is None:
+            return
+        path, expected = self._expected
+        known = sum(damage.lost_messages or 0 for damage in self.damage)
+        if expected > read + known:
+            what = f"{expected} messages are announced here, the files hold {read}"
+            self.damage.append(Damage(path, None, what, lost_messages=expected - read - known))

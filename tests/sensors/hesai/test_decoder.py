@@ -1,0 +1,393 @@
+"""Hesai packets: against a frame that Nebula decoded, and packets made by the user manuals."""
+
+import datetime as dt
+import math
+import struct
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.records import Message
+from seaclutter_cli.sensors.hesai.angles import read_angles
+from seaclutter_cli.sensors.hesai.decoder import Hesai
+from seaclutter_cli.sensors.hesai.losses import LossCounter
+from seaclutter_cli.sensors.packets import DecoderOptions, Packets
+from seaclutter_cli.sources.rosbag2.db3 import Db3Source
+from tests.paths import shared
+
+PCD_STAMP = 1673400678101968885
+START = dt.datetime(2024, 2, 29, 23, 59, 59, tzinfo=dt.UTC)
+START_NS = int(START.timestamp()) * 10**9
+XT32, P40, P40_NUMBERED = "XT32", "P40", "P40 with numbers"
+# Channels, blocks of a packet, time between blocks, time of the last block after the packet's, in nanoseconds.
+SHAPES = {XT32: (32, 8, 50_000, 5_632), P40: (40, 10, 55_560, -28_580), P40_NUMBERED: (40, 10, 55_560, -28_580)}
+SINGLE, DUAL = 0x37, 0x39
+BY_DESIGN = DecoderOptions()
+
+
+def scans():
+    """Yield the log time and the packets of each recorded scan."""
+    store = get_typestore(Stores.LATEST)
+    packet = "builtin_interfaces/Time stamp\nuint8[1500] data\nuint32 size\n"
+    scan = "std_msgs/Header header\npandar_msgs/PandarPacket[] packets\n"
+    store.register(get_types_from_msg(packet, "pandar_msgs/msg/PandarPacket"))
+    store.register(get_types_from_msg(scan, "pandar_msgs/msg/PandarScan"))
+    for record in Db3Source(next(shared("nebula/xt32").glob("*.db3"))).records():
+        if isinstance(record, Message):
+            found = store.deserialize_cdr(record.data, "pandar_msgs/msg/PandarScan").packets
+            times = [packet.stamp.sec * 10**9 + packet.stamp.nanosec for packet in found]
+            yield record.log_time_ns, Packets(np.array(times), np.stack([p.data[: p.size] for p in found]))
+
+
+def all_scans():
+    parts = [packets for _, packets in scans()]
+    return Packets(np.concatenate([p.times_ns for p in parts]), np.concatenate([p.payloads for p in parts]))
+
+
+def nebula_points():
+    data = (shared("nebula/xt32") / f"{PCD_STAMP}.pcd").read_bytes()
+    return np.frombuffer(data[data.index(b"DATA binary\n") + 12 :], "<f4").reshape(-1, 3)
+
+
+def decode(packets, batch=10_000, options=BY_DESIGN, told_by=None):
+    decoder = Hesai().decoder(told_by or packets, options)
+    frames = []
+    for start in range(0, len(packets), batch):
+        part = slice(start, start + batch)
+        frames += decoder.add(Packets(packets.times_ns[part], packets.payloads[part]))
+    return [*frames, *decoder.finish()], decoder.facts
+
+
+def xyz(points):
+    return np.stack([points[axis] for axis in "xyz"], axis=1)
+
+
+def assert_same(one, two):
+    assert [(f.stamp_ns, f.partial) for f in one] == [(f.stamp_ns, f.partial) for f in two]
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_array_equal(a.points, b.points)
+
+
+def test_the_real_recording_has_whole_turns():
+    packets = all_scans()
+    frames, facts = decode(packets)
+    assert facts.model == "PandarXT-32"
+    assert facts.details["return mode"] == "last, strongest"
+    assert facts.lost_packets == facts.bad_packets == 0
+    assert [frame.partial for frame in frames] == [True, False, False, False, True]
+    assert [len(frame.points) for frame in frames[1:4]] == pytest.approx([63000] * 3, abs=100)
+    # This sensor's clock is in 2019.
+    assert "not synchronised" in facts.details["clock"]
+    assert abs(frames[-1].stamp_ns - packets.times_ns[-1]) < 10_000_000
+
+
+def unit_angles(frames, expected):
+    """Return the angles of the unit, which the recording lacks, fitted to what Nebula made with them."""
+    points = np.concatenate([frame.points for frame in frames])
+    ranges, lengths = np.linalg.norm(xyz(points), axis=1), np.linalg.norm(expected, axis=1)
+    elevations = np.degrees(np.arcsin(expected[:, 2] / lengths))
+    lines = ["Laser id,Elevation,Azimuth"]
+    for channel in range(32):
+        theirs = np.rint(15 - elevations) == channel
+        ours = np.flatnonzero(points["ring"] == channel)
+        count = int(theirs.sum())
+        shift = next(
+            n for n in range(len(ours)) if np.allclose(ranges[ours[n : n + count]], lengths[theirs], atol=1e-3)
+        )
+        turned = azimuths_of(expected[theirs]) - azimuths_of(xyz(points[ours[shift : shift + count]]))
+        offset = np.median((turned + 180) % 360 - 180)
+        lines.append(f"{channel + 1},{np.median(elevations[theirs]):.4f},{offset:.4f}")
+    return "\n".join(lines)
+
+
+def azimuths_of(positions):
+    return np.degrees(np.arctan2(positions[:, 0], positions[:, 1]))
+
+
+def test_every_point_agrees_with_nebula(tmp_path):
+    packets, expected = all_scans(), nebula_points()
+    path = tmp_path / "unit.csv"
+    path.write_text(unit_angles(decode(packets)[0], expected))
+    found = decode(packets, options=DecoderOptions(path))[0][3].points
+    assert len(found) == len(expected) == 63021
+    assert np.abs(xyz(found) - expected).max() < 1e-3
+
+
+@pytest.mark.parametrize("batch", [1, 37, 500])
+def test_real_batches_of_any_size_give_the_same_frames(batch):
+    packets = all_scans()
+    part = Packets(packets.times_ns[:900], packets.payloads[:900])
+    assert_same(decode(part, batch)[0], decode(part)[0])
+
+
+def test_real_packets_are_recognised():
+    assert all(Hesai().recognises(payload) for payload in all_scans().payloads)
+
+
+def returns_of(kind, number, block, channel, mode):
+    """Return distance and intensity of a slot: some have none, some pairs of returns are equal."""
+    blocks, pair = SHAPES[kind][1], 2 if mode == DUAL else 1
+    firing = (number * blocks + block) // pair
+    second = pair == 2 and block % 2
+    if (firing + channel) % 5 == 0:
+        return 0, 0
+    distance = 1000 + 10 * channel + firing % 50
+    return (distance + 700, 40) if second and channel % 2 else (distance, 30 + channel)
+
+
+def make_packet(kind, number, azimuths, time_ns, mode=SINGLE, utc=None):
+    """Return packet number so-and-so, by the tables of the user manual."""
+    channels, blocks, _, _ = SHAPES[kind]
+    body = b""
+    for block in range(blocks):
+        body += (b"" if kind == XT32 else b"\xff\xee") + struct.pack("<H", azimuths[block])
+        for channel in range(channels):
+            distance, intensity = returns_of(kind, number, block, channel, mode)
+            body += struct.pack("<HB", distance, intensity) + (b"\x01" if kind == XT32 else b"")
+    moment = dt.datetime.fromtimestamp(time_ns // 10**9, dt.UTC)
+    micros = time_ns % 10**9 // 1000
+    first = moment.year - (1900 if kind == XT32 else 2000)
+    utc = utc or bytes([first, moment.month, moment.day, moment.hour, moment.minute, moment.second])
+    if kind == XT32:
+        head = bytes([0xEE, 0xFF, 6, 1, 0, 0, 32, 8, 0, 4, 2 if mode == DUAL else 1, 1])
+        tail = bytes(10) + struct.pack("<BH6sIB", mode, 600, utc, micros, 0x42)
+        return head + body + tail + struct.pack("<I", (number + 2**32 - 5) % 2**32)
+    tail = bytes(8) + struct.pack("<HIBB6s", 600, micros, mode, 0x42, utc)
+    return body + tail + (struct.pack("<I", number + 1) if kind == P40_NUMBERED else b"")
+
+
+def make_packets(kind, turns=3.0, mode=SINGLE, start=0.0, *, backwards=False, behind_ns=0):
+    """Return packets of a sensor at 600 turns a minute, and what a slow decoder makes of them."""
+    _, blocks, block_ns, last_ns = SHAPES[kind]
+    pair = 2 if mode == DUAL else 1
+    step = 3600 * block_ns / 1e9
+    count = math.ceil(turns * 360 / (step * blocks / pair))
+    made, times, slots = [], [], []
+    for number in range(count):
+        firings = [number * blocks // pair + block // pair for block in range(blocks)]
+        angles = [start + firing * step for firing in firings]
+        azimuths = [round((-angle if backwards else angle) * 100) % 36000 for angle in angles]
+        time_ns = START_NS + round(firings[-1] * block_ns / 1000) * 1000
+        made.append(make_packet(kind, number, azimuths, time_ns - behind_ns, mode))
+        times.append(time_ns + 20_000)
+        for block in range(blocks):
+            late_ns = last_ns - (blocks - 1 - block) // pair * block_ns
+            slots += [(number, block, azimuths[block], time_ns + late_ns)]
+    return Packets(np.array(times), np.stack([np.frombuffer(packet, np.uint8) for packet in made])), slots
+
+
+XT_ELEVATION = list(range(15, -17, -1))
+P40_ELEVATION = {1: 15.0, 5: 3.0, 12: 0.0, 17: -1.66, 30: -6.0, 38: -14.0, 39: -19.0, 40: -25.0}
+P40_AZIMUTH = {1: -1.042, 7: 3.125, 8: -5.208, 9: -1.042, 28: 3.125, 29: -5.208, 30: -1.042, 40: -1.042}
+P40_FIRING = {1: -42.22, 4: -3.62, 8: -54.67, 21: -23.89, 40: -3.62}
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+@pytest.mark.parametrize("mode", [SINGLE, DUAL])
+def test_points_are_as_the_manual_says(kind, mode):
+    packets, slots = make_packets(kind, turns=0.5, mode=mode, start=30.0)
+    points = np.concatenate([frame.points for frame in decode(packets)[0]])
+    points = points[np.argsort(points["timestamp"], kind="stable")]
+    known = range(1, 33) if kind == XT32 else [channel for channel in P40_ELEVATION if channel in P40_AZIMUTH]
+    for channel in known:
+        found = points[points["ring"] == channel - 1]
+        expected = slow_points(kind, mode, slots, channel)
+        assert len(found) == len(expected) > 100
+        assert np.abs(xyz(found) - expected[:, :3]).max() < 1e-4
+        np.testing.assert_array_equal(found["intensity"], expected[:, 3])
+        if kind == XT32 or channel in P40_FIRING:
+            assert np.abs(found["timestamp"] - expected[:, 4]).max() < 1e-6
+        if mode == DUAL:
+            np.testing.assert_array_equal(found["return_number"], expected[:, 5])
+
+
+def slow_points(kind, mode, slots, channel):
+    """Return x, y, z, intensity, time and return number of a channel's points."""
+    elevation = XT_ELEVATION[channel - 1] if kind == XT32 else P40_ELEVATION[channel]
+    offset = 0.0 if kind == XT32 else P40_AZIMUTH[channel]
+    fired = 0.368 + 1.512 * (channel - 1) if kind == XT32 else P40_FIRING.get(channel, 0)
+    points = []
+    for number, block, azimuth, time_ns in slots:
+        second = mode == DUAL and block % 2 == 1
+        distance, intensity = returns_of(kind, number, block, channel - 1, mode)
+        if distance == 0 or (second and returns_of(kind, number, block - 1, channel - 1, mode)[0] == distance):
+            continue
+        length, angle, height = distance * 0.004, math.radians(azimuth / 100 + offset), math.radians(elevation)
+        x, y = length * math.cos(height) * math.sin(angle), length * math.cos(height) * math.cos(angle)
+        points.append((x, y, length * math.sin(height), intensity, time_ns / 1e9 + fired / 1e6, 1 + second))
+    return np.array(points)
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("mode", [SINGLE, DUAL])
+def test_each_channel_is_cut_where_it_crosses_azimuth_0(kind, mode, backwards):
+    packets, slots = make_packets(kind, turns=3.2, mode=mode, start=90.0, backwards=backwards)
+    frames, facts = decode(packets)
+    assert [frame.partial for frame in frames] == [True, False, False, True]
+    assert facts.lost_packets == facts.bad_packets == 0
+    for frame in frames[1:3]:
+        for channel in np.unique(frame.points["ring"]):
+            points = frame.points[frame.points["ring"] == channel]
+            steps = (np.diff(azimuths_of(xyz(points))) + 180) % 360 - 180
+            steps *= -1 if backwards else 1
+            assert (steps > -1e-3).all()
+            assert 358.5 < steps.sum() < 360.01
+    assert all(one.stamp_ns < two.stamp_ns for one, two in pairwise(frames))
+    assert frames[-1].stamp_ns / 1e9 == pytest.approx(slots[-1][3] / 1e9, abs=1e-4)
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_lost_packets_are_counted(kind):
+    packets, _ = make_packets(kind, turns=2)
+    keep = np.delete(np.arange(len(packets)), [10, 11, 12, 200])
+    assert decode(Packets(packets.times_ns[keep], packets.payloads[keep]))[1].lost_packets == 4
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+@pytest.mark.parametrize("gap", [0.3, 0.6, 1.0, 1.4])
+def test_turns_are_told_apart_across_a_gap(kind, gap):
+    packets, _ = make_packets(kind, turns=4, start=180.0)
+    count = len(packets) / 4
+    lost = np.arange(round(1.2 * count), round((1.2 + gap) * count))
+    keep = np.delete(np.arange(len(packets)), lost)
+    frames, facts = decode(Packets(packets.times_ns[keep], packets.payloads[keep]))
+    assert facts.lost_packets == len(lost)
+    assert max(np.ptp(frame.points["timestamp"]) for frame in frames) < 0.1 + 8.5 / 3600
+    assert sum(len(frame.points) for frame in frames) == pytest.approx(len(keep) * 0.8 * packets_slots(kind), rel=0.01)
+
+
+def packets_slots(kind):
+    return SHAPES[kind][0] * SHAPES[kind][1]
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_late_packets_are_not_lost(kind):
+    packets, _ = make_packets(kind, turns=2)
+    order = np.arange(len(packets))
+    order[[50, 51, 120, 121]] = [51, 50, 121, 120]
+    frames, facts = decode(Packets(packets.times_ns[order], packets.payloads[order]))
+    straight = decode(packets)[0]
+    assert facts.lost_packets == 0
+    assert [len(frame.points) for frame in frames] == [len(frame.points) for frame in straight]
+
+
+def test_a_recording_that_begins_and_ends_at_the_seam_is_whole():
+    frames, _ = decode(make_packets(XT32, turns=2)[0])
+    assert [frame.partial for frame in frames[:2]] == [False, False]
+
+
+def test_a_clock_that_is_not_set_is_set_right():
+    packets, _ = make_packets(XT32, behind_ns=5 * 365 * 86400 * 10**9)
+    frames, facts = decode(packets)
+    assert "not synchronised" in facts.details["clock"]
+    assert abs(frames[0].stamp_ns - START_NS - 10**8) < 10**6
+    assert decode(make_packets(XT32)[0])[1].details.get("clock") is None
+
+
+def test_seconds_of_unix_time_are_understood():
+    seconds = START_NS // 10**9
+    payload = make_packet(XT32, 0, [0] * 8, START_NS, utc=b"\0\0" + struct.pack(">I", seconds))
+    packets = Packets(np.array([START_NS]), np.frombuffer(payload, np.uint8)[None])
+    assert decode(packets)[0][0].points["timestamp"][0] == pytest.approx(START_NS / 1e9, abs=1e-3)
+
+
+def test_a_rotor_that_stands_does_not_fill_the_memory(monkeypatch):
+    monkeypatch.setattr("seaclutter_cli.sensors.hesai.decoder._MOST_SLOTS", 10_000)
+    payloads = [make_packet(XT32, n, [500] * 8, START_NS + n * 400_000) for n in range(200)]
+    packets = Packets(np.full(200, START_NS), np.stack([np.frombuffer(payload, np.uint8) for payload in payloads]))
+    frames, _ = decode(packets, batch=10)
+    assert len(frames) > 3
+    assert sum(len(frame.points) for frame in frames) == pytest.approx(200 * 256 * 0.8, rel=0.01)
+
+
+def test_the_return_mode_may_change():
+    one, _ = make_packets(XT32, turns=0.2, mode=DUAL)
+    two, _ = make_packets(XT32, turns=0.2, mode=SINGLE)
+    both = Packets(np.concatenate([one.times_ns, two.times_ns]), np.concatenate([one.payloads, two.payloads]))
+    _, facts = decode(both)
+    assert facts.details["return mode"] == "last, strongest; strongest"
+    assert any("return mode changes" in warning for warning in facts.warnings)
+
+
+def test_angles_by_design_are_said(tmp_path):
+    packets, _ = make_packets(P40, turns=0.1)
+    assert "--calibration" in decode(packets)[1].warnings[0]
+    path = tmp_path / "unit.csv"
+    path.write_text("Channel,Elevation,Azimuth\n" + "".join(f"{n},{15 - n},{n / 10}\n" for n in range(1, 41)))
+    frames, facts = decode(packets, options=DecoderOptions(path))
+    assert facts.warnings == []
+    point = frames[-1].points[frames[-1].points["ring"] == 19][0]
+    height = math.degrees(math.atan2(point["z"], math.hypot(point["x"], point["y"])))
+    assert height == pytest.approx(-5, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "Laser id,Elevation,Azimuth\n1,2,3", "1,a,b", "1,2", "1,nan,0\n2,0,0", "\x00\xff"]
+)
+def test_a_calibration_that_does_not_fit_is_one_line(text, tmp_path):
+    path = tmp_path / "unit.csv"
+    path.write_text(text, encoding="latin-1")
+    with pytest.raises(InputError, match=r"unit\.csv"):
+        read_angles(path, 2)
+
+
+def test_other_sensors_are_refused():
+    with pytest.raises(InputError, match="PandarXT-32 and Pandar40P"):
+        Hesai().decoder(Packets(np.zeros(1, np.int64), np.zeros((1, 893), np.uint8)), DecoderOptions())
+
+
+def test_position_packets_are_not_bad():
+    decoder = Hesai().decoder(make_packets(XT32, turns=0.1)[0], DecoderOptions())
+    assert list(decoder.add(Packets(np.zeros(2, np.int64), np.zeros((2, 512), np.uint8)))) == []
+    assert decoder.facts.bad_packets == 0
+
+
+@given(st.lists(st.integers(0, 400), unique=True, min_size=1).map(sorted), st.integers(0, 2**32 - 1))
+def test_losses_are_counted_for_any_pattern(numbers, start):
+    counter = LossCounter(wrap=1 << 32)
+    for part in np.array_split((np.array(numbers) + start) % 2**32, 3):
+        if len(part):
+            counter.add(part)
+    assert counter.lost == numbers[-1] - numbers[0] + 1 - len(numbers)
+
+
+@cache
+def sound_packets(kind, mode):
+    return make_packets(kind, turns=0.06, mode=mode, start=350.0)[0]
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_broken_bytes_never_raise_and_batches_do_not_matter(data):
+    packets = sound_packets(data.draw(st.sampled_from(sorted(SHAPES))), data.draw(st.sampled_from([SINGLE, DUAL])))
+    payloads = packets.payloads.copy()
+    for _ in range(data.draw(st.integers(1, 12))):
+        packet = data.draw(st.integers(0, len(payloads) - 1))
+        start = data.draw(st.integers(-40, payloads.shape[1] - 1)) % payloads.shape[1]
+        found = np.frombuffer(data.draw(st.binary(min_size=1, max_size=12)), np.uint8)[: payloads.shape[1] - start]
+        payloads[packet, start : start + len(found)] = found
+    broken = Packets(packets.times_ns, payloads)
+    frames, facts = decode(broken, told_by=packets)
+    assert_same(frames, decode(broken, data.draw(st.integers(1, 5)), told_by=packets)[0])
+    assert 0 <= facts.bad_packets <= len(payloads)
+    for frame in frames:
+        assert np.isfinite(xyz(frame.points)).all()
+        assert abs(frame.stamp_ns - START_NS) < 2 * 86400 * 10**9
+
+
+@given(st.binary(max_size=1500))
+def test_random_packets_never_raise(content):
+    payload = np.frombuffer(content, np.uint8)
+    assert Hesai().recognises(payload) is False
+    decoder = Hesai().decoder(sound_packets(XT32, SINGLE), DecoderOptions())
+    whole = np.resize(np.frombuffer(content + b"\x01", np.uint8), (2, 1080))
+    for payloads in (whole, payload[None]):
+        assert list(decoder.add(Packets(np.zeros(len(payloads), np.int64), payloads))) == []
+    assert decoder.facts.bad_packets == (2 if len(content) == 512 else 3)

@@ -1,0 +1,328 @@
+"""The fast decoder against a slow one that was written from the description of the packets alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.sensors.packets import DecoderOptions, Packets
+from seaclutter_cli.sensors.robosense.angles import make_angles
+from seaclutter_cli.sensors.robosense.blocks import steps
+from seaclutter_cli.sensors.robosense.decoder import RoboSense
+from seaclutter_cli.sensors.robosense.device import read_device
+from seaclutter_cli.sensors.robosense.models import MODELS, with_old_firmware
+from seaclutter_cli.sensors.robosense.packets import NO_BLOCK, Columns, Settings, write_data, write_info
+from tests.sensors.robosense.reference import Reference
+
+START_NS = 1_760_000_000 * 10**9
+NAMES = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Helios")
+OLD = Settings(versions=(bytes(5), bytes((8, 2, 8, 0, 0))), intensity_mode=0xA1)
+
+
+def angles_of(model, seed=3):
+    random = np.random.default_rng(seed)
+    if model.lasers == 16:
+        return make_angles(np.arange(-15, 17, 2) * 100, np.zeros(16, np.int64))
+    vertical = random.permutation(np.arange(-2500, 1500, 125))
+    return make_angles(vertical, random.integers(-910, 910, 32))
+
+
+def columns_of(model, azimuth, seed=0, period_ns=None, missing=0.3):
+    """Return columns of random distances; packets follow each other without a gap."""
+    random = np.random.default_rng(seed)
+    azimuth = np.asarray(azimuth) % 36000
+    distance = random.uniform(0.2, model.range_m[1] * 1.02, (len(azimuth), 32))
+    distance[random.random(distance.shape) < missing] = 0
+    intensity = random.integers(0, 256, distance.shape)
+    times = START_NS + np.arange(len(azimuth) // 12) * (period_ns or model.packet_ns)
+    return Columns(azimuth, distance, intensity, times)
+
+
+def decode(payloads, times_ns, info, options=None, batch=None):
+    """Return the decoder and its frames."""
+    payloads = np.asarray(payloads, np.uint8)
+    first = payloads[:64] if info is None else np.concatenate([info[None], payloads[:64]])
+    times = np.concatenate([[0] * (len(first) - len(payloads[:64])), times_ns[:64]]).astype(np.int64)
+    decoder = RoboSense().decoder(Packets(times, first), options or DecoderOptions())
+    frames = []
+    for begin in range(0, len(payloads), batch or len(payloads)):
+        part = slice(begin, begin + (batch or len(payloads)))
+        frames += decoder.add(Packets(np.asarray(times_ns[part], np.int64), payloads[part]))
+    return decoder, [*frames, *decoder.finish()]
+
+
+def reference_of(name, angles, payloads, **options):
+    reference = Reference(name, angles.vertical, angles.horizontal, **options)
+    for payload in payloads:
+        reference.add(payload.tobytes())
+    reference.finish()
+    return reference.frames
+
+
+def assert_same(frames, expected):
+    assert len(frames) == len(expected)
+    for frame, (points, end) in zip(frames, expected, strict=True):
+        assert len(frame.points) == len(points)
+        names = ("x", "y", "z", "intensity", "ring", "timestamp", "return_number")
+        for name, column in zip(names, zip(*points, strict=True), strict=True):
+            if name == "timestamp":
+                assert np.abs(frame.points[name] - column).max() < 5e-7
+            elif name in frame.points.dtype.names:
+                np.testing.assert_array_equal(frame.points[name], column)
+        assert abs(frame.stamp_ns - end * 1e9) < 500
+
+
+WRAPS = {
+    "inside a packet": np.arange(96) * 20 + 35100,
+    "at its edge": np.arange(96) * 20 + 36000 - 48 * 20,
+    "blind sector": np.r_[np.arange(50) * 20 + 34000, np.arange(46) * 20 + 500],
+    "uneven": np.cumsum(np.random.default_rng(1).integers(15, 26, 96)) + 35000,
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("dual", [False, True])
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_as_the_description_says(name, dual, wrap):
+    model = MODELS[name]
+    azimuth = WRAPS[wrap]
+    if dual and model.lasers == 32:
+        azimuth = np.repeat(azimuth[::2], 2)
+    fov = (500, 35000)
+    info = write_info(model, angles_of(model), Settings(fov=fov, return_mode=0 if dual else 5 if "Hel" in name else 1))
+    columns = columns_of(model, azimuth)
+    payloads = write_data(model, columns)
+    decoder, frames = decode(payloads, columns.times_ns + 700_000, info, batch=3)
+    assert_same(frames, reference_of(name, angles_of(model), payloads, dual=dual, fov=fov))
+    assert len(frames) == 2
+    assert ("return_number" in frames[0].points.dtype.names) == dual
+    assert decoder.facts.bad_packets == 0
+
+
+@pytest.mark.parametrize("batch", [1, 2, 5, 8])
+def test_batches_make_no_difference(batch):
+    model = MODELS["RS-LiDAR-32"]
+    columns = columns_of(model, np.arange(96) * 900)
+    payloads, info = write_data(model, columns), write_info(model, angles_of(model))
+    _, whole = decode(payloads, columns.times_ns, info)
+    _, parts = decode(payloads, columns.times_ns, info, batch=batch)
+    assert [frame.stamp_ns for frame in whole] == [frame.stamp_ns for frame in parts]
+    for one, other in zip(whole, parts, strict=True):
+        np.testing.assert_array_equal(one.points, other.points)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_points_within_half_a_unit_and_a_hundredth_of_a_degree(name):
+    model, angles = MODELS[name], angles_of(MODELS[name])
+    firings = 32 // model.lasers
+    columns = columns_of(model, np.arange(1800) * 20 * firings)
+    distance = np.random.default_rng(5).uniform(10, 100, (1800, 32))
+    _, frames = decode(
+        write_data(model, replace(columns, distance_m=distance)), columns.times_ns, write_info(model, angles)
+    )
+    points = np.concatenate([frame.points for frame in frames])
+    assert len(points) == distance.size
+    turned = columns.azimuth[:, None] + 20 * firings * model.channel_ns(dual=False) / (firings * model.block_ns)
+    lens = model.lens_m[0] * np.exp(-1j * np.radians(turned / 100))
+    place = (points["x"] + 1j * points["y"]).reshape(-1, 32) - lens
+    z = points["z"].reshape(-1, 32).astype(float)
+    assert np.abs(np.hypot(np.abs(place), z) - distance).max() <= model.unit_m / 2 + 2e-5
+    side = np.exp(-1j * np.radians((turned + angles.horizontal) / 100))
+    assert np.abs(np.degrees(np.angle(place / side))).max() <= 0.01 + 1e-4, (
+        "the lens turns with the azimuth as it is rounded"
+    )
+    assert np.abs(np.degrees(np.arctan2(z, np.abs(place))) - angles.vertical / 100).max() <= 0.0001
+    expected_ns = np.repeat(columns.times_ns, 12) + np.arange(1800) % 12 * firings * model.block_ns
+    times = (expected_ns[:, None] + model.channel_ns(dual=False)).ravel() / 1e9
+    assert np.abs(points["timestamp"] - times).max() < 1.5e-6, "packets hold whole microseconds"
+
+
+def test_values_of_the_vendors_own_tests():
+    model = MODELS["RS-LiDAR-32"]
+    info = write_info(model, angles_of(model))
+    info[468:474] = 1, 0x28, 0x29, 0, 0x09, 0x1D
+    columns = columns_of(model, np.r_[1, 21, 51, np.full(9, 51)])
+    payload = write_data(model, columns)[0]
+    payload[38:40] = 0x18, 0x01
+    payload[46:49] = 0x03, 0xE8, 7
+    decoder, (frame,) = decode(payload[None], columns.times_ns, info)
+    first = frame.points[0]
+    assert first["z"] == np.float32(5.0) * np.float32(np.sin(np.radians(-10.28)))
+    assert first["intensity"] == 7
+    assert decoder.facts.details["temperature"] == "2.2 °C at the beginning"
+    device = read_device(model, info)
+    assert list(device.angles.vertical[:2]) == [-1028, 233]
+    step, _ = steps(np.array([[1, 21, 51, *[76] * 9]]), replace(device, turns_hz=12))
+    assert list(step[0, :3]) == [20, 30, 25]
+
+
+def test_lost_packets_are_counted_and_shorten_the_turn():
+    model = MODELS["RS-LiDAR-32"]
+    columns = columns_of(model, np.arange(3600) * 20)
+    payloads, info = write_data(model, columns), write_info(model, angles_of(model))
+    keep = np.ones(len(payloads), bool)
+    keep[[20, 21, 22, 160]] = False
+    keep[149:152] = False
+    decoder, frames = decode(payloads[keep], columns.times_ns[keep], info, batch=7)
+    assert decoder.facts.lost_packets == 7
+    assert_same(frames, reference_of(model.name, angles_of(model), payloads[keep]))
+    assert len(frames) == 2
+
+
+def test_a_blind_sector_is_no_loss():
+    model = MODELS["RS-LiDAR-32"]
+    azimuth = np.tile(np.arange(900) * 20 + 9000, 4)
+    columns = columns_of(model, azimuth)
+    gap_ns = round(0.05 * 10**9)
+    times = START_NS + np.arange(len(columns.times_ns)) * model.packet_ns
+    times += np.arange(len(times)) * 12 // 900 * (gap_ns - model.block_ns)
+    info = write_info(model, angles_of(model), Settings(fov=(9000, 27000)))
+    decoder, frames = decode(write_data(model, replace(columns, times_ns=times)), times, info)
+    assert decoder.facts.lost_packets == 0
+    assert [frame.partial for frame in frames] == [False] * 4
+
+
+def test_partial_turns_are_marked():
+    model = MODELS["RS-LiDAR-32"]
+    info = write_info(model, angles_of(model))
+    columns = columns_of(model, np.arange(4800) * 20 + 18000)
+    _, frames = decode(write_data(model, columns), columns.times_ns, info)
+    assert [frame.partial for frame in frames] == [True, False, False, True]
+    columns = columns_of(model, np.arange(3600) * 20)
+    _, frames = decode(write_data(model, columns), columns.times_ns, info)
+    assert [frame.partial for frame in frames] == [False, False]
+
+
+def test_old_firmware_of_32_lasers():
+    model, angles = MODELS["RS-LiDAR-32"], angles_of(MODELS["RS-LiDAR-32"])
+    old = with_old_firmware(model)
+    columns = columns_of(old, np.arange(48) * 18)
+    payloads = write_data(old, columns)
+    for block in range(0, 12, 2):
+        payloads[:, 42 + 100 * block + 4] |= 0x80
+    decoder, frames = decode(payloads, columns.times_ns, write_info(model, angles, replace(OLD, return_mode=0)))
+    assert_same(frames, reference_of("old RS-LiDAR-32", angles, payloads))
+    assert decoder.facts.details["distance unit"] == "10 mm"
+    assert decoder.facts.details["intensity"].startswith("raw")
+    assert any("1 cm" in text for text in decoder.facts.warnings)
+    assert any("raw" in text for text in decoder.facts.warnings)
+
+
+def test_a_block_that_is_none_ends_its_packet():
+    model, angles = MODELS["RS-LiDAR-32"], angles_of(MODELS["RS-LiDAR-32"])
+    azimuth = np.arange(48) * 20
+    azimuth[7:12] = azimuth[24:36] = NO_BLOCK
+    columns = columns_of(model, np.arange(48) * 20)
+    payloads = write_data(model, replace(columns, azimuth=azimuth))
+    decoder, frames = decode(payloads, columns.times_ns, write_info(model, angles))
+    assert_same(frames, reference_of(model.name, angles, payloads))
+    assert decoder.facts.bad_packets == 1
+
+
+@pytest.mark.parametrize("name", ["RS-LiDAR-32", "RS-Helios"])
+def test_a_clock_that_is_off_gives_way_to_that_of_the_recording(name):
+    model = MODELS[name]
+    columns = columns_of(model, np.arange(3600) * 20)
+    off = replace(columns, times_ns=columns.times_ns - START_NS + 946_684_800 * 10**9)
+    jitter = np.random.default_rng(0).integers(0, 50_000, len(columns.times_ns))
+    record_ns = columns.times_ns + model.packet_ns + jitter
+    decoder, frames = decode(write_data(model, off), record_ns, write_info(model, angles_of(model)), batch=40)
+    assert any("off by more than a day" in text for text in decoder.facts.warnings)
+    for number, frame in enumerate(frames):
+        end = columns.times_ns[150 * (number + 1) - 1] + 11 * model.block_ns + model.channel_ns(dual=False)[-1]
+        assert 0 <= frame.stamp_ns - end <= 60_000
+        assert frame.points["timestamp"].max() - frame.points["timestamp"].min() < 0.101
+        expected = np.diff(np.unique(frame.points["timestamp"]))
+        assert expected.max() < 5 * model.block_ns / 1e9
+    assert decoder.facts.lost_packets == 0
+
+
+def test_a_single_broken_time_does_no_harm():
+    model = MODELS["RS-LiDAR-32"]
+    columns = columns_of(model, np.arange(1800) * 20)
+    payloads = write_data(model, columns)
+    payloads[40, 20:30], payloads[41, 20:30] = 0xFF, 1
+    _, frames = decode(payloads, columns.times_ns + model.packet_ns, write_info(model, angles_of(model)))
+    times = np.concatenate([frame.points["timestamp"] for frame in frames])
+    assert abs(times - START_NS / 1e9).max() < 0.2
+
+
+class TestCalibration:
+    model = MODELS["RS-LiDAR-32"]
+    columns = columns_of(model, np.arange(48) * 20)
+    payloads = write_data(model, columns)
+    angles = angles_of(model)
+
+    def file(self, tmp_path, lasers=32):
+        path = tmp_path / "angle.csv"
+        rows = zip(self.angles.vertical[:lasers] / 100, self.angles.horizontal / 100, strict=False)
+        path.write_text("".join(f"{vertical:.2f},{side:.2f}\n" for vertical, side in rows))
+        return path
+
+    def test_missing(self):
+        with pytest.raises(InputError, match=r"--sensor.*--calibration"):
+            decode(self.payloads, self.columns.times_ns, None)
+        with pytest.raises(InputError, match=r"DIFOP.*--calibration"):
+            decode(self.payloads, self.columns.times_ns, None, DecoderOptions(model="RS-LiDAR-32"))
+
+    def test_not_programmed(self):
+        info = write_info(self.model, None)
+        with pytest.raises(InputError, match=r"holds no angles.*--calibration"):
+            decode(self.payloads, self.columns.times_ns, info, DecoderOptions(model="RS-LiDAR-32"))
+
+    def test_from_a_file(self, tmp_path):
+        options = DecoderOptions(self.file(tmp_path), "RS-LiDAR-32")
+        decoder, frames = decode(self.payloads, self.columns.times_ns, None, options)
+        assert_same(frames, reference_of(self.model.name, self.angles, self.payloads))
+        assert any("DIFOP" in text for text in decoder.facts.warnings)
+
+    def test_two_returns_are_seen_without_information(self, tmp_path):
+        columns = columns_of(self.model, np.repeat(np.arange(48) * 20, 2))
+        payloads = write_data(self.model, columns)
+        options = DecoderOptions(self.file(tmp_path), "RS-LiDAR-32")
+        _, frames = decode(payloads, columns.times_ns, None, options)
+        assert_same(frames, reference_of(self.model.name, self.angles, payloads, dual=True))
+
+    def test_a_file_that_does_not_fit(self, tmp_path):
+        options = DecoderOptions(self.file(tmp_path, lasers=16), "RS-LiDAR-32")
+        with pytest.raises(InputError, match="16 lines"):
+            decode(self.payloads, self.columns.times_ns, None, options)
+
+    def test_another_model_is_said(self):
+        info = write_info(self.model, self.angles)
+        with pytest.raises(InputError, match="no angles"):
+            decode(self.payloads, self.columns.times_ns, info, DecoderOptions(model="RS-LiDAR-16"))
+        with pytest.raises(InputError, match="RS-Helios"):
+            decode(self.payloads, self.columns.times_ns, info, DecoderOptions(model="RS-Helios"))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_bytes_that_mean_nothing(data):
+    """Whatever is in the packets: no error, and what cannot be decoded is counted."""
+    name = data.draw(st.sampled_from(NAMES))
+    model = MODELS[name]
+    columns = columns_of(model, np.arange(96) * 20 + 35000)
+    payloads = write_data(model, columns)
+    seed = data.draw(st.integers(0, 2**32))
+    random = np.random.default_rng(seed)
+    hit = random.random(payloads.shape) < data.draw(st.sampled_from([0.001, 0.02, 1.0]))
+    hit[:, :4] &= data.draw(st.booleans())
+    payloads[hit] = random.integers(0, 256, hit.sum())
+    info = write_info(model, angles_of(model))
+    info[40:] = np.where(random.random(1208) < 0.02, random.integers(0, 256, 1208), info[40:])
+    info[[8, 9, 32, 33, 34, 35]] = random.integers(0, 256, 6)
+    decoder, _ = decode(write_data(model, columns), columns.times_ns, write_info(model, angles_of(model)))
+    frames = [*decoder.add(Packets(columns.times_ns, payloads)), *decoder.finish()]
+    frames += decoder.add(Packets(columns.times_ns[:2], payloads[:2, : data.draw(st.integers(0, 1247))]))
+    assert all(np.isfinite(frame.points["x"]).all() for frame in frames)
+    bad = (payloads[:, :4] != write_data(model, columns)[:, :4]).any(axis=1).sum()
+    assert decoder.facts.bad_packets >= bad
+    try:
+        _, frames = decode(payloads, columns.times_ns, info)
+    except InputError:
+        return
+    assert all(frame.points["ring"].max(initial=0) < 32 for frame in frames)

@@ -1,0 +1,176 @@
+import numpy as np
+import pytest
+
+from seaclutter_cli.simulation.layouts import LAYOUTS
+from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.marine.render import Renderer
+from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
+from seaclutter_cli.simulation.marine.sea import SeaParams
+from seaclutter_cli.truth import IGNORED
+
+FLAT = {"sea_state": 0, "reflectivity": 0, "visibility_km": 1000}
+WALL = {"track_id": 1, "shape": "quay_wall", "size_m": [2, 60, 8], "path": [[31, 0]], "reflectivity": 0.4, "sway": 0}
+
+
+def scene(*objects, sea=FLAT, vessel=None, **recording):
+    raw = {"recording": {"dropout": 0} | recording, "sea": dict(sea), "vessel": vessel or {}, "objects": list(objects)}
+    return parse_scene(raw, "test")
+
+
+def ranges(points):
+    return np.sqrt(sum(points[axis].astype(float) ** 2 for axis in "xyz"))
+
+
+def labels_fit_boxes(turn, within=1.0):
+    """Tell whether they do, as far as they can.
+
+    A box ends at the sea's height in its middle, so that waves of a metre bare some of a long hull below it; and what
+    is ahead is seen at the start and at the end of a turn, by beams that look to either side.
+    """
+    points = turn.points
+    xyz = np.array([points[axis] for axis in "xyz"], float)
+    tight, wide = turn.boxes.contains(xyz, 0.25), turn.boxes.contains(xyz, 0.5)
+    ignored = np.zeros(len(points), bool)
+    for track, kind, inside, about in zip(turn.boxes.tracks, turn.boxes.classes, tight, wide, strict=True):
+        own = points["label"] == int(track)
+        if kind == "ignore":
+            ignored |= about
+        elif own.any():
+            assert inside[own].mean() > 0.85 * within
+            assert about[own].mean() >= within
+    assert not (points["label"] == IGNORED).any() or ignored[points["label"] == IGNORED].mean() >= within
+    assert {str(label) for label in np.unique(points["label"])} <= {*turn.boxes.tracks, "0"}
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+@pytest.mark.parametrize("index", [0, 60])
+def test_points_of_a_target_lie_in_its_box(name, index):
+    labels_fit_boxes(Renderer(load_scene(name)).turn(index))
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_points_of_a_target_lie_in_its_box_in_random_scenes_too(name):
+    for seed in (1, 2):
+        scene = LAYOUTS[name].make(np.random.default_rng(seed))
+        rough = isinstance(scene.terrain, SeaParams) and scene.terrain.sea_state > 3
+        labels_fit_boxes(Renderer(scene).turn(3), within=0.8 if rough else 1.0)
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+def test_points_are_as_the_sensor_gives_them(name):
+    points = Renderer(load_scene(name)).turn(3).points
+    lidar = LIDARS[load_scene(name).recording.lidar]
+    assert 1000 < len(points) < lidar.columns * len(lidar.elevations_deg)
+    assert np.array_equal(points["intensity"], np.floor(points["intensity"]))
+    assert points["intensity"].min() >= 1
+    assert points["intensity"].max() <= 255
+    assert ranges(points).max() < lidar.max_range_m + 0.2
+    assert points["ring"].max() < len(lidar.elevations_deg)
+    assert (np.diff(points["timestamp"]) > -50e-6).all()
+    assert 3 <= points["timestamp"].min() * lidar.rate_hz <= points["timestamp"].max() * lidar.rate_hz < 4
+
+
+@pytest.mark.parametrize("lidar", [name for name, lidar in LIDARS.items() if lidar.rotates])
+def test_every_lidar_that_rotates_sees_the_sea_and_a_target(lidar):
+    points = Renderer(load_scene("calm").with_recording(lidar=lidar)).turn(0).points
+    assert {0, 1, 2, IGNORED} <= set(points["label"].tolist())
+
+
+def test_turns_can_be_made_in_any_order():
+    chosen = load_scene("departure")
+    one, other = Renderer(chosen), Renderer(chosen)
+    later = other.turn(7)
+    other.turn(2)
+    one.turn(0)
+    assert np.array_equal(one.turn(7).points, later.points)
+    assert not np.array_equal(one.turn(7).points, Renderer(chosen.with_recording(seed=2)).turn(7).points)
+
+
+def test_intensity_is_that_of_the_lidar_equation():
+    points = Renderer(scene(WALL)).turn(0).points
+    wall = points[points["label"] == 1]
+    ahead = wall[(np.abs(wall["y"]) < 3) & (np.abs(wall["z"]) < 1)]
+    assert len(ahead) > 100
+    r = ranges(ahead)
+    np.testing.assert_allclose(ahead["x"], 30 - 2.5, atol=0.2)
+    expected = LIDARS["RS-LiDAR-32"].gain * 0.4 * (ahead["x"] / r) / r**2
+    np.testing.assert_allclose(ahead["intensity"] + 0.5, expected, rtol=0.15)
+
+
+def test_air_takes_its_share():
+    clear = Renderer(scene(WALL)).turn(0).points
+    hazy = Renderer(scene(WALL, sea=FLAT | {"visibility_km": 1.0})).turn(0).points
+    ratio = np.median(hazy["intensity"][hazy["label"] == 1]) / np.median(clear["intensity"][clear["label"] == 1])
+    assert ratio == pytest.approx(np.exp(-2 * 3.912e-3 * 28), rel=0.1)
+
+
+def test_a_wall_hides_what_is_behind_it():
+    boat = {"track_id": 2, "shape": "speedboat", "size_m": [8, 3, 2], "path": [[45, 0]], "reflectivity": 0.9}
+    alone = Renderer(scene(boat)).turn(0).points
+    hidden = Renderer(scene(boat, WALL)).turn(0).points
+    assert (alone["label"] == 2).sum() > 50
+    assert (hidden["label"] == 2).sum() == 0
+
+
+def test_waves_hide_what_floats_low():
+    kayak = {
+        "track_id": 2,
+        "shape": "kayak",
+        "size_m": [5, 0.8, 0.5],
+        "path": [[45, 0]],
+        "reflectivity": 0.9,
+        "sway": 0,
+    }
+    rough = FLAT | {"sea_state": 4}
+    calm = sum((Renderer(scene(kayak)).turn(k).points["label"] == 2).sum() for k in (0, 9, 18))
+    waves = sum((Renderer(scene(kayak, sea=rough)).turn(k).points["label"] == 2).sum() for k in (0, 9, 18))
+    assert waves < calm
+
+
+def test_a_flat_black_sea_gives_no_clutter():
+    assert not (Renderer(scene(WALL)).turn(0).points["label"] == 0).any()
+
+
+def test_clutter_lies_on_the_water():
+    points = Renderer(scene(sea={"sea_state": 0}, vessel={"sway": 0.0})).turn(0).points
+    clutter = points[points["label"] == 0]
+    assert len(clutter) > 500
+    np.testing.assert_allclose(clutter["z"], -2.5, atol=0.12)
+
+
+def test_clutter_gets_sparser_and_weaker_with_range():
+    renderer = Renderer(load_scene("clutter_only"))
+    points = np.concatenate([renderer.turn(k).points for k in range(4)])
+    clutter = points[points["label"] == 0]
+    r = ranges(clutter)
+    rings = [clutter["intensity"][(r >= low) & (r < low + 15)] for low in (10, 25, 40)]
+    counts = [len(ring) / (2 * low + 15) for ring, low in zip(rings, (10, 25, 40), strict=True)]
+    assert counts == sorted(counts, reverse=True)
+    brightest = [np.quantile(ring, 0.98) for ring in rings]
+    assert brightest == sorted(brightest, reverse=True)
+
+
+def test_own_vessel_rolls_with_the_sea():
+    vessel = {"sway": 1.0, "length_m": 2.0}
+    still = Renderer(scene(WALL, vessel=vessel)).turn(0)
+    rolling = [Renderer(scene(WALL, sea=FLAT | {"sea_state": 3}, vessel=vessel)).turn(k) for k in (0, 7, 14)]
+    heights = [turn.boxes.centers[1, 2] for turn in rolling]
+    assert np.ptp(heights) > 0.2
+    assert still.boxes.centers[1, 2] == pytest.approx(8 / 2 - 2.5)
+
+
+def test_a_moving_target_moves():
+    boat = {"track_id": 2, "shape": "speedboat", "size_m": [8, 3, 2], "path": [[20, -30], [20, 30]], "speed_ms": 10}
+    renderer = Renderer(scene(boat))
+    places = np.array([renderer.turn(k).boxes.centers[1] for k in (0, 10, 20)])
+    np.testing.assert_allclose(np.diff(places[:, 1]), 10, atol=0.5)
+    assert renderer.turn(10).boxes.yaws[1] == pytest.approx(np.pi / 2, abs=0.01)
+
+
+def test_a_speedboat_leaves_clutter_behind():
+    boat = {"track_id": 2, "shape": "speedboat", "size_m": [8, 3, 2], "path": [[20, -60], [20, 60]], "speed_ms": 10}
+    renderer = Renderer(scene(boat, sea=FLAT | {"foam_reflectivity": 0.3}))
+    before, after = renderer.turn(10).points, renderer.turn(75).points
+    wake = [(p["label"] == 0) & (np.abs(p["y"]) < 8) & (np.abs(p["x"] - 17.5) < 4) for p in (before, after)]
+    assert wake[0].sum() == 0
+    assert wake[1].sum() > 20

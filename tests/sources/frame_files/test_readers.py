@@ -1,0 +1,207 @@
+import struct
+import tracemalloc
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from pypcd4.pypcd4 import Encoding, PointCloud
+
+from seaclutter_cli.errors import CloudError
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from tests.paths import SHARED_DATA
+from tests.sources.frame_files.writers import FOUR, WRITERS, XYZI, las, npy, pcd, pcd_header, ply, read, sample, text
+
+DATA = SHARED_DATA
+real_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings are not here")
+
+
+def test_every_format_is_tested():
+    assert WRITERS.keys() == FRAME_READERS.keys()
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_round_trip(tmp_path, suffix):
+    points = sample()
+    cloud = read(tmp_path / f"a{suffix}", WRITERS[suffix](points))
+    assert (cloud.height, cloud.width, cloud.stamp_ns) == (1, 50, 0)
+    for name in "xyz":
+        np.testing.assert_allclose(cloud.points[name], points[name], atol=0.00501 if "la" in suffix else 1e-5)
+    expected = np.floor(points["intensity"]) if "la" in suffix else points["intensity"]
+    np.testing.assert_allclose(cloud.points["intensity"], expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_no_points_are_an_empty_cloud(tmp_path, suffix):
+    cloud = read(tmp_path / f"a{suffix}", WRITERS[suffix](sample(0)))
+    assert cloud.size == 0
+    assert {"x", "y", "z", "intensity"} <= set(cloud.dtype.names)
+    assert len(cloud.points) == 0
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_one_point(tmp_path, suffix):
+    assert read(tmp_path / f"a{suffix}", WRITERS[suffix](sample(1))).size == 1
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_empty_file(tmp_path, suffix):
+    if suffix == ".bin":
+        assert read(tmp_path / "a.bin", b"").size == 0
+    else:
+        with pytest.raises(CloudError):
+            read(tmp_path / f"a{suffix}", b"")
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_missing_file_is_not_called_damaged(tmp_path, suffix):
+    with pytest.raises(FileNotFoundError):
+        read(tmp_path / f"a{suffix}")
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_cut_file_is_no_smaller_cloud(tmp_path, suffix):
+    content = WRITERS[suffix](sample())
+    # Text cut inside its last number, and EVLRs behind the points of LAS, cannot be told from a whole file.
+    for part in (len(content) // 3 + 1, len(content) // 2 + 1):
+        cut = content.rindex(b",", 0, content.index(b"\n", part)) if suffix == ".csv" else part
+        with pytest.raises(CloudError) as error:
+            read(tmp_path / f"a{suffix}", content[:cut])
+        assert "\n" not in str(error.value)
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory):
+    return tmp_path_factory.mktemp("broken")
+
+
+@pytest.fixture(scope="module")
+def whole_files():
+    mixed = sample(20, [*XYZI, ("ring", "u2"), ("t", "f8")])
+    files = [(suffix, write(sample(20))) for suffix, write in WRITERS.items()]
+    files += [(".pcd", pcd(mixed, encoding)) for encoding in (Encoding.ASCII, Encoding.BINARY_COMPRESSED)]
+    files += [(".ply", ply(mixed, encoding)) for encoding in ("ascii", "binary_big_endian")]
+    return [*files, (".npy", npy(mixed)), (".csv", text(mixed, delimiter=";"))]
+
+
+@settings(max_examples=600, deadline=5000, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_broken_bytes_give_a_cloud_or_a_cloud_error(scratch, whole_files, data):
+    suffix, whole = data.draw(st.sampled_from(whole_files))
+    content = bytearray(whole)
+    # Half of the flips hit the header, where they hurt most.
+    places = st.one_of(st.integers(0, min(400, len(whole) - 1)), st.integers(0, len(whole) - 1))
+    for place, value in data.draw(st.lists(st.tuples(places, st.integers(0, 255)), max_size=6)):
+        content[place] = value
+    if data.draw(st.booleans()):
+        del content[data.draw(places) :]
+    path = scratch / f"broken{suffix}"
+    try:
+        cloud = read(path, bytes(content))
+    except CloudError as error:
+        message = str(error)
+        cloud = None
+    if cloud is None:
+        assert message
+        assert "\n" not in message
+    else:
+        assert len(cloud.points) == cloud.size
+
+
+HUGE = 10**12
+
+
+def las_announcing(count, suffix):
+    content = bytearray(las(sample(), suffix, point_format=6))
+    struct.pack_into("<Q", content, 247, count)
+    return bytes(content)
+
+
+def laz_with(change):
+    """Return a LAZ of layered chunks in which a function has changed the bytes, given the place of the points."""
+    content = bytearray(las(sample(), ".laz", point_format=6))
+    (start,) = struct.unpack_from("<I", content, 96)
+    change(content, start)
+    return bytes(content)
+
+
+def huge_layer(content, start):
+    record_length = struct.unpack_from("<H", content, 105)[0]
+    struct.pack_into("<I", content, start + 8 + record_length + 4, 2**32 - 1)
+
+
+def many_chunks(content, start):
+    struct.pack_into("<I", content, struct.unpack_from("<q", content, start)[0] + 4, 2**32 - 1)
+
+
+def wide_points(content, start):
+    place = content.index(b"laszip encoded") - 2 + 54 + 34 + 2
+    struct.pack_into("<H", content, place, 2**16 - 1)
+
+
+def npy_announcing(count):
+    header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': ({count}, 4), }}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode() + bytes(64)
+
+
+BOMBS = {
+    "binary.pcd": pcd_header(FOUR, HUGE, "binary") + bytes(64),
+    "ascii.pcd": pcd_header(FOUR, HUGE, "ascii") + b"1 2 3 4\n",
+    "compressed.pcd": pcd_header(FOUR, 10**8, "binary_compressed") + struct.pack("<II", 8, 16 * 10**8) + bytes(8),
+    "count.pcd": pcd_header([*FOUR[:3], ("i", "F", 4, 10**8)], 1, "binary") + bytes(64),
+    "binary.ply": ply(sample(3)).replace(b"vertex 3", b"vertex %d" % HUGE),
+    "ascii.ply": ply(sample(3), "ascii").replace(b"vertex 3", b"vertex %d" % HUGE),
+    "before.ply": ply(sample(3), "ascii").replace(b"element", b"element face %d\nelement" % HUGE),
+    "npy.npy": npy_announcing(HUGE),
+    "las.las": lambda: las_announcing(HUGE, ".las"),
+    "laz.laz": lambda: las_announcing(HUGE, ".laz"),
+    "layer.laz": lambda: laz_with(huge_layer),
+    "chunks.laz": lambda: laz_with(many_chunks),
+    "items.laz": lambda: laz_with(wide_points),
+    "vlrs.las": lambda: (content := las(sample(), ".las"))[:100] + b"\xff\xff\xff\xff" + content[104:],
+}
+BOMBS_FOUND = {"npy.npy": ".", "laz.laz": ".", "layer.laz": "layers do not fit", "items.laz": "65549 bytes"}
+"""What the message says, where it is not that something is announced."""
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_announced_sizes_take_no_memory(tmp_path, name):
+    content = BOMBS[name]() if callable(BOMBS[name]) else BOMBS[name]
+    tracemalloc.start()
+    # What compiled libraries take is not traced: the messages show that they were not even asked.
+    with pytest.raises(CloudError, match=BOMBS_FOUND.get(name, "announce")):
+        read(tmp_path / name, content)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 64 * 2**20
+
+
+# Real data
+
+
+@real_data
+@pytest.mark.parametrize("name", ["vlp16", "vlp32", "xt32"])
+def test_real_pcd(name):
+    (path,) = (DATA / "nebula" / name).glob("*.pcd")
+    cloud = FRAME_READERS[".pcd"](path)
+    expected = PointCloud.from_path(path).pc_data
+    assert cloud.size == len(expected) > 10_000
+    np.testing.assert_array_equal(cloud.points, expected)
+
+
+@real_data
+def test_real_laz():
+    laspy = pytest.importorskip("laspy")
+    path = DATA / "las" / "autzen_trim.laz"
+    points, expected = FRAME_READERS[".laz"](path).points, laspy.read(path)
+    assert len(points) == 110_000
+    for name in ("x", "y", "z", "intensity", "gps_time", "red", "return_number"):
+        np.testing.assert_array_equal(points[name], np.asarray(expected[name]))
+
+
+@real_data
+def test_real_kitti():
+    path = min((DATA / "wads-36" / "velodyne").iterdir())
+    points = FRAME_READERS[".bin"](path).points
+    np.testing.assert_array_equal(np.array(points.tolist()), np.fromfile(path, "<f4").reshape(-1, 4))
+    assert 0 <= points["intensity"].min() <= points["intensity"].max() <= 255

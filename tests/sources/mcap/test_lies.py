@@ -1,0 +1,274 @@
+"""MCAP files whose index, sizes, times or declarations are not true."""
+
+import os
+import struct
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+from mcap import records as mcap_records
+from mcap.opcode import Opcode
+
+from tests.logs import HEADER, MAGIC, START_NS, Piece, chunk_of, join, records_of, sound_end
+from tests.sources.damaged import flip, places, read, said, small_log, stream_of
+
+SCHEMA = mcap_records.Schema(1, b"string text", "ros2msg", "test/msg/Note")
+CHANNEL = mcap_records.Channel(1, "/notes", "cdr", {}, 1)
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "log.mcap"
+    path.touch()
+    return path
+
+
+def changed(data, op, change, number=0):
+    """Return a log of which a record of the summary is changed, without a checksum that would tell."""
+    pieces = records_of(data)
+    target = [piece for piece in pieces if piece.op == op][number]
+    record = getattr(mcap_records, Opcode(op).name.title().replace("_", "")).read(stream_of(target))
+    change(record)
+    parts = [record if piece is target else piece for piece in pieces]
+    parts[-1] = replace(mcap_records.Footer.read(stream_of(pieces[-1])), summary_crc=0)
+    return join(*parts)
+
+
+def _move(entry):
+    entry.chunk_start_offset += 5
+
+
+def _far(entry):
+    entry.chunk_start_offset = 2**62
+
+
+def _later(entry):
+    entry.message_start_time += 10**9
+
+
+@pytest.mark.parametrize("change", [_move, _far, _later])
+@pytest.mark.parametrize("name", ["zstd", "none", "no message index"])
+def test_a_chunk_index_that_lies(path, name, change):
+    whole, extras, _ = read(path, small_log(name))
+    messages, found, damage = read(path, changed(small_log(name), Opcode.CHUNK_INDEX, change, 2))
+    assert (messages, found) == (whole, extras)
+    offset = places(name)[2].start
+    what = "the index at the end does not fit 1 of 5 chunks; the log was read without it"
+    assert said(damage) == [f"byte {offset}: {what}; left out: nothing"]
+
+
+def test_a_chunk_index_that_names_too_many(path):
+    data = changed(small_log("zstd"), Opcode.CHUNK_INDEX, _far)
+    pieces = records_of(data)
+    indexes = [piece for piece in records_of(small_log("zstd")) if piece.op == Opcode.CHUNK_INDEX]
+    pieces.insert(pieces.index(next(piece for piece in pieces if piece.op == Opcode.CHUNK_INDEX)), indexes[0])
+    messages, _, damage = read(path, join(*pieces))
+    assert len(messages) == 12
+    assert "the index at the end names 1 chunks that are not there" in str(damage[0])
+
+
+@pytest.mark.parametrize("name", ["zstd", "unchunked", "no message index"])
+def test_statistics_that_lie(path, name):
+    place = next(piece.offset for piece in records_of(small_log(name)) if piece.op == Opcode.STATISTICS)
+    for difference, expected in (
+        (3, "3 of 15 messages are nowhere in the file; left out: 3 messages"),
+        (-2, "the file holds 2 messages more than its statistics say; left out: nothing"),
+    ):
+
+        def change(entry, difference=difference):
+            entry.message_count += difference
+
+        messages, _, damage = read(path, changed(small_log(name), Opcode.STATISTICS, change))
+        assert len(messages) == 12
+        assert said(damage) == [f"byte {place}: {expected}"]
+
+
+def test_an_attachment_that_only_the_statistics_know(path):
+    pieces = [piece for piece in records_of(small_log("unchunked")) if piece.op != Opcode.ATTACHMENT]
+    footer = mcap_records.Footer.read(stream_of(pieces.pop()))
+    moved = 9 + len(
+        next(piece for piece in records_of(small_log("unchunked")) if piece.op == Opcode.ATTACHMENT).content
+    )
+    footer = replace(footer, summary_start=footer.summary_start - moved, summary_crc=0)
+    _, extras, damage = read(path, join(*pieces, footer))
+    assert extras == ["vessel"]
+    assert "1 of 2 attachments and metadata records are nowhere in the file" in str(damage[0])
+
+
+@pytest.mark.parametrize("name", ["zstd", "no message index", "unchunked"])
+def test_a_summary_whose_checksum_is_wrong(path, name):
+    data = small_log(name)
+    start = next(piece.end for piece in records_of(data) if piece.op == Opcode.DATA_END)
+    whole, extras, _ = read(path, data)
+    messages, found, damage = read(path, flip(data, len(data) - 9))
+    assert (messages, found) == (whole, extras)
+    assert said(damage) == [
+        f"byte {start}: the index at the end is broken; the log was read without it; left out: nothing"
+    ]
+
+
+def test_a_log_without_its_end(path):
+    data = small_log("zstd")
+    whole, extras, _ = read(path, data)
+    for op in (Opcode.DATA_END, Opcode.STATISTICS, Opcode.FOOTER):
+        end = next(piece.offset for piece in records_of(data) if piece.op == op)
+        for rest in (b"", MAGIC):
+            messages, found, damage = read(path, data[:end] + rest)
+            assert (messages, found) == (whole, extras)
+            assert "the recording was not closed: the file has no footer" in str(damage[-1])
+
+
+def note(number, channel=1):
+    return mcap_records.Message(channel, START_NS + number, b"note %d" % number, START_NS, number)
+
+
+def sequences(result):
+    return [message[3] for message in result[0]]
+
+
+@pytest.mark.parametrize("has_index", [True, False])
+def test_chunks_that_lie_about_their_times(path, has_index):
+    """Messages are in order all the same where an index of messages tells of the lie."""
+    parts = [SCHEMA, CHANNEL]
+    for number, wrong in enumerate((0, 10**9, 0, -(10**9))):
+        times = {"message_start_time": START_NS + number + wrong, "message_end_time": START_NS + number + wrong}
+        parts.append(chunk_of(note(number), **times))
+        if has_index:
+            parts.append(mcap_records.MessageIndex(1, [(START_NS + number, 0)]))
+    result = read(path, join(HEADER, *parts, *sound_end()))
+    assert sorted(sequences(result)) == [0, 1, 2, 3]
+    assert [item.what for item in result[2]] == ["the messages of this chunk are of other times than it says"] * 2
+    assert sequences(result) == [0, 1, 2, 3] or not has_index
+
+
+def test_a_channel_declared_differently(path):
+    other = replace(CHANNEL, topic="/other")
+    chunks = (chunk_of(SCHEMA, CHANNEL, note(1)), chunk_of(other, note(2)), chunk_of(other, note(3)))
+    parts = (HEADER, *chunks, mcap_records.DataEnd(0))
+    start = len(join(*parts)) - len(MAGIC)
+    messages, _, damage = read(path, join(*parts, SCHEMA, CHANNEL, mcap_records.Footer(start, 0, 0)))
+    assert [message[0] for message in messages] == ["/notes"] * 3
+    assert [item.what for item in damage] == ["channel 1 is declared again, and differently"]
+
+
+def test_channels_and_schemas_that_are_nowhere(path):
+    chunk = chunk_of(CHANNEL, note(1), note(2, channel=7), note(3, channel=7))
+    messages, _, damage = read(path, join(HEADER, chunk, *sound_end()))
+    assert [message[:1] + message[3:4] for message in messages] == [("/notes", 1)]
+    place = len(join(HEADER)) - len(MAGIC)
+    assert sorted(said(damage)) == [
+        f"byte {place}: messages of channel 7, which is declared nowhere; left out: 2 messages",
+        f"byte {place}: topic /notes has schema 1, which is nowhere; left out: nothing",
+    ]
+
+
+def test_a_broken_attachment(path):
+    data = small_log("zstd")
+    piece = next(piece for piece in records_of(data) if piece.op == Opcode.ATTACHMENT)
+    messages, extras, damage = read(path, flip(data, piece.end - 20))
+    assert (len(messages), extras) == (12, ["vessel"])
+    assert said(damage) == [
+        f"byte {piece.offset}: broken attachment (its checksum is wrong); left out: {len(piece.content)} bytes"
+    ]
+
+
+def test_an_index_of_messages_whose_chunk_is_gone(path):
+    lost = places("zstd")[2]
+    data = small_log("zstd")
+    for garbage in (b"", bytes(50), b"\xff" * 500):
+        messages, _, damage = read(path, data[: lost.start] + garbage + data[lost.end :])
+        assert len(messages) == 12 - len(lost.messages)
+        assert sum(item.lost_messages or 0 for item in damage) == len(lost.messages)
+
+
+_HUGE = (2**31, 2**40, 2**63 - 1, 2**64 - 1)
+
+
+def _huge_files():
+    """Yield files that promise more than any memory holds."""
+    records = join(SCHEMA, CHANNEL, note(1))[8:-8]
+    sound = chunk_of(note(2))
+    for huge in _HUGE:
+        for compression in ("zstd", "lz4", ""):
+            chunk = chunk_of(records, compression=compression, uncompressed_size=huge, uncompressed_crc=0)
+            yield join(HEADER, SCHEMA, CHANNEL, chunk, sound, *sound_end())
+        for op in range(1, 20):
+            yield join(HEADER, SCHEMA, CHANNEL, struct.pack("<BQ", op, huge), sound, *sound_end())
+        for op in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.MESSAGE_INDEX):
+            content = struct.pack("<IIII", *[min(huge, 2**32 - 1)] * 4) + bytes(60)
+            yield join(HEADER, SCHEMA, CHANNEL, Piece(0, op, content), sound, *sound_end())
+
+
+_FRUGAL = """
+import resource, sys
+from pathlib import Path
+from seaclutter_cli.sources.mcap.source import McapSource
+
+McapSource(Path(sys.argv[1])).close()
+resource.setrlimit(resource.RLIMIT_AS, (2**30, 2**30))
+for path in map(Path, sys.argv[2:]):
+    source = McapSource(path)
+    print(sum(hasattr(record, "sequence") for record in source.records()), len(source.damage))
+"""
+
+
+def test_promises_of_huge_sizes_take_neither_memory_nor_time(tmp_path):
+    pytest.importorskip("resource")
+    sound = tmp_path / "sound.mcap"
+    sound.write_bytes(small_log("zstd"))
+    paths = [tmp_path / f"{number}.mcap" for number, _ in enumerate(_huge_files())]
+    for path, data in zip(paths, _huge_files(), strict=True):
+        path.write_bytes(data)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", _FRUGAL, sound, *paths]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=60)
+    assert run.returncode == 0, run.stderr
+    for line in run.stdout.splitlines():
+        messages, damage = map(int, line.split())
+        assert messages >= 1
+        assert damage
+
+
+def opcode(data, piece, op):
+    """Return a log in which a record has another opcode."""
+    return data[: piece.offset] + bytes((op,)) + data[piece.offset + 1 :]
+
+
+@pytest.mark.parametrize("op", [0, 5, 6, 12, 14, 16, 0x86, 0xFF])
+@pytest.mark.parametrize("name", ["zstd", "unchunked"])
+def test_records_that_pass_for_others(path, name, op):
+    data = small_log(name)
+    for piece in records_of(data):
+        result = read(path, opcode(data, piece, op))
+        lost = piece.op == Opcode.MESSAGE and op != Opcode.MESSAGE
+        assert len(set(sequences(result)) & set(range(12))) == 12 - lost, piece
+        assert result[2] or not lost
+        # Outside chunks, a declaration may pass for a message.
+        assert len(result[0]) == 12 - lost or (name, op) == ("unchunked", Opcode.MESSAGE)
+
+
+def test_messages_of_zeros_pass_for_nothing_else(path):
+    """Zeros fit into many kinds of records."""
+    for size in range(80):
+        messages = [mcap_records.Message(1, time, bytes(size), time, 0) for time in range(3)]
+        for parts in ((SCHEMA, CHANNEL, *messages), (chunk_of(SCHEMA, CHANNEL, *messages, uncompressed_crc=0),)):
+            result = read(path, join(HEADER, *parts, *sound_end()))
+            assert [message[1] for message in result[0]] == [0, 1, 2]
+            assert result[2] == []
+
+
+def test_a_log_whose_first_record_is_unknown(path):
+    data = small_log("zstd")
+    for op in range(256):
+        assert len(read(path, opcode(data, records_of(data)[0], op))[0]) == 12
+
+
+def test_a_sound_summary_that_was_moved(path):
+    """Its checksum holds, its places do not."""
+    data = small_log("unchunked")
+    first = next(piece for piece in records_of(data) if piece.op == Opcode.CHANNEL)
+    broken = data[: first.offset] + bytes(30) + data[first.end :]
+    messages, _, damage = read(path, broken)
+    assert len(messages) == 12
+    assert "the index at the end is broken; the log was read without it" in str(damage[-1])

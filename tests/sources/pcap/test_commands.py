@@ -1,0 +1,128 @@
+"""Captures on the command line: what is told of them, and that they are filtered like any log."""
+
+import json
+import shutil
+from contextlib import closing
+
+import pytest
+from click.testing import CliRunner
+from mcap.reader import make_reader
+
+from seaclutter_cli.commands import cli
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.sources import find_recordings, open_source
+from tests.paths import SHARED_DATA
+from tests.sources.pcap import captures
+from tests.sources.pcap.captures import frames, pcap
+
+ROWS = captures.sensor_packets()
+OUSTER = SHARED_DATA / "ouster" / "OS-1-128_v2.3.0_1024x10_lb_n3.pcap"
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def capture(tmp_path):
+    path = tmp_path / "log.pcap"
+    path.write_bytes(pcap(frames(ROWS)))
+    return path
+
+
+@pytest.fixture
+def angles(tmp_path):
+    path = tmp_path / "angle.csv"
+    pairs = zip(captures.ANGLES.vertical / 100, captures.ANGLES.horizontal / 100, strict=True)
+    path.write_text("\n".join(f"{vertical},{horizontal}" for vertical, horizontal in pairs))
+    return path
+
+
+def test_info_names_the_sensor_and_its_firmware(capture):
+    result = run("info", capture)
+    assert not result.exit_code
+    words = " ".join(result.stdout.split())
+    assert "PCAP of RS-LiDAR-32" in words
+    assert "sensor RS-LiDAR-32; serial number: 5ea000000001; firmware: top board 0602090000" in words
+    assert "partial turns: 1" in words
+    assert "0 missing, 0 not decodable" in words
+    (content,) = json.loads(run("info", capture, "--json", "-q").stdout)
+    facts = content["sensors"]["/points"]
+    assert (facts["model"], facts["lost_packets"], facts["bad_packets"]) == ("RS-LiDAR-32", 0, 0)
+    assert facts["details"]["returns"] == "one (strongest return)"
+
+
+def test_a_capture_is_filtered(capture, tmp_path):
+    out = tmp_path / "out.mcap"
+    result = run("filter", capture, "-o", out, "-q")
+    assert not result.exit_code, result.output
+    with out.open("rb") as stream:
+        messages = list(make_reader(stream).iter_messages())
+    assert [channel.topic for _, channel, _ in messages].count("/points") == 3
+    assert {schema.name for schema, channel, _ in messages if channel.topic == "/points"} == {
+        "sensor_msgs/msg/PointCloud2"
+    }
+
+
+def test_losses_are_told(tmp_path):
+    rows = [row for number, row in enumerate(ROWS) if number != 20]
+    rows[30] = (rows[30][0], b"\1" * 1248, 6699)
+    path = tmp_path / "log.pcap"
+    path.write_bytes(pcap(frames(rows))[:-5])
+    result = run("filter", path, "-o", tmp_path / "out.mcap")
+    assert result.exit_code == 3
+    assert "the capture ends within a packet; left out: 1301 bytes" in result.stderr
+    assert "1 packets that cannot be decoded" in result.stderr
+    assert "/points: 2 packets are missing" in result.stderr
+
+
+def test_calibration_from_a_file(tmp_path, angles):
+    path = tmp_path / "log.pcap"
+    path.write_bytes(pcap(frames([row for row in ROWS if row[2] == 6699])))
+    result = run("info", path)
+    assert result.exit_code == 1
+    assert "--calibration" in result.stderr
+    assert "--sensor" in result.stderr
+    result = run("info", path, "--calibration", angles, "--sensor", "rs-lidar-32")
+    assert not result.exit_code
+    assert "angle.csv" in result.stdout
+    result = run("info", path, "--sensor", "RS-LiDAR-33")
+    assert result.exit_code == 2
+    assert "RS-LiDAR-32" in result.stderr
+
+
+def test_several_sensors_need_a_choice(tmp_path):
+    path = tmp_path / "log.pcap"
+    path.write_bytes(pcap(sorted(frames(ROWS) + frames(captures.sensor_packets(seed=1), source="192.168.1.201"))))
+    result = run("filter", path, "-o", tmp_path / "out.mcap")
+    assert result.exit_code == 2
+    assert "-t /points/192.168.1.200 -t /points/192.168.1.201" in result.stderr
+    result = run("filter", path, "-o", tmp_path / "out.mcap", "-t", "/points/192.168.1.201")
+    assert not result.exit_code
+
+
+def test_a_folder_of_captures(capture):
+    shutil.copy(capture, capture.with_name("other.pcapng"))
+    (capture.parent / "notes.txt").touch()
+    assert [recording.name for recording in find_recordings([str(capture.parent)])] == ["log", "other"]
+
+
+@pytest.mark.skipif(not OUSTER.is_file(), reason="the captures of Ouster are not here")
+class TestMetadataBeside:
+    def open(self, tmp_path, *metadata):
+        path = tmp_path / "harbour_3.pcap"
+        shutil.copy(OUSTER, path)
+        for name in metadata:
+            shutil.copy(OUSTER.with_name("OS-1-128_v2.3.0_1024x10.json"), tmp_path / name)
+        with closing(open_source(path)) as source:
+            return source.format, len(list(source.records()))
+
+    @pytest.mark.parametrize("name", ["harbour_3.json", "harbour.json", "harbour_3_0.json"])
+    def test_found(self, tmp_path, name):
+        assert self.open(tmp_path, name, "other.json") == ("PCAP of OS1-128", 3)
+
+    def test_not_found(self, tmp_path):
+        with pytest.raises(InputError, match="--calibration"):
+            self.open(tmp_path, "other.json")
+        with pytest.raises(InputError, match="--calibration"):
+            self.open(tmp_path, "harbour.json", "harbour_3_1.json")

@@ -1,0 +1,299 @@
+"""Captures of every form give the frames of the sensors in them."""
+
+import struct
+from contextlib import closing, suppress
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.messages import find_codec
+from seaclutter_cli.sensors.packets import DecoderOptions
+from seaclutter_cli.sinks.pcap import Ends, write_pcap
+from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.pcap.pcapng import PcapngReader
+from seaclutter_cli.sources.pcap.records import PcapReader
+from seaclutter_cli.sources.shared.mapped import MappedFile
+from tests.sources.pcap import captures
+from tests.sources.pcap.captures import LINKS, START_NS, enhanced, frames, interface, ipv4, ipv6, pcap, section, udp
+
+ROWS = captures.sensor_packets()
+
+
+def read(path, data=None, **options):
+    """Return source and clouds by topic."""
+    if data is not None:
+        path.write_bytes(data)
+    with closing(open_source(path, decoding=DecoderOptions(**options))) as source:
+        messages = list(source.records())
+    clouds = {channel.topic: [] for channel in source.channels}
+    for message in messages:
+        clouds[message.channel.topic].append(find_codec(message.channel).decode(message.data))
+    assert [m.log_time_ns for m in messages] == sorted(m.log_time_ns for m in messages)
+    return source, clouds
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    """Return the clouds of the simplest capture."""
+    source, clouds = read(tmp_path_factory.mktemp("capture") / "log.pcap", pcap(frames(ROWS), nano=True))
+    assert source.format == "PCAP of RS-LiDAR-32"
+    assert not source.damage + source.warnings
+    assert list(clouds) == ["/points"]
+    assert len(clouds["/points"]) == 3
+    assert sum(cloud.size for cloud in clouds["/points"]) == 75 * 12 * 32
+    return [(cloud.stamp_ns, bytes(cloud.data)) for cloud in clouds["/points"]]
+
+
+def contents(clouds):
+    return [(cloud.stamp_ns, bytes(cloud.data)) for cloud in clouds]
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("nano", [False, True])
+def test_classic_captures(tmp_path, expected, order, nano):
+    source, clouds = read(tmp_path / "log.cap", pcap(frames(ROWS), order=order, nano=nano))
+    assert contents(clouds["/points"]) == expected
+    assert not source.damage
+
+
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("options", [b"", bytes(24)], ids=["", "IP options"])
+def test_links(tmp_path, expected, link, options):
+    data = pcap(frames(ROWS, link, options=options), link=LINKS[link][0])
+    assert contents(read(tmp_path / "log.pcap", data)[1]["/points"]) == expected
+
+
+def test_ipv6(tmp_path, expected):
+    records = [(time, bytes(12) + b"\x86\xdd" + ipv6(udp(payload, port, port))) for time, payload, port in ROWS]
+    assert contents(read(tmp_path / "log.pcap", pcap(records))[1]["/points"]) == expected
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("kind", [2, 6])
+@pytest.mark.parametrize(("resolution", "ticks"), [(None, 10**6), (9, 10**9), (0x80 | 20, 2**20), (3, 1000)])
+def test_pcapng(tmp_path, expected, order, kind, resolution, ticks):
+    records = [enhanced(time * ticks // 10**9, packet, order, kind=kind) for time, packet in frames(ROWS)]
+    data = section(order) + interface(order, resolution=resolution) + b"".join(records)
+    assert contents(read(tmp_path / "log.pcapng", data)[1]["/points"]) == expected
+
+
+def test_pcapng_with_several_sections_and_interfaces(tmp_path, expected):
+    """Each section has a byte order and interfaces of its own; unknown blocks are passed over."""
+    data = b""
+    for number, (time, packet) in enumerate(frames(ROWS)):
+        if number % 10 == 0:
+            order = "<>"[number // 10 % 2]
+            data += section(order) + captures.block(5, bytes(11), order) + interface(order, link=113)
+            data += interface(order, offset_s=1_000_000_000)
+        packet = packet if number % 3 else bytes(14) + packet[12:]  # noqa: PLW2901
+        ticks = time // 1000 - (10**15 if number % 3 else 0)
+        data += enhanced(ticks, packet, order, number=1 if number % 3 else 0)
+    assert contents(read(tmp_path / "log.pcapng", data)[1]["/points"]) == expected
+
+
+def test_simple_packets_have_no_time(tmp_path):
+    blocks = [captures.block(3, struct.pack("<I", len(packet)) + packet) for _, packet in frames(ROWS)]
+    _, clouds = read(tmp_path / "log.pcapng", section() + interface() + b"".join(blocks))
+    assert sum(cloud.size for cloud in clouds["/points"]) == 75 * 12 * 32
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_fragments(tmp_path, expected, backwards):
+    records = []
+    for number, (time, payload, port) in enumerate(ROWS):
+        parts = captures.fragments(udp(payload, port, port), number)
+        records += [(time, captures.ETHERNET + part) for part in (parts[::-1] if backwards else parts)]
+    source, clouds = read(tmp_path / "log.pcap", pcap(records))
+    assert contents(clouds["/points"]) == expected
+    del records[7]
+    source, _ = read(tmp_path / "log.pcap", pcap(records))
+    assert source.warnings[0] == "fragments of 1 datagrams are missing"
+    assert "1 packets are missing" in source.warnings[1]
+
+
+def test_other_traffic_is_ignored(tmp_path, expected):
+    records = []
+    for number, (time, packet) in enumerate(frames(ROWS)):
+        others = [
+            bytes(12) + b"\x08\x06" + bytes(28),
+            captures.ETHERNET + ipv4(bytes(40), protocol=6),
+            captures.ETHERNET + ipv4(udp(b"$GPRMC," * number, 10110, 10110)),
+            captures.ETHERNET + ipv4(udp(bytes(1248), 9, 9), source="10.0.0.7"),
+            bytes(number),
+            captures.ETHERNET + bytes((0x4F, 0)),
+        ]
+        records += [(time, packet), *((time + 1, other) for other in others if other)]
+    source, clouds = read(tmp_path / "log.pcap", pcap(records))
+    assert contents(clouds["/points"]) == expected
+    assert not source.damage
+
+
+def test_several_sensors(tmp_path, expected):
+    second = captures.sensor_packets(seed=1, start_ns=START_NS + 10**6)
+    records = sorted(frames(ROWS) + frames(second, source="192.168.1.201"))
+    _, clouds = read(tmp_path / "log.pcap", pcap(records))
+    assert list(clouds) == ["/points/192.168.1.200", "/points/192.168.1.201"]
+    assert contents(clouds["/points/192.168.1.200"]) == expected
+
+
+def test_several_sensors_behind_one_address(tmp_path, expected):
+    second = [(time, data, port + 10) for time, data, port in captures.sensor_packets(seed=1)]
+    _, clouds = read(tmp_path / "log.pcap", pcap(sorted(frames(ROWS) + frames(second))))
+    assert list(clouds) == ["/points/192.168.1.200/6699", "/points/192.168.1.200/6709"]
+    assert contents(clouds["/points/192.168.1.200/6699"]) == expected
+
+
+def test_data_and_information_on_one_port(tmp_path, expected):
+    rows = [(time, payload, 2368) for time, payload, _ in ROWS]
+    assert contents(read(tmp_path / "log.pcap", pcap(frames(rows)))[1]["/points"]) == expected
+
+
+def test_information_behind_thousands_of_packets(tmp_path):
+    rows = captures.sensor_packets(2000)
+    rows.append(rows.pop(1000))
+    assert rows[-1][2] == 7788
+    _, clouds = read(tmp_path / "log.pcap", pcap(frames(rows)))
+    assert sum(cloud.size for cloud in clouds["/points"]) == 2000 * 12 * 32
+
+
+def test_the_writer(tmp_path, expected):
+    path = tmp_path / "log.pcap"
+    rows = ((time, Ends(source_port=port, target_port=port), payload) for time, payload, port in ROWS)
+    path.write_bytes(b"".join(write_pcap(rows)))
+    assert contents(read(path)[1]["/points"]) == expected
+
+
+def test_without_information(tmp_path):
+    path, angles = tmp_path / "log.pcap", tmp_path / "angle.csv"
+    path.write_bytes(pcap(frames([row for row in ROWS if row[2] == 6699])))
+    with pytest.raises(InputError, match=r"192\.168\.1\.200: RoboSense.*--sensor.*--calibration"):
+        open_source(path)
+    pairs = zip(captures.ANGLES.vertical / 100, captures.ANGLES.horizontal / 100, strict=True)
+    angles.write_text("\n".join(f"{vertical},{horizontal}" for vertical, horizontal in pairs))
+    _, clouds = read(path, calibration=angles, model="RS-LiDAR-32")
+    assert sum(cloud.size for cloud in clouds["/points"]) == 75 * 12 * 32
+
+
+def test_nothing_that_is_known(tmp_path):
+    path = tmp_path / "log.pcap"
+    path.write_bytes(pcap(frames([(time, payload[:900], port) for time, payload, port in ROWS])))
+    with pytest.raises(InputError, match=r"75 of 900 bytes from 192\.168\.1\.200:6699 to port 6699.*RoboSense"):
+        open_source(path)
+    path.write_bytes(pcap(frames(ROWS), snap=96))
+    with pytest.raises(InputError, match="76 cut short"):
+        open_source(path)
+    path.write_bytes(pcap([]))
+    with pytest.raises(InputError, match="no whole UDP datagrams"):
+        open_source(path)
+    for size in (1, 4, 23):
+        path.write_bytes(pcap(frames(ROWS))[:size])
+        with pytest.raises(InputError):
+            open_source(path)
+
+
+class TestDamage:
+    def test_cut_packets_are_counted(self, tmp_path):
+        records = frames(ROWS)
+        data = pcap(records[:71]) + pcap(records[71:], snap=200)[24:]
+        source, clouds = read(tmp_path / "log.pcap", data)
+        assert [str(item).partition("/points: ")[2] for item in source.damage] == [
+            "5 packets cut short by the capture; left out: 6240 bytes"
+        ]
+        assert sum(cloud.size for cloud in clouds["/points"]) == 70 * 12 * 32
+
+    def test_a_hole_is_passed_over(self, tmp_path):
+        data = bytearray(pcap(frames(ROWS)))
+        at = 24 + 5 * (16 + 42 + 1248)
+        data[at + 4 : at + 16] = b"\xff" * 12
+        source, clouds = read(tmp_path / "log.pcap", bytes(data))
+        assert [(item.offset, item.lost_bytes) for item in source.damage] == [(at, 1306)]
+        assert sum(cloud.size for cloud in clouds["/points"]) == 74 * 12 * 32
+
+    def test_zeros_in_the_middle(self, tmp_path):
+        data = pcap(frames(ROWS))
+        at = 24 + 7 * 1306
+        source, clouds = read(tmp_path / "log.pcap", data[:at] + bytes(50_001) + data[at:])
+        assert [(item.offset, item.lost_bytes) for item in source.damage] == [(at, 50_001)]
+        assert sum(cloud.size for cloud in clouds["/points"]) == 75 * 12 * 32
+
+    def test_a_hole_in_pcapng(self, tmp_path):
+        blocks = [enhanced(time // 1000, packet) for time, packet in frames(ROWS)]
+        head = section() + interface()
+        data = head + b"".join(blocks[:5]) + bytes(99) + b"".join(blocks[5:])
+        source, clouds = read(tmp_path / "log.pcapng", data)
+        at = len(head) + sum(map(len, blocks[:5]))
+        assert [(item.offset, item.lost_bytes) for item in source.damage] == [(at, 99)]
+        assert sum(cloud.size for cloud in clouds["/points"]) == 75 * 12 * 32
+
+    @pytest.mark.parametrize("form", ["pcap", "pcapng"])
+    def test_cut_at_every_byte_of_the_last_packets(self, tmp_path, form):
+        records = frames(captures.sensor_packets(6))
+        blocks = [enhanced(time // 1000, packet) for time, packet in records]
+        head = section() + interface()
+        data = pcap(records) if form == "pcap" else head + b"".join(blocks)
+        sizes = [1306] * 7 if form == "pcap" else [len(block) for block in blocks]
+        ends = np.cumsum([24 if form == "pcap" else len(head), *sizes])
+        path = tmp_path / f"log.{form}"
+        for size in [*range(int(ends[-3]), int(ends[-2]), 40), *range(int(ends[-2]), len(data) + 1)]:
+            whole = int(np.searchsorted(ends, size, "right")) - 1
+            left = int(size - ends[whole])
+            path.write_bytes(data[:size])
+            reader = (PcapReader if form == "pcap" else PcapngReader)(MappedFile(path), path)
+            assert sum(len(records.offsets) for records in reader.batches()) == whole
+            assert [item.lost_bytes for item in reader.damage] == ([left] if left else [])
+            if size % 41 == 0:
+                source, clouds = read(path)
+                assert sum(cloud.size for cloud in clouds["/points"]) == (whole - 1) * 12 * 32
+                assert source.damage == reader.damage
+
+    @pytest.mark.parametrize("stray", [{"source": "192.168.1.72"}, {}])
+    def test_damaged_addresses_make_no_sensors(self, tmp_path, stray):
+        rows = captures.sensor_packets(300)
+        records = frames(rows)
+        records[50:52] = frames([(time, data, 6699 if stray else 99) for time, data, _ in rows[50:52]], **stray)
+        source, clouds = read(tmp_path / "log.pcap", pcap(records))
+        assert list(clouds) == ["/points"]
+        assert [(item.what.partition(" from ")[0], item.lost_bytes) for item in source.damage] == [("2 packets", 2496)]
+        assert sum(cloud.size for cloud in clouds["/points"]) == 298 * 12 * 32
+
+    def test_bad_packets_are_counted(self, tmp_path):
+        rows = [
+            (time, b"\1" * 1248 if number in (3, 9) else data, port) for number, (time, data, port) in enumerate(ROWS)
+        ]
+        rows.insert(4, (rows[4][0], b"\2" * 100, 6699))
+        source, clouds = read(tmp_path / "log.pcap", pcap(frames(rows)))
+        assert ["2 packets that cannot be decoded" in item.what for item in source.damage] == [True]
+        assert source.facts["/points"].bad_packets == 2
+        assert source.facts["/points"].lost_packets == 2
+        assert sum(cloud.size for cloud in clouds["/points"]) == 73 * 12 * 32
+
+    @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @given(st.data())
+    def test_bytes_that_mean_nothing(self, tmp_path, data):
+        """Any bytes changed, put in or cut out: an error that is meant, or frames."""
+        records = frames(captures.sensor_packets(8), data.draw(st.sampled_from(["ethernet", "cooked 2"])))
+        link = data.draw(st.sampled_from([1, 276, 101, 113, 0, 77]))
+        log = pcap(records, link=link)
+        if data.draw(st.booleans()):
+            log = section() + interface(link=link) + b"".join(enhanced(t // 1000, packet) for t, packet in records)
+        for _ in range(data.draw(st.integers(0, 6))):
+            at = data.draw(st.integers(0, len(log) - 1))
+            new = data.draw(st.binary(max_size=40))
+            log = log[:at] + new + log[at + data.draw(st.integers(0, 40)) :]
+        with suppress(InputError):
+            read_anything(tmp_path / "log.pcap", log)
+
+    @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @given(st.binary(max_size=400), st.sampled_from([pcap([]), section() + interface(), section(">")]))
+    def test_random_files(self, tmp_path, noise, head):
+        with pytest.raises(InputError):
+            read_anything(tmp_path / "log.pcap", head + noise)
+
+
+def read_anything(path, data):
+    path.write_bytes(data)
+    with closing(open_source(path)) as source:
+        return [find_codec(message.channel).decode(message.data) for message in source.records()]

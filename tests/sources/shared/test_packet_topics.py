@@ -1,0 +1,391 @@
+"""Packet topics of logs: their clouds beside them, in every encoding and whatever is broken."""
+
+import random
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.messages import CODECS, find_codec
+from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.records import Channel, Message, Metadata, Schema
+from seaclutter_cli.sensors.packets import DecoderOptions, Facts, PacketFrame, point_dtype
+from seaclutter_cli.sensors.velodyne.decoder import VELODYNE
+from seaclutter_cli.sources.rosbag1.source import BagSource
+from seaclutter_cli.sources.rosbag2.db3 import Db3Source
+from seaclutter_cli.sources.shared.packet_topics import PacketTopics, wrap_packets
+from seaclutter_cli.sources.shared.split import SplitSource
+from tests.paths import shared
+
+START = 1_600_000_000 * 10**9
+VELODYNE_SCAN, PANDAR_SCAN = "velodyne_msgs/msg/VelodyneScan", "pandar_msgs/msg/PandarScan"
+IMU = Channel(9, "/imu", "cdr", ros2_schema("sensor_msgs/msg/Imu"))
+
+
+class Tens:
+    """A sensor whose turns are ten packets, each a point whose x is the packet's first byte."""
+
+    title = "Tens"
+
+    def __init__(self, error=None):
+        self.error = error
+        self.scan_types = {VELODYNE_SCAN: "packets", PANDAR_SCAN: "packets"}
+
+    def recognises(self, payload):
+        return True
+
+    def decoder(self, packets, options):
+        if self.error:
+            raise self.error
+        if options.model == "picky" and packets.payloads[0, 0] > 9:
+            raise InputError("these packets are too strange")
+        return TensDecoder()
+
+
+class TensDecoder:
+    def __init__(self):
+        self.facts = Facts("Tens", warnings=["a toy"])
+        self.packets = []
+
+    def add(self, packets):
+        for time_ns, payload in zip(packets.times_ns.tolist(), packets.payloads, strict=True):
+            if not len(payload):
+                self.facts.bad_packets += 1
+                continue
+            self.facts.bad_packets += int(payload[0] == 255)
+            self.facts.lost_packets += int(payload[0] == 254)
+            self.packets.append((time_ns, payload[0], len(payload)))
+            if len(self.packets) == 10:
+                yield self.frame()
+
+    def finish(self):
+        if self.packets:
+            yield self.frame(partial=True)
+
+    def frame(self, *, partial=False):
+        points = np.zeros(len(self.packets), point_dtype())
+        points["x"] = [first for _, first, _ in self.packets]
+        points["y"] = [size for _, _, size in self.packets]
+        stamp_ns = self.packets[-1][0]
+        self.packets = []
+        return PacketFrame(points, stamp_ns, partial=partial)
+
+
+class Log:
+    """A log in memory."""
+
+    name, format, profile, compression = "log", "a list", "ros2", None
+
+    def __init__(self, records, channels, *, counts=None):
+        self._records, self.channels = records, channels
+        self.counts = counts or {}
+        self.damage, self.warnings, self.closed = [], [], False
+
+    def records(self):
+        return iter(self._records)
+
+    def close(self):
+        self.closed = True
+
+
+def channel(kind=VELODYNE_SCAN, *, number=1, topic="/velodyne_packets", encoding="cdr"):
+    schema = ros2_schema(kind) if encoding == "cdr" else Schema(kind.replace("/msg/", "/"), "ros1msg", b"")
+    return Channel(number, topic, encoding, schema)
+
+
+def scan(packets, *, kind=VELODYNE_SCAN, encoding="cdr", frame_id="velodyne", big_endian=False):
+    """Return a message of packets, each a time and bytes, written field by field."""
+    order, ros1 = (">" if big_endian else "<"), encoding == "ros1"
+    data = bytearray(struct.pack("<III", 7, 3, 4) if ros1 else struct.pack(order + "II", 3, 4))
+
+    def put(code, value):
+        data.extend(bytes(0 if ros1 else -len(data) % 4) + struct.pack(order + code, value))
+
+    name = frame_id.encode() + (b"" if ros1 else b"\0")
+    put("I", len(name))
+    data.extend(name)
+    put("I", len(packets))
+    most = 1206 if kind == VELODYNE_SCAN else 1500
+    for time_ns, payload in packets:
+        put("I", time_ns // 10**9)
+        put("I", time_ns % 10**9)
+        data.extend(payload.ljust(most, b"\0"))
+        if kind == PANDAR_SCAN:
+            put("I", len(payload))
+    return bytes(data) if ros1 else bytes((0, not big_endian, 0, 0)) + bytes(data)
+
+
+def numbered(first, count, size=1206):
+    return [(START + number * 10**6, bytes([number % 256]) * size) for number in range(first, first + count)]
+
+
+def messages(chan, scans):
+    return [Message(chan, START + n * 10**8, START + n * 10**8 + 5, n, data) for n, data in enumerate(scans)]
+
+
+def wrapped(records, channels, *, options=None, family=None, counts=None):
+    return wrap_packets(Log(records, channels, counts=counts), options, {"tens": family or Tens()})
+
+
+def clouds(source):
+    """Return the clouds of a source with their messages."""
+    return [(m, find_codec(m.channel).decode(m.data)) for m in source.records() if is_cloud(m)]
+
+
+def is_cloud(record):
+    return isinstance(record, Message) and find_codec(record.channel) is not None
+
+
+FORMS = [
+    {"kind": kind, "encoding": encoding, "big_endian": big}
+    for kind in (VELODYNE_SCAN, PANDAR_SCAN)
+    for encoding, big in (("cdr", False), ("cdr", True), ("ros1", False))
+]
+
+
+@pytest.mark.parametrize("form", FORMS, ids=str)
+@pytest.mark.parametrize("frame_id", ["", "a", "velodyne", "lidar_é"])
+def test_scans_become_clouds_beside_them(form, frame_id):
+    chan = channel(form["kind"], encoding=form["encoding"])
+    scans = messages(chan, [scan(numbered(n * 7, 7), frame_id=frame_id, **form) for n in range(3)])
+    other = Message(IMU, START + 15 * 10**7, 0, 0, b"imu")
+    records = [scans[0], scans[1], other, Metadata("note", {}), scans[2]]
+    source = wrapped(records, [chan, IMU], counts={1: 3, 9: 1})
+    (_, _, decoded) = source.channels
+    assert (decoded.topic, decoded.message_encoding) == ("/velodyne_points", form["encoding"])
+    assert source.counts == {1: 3, 9: 1, decoded.id: 3}
+    read = list(source.records())
+    assert [record for record in read if not is_cloud(record)] == records
+    assert [is_cloud(record) for record in read] == [False, False, True, False, False, False, True, True]
+    (first, cloud), (second, _), (rest, last) = clouds(source)
+    assert cloud.points["x"].tolist() == list(range(10))
+    assert last.points["x"].tolist() == [20]
+    assert set(cloud.points["y"].tolist()) == {1206}
+    assert (cloud.stamp_ns, cloud.frame_id) == (START + 9 * 10**6, frame_id)
+    assert [(m.log_time_ns, m.publish_time_ns) for m in (first, second, rest)] == [
+        (scans[n].log_time_ns, scans[n].publish_time_ns) for n in (1, 2, 2)
+    ]
+    assert [m.sequence for m in (first, second, rest)] == [0, 1, 2]
+    assert source.facts["/velodyne_points"].details["partial turns"].startswith("1,")
+    assert source.damage == []
+
+
+def test_the_schema_of_ros_1_clouds_is_that_of_ros_1():
+    chan = channel(encoding="ros1")
+    source = wrapped(messages(chan, [scan(numbered(0, 10), encoding="ros1")]), [chan])
+    decoded = source.channels[-1]
+    assert (decoded.schema.name, decoded.schema.encoding) == ("sensor_msgs/PointCloud2", "ros1msg")
+    assert b"MSG: std_msgs/Header\nuint32 seq\ntime stamp" in decoded.schema.data
+    assert clouds(source)[0][1].extra == 0
+
+
+def test_packets_of_several_lengths_stay_in_order():
+    chan = channel(PANDAR_SCAN)
+    sizes = [1080, 1080, 512, 1080, 9999, 1080, 0, 1080, 1080, 1080]
+    data = bytearray(scan([(START + n, bytes([n]) * 1080) for n in range(10)], kind=PANDAR_SCAN))
+    for n, size in enumerate(sizes):
+        struct.pack_into("<I", data, len(data) - (10 - n) * 1512 + 1508, size)
+    ((_, cloud),) = clouds(wrapped(messages(chan, [bytes(data)]), [chan]))
+    assert cloud.points["y"].tolist() == [min(size, 1500) for size in sizes if size]
+
+
+def test_state_is_kept_per_channel_and_passes_are_alike():
+    chans = [channel(), channel(number=2, topic="/front/scan")]
+    records = [m for n in range(6) for chan in chans for m in messages(chan, [scan(numbered(n * 5 * chan.id, 5))])]
+    source = wrapped(records, chans)
+    assert [c.topic for c in source.channels[2:]] == ["/velodyne_points", "/front/scan/points"]
+    first = clouds(source)
+    assert [(m.channel.topic, cloud.size) for m, cloud in first] == [
+        (topic, 10) for _ in range(3) for topic in ("/velodyne_points", "/front/scan/points")
+    ]
+    assert first == clouds(source)
+    assert source.warnings == [f"{topic}: a toy" for topic in ("/velodyne_points", "/front/scan/points")]
+
+
+def test_a_split_recording_is_one_stream():
+    chan = channel()
+    files = {Path(f"log_{n}.db3"): Log(messages(chan, [scan(numbered(n * 7, 7))]), [chan]) for n in range(3)}
+    source = wrap_packets(SplitSource(list(files), files.__getitem__), None, {"tens": Tens()})
+    assert [cloud.points["x"].tolist() for _, cloud in clouds(source)] == [[*range(10)], [*range(10, 20)], [20]]
+
+
+def test_packets_whose_clouds_were_recorded_too_are_left_alone():
+    chan = channel()
+    taken = Channel(2, "/velodyne_points", "cdr", ros2_schema("sensor_msgs/msg/PointCloud2"))
+    cloud = from_array(np.zeros(2, point_dtype()))
+    records = [*messages(chan, [scan(numbered(0, 10))]), Message(taken, START, START, 0, CODECS_CDR.encode(cloud))]
+    source = wrapped(records, [chan, taken])
+    assert [c.topic for c in source.channels] == ["/velodyne_packets", "/velodyne_points"]
+    assert len(list(source.records())) == 2
+
+
+CODECS_CDR = CODECS["sensor_msgs/msg/PointCloud2", "cdr"]
+
+
+def test_what_is_bad_or_lost_is_told():
+    chan = channel()
+    packets = [*numbered(0, 8), (START, b"\xff" * 1206), (START, b"\xfe" * 1206)]
+    source = wrapped(messages(chan, [scan(packets)]), [chan])
+    for _ in range(2):
+        clouds(source)
+        (damage,) = source.damage
+        assert str(damage) == "log: /velodyne_points: 1 packets that cannot be decoded; left out: 1206 bytes"
+        assert source.warnings[1:] == ["/velodyne_points: 1 packets are missing, as gaps tell"]
+
+
+def test_a_log_without_packet_topics_is_returned_as_it_is():
+    log = Log([], [IMU, Channel(2, "/raw", "cdr", None), channel(encoding="json")])
+    assert wrap_packets(log, DecoderOptions(), {"tens": Tens()}) is log
+    assert wrap_packets(Log([], [channel()]), None, {}).channels == [channel()]
+
+
+def test_an_empty_packet_topic_has_no_clouds():
+    chan = channel()
+    for counts in ({}, {1: 0}):
+        source = wrapped([], [chan], counts=counts)
+        assert list(source.channels) == [chan]
+        assert list(source.records()) == []
+    source.close()
+    assert source._inner.closed
+
+
+def test_what_cannot_be_decoded_stays_with_a_warning():
+    chan = channel()
+    records = messages(chan, [scan(numbered(0, 10)), b"", scan(numbered(0, 10))])
+    source = wrapped(records, [chan], family=Tens(InputError("angles are needed: --calibration")))
+    assert source.warnings == ["/velodyne_packets is not decoded: angles are needed: --calibration"]
+    assert list(source.channels) == [chan]
+    assert list(source.records()) == records
+    assert source.damage == []
+
+
+def test_a_missing_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "velodyne_decoder", None)
+    chan, payload = channel(), (b"\xff\xee" + bytes(98)) * 12 + bytes(4) + b"\x37\x22"
+    records = messages(chan, [scan([(START, payload)])])
+    source = wrapped(records, [chan], family=VELODYNE)
+    (warning,) = source.warnings
+    assert warning.startswith("/velodyne_packets is not decoded: decoding Velodyne packets needs an optional part: ")
+    assert warning.endswith("pip install 'seaclutter[velodyne]'")
+    assert list(source.records()) == records
+
+
+def test_the_first_scan_may_be_broken():
+    chan = channel()
+    scans = [b"", scan([]), scan(numbered(50, 5)), scan(numbered(0, 10))]
+    source = wrapped(messages(chan, scans), [chan], options=DecoderOptions(model="picky"))
+    assert [cloud.size for _, cloud in clouds(source)] == [10, 5]
+    (damage,) = source.damage
+    assert damage.lost_messages == 1
+    assert "scan 0 of /velodyne_packets" in str(damage)
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.data())
+def test_broken_scans_are_damage(data):
+    form = data.draw(st.sampled_from(FORMS))
+    chan = channel(form["kind"], encoding=form["encoding"])
+    noise = random.Random(data.draw(st.integers(0, 2**32)))
+    scans = [bytearray(scan(numbered(n * 10, 10), **form)) for n in range(5)]
+    broken = scans[noise.randrange(1, 5)]
+    if noise.random() < 0.5:
+        del broken[noise.randrange(len(broken)) :]
+    for _ in range(noise.randrange(5)):
+        if broken:
+            broken[noise.randrange(min(len(broken), 60))] = noise.randrange(256)
+    source = wrapped(messages(chan, map(bytes, scans)), [chan])
+    read = clouds(source)
+    lost = sum(damage.lost_messages or 0 for damage in source.damage)
+    assert lost <= 2
+    assert len(read) >= 4 - lost
+    damage = list(source.damage)
+    clouds(source)
+    assert source.damage == damage
+
+
+@pytest.mark.parametrize("form", FORMS, ids=str)
+def test_a_scan_cut_anywhere_is_damage(form):
+    chan = channel(form["kind"], encoding=form["encoding"])
+    whole = scan(numbered(0, 3), **form)
+    for size in [*range(60), *range(len(whole) - 60, len(whole))]:
+        source = wrapped(messages(chan, [whole, whole[:size]]), [chan])
+        ((_, cloud),) = clouds(source)
+        assert (cloud.size, len(source.damage)) == (3, 1)
+
+
+def test_a_ros_1_bag_has_ros_1_clouds(tmp_path):
+    types = get_typestore(Stores.ROS1_NOETIC)
+    types.register(get_types_from_msg("time stamp\nuint8[1206] data", "velodyne_msgs/msg/VelodynePacket"))
+    types.register(
+        get_types_from_msg("Header header\nvelodyne_msgs/VelodynePacket[] packets", "velodyne_msgs/msg/VelodyneScan")
+    )
+    packet_type, scan_type, time_type, header_type = (
+        types.types[name]
+        for name in (
+            "velodyne_msgs/msg/VelodynePacket",
+            "velodyne_msgs/msg/VelodyneScan",
+            "builtin_interfaces/msg/Time",
+            "std_msgs/msg/Header",
+        )
+    )
+    with Writer(tmp_path / "log.bag") as writer:
+        connection = writer.add_connection("/velodyne_packets", scan_type.__msgtype__, typestore=types)
+        for n in range(3):
+            packets = [
+                packet_type(time_type(*divmod(time_ns, 10**9)), np.frombuffer(payload, np.uint8))
+                for time_ns, payload in numbered(n * 8, 8)
+            ]
+            message = scan_type(header_type(n, time_type(1, 2), "velodyne"), packets)
+            writer.write(connection, START + n, types.serialize_ros1(message, scan_type.__msgtype__))
+    source = wrap_packets(BagSource(tmp_path / "log.bag"), DecoderOptions(), {"tens": Tens()})
+    assert source.profile == "ros1"
+    read = clouds(source)
+    source.close()
+    assert [(m.channel.message_encoding, cloud.points["x"].tolist()) for m, cloud in read] == [
+        ("ros1", list(range(10))),
+        ("ros1", list(range(10, 20))),
+        ("ros1", list(range(20, 24))),
+    ]
+
+
+def real(name, families):
+    return wrap_packets(Db3Source(next(Path(shared(f"nebula/{name}")).glob("*.db3"))), DecoderOptions(), families)
+
+
+@pytest.mark.parametrize(
+    ("name", "topic", "sizes"),
+    [
+        ("vlp16", "/velodyne_points", [14837, 14813, 14853, 14879, 32]),
+        ("vlp32", "/sensing/lidar/front/velodyne_points", [26203, 26239, 26223, 26241, 26272, 127]),
+    ],
+)
+def test_real_velodyne_scans(name, topic, sizes):
+    pytest.importorskip("velodyne_decoder")
+    source = real(name, {"velodyne": VELODYNE})
+    assert isinstance(source, PacketTopics)
+    read = clouds(source)
+    assert [m.channel.topic for m, _ in read] == [topic] * len(sizes)
+    assert [cloud.size for _, cloud in read] == sizes
+    assert all(0 <= m.log_time_ns - cloud.stamp_ns < 4 * 10**8 for m, cloud in read)
+    assert source.damage == []
+    source.close()
+
+
+def test_real_hesai_scans():
+    from seaclutter_cli.sensors.hesai.decoder import Hesai
+
+    source = real("xt32", {"hesai": Hesai()})
+    read = clouds(source)
+    assert {m.channel.topic for m, _ in read} == {"/pandar_points"}
+    assert {cloud.frame_id for _, cloud in read} == {"hesai"}
+    assert all(60_000 < cloud.size < 64_000 for _, cloud in read[1:-1])
+    assert source.damage == []
+    source.close()
