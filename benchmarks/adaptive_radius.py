@@ -18,10 +18,8 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.adaptive_radius import PRESETS, AdaptiveRadiusParams, Preset
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.records import Channel, Message
 
 RUNS = 15
-MESSAGE = Message(Channel(1, "/points", "cdr", None), 0, 0, 0, b"")
 
 
 def harbour_walls() -> np.ndarray:
@@ -46,7 +44,7 @@ def methods() -> Mapping[str, Filter]:
 
 def timed(method: Filter, cloud: Cloud) -> float:
     started = time.perf_counter()
-    method.step(Frame(cloud, MESSAGE, 0))
+    method.step(Frame(cloud))
     return 1000 * (time.perf_counter() - started)
 
 

@@ -14,7 +14,6 @@ from scipy.spatial import cKDTree
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.records import Channel, Message
 
 RUNS = 15
 NEIGHBORS = 30
@@ -46,7 +45,6 @@ def timed(function: Callable[[], object]) -> float:
 
 def compare(points: np.ndarray, other: Callable[[np.ndarray], object] | None) -> list[tuple[float, float, float]]:
     """Return milliseconds of the joint method, scipy's SOR and Open3D's, run by run."""
-    message = Message(Channel(1, "/points", "cdr", None), 0, 0, 0, b"")
     cloud = from_array(points)
     method = FILTERS["ring_intensity_outlier"]
     joint = method(method.Params())  # the joint method's work on a first frame, the same in every run
@@ -54,7 +52,7 @@ def compare(points: np.ndarray, other: Callable[[np.ndarray], object] | None) ->
     xyz = xyz[np.isfinite(xyz).all(axis=1)]
     rows = []
     for _ in range(RUNS):
-        mine = timed(lambda: joint.step(Frame(cloud, message, 0)))
+        mine = timed(lambda: joint.step(Frame(cloud)))
         sor = timed(lambda: scipy_sor(xyz))
         rows.append((mine, sor, timed(lambda: other(xyz)) if other else float("nan")))
     return rows

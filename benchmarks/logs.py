@@ -85,9 +85,7 @@ def write_log(path: Path, frames: int, share: float) -> None:
 def share_above_threshold(share: float) -> float:
     """Return the share that the ring thresholds really let through in the first frame's rings."""
     from seaclutter_cli.frame import Frame
-    from seaclutter_cli.records import Channel, Message
 
     method = FILTERS["ring_intensity"]
-    message = Message(Channel(1, "/points", "cdr", None), 0, 0, 0, b"")
-    rings = method(method.Params()).step(Frame(from_array(frame(0, share)), message, 0)).rings
+    rings = method(method.Params()).step(Frame(from_array(frame(0, share)))).rings
     return float((rings.points - rings.low_intensity).sum() / POINTS)

@@ -18,14 +18,12 @@ from scene_data import CLASSES, PARTS, Part, scenes
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.scenes.image import top_view
 from seaclutter_cli.scenes.judge import SceneJudge
 from seaclutter_cli.scenes.model import SceneModel
 from seaclutter_cli.simulation.marine.render import Renderer
 
 Floats = NDArray[np.float64]
-CHANNEL = Channel(1, "/points", "cdr", None)
 RUNS = 200
 STRIDE = 2
 
@@ -91,7 +89,7 @@ def timed(task: Callable[[], object]) -> float:
 
 def frame_of(points: NDArray[np.void], index: int = 0) -> Frame:
     cloud = from_array(points)
-    return Frame(cloud, Message(CHANNEL, 0, 0, index, cloud.data), index)
+    return Frame(cloud, index=index)
 
 
 def speed() -> None:

@@ -17,17 +17,6 @@ A message says what was found and what to do about it.
 """
 
 
-def printable(text: str) -> str:
-    r"""Return a text from a file as one line that a terminal can show: control characters stand escaped.
-
-    Examples
-    --------
-    >>> print(printable("inten\nity, é"))
-    inten\nity, é
-    """
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-
-
 class SeaclutterError(Exception):
     """An error in the data or the run; its text is shown to the user as it is."""
 

@@ -3,14 +3,15 @@
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.cloud import Cloud
-from seaclutter_cli.errors import FieldError, printable
+from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.errors import FieldError
 from seaclutter_cli.records import Message
+from seaclutter_cli.text import printable
 
 INTENSITY_NAMES = (
     "intensity",
@@ -39,29 +40,82 @@ class Reason(IntEnum):
 
 @dataclass(frozen=True)
 class Frame:
-    """A point cloud with its place in the log. What filters need of it is computed once, when first asked for.
+    """A point cloud with its place in a recording. What filters compute with is derived once, when first used.
 
     Parameters
     ----------
     cloud : Cloud
         The points.
-    message : Message
-        The record that the cloud came in.
-    index : int
+    topic : str, optional
+        Topic that the frame belongs to.
+    stamp_ns : int, optional
+        Time of the frame in nanoseconds: the stamp of its header, else its log time.
+    index : int, optional
         Number of the frame within its topic, from 0.
     intensity_field : str, optional
         Name of the intensity field; None looks for one of `INTENSITY_NAMES`.
+    message : Message, optional
+        Record that the frame was read from; None for a frame made from arrays.
     """
 
     cloud: Cloud
-    message: Message
-    index: int
+    topic: str = "/points"
+    stamp_ns: int = 0
+    index: int = 0
     intensity_field: str | None = None
+    message: Message | None = None
 
-    @property
-    def topic(self) -> str:
-        """Topic of the frame."""
-        return self.message.channel.topic
+    @classmethod
+    def of_message(cls, message: Message, cloud: Cloud, index: int, intensity_field: str | None = None) -> Self:
+        """Return the frame of a log record and the cloud decoded from it."""
+        return cls(cloud, message.channel.topic, cloud.stamp_ns or message.log_time_ns, index, intensity_field, message)
+
+    @classmethod
+    def of_arrays(
+        cls,
+        xyz: NDArray[np.floating],
+        intensity: NDArray[Any] | None = None,
+        *,
+        topic: str = "/points",
+        stamp_ns: int = 0,
+        index: int = 0,
+    ) -> Self:
+        """Return a frame of bare arrays.
+
+        Parameters
+        ----------
+        xyz : ndarray, shape (N, 3), float32 or float64
+            Coordinates in metres in the frame of the lidar.
+        intensity : ndarray, shape (N,), optional
+            Intensity in the sensor's unit; methods that need it raise `FieldError` where it is missing.
+        topic, stamp_ns, index : optional
+            As for `Frame`.
+
+        Raises
+        ------
+        ValueError
+            If the shapes do not fit, or an array does not hold numbers.
+
+        Examples
+        --------
+        >>> Frame.of_arrays(np.array([[3.0, 4.0, 0.0]]), np.array([12])).range_m
+        array([5.])
+        """
+        places = np.asarray(xyz)
+        if places.ndim != 2 or places.shape[1] != 3:
+            raise ValueError(f"xyz must have the shape (N, 3), got {places.shape}")
+        columns = dict(zip("xyz", places.T, strict=True))
+        if intensity is not None:
+            columns["intensity"] = np.asarray(intensity)
+        for name, values in columns.items():
+            if values.shape != (len(places),):
+                raise ValueError(f"{name} must have the shape ({len(places)},), got {values.shape}")
+            if values.dtype.kind not in "fiu":
+                raise ValueError(f"{name} must hold numbers, got {values.dtype}")
+        points = np.empty(len(places), [(name, values.dtype) for name, values in columns.items()])
+        for name, values in columns.items():
+            points[name] = values
+        return cls(from_array(points, stamp_ns=stamp_ns), topic, stamp_ns, index)
 
     @property
     def size(self) -> int:
@@ -69,9 +123,14 @@ class Frame:
         return self.cloud.size
 
     @property
-    def stamp_ns(self) -> int:
-        """Stamp of the header, else the log time."""
-        return self.cloud.stamp_ns or self.message.log_time_ns
+    def nbytes(self) -> int:
+        """Bytes of the message that the frame was read from, else of its points."""
+        return len(self.cloud.data if self.message is None else self.message.data)
+
+    @property
+    def log_time_ns(self) -> int:
+        """Log time of the message in nanoseconds, else the stamp."""
+        return self.stamp_ns if self.message is None else self.message.log_time_ns
 
     @cached_property
     def xyz(self) -> NDArray[np.float64]:

@@ -4,12 +4,12 @@ A source yields the records of a log. The pipeline decodes the point clouds amon
 point of a frame a reason, and sinks write what comes out.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Protocol
 
 from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record
+from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record, SensorFacts
 from seaclutter_cli.truth import Truth
 
 
@@ -39,8 +39,20 @@ class Source(Protocol):
         """Messages per channel id as far as known before reading."""
         ...
 
-    def records(self) -> Iterator[Record]:
-        """Yield everything in the recording, messages in the order of their log time; can be called again."""
+    @property
+    def facts(self) -> Mapping[str, SensorFacts]:
+        """What packets reveal of the sensor behind each cloud topic; complete once the records have been read."""
+        ...
+
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
+        """Yield attachments, metadata, and messages in the order of their log time; can be called again.
+
+        Messages outside of ``[start_ns, end_ns)`` may be left out where that saves reading them.
+        """
+        ...
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:
+        """Return how many messages per channel id `records` leaves out at the beginning, given this start."""
         ...
 
     def close(self) -> None:

@@ -1,5 +1,6 @@
 """The loop: for each frame of a source, filter it and hand the result to the sinks."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -42,6 +43,11 @@ class Selection:
     frames: int | None = None
     intensity_field: str | None = None
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether the chosen topics are read from the first frame to the last."""
+        return self.start_s is None and self.end_s is None and self.frames is None
+
 
 def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel]:
     """Return the cloud channels of the chosen topics.
@@ -80,17 +86,23 @@ def _describe(channel: Channel) -> str:
     return f"{channel.topic} ({kind}, {channel.message_encoding})"
 
 
-def read(source: Source, clouds: Sequence[Channel], selection: Selection) -> Iterator[Record | Frame]:
-    """Yield the selected records of a source, the chosen clouds among them as frames.
+def frames(source: Source, selection: Selection) -> Iterator[Frame]:
+    """Yield the selected frames of the chosen cloud topics; see `read`, and `cloud_channels` for its errors."""
+    clouds = cloud_channels(source, selection.topics)
+    return (frame for _, frame in read(source, clouds, selection) if frame is not None)
+
+
+def read(source: Source, clouds: Sequence[Channel], selection: Selection) -> Iterator[tuple[Record, Frame | None]]:
+    """Yield the selected records of a source, each of the chosen clouds with its frame.
 
     A message that is no valid cloud is left out and added to the source's damage. Frames count from 0 within their
     topic, from the start of the recording whatever is selected.
     """
     codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
-    window = _Window(selection, {channel.topic for channel in clouds})
-    for record in source.records():
+    window = _Window(source, clouds, selection)
+    for record in source.records(window.start_ns, window.end_ns):
         if not isinstance(record, Message):
-            yield record
+            yield record, None
             continue
         codec = codecs.get(record.channel)
         if codec and window.closed:
@@ -99,33 +111,52 @@ def read(source: Source, clouds: Sequence[Channel], selection: Selection) -> Ite
         if not window.contains(record):
             continue
         if codec is None:
-            yield record
+            yield record, None
         elif frame := _decode(codec, record, index, source, selection.intensity_field):
             window.taken(record)
-            yield frame
+            yield record, frame
 
 
 def _decode(codec: CloudCodec, message: Message, index: int, source: Source, intensity: str | None) -> Frame | None:
     try:
-        return Frame(codec.decode(message.data), message, index, intensity)
+        return Frame.of_message(message, codec.decode(message.data), index, intensity)
     except CloudError as error:
-        _lost(source, message, index, error)
+        _lost(source, message.channel.topic, index, len(message.data), error)
         return None
 
 
-def _lost(source: Source, message: Message, index: int, error: Exception) -> None:
-    what = f"frame {index} of {message.channel.topic} is no valid cloud ({error})"
-    source.damage.append(Damage(Path(source.name), None, what, len(message.data), 1))
+def _lost(source: Source, topic: str, index: int, lost_bytes: int, error: Exception) -> None:
+    what = f"frame {index} of {topic} is no valid cloud ({error})"
+    source.damage.append(Damage(Path(source.name), None, what, lost_bytes, 1))
 
 
 class _Window:
-    """Keeps count of frames and tells which records are selected."""
+    """Keeps count of the frames of a recording and decides which of its records are selected.
 
-    def __init__(self, selection: Selection, topics: Collection[str]) -> None:
+    ``start_ns`` and ``end_ns`` are log times outside of which nothing is selected; None without such a bound.
+    """
+
+    def __init__(self, source: Source, clouds: Sequence[Channel], selection: Selection) -> None:
         self._selection = selection
-        self._first_ns: int | None = None
+        self.start_ns: int | None = None
+        self.end_ns: int | None = None
+        topics = {channel.topic for channel in clouds}
         self._index = dict.fromkeys(topics, -1)
         self._taken = dict.fromkeys(topics, 0)
+        if selection.start_s is not None or selection.end_s is not None:
+            self._begin(source, clouds)
+
+    def _begin(self, source: Source, clouds: Sequence[Channel]) -> None:
+        """Find the bounds in log time, and the numbers of the first frames within them."""
+        self._first_ns = first_ns = _first_log_time(source)
+        # A float of seconds may be off by less than a nanosecond; `contains` decides.
+        if self._selection.start_s is not None:
+            self.start_ns = first_ns + math.floor(self._selection.start_s * _NANO) - 1
+            skipped = source.skipped(self.start_ns)
+            for channel in clouds:
+                self._index[channel.topic] += skipped.get(channel.id, 0)
+        if self._selection.end_s is not None:
+            self.end_ns = first_ns + math.ceil(self._selection.end_s * _NANO) + 1
 
     def count(self, message: Message) -> int:
         """Return the number of a cloud message within its topic."""
@@ -144,13 +175,22 @@ class _Window:
 
     def contains(self, message: Message) -> bool:
         """Tell whether a message is selected."""
-        if self._first_ns is None:
-            self._first_ns = message.log_time_ns
-        seconds = (message.log_time_ns - self._first_ns) / _NANO
         start, end, frames = self._selection.start_s, self._selection.end_s, self._selection.frames
-        if (start is not None and seconds < start) or (end is not None and seconds >= end):
-            return False
+        if start is not None or end is not None:
+            seconds = (message.log_time_ns - self._first_ns) / _NANO
+            if (start is not None and seconds < start) or (end is not None and seconds >= end):
+                return False
         return frames is None or self._taken.get(message.channel.topic, -1) < frames
+
+
+def _first_log_time(source: Source) -> int:
+    """Return the log time of a recording's first message; 0 if there is none."""
+    damage = list(source.damage)
+    records = source.records()
+    first_ns = next((record.log_time_ns for record in records if isinstance(record, Message)), 0)
+    del records  # ends it, and with it what it reports of damage
+    source.damage[:] = damage  # what comes up while reading will come up again
+    return first_ns
 
 
 @dataclass
@@ -228,21 +268,21 @@ def run(
     clouds = cloud_channels(source, selection.topics)
     filters = {channel.topic: make_filter() for channel in clouds}
     tallies = {topic: TopicTally() for topic in filters}
-    _observe(source, clouds, selection, {topic: [method] for topic, method in filters.items()})
+    _observe(source, selection, {topic: [method] for topic, method in filters.items()})
     for sink in sinks:
         sink.begin(source, clouds)
-    for record in read(source, clouds, selection):
-        if isinstance(record, Frame):
-            result = _step(filters[record.topic], record, tallies[record.topic], source)
-            if isinstance(result, FieldError):
-                _lost(source, record.message, record.index, result)
-                continue
-            for sink in sinks:
-                sink.write(result)
-            on_frame(result)
-        else:
+    for record, frame in read(source, clouds, selection):
+        if frame is None:
             for sink in sinks:
                 sink.copy(record)
+            continue
+        result = _step(filters[frame.topic], frame, tallies[frame.topic], source)
+        if isinstance(result, FieldError):
+            _lost(source, frame.topic, frame.index, frame.nbytes, result)
+            continue
+        for sink in sinks:
+            sink.write(result)
+        on_frame(result)
     for topic, tally in tallies.items():
         _require_fields(source, topic, tally)
     for sink in sinks:
@@ -283,15 +323,13 @@ def run_each(
     if len(topics) > 1:
         choices = " or ".join(f"-t {topic}" for topic in topics)
         raise UsageError(f"{source.name}: one cloud topic at a time: {choices}")
-    _observe(source, clouds, selection, {topics[0]: filters})
+    _observe(source, selection, {topics[0]: filters})
     tallies = [TopicTally() for _ in filters]
-    for frame in read(source, clouds, selection):
-        if not isinstance(frame, Frame):
-            continue
+    for frame in frames(source, selection):
         try:
             _ = frame.valid
         except FieldError as error:
-            _lost(source, frame.message, frame.index, error)
+            _lost(source, frame.topic, frame.index, frame.nbytes, error)
             continue
         with suppress(FieldError):  # not every method needs it
             _ = frame.intensity
@@ -299,7 +337,7 @@ def run_each(
         results = [_step(method, frame, tally, source) for method, tally in zip(filters, tallies, strict=True)]
         unusable = next((result for result in results if isinstance(result, FieldError)), None)
         if unusable is not None:
-            _lost(source, frame.message, frame.index, unusable)
+            _lost(source, frame.topic, frame.index, frame.nbytes, unusable)
         seconds = [tally.filter_s - start for tally, start in zip(tallies, before, strict=True)]
         on_frame(frame, [None if isinstance(result, FieldError) else result for result in results], seconds)
     for tally in tallies:
@@ -312,19 +350,16 @@ def _require_fields(source: Source, topic: str, tally: TopicTally) -> None:
         raise FieldError(f"{source.name}, {topic}: {tally.unfit[0]}") from tally.unfit[0]
 
 
-def _observe(
-    source: Source, clouds: Sequence[Channel], selection: Selection, filters: Mapping[str, Sequence[Filter]]
-) -> None:
+def _observe(source: Source, selection: Selection, filters: Mapping[str, Sequence[Filter]]) -> None:
     """Show all frames to those filters that want to see them before they start."""
     waiting = {topic: [method for method in methods if method.needs_first_pass] for topic, methods in filters.items()}
     if not any(waiting.values()):
         return
     damage = list(source.damage)
-    for record in read(source, clouds, selection):
-        if isinstance(record, Frame):
-            for method in waiting[record.topic]:
-                with suppress(FieldError):  # `step` will say so
-                    method.observe(record)
+    for frame in frames(source, selection):
+        for method in waiting[frame.topic]:
+            with suppress(FieldError):  # `step` will say so
+                method.observe(frame)
     source.damage[:] = damage  # what comes up while reading will come up again
 
 

@@ -4,10 +4,10 @@ Times are integer nanoseconds. ``Buffer`` data are views where possible: a messa
 decompressed chunk.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from seaclutter_cli.errors import printable
+from seaclutter_cli.text import printable
 
 Buffer = bytes | memoryview
 
@@ -63,6 +63,29 @@ class Metadata:
 
 
 Record = Message | Attachment | Metadata
+
+
+@dataclass
+class SensorFacts:
+    """What is known of a sensor and its packets; grows while packets are decoded.
+
+    Parameters
+    ----------
+    model : str
+        Name of the sensor model.
+    details : dict of str to str
+        Firmware, return mode, intensity mode and the like, for people.
+    lost_packets, bad_packets : int
+        Packets that never arrived, as far as gaps show, and those that cannot be decoded.
+    warnings : list of str
+        What the user should know.
+    """
+
+    model: str
+    details: dict[str, str] = field(default_factory=dict)
+    lost_packets: int = 0
+    bad_packets: int = 0
+    warnings: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,13 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
 
-BASE = {"errors", "records", "cloud", "frame", "truth", "interfaces"}
+BASE = {"text", "errors", "records", "cloud", "frame", "truth", "interfaces"}
 ALLOWED = {
+    "text": set(),
     "errors": set(),
-    "records": {"errors"},
+    "records": {"text"},
     "cloud": {"errors", "records"},
-    "frame": {"errors", "records", "cloud"},
+    "frame": {"text", "errors", "records", "cloud"},
     "truth": {"errors"},
     "interfaces": BASE,
     "messages": BASE,

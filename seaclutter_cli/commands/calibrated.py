@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.commands.console import count, share, table
-from seaclutter_cli.errors import printable
+from seaclutter_cli.text import printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.calibration import ClutterReader, RingCalibration, Thresholds
     from seaclutter_cli.config import Config, SensorParams
     from seaclutter_cli.frame import Frame
-    from seaclutter_cli.records import Damage
-    from seaclutter_cli.sensors.packets import Facts
+    from seaclutter_cli.records import Damage, SensorFacts
 
 _COMMENT_WIDTH = 100
 _TEXT_WIDTH = 79
@@ -46,7 +45,7 @@ class Calibrated:
     sensors: list[str] = field(default_factory=list)
     intensity_fields: list[str] = field(default_factory=list)
     damage: list["Damage"] = field(default_factory=list)
-    facts: list["Facts"] = field(default_factory=list)
+    facts: list["SensorFacts"] = field(default_factory=list)
     _seen: set[tuple[str, str]] = field(default_factory=set)
 
     def __post_init__(self) -> None:

@@ -10,8 +10,9 @@ from typing import Any, Protocol, Self
 import click
 
 from seaclutter_cli.commands.options import DEBUG
-from seaclutter_cli.errors import SeaclutterError, UsageError, printable
+from seaclutter_cli.errors import SeaclutterError, UsageError
 from seaclutter_cli.records import Damage
+from seaclutter_cli.text import printable
 
 _LINE_SECONDS = 10.0
 _SHOWN_DAMAGE = 10

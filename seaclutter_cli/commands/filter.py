@@ -20,7 +20,8 @@ from seaclutter_cli.commands.options import (
 )
 from seaclutter_cli.commands.sensor_facts import mismatches
 from seaclutter_cli.commands.truths import label_options
-from seaclutter_cli.errors import InputError, UsageError, printable
+from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.text import printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.commands.outcome import Outcome

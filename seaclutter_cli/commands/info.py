@@ -13,13 +13,13 @@ import click
 
 from seaclutter_cli.commands.console import Progress, fail, report_damage, share, table, warn
 from seaclutter_cli.commands.options import decoding_options, logs_argument, output_options, selection_options
-from seaclutter_cli.errors import SeaclutterError, printable
+from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.text import printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.interfaces import Source
     from seaclutter_cli.pipeline import Selection
-    from seaclutter_cli.records import Channel, Damage
-    from seaclutter_cli.sensors.packets import Facts
+    from seaclutter_cli.records import Channel, Damage, SensorFacts
     from seaclutter_cli.sources import Recording
     from seaclutter_cli.survey import TopicSurvey
 
@@ -63,7 +63,7 @@ class Content:
     messages: Counter[str] = field(default_factory=Counter)
     times_ns: list[int] = field(default_factory=list)
     clouds: Mapping[str, "TopicSurvey"] = field(default_factory=dict)
-    facts: Mapping[str, "Facts"] = field(default_factory=dict)
+    facts: Mapping[str, "SensorFacts"] = field(default_factory=dict)
     damage: Sequence["Damage"] = ()
     error: str | None = None
 
@@ -127,7 +127,7 @@ class Content:
         return needs
 
 
-def _describe(topic: str, survey: "TopicSurvey", facts: "Facts | None") -> str:
+def _describe(topic: str, survey: "TopicSurvey", facts: "SensorFacts | None") -> str:
     least, middle, most = survey.sizes()
     rate = f" at {survey.rate_hz:.2f} Hz" if survey.rate_hz else ""
     rows = [
@@ -172,7 +172,6 @@ def _look(recording: "Recording", selection: "Selection", options: Mapping[str, 
 
 
 def _read(source: "Source", content: Content, selection: "Selection", *, quiet: bool) -> None:
-    from seaclutter_cli.frame import Frame
     from seaclutter_cli.messages import find_codec
     from seaclutter_cli.pipeline import read
     from seaclutter_cli.records import Message
@@ -187,13 +186,12 @@ def _read(source: "Source", content: Content, selection: "Selection", *, quiet: 
     content.clouds = surveys
     total = sum(source.counts.get(channel.id, 0) for channel in clouds)
     with Progress(selection.frames or total or None, source.name, quiet=quiet) as progress:
-        for record in read(source, clouds, selection):
-            message = record.message if isinstance(record, Frame) else record
-            if isinstance(message, Message):
-                content.messages[message.channel.topic] += 1
-                content.note_time(message.log_time_ns)
-            if isinstance(record, Frame):
-                surveys[record.topic].add(record)
+        for record, frame in read(source, clouds, selection):
+            if isinstance(record, Message):
+                content.messages[record.channel.topic] += 1
+                content.note_time(record.log_time_ns)
+            if frame is not None:
+                surveys[frame.topic].add(frame)
                 progress.step()
     for text in source.warnings[told:]:
         warn(text, quiet=quiet)

@@ -10,7 +10,8 @@ import click
 from seaclutter_cli.commands.console import Progress, report_damage, told_errors, warn
 from seaclutter_cli.commands.options import decoding_options
 from seaclutter_cli.commands.sensor_facts import mismatches
-from seaclutter_cli.errors import InputError, printable
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.text import printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.commands.comparison import Evaluated

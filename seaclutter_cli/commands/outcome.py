@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.commands.console import count, share, table
-from seaclutter_cli.errors import printable
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage
+from seaclutter_cli.text import printable
 
 
 @dataclass

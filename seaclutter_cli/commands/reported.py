@@ -11,11 +11,11 @@ from seaclutter_cli.commands.judging import Job
 from seaclutter_cli.commands.replaying import Reader, filter_run
 from seaclutter_cli.commands.variants import COMPARISONS, Variant, choose_variants
 from seaclutter_cli.config import load_config
-from seaclutter_cli.errors import printable
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting.collector import Collector, Method
 from seaclutter_cli.reporting.data import report_data
 from seaclutter_cli.reporting.page import render_page
+from seaclutter_cli.text import printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.interfaces import Labels

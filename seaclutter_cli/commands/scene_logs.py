@@ -148,21 +148,18 @@ def read_frames(
     InputError
         If there is no frame that can be read.
     """
-    from seaclutter_cli.frame import Frame
-    from seaclutter_cli.pipeline import Selection, cloud_channels, read
+    from seaclutter_cli.pipeline import Selection, frames
 
     selection = Selection(**{name: options[name] for name in ("topics", "start_s", "end_s", "frames")})
     with closing(recording.open(rate_hz=options["rate_hz"], decoding=decoding_options(options))) as source:
-        clouds = cloud_channels(source, selection.topics)
-        frames = 0
-        for record in read(source, clouds, selection):
-            if isinstance(record, Frame):
-                frames += 1
-                progress.step()
-                yield record
+        found = 0
+        for frame in frames(source, selection):
+            found += 1
+            progress.step()
+            yield frame
         for text in source.warnings:
             warn(text, quiet=options["quiet"])
         damage += source.damage
         report_damage(source.damage, verbose=options["verbose"])
-        if not frames:
+        if not found:
             raise InputError(f"{source.name}: no frame can be read" + (f"; {source.damage[0]}" if damage else ""))

@@ -7,12 +7,12 @@ if TYPE_CHECKING:
 
     from seaclutter_cli.config import SensorParams
     from seaclutter_cli.interfaces import Source
-    from seaclutter_cli.sensors.packets import Facts
+    from seaclutter_cli.records import SensorFacts
 
 
-def facts_of(source: "Source") -> "Mapping[str, Facts]":
+def facts_of(source: "Source") -> "Mapping[str, SensorFacts]":
     """Return what is known of the sensor behind each cloud topic; complete once the records have been read."""
-    found: Mapping[str, Facts] = getattr(source, "facts", {})
+    found: Mapping[str, SensorFacts] = getattr(source, "facts", {})
     return found
 
 

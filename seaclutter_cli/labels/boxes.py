@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seaclutter_cli.errors import LabelError, printable
+from seaclutter_cli.errors import LabelError
+from seaclutter_cli.text import printable
 from seaclutter_cli.truth import Boxes, Truth
 
 IGNORE = "ignore"

@@ -8,12 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from seaclutter_cli.errors import LabelError, printable
+from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import IGNORE, Labelled, checked, truth_of
 from seaclutter_cli.labels.in_cloud import point_labels
 from seaclutter_cli.labels.options import LabelOptions
 from seaclutter_cli.labels.stamps import StampMatcher
+from seaclutter_cli.text import printable
 from seaclutter_cli.truth import Truth
 
 BOX = ("x", "y", "z", "length", "width", "height", "yaw")

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import LabelError, printable
+from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.options import LabelOptions
+from seaclutter_cli.text import printable
 from seaclutter_cli.truth import Truth
 
 FIELD = "label"

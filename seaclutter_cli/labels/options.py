@@ -26,4 +26,4 @@ class LabelOptions:
 
     def number(self, frame: Frame) -> int:
         """Return the number, from 0, by which labels know a frame."""
-        return frame.message.sequence if self.by_sequence else frame.index
+        return frame.message.sequence if self.by_sequence and frame.message else frame.index

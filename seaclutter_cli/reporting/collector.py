@@ -106,11 +106,11 @@ class Collector(Audience):
     ) -> None:
         """Take the numbers of a frame; ``results`` is called only if its points are kept."""
         if self._first_ns is None:
-            self._first_ns = frame.message.log_time_ns
+            self._first_ns = frame.log_time_ns
         row = len(self.timeline.frame)
         self.timeline.recording.append(len(self.recordings) - 1)
         self.timeline.frame.append(frame.index)
-        self.timeline.seconds.append((frame.message.log_time_ns - self._first_ns) / _NANO)
+        self.timeline.seconds.append((frame.log_time_ns - self._first_ns) / _NANO)
         for history, own, score in zip(self.histories, numbers, scores, strict=True):
             history.add(own, score)
 

@@ -34,7 +34,7 @@ def objects_later(
         if result is not None:
             kept |= result.keep
     kept &= frame.valid
-    part = replace(frame, cloud=frame.cloud.select(kept), message=replace(frame.message, data=b""))
+    part = replace(frame, cloud=frame.cloud.select(kept), message=None)
     parts = [result and FilterResult(part, result.reason[kept]) for result in results]
     return partial(objects_in, part, parts, None, params)
 

@@ -95,9 +95,9 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replaye
     clouds = [channel for channel in source.channels if channel.topic == topic]
     frame: Frame | None = None
     removed: Message | None = None
-    for record in read(source, clouds, selection):
-        if isinstance(record, Frame):
-            frame, removed = record, None
+    for record, found_frame in read(source, clouds, selection):
+        if found_frame is not None:
+            frame, removed = found_frame, None
         elif not isinstance(record, Message) or frame is None:
             continue
         elif record.channel.topic == f"{topic}{_REMOVED}":

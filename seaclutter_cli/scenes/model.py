@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import MissingExtraError, ModelError, printable
+from seaclutter_cli.errors import MissingExtraError, ModelError
 from seaclutter_cli.scenes.image import IMAGE_SIZE
+from seaclutter_cli.text import printable
 
 CLASSES_KEY = "seaclutter.classes"
 EXTENT_KEY = "seaclutter.extent_m"

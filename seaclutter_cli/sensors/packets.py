@@ -1,12 +1,14 @@
 """Packets of a sensor, and what turns them into frames."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from seaclutter_cli.records import SensorFacts
 
 
 @dataclass(frozen=True)
@@ -67,33 +69,10 @@ class DecoderOptions:
     model: str | None = None
 
 
-@dataclass
-class Facts:
-    """What is known of a sensor and its packets; grows while packets are decoded.
-
-    Parameters
-    ----------
-    model : str
-        Name as in `SENSORS`.
-    details : dict of str to str
-        Firmware, return mode, intensity mode and the like, for people.
-    lost_packets, bad_packets : int
-        Packets that never arrived, as far as gaps tell, and those that cannot be decoded.
-    warnings : list of str
-        What the user should know.
-    """
-
-    model: str
-    details: dict[str, str] = field(default_factory=dict)
-    lost_packets: int = 0
-    bad_packets: int = 0
-    warnings: list[str] = field(default_factory=list)
-
-
 class PacketDecoder(Protocol):
     """Decodes the packets of one sensor; keeps the turn that is not complete yet."""
 
-    facts: Facts
+    facts: SensorFacts
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Bad packets are counted, never raised."""

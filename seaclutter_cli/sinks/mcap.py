@@ -128,7 +128,7 @@ class McapSink(AbstractContextManager["McapSink"]):
 
     def write(self, result: FilterResult) -> None:
         """Write a frame's points where they belong."""
-        message, cloud = result.frame.message, result.frame.cloud
+        message, cloud = _record_of(result), result.frame.cloud
         outlet = self._outlets[message.channel]
         if self._options.keep_raw:
             self.copy(message)
@@ -150,7 +150,7 @@ class McapSink(AbstractContextManager["McapSink"]):
         cloud = result.frame.cloud
         organised = cloud.height > 1
         if (not organised or self._options.keep_organized) and result.keep.all():
-            return result.frame.message.data
+            return _record_of(result).data
         if organised and self._options.keep_organized:
             return codec.encode(cloud.blank(~result.keep))
         return codec.encode(cloud.select(result.keep))
@@ -211,6 +211,12 @@ class McapSink(AbstractContextManager["McapSink"]):
         if self._writer is None:
             raise RuntimeError("the sink has not begun")
         return self._writer
+
+
+def _record_of(result: FilterResult) -> Message:
+    if result.frame.message is None:
+        raise ValueError("only frames that were read from a log can be written to one")
+    return result.frame.message
 
 
 def _no_scene(_: Scene) -> bytes:

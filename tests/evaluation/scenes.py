@@ -4,7 +4,6 @@ import numpy as np
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import FilterResult, Frame, Reason
-from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.truth import Boxes
 
 POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
@@ -23,7 +22,7 @@ def frame_of(*lumps, index=0):
     for number, axis in enumerate("xyz"):
         points[axis] = xyz[:, number]
     points["intensity"] = 100
-    return Frame(from_array(points), Message(Channel(1, "/points", "cdr", None), 0, 0, 0, b""), index)
+    return Frame(from_array(points), index=index)
 
 
 def result_of(frame, removed=()):

@@ -7,7 +7,7 @@ import numpy as np
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.records import Channel, Message
+from seaclutter_cli.records import Channel
 
 CHANNEL = Channel(1, "/points", "cdr", None)
 
@@ -15,7 +15,7 @@ CHANNEL = Channel(1, "/points", "cdr", None)
 def frame_of(cloud: Cloud, index: int = 0) -> Frame:
     """Return the frame of a cloud, as if it had come in a log."""
     time_ns = index * 100_000_000
-    return Frame(cloud, Message(CHANNEL, time_ns, time_ns, index, cloud.data), index)
+    return Frame(cloud, stamp_ns=time_ns, index=index)
 
 
 def make_frame(xyz, intensity=None, *, index=0, coordinates="f8", intensities="f8") -> Frame:

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.filters import FILTERS, neighbors
 from seaclutter_cli.filters.adaptive_radius import Preset
-from seaclutter_cli.frame import Frame
-from seaclutter_cli.pipeline import Selection, cloud_channels, read
+from seaclutter_cli.pipeline import Selection, frames
 from seaclutter_cli.sources import open_source
 from tests.filters.frames import frame_of, make_frame, sea_frame, take
 from tests.filters.reference import REFERENCES, distances_to_others, points_of
@@ -162,8 +161,7 @@ def sample_frames(step):
     if not SAMPLE.exists():
         pytest.skip("the sample log is not in this checkout")
     with closing(open_source(SAMPLE)) as source:
-        records = read(source, cloud_channels(source), Selection())
-        return [take(frame, slice(None, None, step)) for frame in records if isinstance(frame, Frame)]
+        return [take(frame, slice(None, None, step)) for frame in frames(source, Selection())]
 
 
 @pytest.mark.parametrize("name", FILTERS)

@@ -23,7 +23,7 @@ def frame(index=0, points=None, *, stamp_ns=None, sequence=None):
     stamp_ns = START_NS + index * PERIOD_NS if stamp_ns is None else stamp_ns
     points = np.zeros(3, XYZ) if points is None else points
     message = Message(CHANNEL, stamp_ns, stamp_ns, index if sequence is None else sequence, b"")
-    return Frame(from_array(points, stamp_ns=stamp_ns), message, index)
+    return Frame.of_message(message, from_array(points, stamp_ns=stamp_ns), index)
 
 
 def boxes(*rows):

@@ -35,7 +35,7 @@ def result_of(stamp_ns, *, rings=True, log_time_ns=5, topic="/points", scene=Non
     """Return a frame of which 7 points are kept and 1, 2, … 6 removed for each reason."""
     reason = np.repeat(np.arange(7), [7, 1, 2, 3, 4, 5, 6]).astype(np.uint8)
     cloud = from_array(np.zeros(28, [("x", "f4")]), stamp_ns=stamp_ns)
-    frame = Frame(cloud, Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), 12)
+    frame = Frame.of_message(Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), cloud, 12)
     values = (np.array(ARRAYS[name]) for name in ARRAYS)
     return FilterResult(frame, reason, Rings(*values) if rings else None, scene)
 

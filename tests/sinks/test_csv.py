@@ -35,7 +35,7 @@ def rows_of(path):
 
 def result_of(index, *, stamp_ns=0, log_time_ns=5, rings=None, topic="/points", scene=None):
     cloud = from_array(np.zeros(7, [("x", "f4")]), stamp_ns=stamp_ns)
-    frame = Frame(cloud, Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), index)
+    frame = Frame.of_message(Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), cloud, index)
     return FilterResult(frame, np.array([0, 0, 1, 3, 3, 5, 6], np.uint8), rings, scene)
 
 

@@ -185,7 +185,7 @@ def test_two_publishers_of_one_topic_stay_two(tmp_path, out):
         for k, record in enumerate(r for r in source.records() if isinstance(r, Message)):
             message = replace(record, channel=same[record.channel])
             if message.channel.topic == "/points":
-                frame = Frame(find_codec(message.channel).decode(message.data), message, k)
+                frame = Frame.of_message(message, find_codec(message.channel).decode(message.data), k)
                 sink.write(FilterResult(frame, np.zeros(frame.size, np.uint8)))
         sink.end()
     topics = [topic for topic, *_ in contents(out).channels.values()]

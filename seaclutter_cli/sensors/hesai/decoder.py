@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.hesai.angles import read_angles
 from seaclutter_cli.sensors.hesai.clock import SensorClock
 from seaclutter_cli.sensors.hesai.losses import LossCounter
 from seaclutter_cli.sensors.hesai.models import DUAL_MODES, MODELS, RETURN_MODES, HesaiModel, utc_ns
 from seaclutter_cli.sensors.hesai.revolutions import TURN, Turns
-from seaclutter_cli.sensors.packets import DecoderOptions, Facts, PacketFrame, Packets, point_dtype
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
 
 _GPS_LENGTH = 512
 _MOST_SLOTS = 4_000_000
@@ -44,14 +45,14 @@ class HesaiDecoder:
 
     Attributes
     ----------
-    facts : Facts
+    facts : SensorFacts
         What is known of the sensor.
     """
 
     def __init__(
         self, model: HesaiModel, elevation_deg: NDArray[np.float64], azimuth_deg: NDArray[np.float64], *, returns: bool
     ) -> None:
-        self.facts = Facts(model.name, {"intensity": "reflectivity, 0 to 255"})
+        self.facts = SensorFacts(model.name, {"intensity": "reflectivity, 0 to 255"})
         self._model = model
         self._azimuth_deg = azimuth_deg
         self._cos, self._sin = np.cos(np.radians(elevation_deg)), np.sin(np.radians(elevation_deg))

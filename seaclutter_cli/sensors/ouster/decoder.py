@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.hesai.clock import SensorClock
 from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, read_metadata
 from seaclutter_cli.sensors.ouster.packets import (
@@ -17,7 +18,7 @@ from seaclutter_cli.sensors.ouster.packets import (
     sound_packets,
     valid_columns,
 )
-from seaclutter_cli.sensors.packets import DecoderOptions, Facts, PacketFrame, Packets, point_dtype
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
 
 _IMU_LENGTH = 48
 _MOST_LOST_TURNS = 1000
@@ -36,7 +37,7 @@ class OusterDecoder:
 
     Attributes
     ----------
-    facts : Facts
+    facts : SensorFacts
         What is known of the sensor.
 
     Notes
@@ -46,7 +47,7 @@ class OusterDecoder:
 
     def __init__(self, metadata: OusterMetadata) -> None:
         profile = PROFILES[metadata.profile]
-        self.facts = Facts(metadata.model, _details(metadata))
+        self.facts = SensorFacts(metadata.model, _details(metadata))
         self._metadata = metadata
         self._profile = profile
         self._rows, returns = len(metadata.altitude_rad), len(profile.ranges)

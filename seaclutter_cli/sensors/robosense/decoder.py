@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sensors.packets import DecoderOptions, Facts, PacketFrame, Packets
+from seaclutter_cli.records import SensorFacts
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets
 from seaclutter_cli.sensors.robosense.angles import file_angles
 from seaclutter_cli.sensors.robosense.blocks import Blocks, join, second_returns, sound_blocks, steps
 from seaclutter_cli.sensors.robosense.clock import Clock, are_off, header_times
@@ -150,7 +151,7 @@ class RoboSenseDecoder:
         self._azimuth = -1
         self._frames = 0
         self._whole_start = True
-        self.facts = Facts(device.model.name, dict(device.details), warnings=warnings)
+        self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
         header_ns = header_times(sample.payloads.view(DATA)[:, 0], helios=self._helios)
         wrong = bool(are_off(header_ns, sample.times_ns).mean() > 0.5)
         warmth = temperatures_degc(sample.payloads.view(DATA)[:1, 0])[0]

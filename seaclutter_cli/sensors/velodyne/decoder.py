@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError, MissingExtraError
-from seaclutter_cli.sensors.packets import DecoderOptions, Facts, PacketFrame, Packets, point_dtype
+from seaclutter_cli.records import SensorFacts
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
 from seaclutter_cli.sensors.velodyne.packets import (
     BLIND_DEG,
     CLOCK_NS,
@@ -106,7 +107,7 @@ class VelodyneDecoder:
             model=model, calibration=calibration, min_range=0.0, max_range=1000.0, timestamp_first_packet=True
         )
         self._decoder = library.ScanDecoder(config)
-        self.facts = Facts(self._model.name)
+        self.facts = SensorFacts(self._model.name)
         self._clock = Clock(self.facts)
         self._losses = Losses(self.facts, self._model)
         self._cut: Cut | None = None

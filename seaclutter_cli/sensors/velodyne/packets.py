@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.sensors.packets import Facts
+from seaclutter_cli.records import SensorFacts
 
 TURN = 36_000
 _HOUR_NS = 3_600 * 10**9
@@ -79,7 +79,7 @@ def used_blocks(packets: NDArray[Any]) -> NDArray[np.bool_]:
 class Clock:
     """Turns microseconds of the hour into Unix time: by the sensor's clock if it is set, else moved to the host's."""
 
-    def __init__(self, facts: Facts) -> None:
+    def __init__(self, facts: SensorFacts) -> None:
         self._details = facts.details
         self._offset_ns: int | None = None
 
@@ -168,7 +168,7 @@ def _longest_gap(covered: NDArray[np.bool_]) -> tuple[int, int]:
 class Losses:
     """Counts packets that never arrived: gaps in the sensor's time that the host's time agrees with."""
 
-    def __init__(self, facts: Facts, model: Model) -> None:
+    def __init__(self, facts: SensorFacts, model: Model) -> None:
         self._facts, self._model = facts, model
         self._packets = np.empty(0, PACKET)
         self._host_ns = np.empty(0, np.int64)

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -14,6 +14,7 @@ from seaclutter_cli.records import Channel, Damage, Message
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.csv import names_points
 from seaclutter_cli.sources.frame_files.stamps import from_names, from_times_beside
+from seaclutter_cli.sources.shared.facts import NO_FACTS
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "")
@@ -45,6 +46,7 @@ class FolderSource:
 
     profile = "ros2"
     compression: str | None = None
+    facts = NO_FACTS
 
     def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
         """List the frames; none is read yet."""
@@ -85,9 +87,14 @@ class FolderSource:
         """Number of frame files, by channel id."""
         return {self._channel.id: len(self._frames)}
 
-    def records(self) -> Iterator[Message]:
-        """Yield a message for each frame that can be read, one in memory at a time; note the others as damage."""
-        for index, (stamp_ns, file) in enumerate(self._frames):
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:
+        """Yield a message for each frame that can be read, one in memory at a time; note the others as damage.
+
+        Frames before the first one from ``start_ns`` on, and from the first one at ``end_ns`` on, are not read.
+        """
+        first = 0 if start_ns is None else self._place(start_ns)
+        last = len(self._frames) if end_ns is None else self._place(end_ns)
+        for index, (stamp_ns, file) in list(enumerate(self._frames))[first:last]:
             try:
                 message = self._message(index, stamp_ns, file)
             except (CloudError, OSError) as error:
@@ -95,6 +102,14 @@ class FolderSource:
             else:
                 yield message
                 del message
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:
+        """Return the number of frames before the first one from a time on."""
+        return {self._channel.id: self._place(start_ns)}
+
+    def _place(self, time_ns: int) -> int:
+        """Return the index of the first frame from a time on."""
+        return next((index for index, (stamp, _) in enumerate(self._frames) if stamp >= time_ns), len(self._frames))
 
     def _message(self, index: int, stamp_ns: int, file: Path) -> Message:
         cloud = replace(self._read(file), stamp_ns=stamp_ns, frame_id="lidar")

@@ -2,7 +2,7 @@
 
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -26,8 +26,9 @@ from seaclutter_cli.sources.mcap.records import (
     unpack,
     walk,
 )
-from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, Survey, Trust
-from seaclutter_cli.sources.shared.chunked import in_time_order
+from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, Survey, Trust, index_counts
+from seaclutter_cli.sources.shared.chunked import before, in_time_order, within
+from seaclutter_cli.sources.shared.facts import NO_FACTS
 from seaclutter_cli.sources.shared.mapped import MappedFile
 
 R = TypeVar("R")
@@ -52,6 +53,7 @@ class McapSource:
     """
 
     format = "MCAP"
+    facts = NO_FACTS
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -102,15 +104,30 @@ class McapSource:
         """Messages per channel number, from the statistics, else from the index behind each chunk."""
         return dict(self._statistics.channel_message_counts if self._statistics else self._counts)
 
-    def records(self) -> Iterator[Record]:
-        """Yield metadata and attachments, then the messages in the order of their log time; can be called again."""
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
+        """Yield metadata and attachments, then the messages in the order of their log time; can be called again.
+
+        Chunks that lie outside of ``[start_ns, end_ns)`` are left out.
+        """
         self._reported = set(self.damage)
         yield from self._extras
         found = 0
-        for message in in_time_order(self._chunks, self._unpack, self._load):
+        chunks = within(self._chunks, start_ns, end_ns, self._is_counted)
+        for message in in_time_order(chunks, self._unpack, self._load):
             yield message
             found += 1
-        self._check_statistics(found)
+        if len(chunks) == len(self._chunks):
+            self._check_statistics(found)
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:
+        """Return how many messages per channel number `records` leaves out before a start, by the message indexes."""
+        left_out = before(self._chunks, start_ns, self._is_counted)
+        return sum((index_counts(self._view, chunk.offset + chunk.size) for chunk in left_out), Counter())
+
+    def _is_counted(self, chunk: McapChunk) -> bool:
+        """Tell whether the index behind a chunk counts all of its messages."""
+        counts = index_counts(self._view, chunk.offset + chunk.size)
+        return chunk.head is not None and 0 < chunk.messages == counts.total()
 
     def close(self) -> None:
         """Let go of the file."""

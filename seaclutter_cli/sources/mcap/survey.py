@@ -1,5 +1,6 @@
 """What an MCAP file holds, found in one pass over its records that unpacks no chunk."""
 
+import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -15,6 +16,7 @@ from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
 from seaclutter_cli.sources.mcap.records import (
     MAGIC,
     MESSAGE,
+    RECORD,
     BrokenRecordError,
     ChunkHead,
     Span,
@@ -28,6 +30,7 @@ from seaclutter_cli.sources.shared.mapped import MappedFile
 
 _LOOSE_BYTES = 4 * 2**20
 _PIECE = 4 * 2**20
+_INDEX = struct.Struct("<HI")
 _END_OPS = (
     Opcode.SCHEMA,
     Opcode.CHANNEL,
@@ -46,6 +49,20 @@ class Report(Protocol):
     def __call__(self, offset: int, what: str, lost_bytes: int, lost_messages: int | None = None, /) -> object:
         """Take place, kind and amount of a damage."""
         ...
+
+
+def index_counts(view: memoryview, at: int) -> Counter[int]:
+    """Return the messages per channel of a chunk that ends at a place, by the message index behind it."""
+    counts = Counter[int]()
+    while at + RECORD.size <= len(view):
+        op, size = RECORD.unpack_from(view, at)
+        start = at + RECORD.size
+        at = start + size
+        if op != Opcode.MESSAGE_INDEX or at > len(view) or size < 6:
+            break
+        channel, size = _INDEX.unpack_from(view, start)
+        counts[channel] += size // 16
+    return counts
 
 
 D = TypeVar("D", mcap_records.Schema, mcap_records.Channel)

@@ -11,9 +11,9 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message
+from seaclutter_cli.records import Channel, Damage, Message, SensorFacts
 from seaclutter_cli.sensors.families import CALIBRATIONS_BESIDE, PACKET_FAMILIES
-from seaclutter_cli.sensors.packets import DecoderOptions, Facts, PacketDecoder, PacketFrame, Packets
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFrame, Packets
 from seaclutter_cli.sources.pcap.pcapng import PCAPNG_MAGIC, PcapngReader
 from seaclutter_cli.sources.pcap.records import PCAP_MAGICS, PcapReader, RecordReader
 from seaclutter_cli.sources.pcap.sensors import Kind, Sensor, Survey, each_kind
@@ -63,7 +63,7 @@ class CaptureSource:
         self._channels = tuple(
             Channel(number, topic, "cdr", ros2_schema(_TYPE)) for number, topic in enumerate(self._topics(), 1)
         )
-        self.facts: dict[str, Facts] = {}
+        self.facts: dict[str, SensorFacts] = {}
         for channel, (_, decoder) in zip(self._channels, decoders, strict=True):
             self._tell(channel, decoder.facts)
         models = dict.fromkeys(facts.model for facts in self.facts.values())
@@ -146,8 +146,15 @@ class CaptureSource:
         """Nothing: turns are only known when they are decoded."""
         return {}
 
-    def records(self) -> Iterator[Message]:
-        """Yield the turns of all sensors, one at a time decoded, in the order of their stamps."""
+    def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
+        """Return nothing: turns are numbered by decoding all packets before them."""
+        return {}
+
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:  # noqa: ARG002
+        """Yield the turns of all sensors, one at a time decoded, in the order of their stamps.
+
+        Packets are not read any further once every sensor has had a turn at ``end_ns`` or later.
+        """
         decoders = [self._decoder(sensor) for sensor in self._sensors]
         kinds = {kind: number for number, sensor in enumerate(self._sensors) for kind in sensor.kinds}
         flows = {flow: number for (flow, _), number in kinds.items()}
@@ -157,6 +164,9 @@ class CaptureSource:
             for number, packets in _packets(datagrams, udp, kinds):
                 for frame in decoders[number].add(packets):
                     yield from merge.add(number, frame)
+            if end_ns is not None and merge.latest_ns >= end_ns:
+                yield from merge.finish()
+                return
             for flow in datagrams.cut.tolist():
                 if flow in flows:
                     cut[flows[flow]] += 1
@@ -168,7 +178,7 @@ class CaptureSource:
             self._tell(channel, decoders[number].facts, merge.partial[number])
             self._count(channel, decoders[number].facts, int(cut[number]))
 
-    def _tell(self, channel: Channel, facts: Facts, partial: int = 0) -> None:
+    def _tell(self, channel: Channel, facts: SensorFacts, partial: int = 0) -> None:
         """Take over what a decoder found out."""
         if partial:
             facts.details["partial turns"] = f"{partial}, where the capture begins or ends"
@@ -178,7 +188,7 @@ class CaptureSource:
     def _warn(self, *texts: str) -> None:
         self.warnings += [text for text in texts if text not in self.warnings]
 
-    def _count(self, channel: Channel, facts: Facts, cut: int) -> None:
+    def _count(self, channel: Channel, facts: SensorFacts, cut: int) -> None:
         if facts.lost_packets:
             self._warn(f"{channel.topic}: {facts.lost_packets} packets are missing, as gaps tell")
         counted = {"packets that cannot be decoded": facts.bad_packets, "packets cut short by the capture": cut}
@@ -216,14 +226,21 @@ class _Merge:
         self._channels = channels
         self._waiting: list[deque[PacketFrame]] = [deque() for _ in channels]
         self._sequence = [0] * len(channels)
+        self._latest_ns = [0] * len(channels)
         self.partial = [0] * len(channels)
 
     def add(self, number: int, frame: PacketFrame) -> Iterator[Message]:
         """Yield the turns whose place is known now."""
         self.partial[number] += frame.partial
         self._waiting[number].append(frame)
+        self._latest_ns[number] = frame.stamp_ns
         while all(self._waiting) or max(map(len, self._waiting)) > _MOST_WAITING:
             yield self._next()
+
+    @property
+    def latest_ns(self) -> int:
+        """Time up to which the turns of every sensor have been added."""
+        return min(self._latest_ns)
 
     def finish(self) -> Iterator[Message]:
         """Yield the others."""

@@ -1,6 +1,7 @@
 """ROS 1 bags (format 2.0), healthy, unindexed, cut off or damaged."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -9,7 +10,8 @@ from seaclutter_cli.records import Channel, Damage, Message, Record
 from seaclutter_cli.sources.rosbag1.chunks import read_index, unpack
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
 from seaclutter_cli.sources.rosbag1.survey import Survey, channel_of
-from seaclutter_cli.sources.shared.chunked import Chunk, in_time_order
+from seaclutter_cli.sources.shared.chunked import Chunk, before, in_time_order, within
+from seaclutter_cli.sources.shared.facts import NO_FACTS
 from seaclutter_cli.sources.shared.mapped import MappedFile
 
 _COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
@@ -37,6 +39,7 @@ class BagSource:
 
     format = "ROS 1 bag"
     profile = "ros1"
+    facts = NO_FACTS
 
     def __init__(self, path: Path) -> None:
         self.name = path.name.removesuffix(".active").removesuffix(".bag")
@@ -77,13 +80,30 @@ class BagSource:
         """Messages per channel id."""
         return {channel: self._counts[channel] for channel in self._channels}
 
-    def records(self) -> Iterator[Record]:
-        """Yield the messages in the order of their log time; can be called again."""
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
+        """Yield the messages in the order of their log time; can be called again.
+
+        Chunks that lie outside of ``[start_ns, end_ns)`` are left out.
+        """
         read = 0
-        for message in in_time_order(self._chunks, self._unpack, self._load):
+        chunks = within(self._chunks, start_ns, end_ns, self._is_counted)
+        for message in in_time_order(chunks, self._unpack, self._load):
             read += 1
             yield message
-        self._compare(read)
+        if len(chunks) == len(self._chunks):
+            self._compare(read)
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:
+        """Return how many messages per connection `records` leaves out before a start, by the index of each chunk."""
+        counts = Counter[int]()
+        for chunk in before(self._chunks, start_ns, self._is_counted):
+            index = read_index(self._view, chunk.offset + chunk.size)
+            counts += index.counts if index else Counter()
+        return counts
+
+    def _is_counted(self, chunk: Chunk) -> bool:
+        """Tell whether the index behind a chunk counts its messages."""
+        return read_index(self._view, chunk.offset + chunk.size) is not None
 
     def close(self) -> None:
         """Let go of the file."""

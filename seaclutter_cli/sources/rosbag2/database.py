@@ -18,6 +18,7 @@ Row = tuple[int, Any, Any, Any]
 """Number, time in nanoseconds, topic and data of a message; but for the number, of any type in a damaged file."""
 
 _COLUMNS = "rowid, timestamp, topic_id, data FROM messages"
+_ANY_TIME = 2**63 - 1
 _PROBE = "SELECT count(*) FROM sqlite_master"
 
 
@@ -64,7 +65,12 @@ def _connect(path: Path, options: str, stack: ExitStack) -> sqlite3.Connection:
     return database
 
 
-def read_rows(database: sqlite3.Connection, report: Callable[[str, int | None], None]) -> Iterator[Row]:
+def read_rows(
+    database: sqlite3.Connection,
+    report: Callable[[str, int | None], None],
+    start_ns: int | None = None,
+    end_ns: int | None = None,
+) -> Iterator[Row]:
     """Yield the messages in the order of their times, and all that can be read of a damaged file.
 
     Parameters
@@ -73,6 +79,8 @@ def read_rows(database: sqlite3.Connection, report: Callable[[str, int | None], 
         With the tables of rosbag2.
     report : callable
         Takes what is wrong, and the number of lost messages if it is known, once reading ends.
+    start_ns, end_ns : int, optional
+        Times outside of which messages are left out; the end is left out too.
 
     Notes
     -----
@@ -80,23 +88,25 @@ def read_rows(database: sqlite3.Connection, report: Callable[[str, int | None], 
     is remembered in a bit a row.
     """
     seen: defaultdict[int, int] = defaultdict(int)
+    bounds = (-_ANY_TIME if start_ns is None else start_ns, _ANY_TIME if end_ns is None else end_ns)
     try:
-        for row in _in_time_order(database):
+        for row in _in_time_order(database, bounds if start_ns is not None or end_ns is not None else None):
             block, bit = row[0] >> 10, 1 << (row[0] & 1023)
             if seen[block] & bit:
                 raise sqlite3.DatabaseError("the index names a message twice")
             seen[block] |= bit
             yield row
     except BROKEN as error:
-        yield from _salvage(database, seen, partial(report, f"the database is damaged ({error})"))
+        yield from _salvage(database, seen, bounds, partial(report, f"the database is damaged ({error})"))
 
 
-def _in_time_order(database: sqlite3.Connection) -> Iterator[Row]:
-    query = f"SELECT {_COLUMNS} ORDER BY timestamp, rowid"
-    if not any("TEMP B-TREE" in row[3] for row in database.execute(f"EXPLAIN QUERY PLAN {query}")):
-        return database.execute(query)
+def _in_time_order(database: sqlite3.Connection, bounds: tuple[int, int] | None) -> Iterator[Row]:
+    inside, given = ("WHERE timestamp >= ? AND timestamp < ?", bounds) if bounds else ("", ())
+    query = f"SELECT {_COLUMNS} {inside} ORDER BY timestamp, rowid"
+    if not any("TEMP B-TREE" in row[3] for row in database.execute(f"EXPLAIN QUERY PLAN {query}", given)):
+        return database.execute(query, given)
     # No index over the times: sort the numbers only, since sorting rows would copy all data to a temporary file.
-    numbers = database.execute("SELECT rowid FROM messages ORDER BY timestamp, rowid")
+    numbers = database.execute(f"SELECT rowid FROM messages {inside} ORDER BY timestamp, rowid", given)  # noqa: S608
     return (row for (number,) in numbers for row in _row(database, number))
 
 
@@ -105,7 +115,10 @@ def _row(database: sqlite3.Connection, number: int) -> sqlite3.Cursor:
 
 
 def _salvage(
-    database: sqlite3.Connection, seen: defaultdict[int, int], report: Callable[[int | None], None]
+    database: sqlite3.Connection,
+    seen: defaultdict[int, int],
+    bounds: tuple[int, int],
+    report: Callable[[int | None], None],
 ) -> Iterator[Row]:
     """Yield the rows that are not seen yet and can be read, in the order of their times."""
     rows = find_rows(database)
@@ -113,6 +126,8 @@ def _salvage(
     try:
         for place in np.lexsort((rows.numbers, rows.times)):
             number = rows.numbers[place]
+            if not bounds[0] <= rows.times[place] < bounds[1]:
+                continue
             if seen.get(number >> 10, 0) & 1 << (number & 1023):
                 continue
             try:

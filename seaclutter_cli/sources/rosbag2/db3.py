@@ -1,6 +1,6 @@
 """ROS 2 recordings in sqlite3 files, of every schema version of rosbag2."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,9 +12,13 @@ from seaclutter_cli.records import Channel, Damage, Message, Record, Schema
 from seaclutter_cli.sources.rosbag2.compression import unpack_file, unpack_message
 from seaclutter_cli.sources.rosbag2.database import open_database, read_rows
 from seaclutter_cli.sources.rosbag2.salvage import BROKEN
+from seaclutter_cli.sources.shared.facts import NO_FACTS
 
 # Optional columns of topics, and what rosbag2's MCAP storage calls them.
 _METADATA = {"offered_qos_profiles": "offered_qos_profiles", "type_description_hash": "topic_type_hash"}
+
+
+_COUNT = "SELECT topic_id, count(*) FROM messages"
 
 
 class Db3Source:
@@ -41,6 +45,7 @@ class Db3Source:
 
     format = "ROS 2 bag (sqlite3)"
     profile = "ros2"
+    facts = NO_FACTS
 
     def __init__(self, path: Path) -> None:
         self.name = path.name.removesuffix(".zstd").removesuffix(".db3")
@@ -69,16 +74,16 @@ class Db3Source:
     def counts(self) -> dict[int, int]:
         """Messages per channel id; empty if damage prevents counting."""
         with suppress(*BROKEN):
-            found = dict(self._db.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id"))
+            found = dict(self._db.execute(f"{_COUNT} GROUP BY topic_id"))
             return {channel: found.get(channel, 0) for channel in self._channels}
         return {}
 
-    def records(self) -> Iterator[Record]:
-        """Yield the messages in the order of their log time; can be called again."""
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
+        """Yield the messages with log times in ``[start_ns, end_ns)`` in their order; can be called again."""
         del self.damage[self._at_opening :]
         lost = 0
         try:
-            for _, time_ns, topic, data in read_rows(self._db, self._report):
+            for _, time_ns, topic, data in read_rows(self._db, self._report, start_ns, end_ns):
                 message = self._message(time_ns, topic, data)
                 if message is None:
                     lost += 1
@@ -87,6 +92,12 @@ class Db3Source:
         finally:
             if lost:
                 self._report("messages of unknown topics, or that are broken", lost)
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:
+        """Return how many messages per channel id there are before a start; empty if damage prevents counting."""
+        with suppress(*BROKEN):
+            return dict(self._db.execute(f"{_COUNT} WHERE timestamp < ? GROUP BY topic_id", (start_ns,)))
+        return {}
 
     def close(self) -> None:
         """Close the file, and remove the temporary one."""

@@ -30,6 +30,20 @@ class Chunk:
 
 
 C = TypeVar("C", bound=Chunk)
+
+
+def before(chunks: Iterable[C], start_ns: int, is_counted: Callable[[C], bool]) -> list[C]:
+    """Return the chunks whose messages are all earlier than a time and counted without reading them."""
+    return [chunk for chunk in chunks if chunk.end_ns < start_ns and is_counted(chunk)]
+
+
+def within(chunks: Iterable[C], start_ns: int | None, end_ns: int | None, is_counted: Callable[[C], bool]) -> list[C]:
+    """Return the chunks without those of `before`, and without those that begin at an end or later."""
+    chosen = [chunk for chunk in chunks if end_ns is None or chunk.start_ns < end_ns]
+    left_out = {chunk.offset for chunk in before(chosen, start_ns, is_counted)} if start_ns is not None else set()
+    return [chunk for chunk in chosen if chunk.offset not in left_out]
+
+
 P = TypeVar("P")
 
 _UNPACKERS = 2

@@ -13,8 +13,8 @@ from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record, Schema
-from seaclutter_cli.sensors.packets import DecoderOptions, Facts, PacketDecoder, PacketFamily, PacketFrame, Packets
+from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record, Schema, SensorFacts
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
 
 _NANO = 1_000_000_000
 _MOST_IDS = 65_535
@@ -108,7 +108,7 @@ class PacketTopics:
 
     Attributes
     ----------
-    facts : dict of str to Facts
+    facts : dict of str to SensorFacts
         What is known of the sensor behind each cloud topic; filled while the records are read.
     """
 
@@ -118,7 +118,7 @@ class PacketTopics:
         self.name, self.format = inner.name, inner.format
         self.profile, self.compression = inner.profile, inner.compression
         self.damage, self.warnings = inner.damage, list(inner.warnings)
-        self.facts: dict[str, Facts] = {}
+        self.facts: dict[str, SensorFacts] = {}
         self._topics: dict[int, _Topic] = {}
         topics = {channel.topic for channel in inner.channels}
         # Where the driver's clouds were recorded too, as in what `filter` has written, there is nothing to decode.
@@ -185,11 +185,17 @@ class PacketTopics:
         topic = _points_topic(packets.topic)
         return Channel(number, topic, packets.message_encoding, schema)
 
-    def records(self) -> Iterator[Record]:
-        """Yield the records of the log, and the clouds among them; can be called again."""
+    def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
+        """Return nothing: clouds are numbered by decoding all packets before them."""
+        return {}
+
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
+        """Yield the records of the log up to an end, and the clouds among them; can be called again."""
         streams: dict[int, _Stream] = {}
         latest_ns = 0
         for record in self._inner.records():
+            if isinstance(record, Message) and end_ns is not None and record.log_time_ns >= end_ns:
+                return
             yield record
             if not isinstance(record, Message):
                 continue

@@ -1,7 +1,7 @@
 """Recordings that consist of several files."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import cached_property
@@ -10,8 +10,9 @@ from tempfile import TemporaryDirectory
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.records import Channel, Damage, Message, Record
+from seaclutter_cli.records import Channel, Damage, Message, Record, SensorFacts
 from seaclutter_cli.sources.rosbag2.compression import unpack_file, unpack_message
+from seaclutter_cli.sources.shared.facts import NO_FACTS
 
 
 class SplitSource:
@@ -100,7 +101,21 @@ class SplitSource:
                     counts[channels[channel].id] += count
         return dict(counts)
 
-    def records(self) -> Iterator[Record]:
+    @property
+    def facts(self) -> Mapping[str, SensorFacts]:
+        """Nothing: packets are decoded outside."""
+        return NO_FACTS
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:
+        """Return how many messages per channel id `records` leaves out before a start."""
+        counts = Counter[int]()
+        for file, channels in self._relabelled.items():
+            for channel, count in self._source(file).skipped(start_ns).items():
+                if channel in channels:
+                    counts[channels[channel].id] += count
+        return counts
+
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield the records of one file after the other; can be called again.
 
         Messages are in the order of their log time within a file. Where a recorder wrote late messages into the next
@@ -112,7 +127,7 @@ class SplitSource:
             source = self._source(file)
             broken = 0
             try:
-                for record in source.records():
+                for record in source.records(start_ns, end_ns):
                     if not isinstance(record, Message):
                         yield record
                         continue
@@ -126,7 +141,8 @@ class SplitSource:
                 self.damage += [replace(damage, path=file) for damage in source.damage]
                 if broken:
                     self.damage.append(Damage(file, None, "damaged compressed messages", lost_messages=broken))
-        self._compare(read)
+        if start_ns is None and end_ns is None:
+            self._compare(read)
 
     def close(self) -> None:
         """Close the file that is open."""

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.frame import Frame
-from seaclutter_cli.pipeline import Selection, cloud_channels, read
+from seaclutter_cli.pipeline import Selection, frames
 from seaclutter_cli.simulation.marine.formats import FORMATS, START_NS
 from seaclutter_cli.simulation.marine.recording import record, turns
 from seaclutter_cli.simulation.marine.scene import load_scene
@@ -20,9 +19,9 @@ def scene(lidar):
     return load_scene("calm").with_recording(frames=FRAMES, lidar=lidar)
 
 
-def frames(path):
+def read_log(path):
     with closing(find_recordings([str(path)])[0].open(rate_hz=10.0)) as source:
-        return [item for item in read(source, cloud_channels(source), Selection()) if isinstance(item, Frame)]
+        return list(frames(source, Selection()))
 
 
 @pytest.mark.parametrize("form", FORMATS)
@@ -30,7 +29,7 @@ def test_every_format_gives_the_frames_again(tmp_path, form):
     log = tmp_path / f"log.{form}"
     record(scene("RS-LiDAR-32"), log, tmp_path / "labels.csv")
     expected = list(turns(scene("RS-LiDAR-32")))
-    found = frames(log)
+    found = read_log(log)
     assert [frame.index for frame in found] == list(range(FRAMES))
     assert [frame.size for frame in found] == [len(turn.points) for turn in expected]
     for frame, turn in zip(found, expected, strict=True):
@@ -41,7 +40,7 @@ def test_every_format_gives_the_frames_again(tmp_path, form):
 def test_packets_are_as_exact_as_their_units(tmp_path, lidar):
     log = tmp_path / "log.pcap"
     record(scene(lidar), log, tmp_path / "labels.csv")
-    for frame, turn in zip(frames(log), turns(scene(lidar)), strict=True):
+    for frame, turn in zip(read_log(log), turns(scene(lidar)), strict=True):
         points = frame.cloud.points
         assert np.array_equal(points["ring"], turn.points["ring"])
         assert np.array_equal(points["intensity"], turn.points["intensity"])

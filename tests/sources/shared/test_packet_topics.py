@@ -4,6 +4,7 @@ import random
 import struct
 import sys
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS, find_codec
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Message, Metadata, Schema
-from seaclutter_cli.sensors.packets import DecoderOptions, Facts, PacketFrame, point_dtype
+from seaclutter_cli.records import Channel, Message, Metadata, Schema, SensorFacts
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, point_dtype
 from seaclutter_cli.sensors.velodyne.decoder import VELODYNE
 from seaclutter_cli.sources.rosbag1.source import BagSource
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
@@ -52,7 +53,7 @@ class Tens:
 
 class TensDecoder:
     def __init__(self):
-        self.facts = Facts("Tens", warnings=["a toy"])
+        self.facts = SensorFacts("Tens", warnings=["a toy"])
         self.packets = []
 
     def add(self, packets):
@@ -83,14 +84,18 @@ class Log:
     """A log in memory."""
 
     name, format, profile, compression = "log", "a list", "ros2", None
+    facts = MappingProxyType({})
 
     def __init__(self, records, channels, *, counts=None):
         self._records, self.channels = records, channels
         self.counts = counts or {}
         self.damage, self.warnings, self.closed = [], [], False
 
-    def records(self):
+    def records(self, start_ns=None, end_ns=None):
         return iter(self._records)
+
+    def skipped(self, start_ns):
+        return {}
 
     def close(self):
         self.closed = True

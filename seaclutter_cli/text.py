@@ -1,0 +1,60 @@
+"""Text for people: names from files made safe to print, tables, counts and shares."""
+
+from collections.abc import Sequence
+
+
+def printable(text: str) -> str:
+    r"""Return a text from a file as one line that a terminal can show, control characters escaped.
+
+    Examples
+    --------
+    >>> print(printable("inten\nity, é"))
+    inten\nity, é
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a table with the first column aligned to the left and all others to the right.
+
+    Examples
+    --------
+    >>> print(table(("ring", "points"), [("10-25 m", 1200), ("25-40 m", 7)]))
+    ring     points
+    10-25 m    1200
+    25-40 m       7
+    """
+    cells = [[printable(str(cell)) for cell in row] for row in (head, *rows)]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(head))]
+    lines = []
+    for first, *rest in cells:
+        others = (cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True))
+        lines.append("  ".join((first.ljust(widths[0]), *others)).rstrip())
+    return "\n".join(lines)
+
+
+def indented(text: str) -> str:
+    """Return a text with every line moved right by two characters."""
+    return "\n".join("  " + line for line in text.splitlines())
+
+
+def count(number: int, thing: str) -> str:
+    """Return a number of things in words.
+
+    Examples
+    --------
+    >>> count(1, "point"), count(1200, "point")
+    ('1 point', '1,200 points')
+    """
+    return f"{number:,} {thing}{'' if number == 1 else 's'}"
+
+
+def share(part: float, whole: float) -> str:
+    """Return a percentage, or a dash if the whole is nothing.
+
+    Examples
+    --------
+    >>> share(1, 8), share(0, 0)
+    ('12.5 %', '-')
+    """
+    return f"{100 * part / whole:.1f} %" if whole else "-"
