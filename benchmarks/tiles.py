@@ -14,15 +14,16 @@ import numpy as np
 
 from seaclutter_cli.airborne.features import FEATURES, Standing, features_of
 from seaclutter_cli.airborne.forest import Samples, class_name, hold_out, predict, train
-from seaclutter_cli.airborne.model import Model
-from seaclutter_cli.airborne.objects import Found, find_objects
+from seaclutter_cli.airborne.model import ObjectModel
+from seaclutter_cli.airborne.objects import FoundObject, find_objects
 from seaclutter_cli.airborne.separation import OTHER, WATER, Separation, separate
-from seaclutter_cli.airborne.settings import Settings
+from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.airborne.surface import SeparationParams, SurfaceParams
-from seaclutter_cli.commands.classify_train import Report, fit
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import COLORS, LEFT_OUT, draw_confusion, draw_tile
+from seaclutter_cli.runs.classify.train import fit
+from seaclutter_cli.runs.classify.train_result import TrainingReport
 from seaclutter_cli.simulation.airborne.recording import strips_of
 from seaclutter_cli.simulation.airborne.scene import TileScene, load_tile_scene
 from seaclutter_cli.truth import OBJECT_CLASSES
@@ -55,7 +56,7 @@ def windows() -> None:
     methods = {
         "the paper's": SurfaceParams(),
         "no echoes from below": SeparationParams(island_m=None),
-        "ours": Settings().separation,
+        "ours": TileSettings().separation,
     }
     scenes = {name: load_tile_scene(name) for name in TABLE_1}
     farms = scenes["farms"]
@@ -74,13 +75,13 @@ def rough() -> None:
     scene = load_tile_scene("mixed").with_tile(seed=21)
     for swell_m, wave_m in ((0.25, 0.1), (0.4, 0.12), (0.6, 0.2), (1.0, 0.3)):
         points, xyz = points_of(replace(scene, water=replace(scene.water, swell_m=swell_m, wave_m=wave_m)))
-        found = [separate([xyz], replace(Settings().separation, height_m=height_m)) for height_m in THRESHOLDS_M]
+        found = [separate([xyz], replace(TileSettings().separation, height_m=height_m)) for height_m in THRESHOLDS_M]
         row = [f"{kappa(points, one.classification):.3f}" for one in found]
         print(f"| {swell_m:g}, {wave_m:g} |", " | ".join(row), "|", flush=True)
 
 
 def standing(points: Any, xyz: Any) -> tuple[Separation, Standing, Any]:
-    found = separate([xyz], Settings().separation)
+    found = separate([xyz], TileSettings().separation)
     other = found.other
     part = points[other]
     stood = Standing(
@@ -99,7 +100,7 @@ def mixed(folder: Path, number: int) -> dict[str, Any]:
         lidar = replace(scene.lidar, height_m=float(HEIGHTS_M[at]), pulses_m2=PULSES_M2[at], gain=gain)
         points, xyz = points_of(replace(scene, lidar=lidar))
         found, stood, part = standing(points, xyz)
-        features = features_of(stood, Settings().features)
+        features = features_of(stood, TileSettings().features)
         np.savez(
             path,
             features=features,
@@ -128,7 +129,7 @@ def spread(values: Sequence[float]) -> str:
     return f"{np.mean(values):.3f} ({min(values):.3f} to {max(values):.3f})"
 
 
-def classes(folder: Path, seeds: int) -> tuple[Samples, Model]:
+def classes(folder: Path, seeds: int) -> tuple[Samples, ObjectModel]:
     """Train on some tiles and test on the others, with texture alone and with all features."""
     tiles = [mixed(folder, number) for number in range(len(HEIGHTS_M))]
     head("Tiles `mixed`", "seed", "height (m)", "points", "not sea", "kappa, 20 m")
@@ -146,13 +147,13 @@ def classes(folder: Path, seeds: int) -> tuple[Samples, Model]:
     return samples, first
 
 
-def settings_of(features: str, seed: int) -> Settings:
-    base = Settings()
+def settings_of(features: str, seed: int) -> TileSettings:
+    base = TileSettings()
     chosen: Any = features
     return replace(base, features=replace(base.features, features=chosen), forest=replace(base.forest, seed=seed))
 
 
-def tell(folder: Path, name: str, reports: Sequence[Report]) -> None:
+def tell(folder: Path, name: str, reports: Sequence[TrainingReport]) -> None:
     """Print the scores of several divisions, and draw what is mistaken for what in all of them."""
     seeds = f"{name}: {len(reports)} divisions of the tiles"
     head(seeds, "macro F1, points", "macro F1, objects", "accuracy", "kappa")
@@ -169,7 +170,7 @@ def tell(folder: Path, name: str, reports: Sequence[Report]) -> None:
 
 def of_one(samples: Samples) -> float:
     """Return the macro F1 of a forest that is told a single feature."""
-    params = replace(Settings().forest, trees=30)
+    params = replace(TileSettings().forest, trees=30)
     test, _ = hold_out(samples, params)
     columns = ("features", "code", "tile", "number")
     seen, unseen = (Samples(*(getattr(samples, name)[part] for name in columns)) for part in (~test, test))
@@ -178,7 +179,7 @@ def of_one(samples: Samples) -> float:
     return Confusion.of(unseen.code, called, range(1, len(OBJECT_CLASSES) + 1)).macro_f1
 
 
-def fresh(folder: Path, model: Model) -> None:
+def fresh(folder: Path, model: ObjectModel) -> None:
     """Try the model on tiles that nothing was set, trained or chosen on."""
     tiles = [mixed(folder, number) for number in FRESH]
     samples = samples_of(tiles)
@@ -217,7 +218,7 @@ def textures(folder: Path, samples: Samples) -> None:
     (folder / "fig2.png").write_bytes(render(draw, ".png", aspect=1.3))
 
 
-def figure_3(folder: Path, model: Model, seeds: int) -> None:
+def figure_3(folder: Path, model: ObjectModel, seeds: int) -> None:
     """Fig. 3: is every object found and rightly named?"""
     head("Fig. 3: 4 ships, 2 farms, 1 garbage patch", "seed", "found and rightly named", "other objects", "probability")
     for seed in range(77, 77 + seeds):
@@ -245,7 +246,7 @@ def figure_3(folder: Path, model: Model, seeds: int) -> None:
             _draw(folder, sea, gone, stood, number, objects)
 
 
-def _draw(folder: Path, sea: Any, gone: Any, stood: Standing, number: Any, objects: list[Found]) -> None:
+def _draw(folder: Path, sea: Any, gone: Any, stood: Standing, number: Any, objects: list[FoundObject]) -> None:
     code = np.array([0, *(one.code for one in objects)])[number]
     points = {class_name(one): stood.xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
     if gone.size:

@@ -4,20 +4,17 @@ One pass and constant memory: a histogram for each ring, and the ends of the clu
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, Context
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.histogram import IntensityHistogram
 from seaclutter_cli.filters.joint import RingIntensityParams
-from seaclutter_cli.filters.zones import MAX_RINGS, ZoneParams, Zones
-from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.filters.zones import MAX_RINGS, Zones
+from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.truth import CLUTTER, Truth
 
@@ -244,8 +241,8 @@ def _shortened(threshold: float, limit: float) -> float:
     return threshold
 
 
-class ClutterReader(BaseFilter):
-    """Shows the clutter points of one recording to a calibration; takes the place of a filter in the pipeline.
+class ClutterSelector:
+    """Selects the clutter points of one recording.
 
     Clutter is every valid point from ``start_m`` on that lies in no excluded box and, where there are labels, in no box
     of a target or an ignored area, grown by a margin, and bears no label of one.
@@ -254,36 +251,31 @@ class ClutterReader(BaseFilter):
     ----------
     params : RingIntensityParams
         ``start_m`` and ``exclude_boxes``.
-    take : callable
-        Is shown ranges in metres and intensities of each frame's clutter, both of shape (N,).
     labels : Labels or None
         Truth of the recording; frames without are left out.
     margin_m : float
         Growth of the boxes on every side.
     """
 
-    Params: ClassVar[type[ZoneParams]] = ZoneParams
-
-    def __init__(
-        self,
-        params: RingIntensityParams,
-        take: Callable[[NDArray[np.float64], NDArray[np.float64]], object],
-        labels: Labels | None = None,
-        margin_m: float = 0.0,
-    ) -> None:
+    def __init__(self, params: RingIntensityParams, labels: Labels | None = None, margin_m: float = 0.0) -> None:
         self._zones = Zones(params)
-        self._take, self._labels, self._margin_m = take, labels, margin_m
+        self._labels, self._margin_m = labels, margin_m
         self.frames = self.unlabelled = self.marked = 0
         """Frames used; frames left out for want of labels; points left out because of them."""
 
-    def step(self, frame: Frame) -> FilterResult:
-        """Take the clutter of a frame; every point is kept."""
-        intensity, range_m = frame.intensity, frame.range_m
-        result = FilterResult(frame, np.zeros(frame.size, np.uint8))
+    def clutter(self, frame: Frame) -> NDArray[np.intp]:
+        """Return the indices of a frame's clutter points; none if it is not labelled where others are.
+
+        Raises
+        ------
+        FieldError
+            If the frame has no intensity.
+        """
+        _ = frame.intensity
         truth = self._labels.truth(frame) if self._labels else None
         if self._labels and truth is None:
             self.unlabelled += 1
-            return result
+            return np.empty(0, np.intp)
         self.frames += 1
         zone, _ = self._zones.divide(frame)
         clutter = np.flatnonzero((zone >= 1) & (zone <= self._zones.count + 1))  # the rings and beyond
@@ -291,8 +283,7 @@ class ClutterReader(BaseFilter):
             marked = _marked(truth, frame.xyz, clutter, self._margin_m)
             self.marked += int(np.count_nonzero(marked))
             clutter = clutter[~marked]
-        self._take(range_m[clutter], intensity[clutter])
-        return result
+        return clutter
 
 
 def _marked(truth: Truth, xyz: NDArray[np.float64], chosen: NDArray[np.intp], margin_m: float) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from seaclutter_cli.records import Channel, Damage, Message, Record
 
 _NANO = 1_000_000_000
 _HOPELESS = 5
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +93,29 @@ def frames(source: Source, selection: Selection) -> Iterator[Frame]:
     """Yield the selected frames of the chosen cloud topics; see `read`, and `cloud_channels` for its errors."""
     clouds = cloud_channels(source, selection.topics)
     return (frame for _, frame in read(source, clouds, selection) if frame is not None)
+
+
+def map_frames(source: Source, selection: Selection, use: Callable[[Frame], T]) -> Iterator[tuple[Frame, T]]:
+    """Yield the selected frames, each with what a function makes of it.
+
+    Raises
+    ------
+    FieldError
+        If the frames of a topic lack a field that the function needs. Where only some do, those are damage.
+    """
+    tallies: dict[str, TopicTally] = {}
+    for frame in frames(source, selection):
+        tally = tallies.setdefault(frame.topic, TopicTally())
+        try:
+            made = use(frame)
+        except FieldError as error:
+            _note_unfit(error, frame, tally, source)
+            _lost(source, frame.topic, frame.index, frame.nbytes, error)
+            continue
+        tally.frames += 1
+        yield frame, made
+    for topic, tally in tallies.items():
+        _require_fields(source, topic, tally)
 
 
 def read(source: Source, clouds: Sequence[Channel], selection: Selection) -> Iterator[tuple[Record, Frame | None]]:
@@ -368,10 +394,15 @@ def _step(method: Filter, frame: Frame, tally: TopicTally, source: Source) -> Fi
     try:
         result = method.step(frame)
     except FieldError as error:
-        if not tally.frames:
-            tally.unfit.append(error)
-        if len(tally.unfit) == _HOPELESS:
-            _require_fields(source, frame.topic, tally)
+        _note_unfit(error, frame, tally, source)
         return error
     tally.add(result, perf_counter() - started)
     return result
+
+
+def _note_unfit(error: FieldError, frame: Frame, tally: TopicTally, source: Source) -> None:
+    """Note that a frame lacks a field; give up if none of the first few frames has it."""
+    if not tally.frames:
+        tally.unfit.append(error)
+    if len(tally.unfit) == _HOPELESS:
+        _require_fields(source, frame.topic, tally)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from seaclutter_cli.calibration import Calibration, ClutterReader, FarLimit, few_points
+from seaclutter_cli.calibration import Calibration, ClutterSelector, FarLimit, few_points
 from seaclutter_cli.errors import FieldError, InputError
 from seaclutter_cli.filters import histogram as module
 from seaclutter_cli.filters.histogram import IntensityHistogram, QuantileSketch
@@ -296,7 +296,7 @@ class TestCalibration:
         assert calibration.points == len(ranges)
 
 
-class TestClutterReader:
+class TestClutterSelector:
     @staticmethod
     def read(frame, truth=None, *, labelled=False, margin_m=0.0, **given):
         class Fixed:
@@ -306,12 +306,9 @@ class TestClutterReader:
             def finish(self):
                 pass
 
-        taken = []
-        take = lambda ranges, intensity: taken.append((ranges.tolist(), intensity.tolist()))
-        reader = ClutterReader(params(**given), take, Fixed() if labelled else None, margin_m)
-        result = reader.step(frame)
-        assert not result.reason.any()
-        return reader, taken[0] if taken else None
+        selector = ClutterSelector(params(**given), Fixed() if labelled else None, margin_m)
+        chosen = selector.clutter(frame)
+        return selector, (frame.range_m[chosen].tolist(), frame.intensity[chosen].tolist())
 
     def test_every_valid_point_from_the_start_on(self):
         frame = on_axis([5, 9.99, 10, 69, 70, 500, math.nan, 30], [1, 2, 3, 4, 5, 6, 7, math.nan])
@@ -340,7 +337,7 @@ class TestClutterReader:
 
     def test_frames_without_labels_are_counted(self):
         reader, taken = self.read(on_axis([20]), None, labelled=True)
-        assert taken is None
+        assert taken == ([], [])
         assert (reader.frames, reader.unlabelled) == (0, 1)
 
     @pytest.mark.parametrize("labelled", [False, True])
@@ -354,9 +351,10 @@ class TestClutterReader:
 
         frames = [sea_frame(5, index=index) for index in range(6)]
         calibration = Calibration(params())
-        reader = ClutterReader(params(), calibration.add)
+        selector = ClutterSelector(params())
         for frame in frames:
-            reader.step(frame)
+            clutter = selector.clutter(frame)
+            calibration.add(frame.range_m[clutter], frame.intensity[clutter])
         found = calibration.thresholds()
         method = RingIntensity(RingIntensityParams(end_m=found.end_m, initial_thresholds=found.initial_thresholds))
         rings = [method.step(frame).rings for frame in frames]

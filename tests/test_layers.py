@@ -8,6 +8,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
 
 BASE = {"text", "errors", "records", "cloud", "frame", "truth", "interfaces"}
+CORE = BASE | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "pipeline"}
 ALLOWED = {
     "text": set(),
     "errors": set(),
@@ -16,65 +17,108 @@ ALLOWED = {
     "frame": {"text", "errors", "records", "cloud"},
     "truth": {"errors"},
     "interfaces": BASE,
+    "validation": {"errors"},
     "messages": BASE,
     "sensors": BASE,
-    "clustering": BASE,
-    "airborne": BASE | {"clustering", "validation"},
-    "filters": BASE | {"airborne", "scenes"},
     "sources": BASE | {"messages", "sensors"},
     "sinks": BASE | {"messages"},
     "labels": BASE,
+    "clustering": BASE,
+    "airborne": BASE | {"clustering", "validation"},
     "evaluation": BASE | {"clustering"},
+    "scenes": BASE | {"evaluation"},
+    "filters": BASE | {"airborne", "scenes"},
     "pipeline": BASE | {"messages"},
     "survey": BASE | {"sensors"},
-    "calibration": BASE | {"filters", "pipeline"},
-    "scenes": BASE | {"evaluation"},
+    "calibration": BASE | {"filters"},
+    "config": BASE | {"filters", "evaluation", "validation"},
+    "simulation": BASE | {"validation", "messages", "sensors", "sinks"},
+    "reporting": BASE | {"evaluation", "messages", "pipeline"},
     "plots": BASE | {"evaluation", "calibration", "reporting"},
     "viewing": BASE | {"evaluation", "messages", "reporting"},
-    "reporting": BASE | {"evaluation", "messages", "pipeline"},
-    "simulation": BASE | {"validation", "messages", "sensors", "sinks"},
-    "validation": {"errors"},
-    "config": BASE | {"filters", "evaluation", "validation"},
-    "commands": None,
+    "runs": CORE
+    | {"airborne", "calibration", "config", "plots", "reporting", "scenes", "simulation", "survey", "validation"}
+    | {"viewing"},
+    "commands": BASE | {"config", "runs", "sensors"},
 }
-"""Parts of the package, and the other parts each may import; None: all."""
+"""Parts of the package, and the other parts each may import."""
 
 
 def part_of(path):
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
-def imported_parts(tree):
+FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if part_of(path) not in ("__init__", "__main__")]
+
+
+def imported_modules(tree):
+    """Yield the modules that a file imports, with the names taken from the package itself."""
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, "absolute imports only"
             if node.module == "seaclutter_cli":
-                yield from (alias.name for alias in node.names)
+                yield from (f"seaclutter_cli.{alias.name}" for alias in node.names)
             else:
-                names = [node.module]
-                yield from (name.split(".")[1] for name in names if name.startswith("seaclutter_cli."))
+                yield node.module
         elif isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
             assert not any(name.startswith("seaclutter_cli") for name in names), "import names from modules"
+            yield from names
 
 
-@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE)))
+def modules_of(path):
+    return set(imported_modules(ast.parse(path.read_text(encoding="utf-8"))))
+
+
+def parts_in(modules):
+    return {module.split(".")[1] for module in modules if module.startswith("seaclutter_cli.")} - {"__version__"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_module_imports_only_what_its_part_may(path):
     part = part_of(path)
-    if part in ("__init__", "__main__"):
-        return
     assert part in ALLOWED, f"{part} has no rule: add one"
-    allowed = ALLOWED[part]
-    found = set(imported_parts(ast.parse(path.read_text()))) - {part, "__version__"}
-    assert allowed is None or found <= allowed
+    assert parts_in(modules_of(path)) - {part} <= ALLOWED[part]
 
 
 def test_the_rule_has_no_part_that_is_gone():
-    parts = {part_of(path) for path in PACKAGE.rglob("*.py")}
-    assert set(ALLOWED) <= parts
+    assert set(ALLOWED) <= {part_of(path) for path in FILES}
+
+
+def test_there_are_no_circles():
+    """Every part has a floor above all that it imports; within a part, so has every module."""
+    graph = {}
+    for path in FILES:
+        name = "seaclutter_cli." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
+        graph[name.removesuffix(".__init__")] = modules_of(path)
+    parts = {part: set(ALLOWED[part]) - {part} for part in ALLOWED}
+    used = {part: set() for part in ALLOWED}
+    for name, modules in graph.items():
+        used[name.split(".")[1]] |= (parts_in(modules) & set(parts)) - {name.split(".")[1]}
+    assert not circle_in(used)
+    assert not circle_in({name: modules & set(graph) - {name} for name, modules in graph.items()})
+
+
+def circle_in(graph):
+    """Return what is left after taking away, again and again, all that imports nothing that is left."""
+    left = dict(graph)
+    while free := [name for name, used in left.items() if not used & set(left)]:
+        for name in free:
+            del left[name]
+    return sorted(left)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_only_commands_print_or_know_of_click(path):
+    if part_of(path) == "commands":
+        return
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    assert "click" not in {module.split(".")[0] for module in imported_modules(tree)}
+    calls = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    assert not calls & {"print", "sys.exit", "exit", "quit", "sys.stdout.write", "sys.stderr.write"}
 
 
 def test_nothing_imports_the_commands():
-    for path in PACKAGE.rglob("*.py"):
-        if part_of(path) not in ("commands", "__main__"):
-            assert "commands" not in set(imported_parts(ast.parse(path.read_text())))
+    for path in FILES:
+        if part_of(path) != "commands":
+            assert "commands" not in parts_in(modules_of(path))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli import __version__
-from seaclutter_cli.airborne.settings import Settings, parse_settings
+from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.errors import ConfigError, InputError, MissingExtraError
 
 _FORMAT = 1
@@ -17,18 +17,18 @@ _KEYS = {"format", "version", "settings", "features", "classes", "forest"}
 
 
 @dataclass(frozen=True)
-class Model:
+class ObjectModel:
     """A forest with what it was made for.
 
     Parameters
     ----------
-    settings : Settings
+    settings : TileSettings
         That it was trained with.
     forest : sklearn.ensemble.RandomForestClassifier
         Its ``classes_`` are codes of classes.
     """
 
-    settings: Settings
+    settings: TileSettings
     forest: Any
 
     def to_bytes(self) -> bytes:
@@ -52,7 +52,7 @@ class Model:
         return bytes(_skops().dumps(content, compression=ZIP_DEFLATED, compresslevel=6))
 
 
-def load_model(path: Path) -> Model:
+def load_model(path: Path) -> ObjectModel:
     """Return the model in a file.
 
     Nothing in the file is run: it is refused if it names any type but the trees of scikit-learn and those that skops
@@ -82,7 +82,7 @@ def load_model(path: Path) -> Model:
     return model
 
 
-def _checked(content: Any) -> Model:
+def _checked(content: Any) -> ObjectModel:
     from sklearn.ensemble import RandomForestClassifier
 
     if not isinstance(content, dict) or set(content) != _KEYS or content["format"] != _FORMAT:
@@ -100,7 +100,7 @@ def _checked(content: Any) -> Model:
         raise ValueError("its forest is for other classes")
     for tree in forest.estimators_:
         _check_tree(tree.tree_, len(names), len(content["classes"]))
-    return Model(settings, forest)
+    return ObjectModel(settings, forest)
 
 
 def _check_tree(tree: Any, features: int, classes: int) -> None:

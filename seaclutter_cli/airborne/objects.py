@@ -43,7 +43,7 @@ class ObjectParams:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundObject:
     """An object.
 
     Parameters
@@ -93,7 +93,7 @@ class Found:
 
 def find_objects(
     points: Standing, probability: Values, classes: Sequence[int], params: ObjectParams
-) -> tuple[list[Found], NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[list[FoundObject], NDArray[np.int64], NDArray[np.int64]]:
     """Return the objects of a tile, each point's object, and its cluster that was left out, shape (N,), 0 for none.
 
     Parameters
@@ -119,7 +119,7 @@ def find_objects(
     likeliest = probability.argmax(axis=1) if len(probability) else np.empty(0, np.int64)
     order = np.argsort(number, kind="stable")
     ends = np.searchsorted(number[order], np.arange(1, number.max(initial=0) + 2))
-    found: list[Found] = []
+    found: list[FoundObject] = []
     numbers, left_out = np.zeros_like(number), np.zeros_like(number)
     for cluster, (start, end) in enumerate(pairwise(ends), 1):
         own = order[start:end]
@@ -133,9 +133,10 @@ def find_objects(
     return found, numbers, left_out
 
 
-def _object(number: int, code: int, sure: float, points: Standing, own: NDArray[np.intp]) -> Found:
+def _object(number: int, code: int, sure: float, points: Standing, own: NDArray[np.intp]) -> FoundObject:
     center, size, yaw, area = least_rectangle(points.xy[:, own].T)
-    return Found(number, code, sure, len(own), center, size, yaw, float(np.quantile(points.height_m[own], 0.99)), area)
+    height_m = float(np.quantile(points.height_m[own], 0.99))
+    return FoundObject(number, code, sure, len(own), center, size, yaw, height_m, area)
 
 
 def least_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float], float, float]:
@@ -175,7 +176,7 @@ def least_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float
     return (float(center[0]), float(center[1])), (length, width), float(yaw), area
 
 
-def as_csv(tiles: Sequence[tuple[str, Sequence[Found]]]) -> str:
+def as_csv(tiles: Sequence[tuple[str, Sequence[FoundObject]]]) -> str:
     """Return a table with a line for each object of each tile; lengths in metres, yaw in radians."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -188,12 +189,12 @@ def as_csv(tiles: Sequence[tuple[str, Sequence[Found]]]) -> str:
     return text.getvalue()
 
 
-def as_geojson(tiles: Sequence[tuple[str, Sequence[Found]]]) -> str:
+def as_geojson(tiles: Sequence[tuple[str, Sequence[FoundObject]]]) -> str:
     """Return the boxes as a GeoJSON feature collection, in the coordinates of the tiles."""
     return json.dumps({"type": "FeatureCollection", "features": [_feature(t, one) for t, own in tiles for one in own]})
 
 
-def _feature(tile: str, one: Found) -> dict[str, Any]:
+def _feature(tile: str, one: FoundObject) -> dict[str, Any]:
     ring = [[round(float(x), 3), round(float(y), 3)] for x, y in (*one.corners, one.corners[0])]
     properties = {
         "tile": tile,

@@ -1,4 +1,4 @@
-"""Settings of the classification of tiles: defaults < file < command line, checked as a whole."""
+"""TileSettings of the classification of tiles: defaults < file < command line, checked as a whole."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -16,7 +16,7 @@ from seaclutter_cli.validation import build_sections, plain, read_yaml, refuse
 
 
 @dataclass(frozen=True)
-class Settings:
+class TileSettings:
     """All settings.
 
     Parameters
@@ -42,19 +42,19 @@ class Settings:
 
 
 def _kinds() -> dict[str, type[Any]]:
-    return {section.name: type(getattr(Settings(), section.name)) for section in fields(Settings)}
+    return {section.name: type(getattr(TileSettings(), section.name)) for section in fields(TileSettings)}
 
 
-def parse_settings(raw: Mapping[str, Any], where: str) -> Settings:
+def parse_settings(raw: Mapping[str, Any], where: str) -> TileSettings:
     """Return the settings that a mapping describes; ``where`` names it in errors."""
     kinds = _kinds()
     problems = [f"{key}: unknown section; allowed: {', '.join(kinds)}" for key in raw if key not in kinds]
     parts = build_sections(kinds, raw, problems)
     refuse(where, problems)
-    return Settings(**parts)
+    return TileSettings(**parts)
 
 
-def load_settings(path: Path | None, overrides: Sequence[str] = (), base: Settings | None = None) -> Settings:
+def load_settings(path: Path | None, overrides: Sequence[str] = (), base: TileSettings | None = None) -> TileSettings:
     """Return the effective settings.
 
     Parameters
@@ -63,7 +63,7 @@ def load_settings(path: Path | None, overrides: Sequence[str] = (), base: Settin
         YAML file.
     overrides : sequence of str
         ``section.key=value`` from the command line; values are YAML.
-    base : Settings, optional
+    base : TileSettings, optional
         What stands in for the defaults.
 
     Raises

@@ -1,6 +1,5 @@
 """The command line. Each command is a file here; it is imported when it is called, so that help comes at once."""
 
-import importlib
 import io
 import os
 import signal
@@ -12,8 +11,8 @@ from typing import Any
 import click
 
 from seaclutter_cli import __version__
-from seaclutter_cli.commands.console import show_error
-from seaclutter_cli.commands.options import DEBUG
+from seaclutter_cli.commands.console import DEBUG, show_error
+from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.errors import SeaclutterError
 
 COMMANDS: Mapping[str, str] = {
@@ -32,22 +31,8 @@ COMMANDS: Mapping[str, str] = {
 """Commands and their short help. A new one is a line here and a file of the same name."""
 
 
-class _LazyGroup(click.Group):
-    """Imports a command when it is needed; its short help stands in `COMMANDS`."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        if cmd_name not in COMMANDS:
-            return None
-        module = importlib.import_module(f"seaclutter_cli.commands.{cmd_name}")
-        command: click.Command = module.command
-        return command
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+class _Program(LazyGroup):
+    """The program: turns errors into one line and an exit status."""
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -62,7 +47,11 @@ class _LazyGroup(click.Group):
             ctx.exit(1)
 
 
-@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    cls=_Program,
+    commands=COMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.version_option(__version__, prog_name="seaclutter")
 def cli() -> None:
     """Filter sea clutter out of recorded marine lidar logs.

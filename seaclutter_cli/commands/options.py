@@ -1,24 +1,65 @@
-"""Options that several commands share."""
+"""Options that several commands share. Each group reaches the command as one object of the library's."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
+from functools import wraps
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import click
 
-if TYPE_CHECKING:
-    from seaclutter_cli.sensors.packets import DecoderOptions
+from seaclutter_cli.commands.console import DEBUG
 
 F = TypeVar("F", bound=Callable[..., Any])
+Option = Callable[[Any], Any]
+
+
+def grouped(name: str, kind: str, options: Sequence[Option]) -> Option:
+    """Return a decorator that adds options to a command, which receives them as one object.
+
+    Parameters
+    ----------
+    name : str
+        Parameter of the command.
+    kind : str
+        Class of the object, as ``module:Class`` below this package; imported when the command runs, so that help comes
+        at once. Its fields have the options' names.
+    options : sequence of callable
+        Decorators of click, and groups within the group.
+    """
+    module, _, class_name = kind.partition(":")
+
+    def add(command: F) -> F:
+        names: list[str] = []
+
+        @wraps(command)
+        def wrapper(**values: Any) -> Any:
+            own = {key: values.pop(key) for key in names}
+            make = getattr(import_module(f"seaclutter_cli.{module}"), class_name)
+            return command(**values, **{name: make(**own)})
+
+        decorated: Any = wrapper
+        for option in reversed(options):
+            known = len(getattr(decorated, "__click_params__", ()))
+            decorated = option(decorated)
+            added = [p.name for p in decorated.__click_params__[known:] if p.expose_value]
+            names.extend(getattr(option, "provides", added))
+        result: F = decorated
+        return result
+
+    add.provides = (name,)  # type: ignore[attr-defined]
+    return add
+
+
+def path_option(*names: str, metavar: str = "FILE", required: bool = False, help: str) -> Option:  # noqa: A002 - as click has it
+    """Return an option that takes a path."""
+    return click.option(*names, type=click.Path(path_type=Path), metavar=metavar, required=required, help=help)
 
 
 def _remember_debug(context: click.Context, _: click.Parameter, value: bool) -> None:
     if value:
         context.meta[DEBUG] = True
 
-
-DEBUG = "seaclutter.debug"
-"""Key in a context's ``meta`` that is set where tracebacks are wanted."""
 
 debug_option = click.option(
     "--debug",
@@ -28,125 +69,148 @@ debug_option = click.option(
     callback=_remember_debug,
     help="Show the traceback of an error.",
 )
+json_option = click.option("--json", "as_json", is_flag=True, help="Print results as JSON.")
 force_option = click.option("--force", is_flag=True, help="Replace existing output.")
 logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=True)
 
-
-def _known_sensor(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
-    """Return a sensor's name as it is written."""
-    from seaclutter_cli.sensors.catalog import SENSORS
-
-    names = {name.casefold(): name for name in SENSORS}
-    if value is not None and value.casefold() not in names:
-        raise click.BadParameter(f"{value} is not known; choose from: {', '.join(SENSORS)}")
-    return value and names[value.casefold()]
-
-
-def selection_options(command: F) -> F:
-    """Add the options that choose a part of a recording."""
-    for option in reversed(_SELECTION):
-        command = option(command)
-    return command
-
-
-_SELECTION = (
-    click.option("-t", "--topic", "topics", multiple=True, metavar="NAME", help="Point-cloud topic; repeatable."),
-    click.option("--start", "start_s", type=float, metavar="SECONDS", help="Begin here, from the recording's start."),
-    click.option("--end", "end_s", type=float, metavar="SECONDS", help="End here, from the recording's start."),
-    click.option("-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Stop after N frames of each topic."),
-    click.option("--intensity-field", metavar="NAME", help="Intensity field, where it has no usual name."),
-    click.option(
-        "--rate",
-        "rate_hz",
-        type=click.FloatRange(min=0, min_open=True),
-        default=10.0,
-        metavar="HZ",
-        show_default=True,
-        help="Frames per second where nothing carries a time.",
-    ),
-    click.option(
-        "--calibration",
-        type=click.Path(path_type=Path),
-        metavar="FILE",
-        help="Angles or metadata of the sensor, where recorded packets lack them.",
-    ),
-    click.option(
-        "--sensor", metavar="MODEL", callback=_known_sensor, help="Sensor model, where packets of several look alike."
-    ),
-)
-
-
-def decoding_options(options: Mapping[str, Any]) -> "DecoderOptions":
-    """Return what the command line says of sensors whose packets are to be decoded."""
-    from seaclutter_cli.sensors.packets import DecoderOptions
-
-    return DecoderOptions(options["calibration"], options["sensor"])
-
-
-def output_options(command: F) -> F:
-    """Add the options that say how much is told, and how."""
-    for option in reversed(_OUTPUT):
-        command = option(command)
-    return command
-
-
-_OUTPUT = (
-    click.option("--json", "as_json", is_flag=True, help="Print results as JSON."),
+_TALK = (
     click.option("-q", "--quiet", is_flag=True, help="No progress, no warnings."),
     click.option("-v", "--verbose", is_flag=True, help="Tell more."),
     debug_option,
 )
+console_options = grouped("console", "commands.console:Console", (json_option, *_TALK))
+"""How results are printed, and how much besides; as ``console``."""
+console_options_without_json = grouped("console", "commands.console:Console", _TALK)
 
 
-def config_file_option(said: str) -> Callable[[F], F]:
+def _known_sensor(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
+    """Return a sensor's name as it is written."""
+    if value is None:
+        return None
+    from seaclutter_cli.sensors.catalog import SENSORS
+
+    names = {name.casefold(): name for name in SENSORS}
+    if value.casefold() not in names:
+        raise click.BadParameter(f"{value} is not known; choose from: {', '.join(SENSORS)}")
+    return names[value.casefold()]
+
+
+reading_options = grouped(
+    "reading",
+    "runs.recordings:ReadOptions",
+    (
+        click.option("-t", "--topic", "topics", multiple=True, metavar="NAME", help="Point-cloud topic; repeatable."),
+        click.option(
+            "--start", "start_s", type=float, metavar="SECONDS", help="Begin here, from the recording's start."
+        ),
+        click.option("--end", "end_s", type=float, metavar="SECONDS", help="End here, from the recording's start."),
+        click.option(
+            "-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Stop after N frames of each topic."
+        ),
+        click.option("--intensity-field", metavar="NAME", help="Intensity field, where it has no usual name."),
+        click.option(
+            "--rate",
+            "rate_hz",
+            type=click.FloatRange(min=0, min_open=True),
+            default=10.0,
+            metavar="HZ",
+            show_default=True,
+            help="Frames per second where nothing carries a time.",
+        ),
+        path_option("--calibration", help="Angles or metadata of the sensor, where recorded packets lack them."),
+        click.option(
+            "--sensor",
+            metavar="MODEL",
+            callback=_known_sensor,
+            help="Sensor model, where packets of several look alike.",
+        ),
+    ),
+)
+"""The part of a recording that is read, and how; as ``reading``."""
+
+
+def config_file_option(said: str) -> Option:
     """Return the option for a file of settings."""
-    return click.option("-c", "--config", "config_file", type=click.Path(path_type=Path), metavar="FILE", help=said)
+    return path_option("-c", "--config", "file", help=said)
 
 
-def set_option(example: str, what: str = "a key") -> Callable[[F], F]:
+def set_option(example: str, what: str = "a key") -> Option:
     """Return the option for single settings."""
     said = f"Set {what}, as in {example}; repeatable."
     return click.option("-s", "--set", "overrides", multiple=True, metavar="KEY=VALUE", help=said)
 
 
-def config_options(command: F) -> F:
-    """Add the options that make up the configuration."""
-    for option in reversed(_CONFIG):
-        command = option(command)
-    return command
-
-
-_CONFIG_FILE = config_file_option("Configuration file.")
-_CONFIG = (
-    _CONFIG_FILE,
-    click.option("-m", "--method", metavar="NAME", help="Filter method, whatever the configuration says."),
-    set_option("filter.start_m=5"),
-)
-
-
-def methods_options(command: F) -> F:
-    """Add the options that choose several methods and make up their configurations."""
-    for option in reversed(_METHODS):
-        command = option(command)
-    return command
-
-
-_METHODS = (
-    _CONFIG_FILE,
-    click.option(
-        "-m",
-        "--method",
-        "methods",
-        multiple=True,
-        metavar="NAME",
-        help="Filter method, none for the logs as they are; repeatable. By default that of the configuration.",
+config_options = grouped(
+    "config",
+    "runs.methods:ConfigOptions",
+    (
+        config_file_option("Configuration file."),
+        click.option("-m", "--method", metavar="NAME", help="Filter method, whatever the configuration says."),
+        set_option("filter.start_m=5"),
     ),
-    click.option(
-        "--compare",
-        "comparisons",
-        multiple=True,
-        type=click.Choice(["paper", "peers", "all"]),
-        help="Compare the stages of the joint method as its paper does, or its peers, or all and none.",
-    ),
-    set_option("filter.start_m=5", "a key for every method that has it"),
 )
+"""What the configuration is made of; as ``config``."""
+
+
+methods_options = grouped(
+    "methods",
+    "runs.methods:MethodOptions",
+    (
+        config_file_option("Configuration file."),
+        click.option(
+            "-m",
+            "--method",
+            "methods",
+            multiple=True,
+            metavar="NAME",
+            help="Filter method, none for the logs as they are; repeatable. By default that of the configuration.",
+        ),
+        click.option(
+            "--compare",
+            "comparisons",
+            multiple=True,
+            type=click.Choice(["paper", "peers", "all"]),
+            help="Compare the stages of the joint method as its paper does, or its peers, or all and none.",
+        ),
+        set_option("filter.start_m=5", "a key for every method that has it"),
+    ),
+)
+"""Methods to compare, and what their configurations are made of; as ``methods``."""
+
+
+def _ids(_: click.Context, parameter: click.Parameter, text: str | None) -> tuple[int, ...] | None:
+    try:
+        return None if text is None else tuple(int(number) for number in text.split(",") if number.strip())
+    except ValueError as error:
+        raise click.BadParameter("write whole numbers with commas between, as in 0,99", param=parameter) from error
+
+
+def label_options(*, required: bool) -> Option:
+    """Return a decorator that adds the options of labels, as ``labels``; ``--labels`` is required or not."""
+    return grouped(
+        "labels",
+        "runs.labels:LabelSources",
+        (
+            click.option(
+                "--labels",
+                "paths",
+                multiple=True,
+                required=required,
+                type=click.Path(path_type=Path),
+                metavar="LABELS",
+                help="Labels of LOGS in their order, or a folder with RECORDING.labels.csv for each; repeatable.",
+            ),
+            click.option(
+                "--clutter-ids",
+                callback=_ids,
+                metavar="IDS",
+                help="Classes that are clutter where every point has a class, as in 110,111.  [default: 110]",
+            ),
+            click.option(
+                "--ignore-ids",
+                callback=_ids,
+                metavar="IDS",
+                help="Classes that are neither clutter nor targets.  [default: 0,99]",
+            ),
+        ),
+    )

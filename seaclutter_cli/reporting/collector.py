@@ -8,9 +8,9 @@ import numpy as np
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import FilterResult, Frame, Reason
-from seaclutter_cli.reporting.audience import Audience
 from seaclutter_cli.reporting.choice import Choice, Chosen
 from seaclutter_cli.reporting.history import History, Numbers
+from seaclutter_cli.reporting.listener import ReplayListener
 from seaclutter_cli.reporting.sample import Sample, take_sample
 from seaclutter_cli.truth import Truth
 
@@ -47,7 +47,7 @@ class Timeline:
     seconds: list[float] = field(default_factory=list)
 
 
-class Collector(Audience):
+class Collector(ReplayListener):
     """Keeps some hundred bytes of every frame and the points of a few dozen, whatever the length of the logs.
 
     The first method decides which frames are worst: those with the most false and omitted alarms; without labels,

@@ -140,6 +140,23 @@ class CloudTile:
         return np.asarray(part[name])
 
 
+class Coordinates:
+    """The coordinates of a tile in parts, shape (3, n) each, in metres; can be gone through again.
+
+    Parameters
+    ----------
+    tile : Tile
+        The tile.
+    """
+
+    def __init__(self, tile: Tile) -> None:
+        self._tile = tile
+
+    def __iter__(self) -> Iterator[NDArray[np.float64]]:
+        """Yield the coordinates of each part."""
+        return (self._tile.xyz(part) for part in self._tile.parts())
+
+
 def open_tile(path: Path) -> LasTile | CloudTile:
     """Open a tile of any format in `FRAME_READERS`.
 

@@ -18,8 +18,8 @@ from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.messages.scene import SceneBox
 from seaclutter_cli.reporting import palette
-from seaclutter_cli.reporting.audience import Audience
 from seaclutter_cli.reporting.history import Numbers
+from seaclutter_cli.reporting.listener import ReplayListener
 from seaclutter_cli.reporting.scene import boxes_of
 from seaclutter_cli.truth import Truth
 
@@ -36,7 +36,7 @@ def require_rerun() -> Any:
     return rerun
 
 
-class FrameStream(Audience):
+class FrameStream(ReplayListener):
     """Tells a viewer what a method made of each frame, with raw points, in full.
 
     Parameters

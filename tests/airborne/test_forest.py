@@ -9,8 +9,8 @@ import pytest
 
 from seaclutter_cli.airborne.features import FeatureParams
 from seaclutter_cli.airborne.forest import ForestParams, Samples, hold_out, join, predict, train
-from seaclutter_cli.airborne.model import Model, load_model
-from seaclutter_cli.airborne.settings import Settings
+from seaclutter_cli.airborne.model import ObjectModel, load_model
+from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.errors import InputError
 
 PARAMS = ForestParams(trees=8, points_per_object=40)
@@ -88,9 +88,9 @@ def test_a_large_object_does_not_outweigh_the_others():
 
 def model(features="full"):
     pytest.importorskip("skops")
-    settings = replace(Settings(), features=FeatureParams(features=features), forest=PARAMS)
+    settings = replace(TileSettings(), features=FeatureParams(features=features), forest=PARAMS)
     data = samples(width=len(settings.features.names))
-    return Model(settings, train(data, PARAMS)), data
+    return ObjectModel(settings, train(data, PARAMS)), data
 
 
 @pytest.mark.parametrize("features", ["texture", "full"])
@@ -128,7 +128,7 @@ def test_a_model_for_other_features_is_refused(tmp_path):
     with pytest.raises(InputError, match="for other features"):
         load_model(tmp_path / "m")
     texture, _ = model("texture")
-    (tmp_path / "n").write_bytes(Model(one.settings, texture.forest).to_bytes())
+    (tmp_path / "n").write_bytes(ObjectModel(one.settings, texture.forest).to_bytes())
     with pytest.raises(InputError, match="another number of features"):
         load_model(tmp_path / "n")
 

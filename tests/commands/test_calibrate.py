@@ -326,7 +326,7 @@ def test_the_sample(out):
         (("log.mcap", "-o", "."), 2, "is a folder"),
         (("log.mcap", "-o", "x.yaml", "--plot", "old.png"), 2, "old.png: exists already"),
         (("log.mcap", "-o", "x.yaml", "--plot", "x.jpg"), 2, "x.jpg: pictures end in .png or .svg"),
-        (("log.mcap", "-o", "x.svg", "--plot", "x.svg"), 2, "cannot be the configuration and the picture"),
+        (("log.mcap", "-o", "x.svg", "--plot", "x.svg"), 2, "named for two outputs"),
         (("log.mcap", "-o", "x.yaml", "--filter-rate", "0"), 2, "--filter-rate"),
         (("log.mcap", "-o", "x.yaml", "--filter-rate", "1.1"), 2, "--filter-rate"),
         (("log.mcap", "-o", "x.yaml", "-m", "sor"), 2, "method sor has no ring thresholds to find; choose -m joint"),

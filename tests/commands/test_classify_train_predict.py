@@ -114,17 +114,16 @@ def test_clusters_that_are_left_out_are_told(trained, tiles, tmp_path):
 
 
 def test_objects_are_listed_with_numbers_in_80_columns():
-    from seaclutter_cli.airborne.objects import Found
-    from seaclutter_cli.commands.classify_predict import Named, _shown
+    from seaclutter_cli.airborne.objects import FoundObject
+    from seaclutter_cli.runs.classify.predict_result import NamedTile
 
-    far = Found(1, 7, 0.621, 123456, (833978.4, 9997964.9), (1234.5, 234.5), 0.1, 12.34, 123456.7)
+    far = FoundObject(1, 7, 0.621, 123456, (833978.4, 9997964.9), (1234.5, 234.5), 0.1, 12.34, 123456.7)
     objects = [replace(far, number=number) for number in range(1, 100)]
-    text = _shown("t", Named(None, None, None, None, np.array([0, 1, 1]), objects), 0.4)
-    lines = text.splitlines()
+    lines = NamedTile("t", 3, objects, 1, 2, 0.1).as_text(0.4).splitlines()
     assert max(map(len, lines)) <= 80
     assert " ".join(lines[2].split()) == "1 fishing fence 0.62 123,456 833978 9997965 1234.5 234.5 12.3 123,457"
-    assert lines[-2].startswith("99 fishing fence")
-    assert lines[-1] == "1 cluster left out: 2 points, probability below 0.4 (objects.min_probability)"
+    assert lines[-3].startswith("99 fishing fence")
+    assert lines[-2] == "1 cluster left out: 2 points, probability below 0.4 (objects.min_probability)"
 
 
 def test_predict_takes_other_clouds(trained, tmp_path):

@@ -9,9 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
-from seaclutter_cli.commands.frame_table import FrameTable
 from seaclutter_cli.evaluation.matching import Alarms
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, PointCounts
+from seaclutter_cli.runs.frame_table import FrameTable
 from tests.evaluation.scenes import frame_of
 from tests.evaluation.scenes import lump as lump_at
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
@@ -348,8 +348,8 @@ def test_a_recording_that_fails_midway_leaves_neither_lines_nor_columns(tmp_path
         (("log.mcap", "--labels", "boxes.csv", "-o", "old.csv"), 2, "old.csv: exists already"),
         (("log.mcap", "--labels", "boxes.csv", "--summary", "old.csv"), 2, "old.csv: exists already"),
         (("log.mcap", "--labels", "boxes.csv", "-o", "log.mcap", "--force"), 2, "is part of the input"),
-        (("log.mcap", "--labels", "boxes.csv", "-o", "boxes.csv", "--force"), 2, "these are the labels"),
-        (("log.mcap", "--labels", "boxes.csv", "-o", "x.csv", "--summary", "x.csv"), 2, "one file for both"),
+        (("log.mcap", "--labels", "boxes.csv", "-o", "boxes.csv", "--force"), 2, "is part of the input"),
+        (("log.mcap", "--labels", "boxes.csv", "-o", "x.csv", "--summary", "x.csv"), 2, "named for two outputs"),
         (("log.mcap", "--labels", "boxes.csv", "--intensity-field", "power"), 1, "no field 'power'"),
         (("two.mcap", "--labels", "boxes.csv"), 2, "choose from: -t /a -t /b"),
         (("two.mcap", "--labels", "boxes.csv", "-t", "/a", "-t", "/b"), 2, "one cloud topic at a time: -t /a or -t /b"),

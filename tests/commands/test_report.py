@@ -253,7 +253,7 @@ def test_figures(log, labels, page, tmp_path):
     ("arguments", "says"),
     [
         (["-o", "{log}"], "part of the input"),
-        (["-o", "{labels}", "--labels", "{labels}", "--force"], "these are the labels"),
+        (["-o", "{labels}", "--labels", "{labels}", "--force"], "is part of the input"),
         (["-o", "{tmp}/r.html", "-m", "nonsense"], "unknown method"),
         (["-o", "{tmp}"], "is a folder"),
     ],

@@ -1,0 +1,20 @@
+"""Options that the commands of tiles share."""
+
+import click
+
+from seaclutter_cli.commands.options import config_file_option, grouped, path_option, set_option
+
+tiles_argument = click.argument("tiles", metavar="TILE...", nargs=-1, required=True)
+output_option = path_option(
+    "-o",
+    "--output",
+    metavar="OUT",
+    required=True,
+    help="File for one tile, folder for several: LAS, LAZ, PCD, PLY or MCAP.",
+)
+settings_options = grouped(
+    "settings",
+    "runs.classify.tiles:SettingsOptions",
+    (config_file_option("Settings."), set_option("separation.window_m=30")),
+)
+"""What the settings are made of; as ``settings``."""

@@ -1,0 +1,20 @@
+"""``seaclutter config show``: the effective configuration."""
+
+from typing import TYPE_CHECKING
+
+import click
+
+from seaclutter_cli.commands.console import Console
+from seaclutter_cli.commands.options import config_options, debug_option, grouped, json_option
+
+if TYPE_CHECKING:
+    from seaclutter_cli.runs.methods import ConfigOptions
+
+
+@click.command(name="show")
+@config_options
+@grouped("console", "commands.console:Console", (json_option, debug_option))
+def command(config: "ConfigOptions", console: Console) -> None:
+    """Print the effective configuration, ready to be saved and changed."""
+    effective = config.load()
+    console.show(effective.as_dict() if console.as_json else effective.to_yaml(comments=True).rstrip("\n"))

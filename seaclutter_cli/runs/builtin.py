@@ -1,0 +1,65 @@
+"""What is built in: sensors, methods, formats, configurations, scenes, layouts, tiles, lidars to simulate."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.sensors.catalog import SENSORS, Sensor
+from seaclutter_cli.simulation.airborne.scene import builtin_tiles
+from seaclutter_cli.simulation.layouts import LAYOUTS
+from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.marine.scene import builtin_scenes
+from seaclutter_cli.sources import SOURCES
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from seaclutter_cli.text import table
+from seaclutter_cli.validation import builtin_files
+
+
+def list_builtin() -> "Builtin":
+    """Return the names of all that is built in."""
+    methods = {name: (kind.__doc__ or "").splitlines()[0] for name, kind in FILTERS.items()}
+    lists = {
+        "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
+        "configs": [path.name for path in builtin_files().values()],
+        "scenes": list(builtin_scenes()),
+        "layouts": list(LAYOUTS),
+        "tiles": list(builtin_tiles()),
+        "lidars": list(LIDARS),
+    }
+    return Builtin(SENSORS, methods, lists)
+
+
+@dataclass(frozen=True)
+class Builtin(Result):
+    """What is built in.
+
+    Parameters
+    ----------
+    sensors : mapping of str to Sensor
+        Sensors that are recognised.
+    methods : mapping of str to str
+        Filter methods and what each does.
+    lists : mapping of str to sequence of str
+        Names of all else, by kind.
+    """
+
+    sensors: Mapping[str, Sensor]
+    methods: Mapping[str, str]
+    lists: Mapping[str, Sequence[str]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the lists as JSON holds them."""
+        sensors = {name: {"maker": s.maker, "beams": s.beams, "columns": s.columns} for name, s in self.sensors.items()}
+        return {"sensors": sensors, "methods": self.methods, **self.lists}
+
+    def as_text(self) -> str:
+        """Return the lists as people read them."""
+        rows = [(name, s.maker, s.beams, s.columns, s.intensity) for name, s in self.sensors.items()]
+        sensors = table(("sensor", "maker", "beams", "columns", "intensity"), rows)
+        methods = table(("method", ""), [(f"{name:<24}{said}", "") for name, said in self.methods.items()])
+        lines = (f"{name:<9} {', '.join(values)}" for name, values in self.lists.items())
+        lists = "\n".join(textwrap.fill(line, 79, subsequent_indent=" " * 10) for line in lines)
+        return f"{sensors}\n\n{methods}\n\n{lists}"

@@ -1,0 +1,129 @@
+"""Naming the points and objects of tiles by a trained model."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from seaclutter_cli.airborne.forest import class_name, predict
+from seaclutter_cli.airborne.model import ObjectModel, load_model
+from seaclutter_cli.airborne.objects import as_csv, as_geojson, find_objects
+from seaclutter_cli.airborne.separation import WATER
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
+from seaclutter_cli.runs.classify.features import tile_features
+from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, NamedPoints, NamedTile, PredictResult
+from seaclutter_cli.runs.classify.tiles import SettingsOptions, plan_tiles, write_tile
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import write_files
+from seaclutter_cli.sources.tiles import CloudTile, Coordinates, LasTile, find_tiles, open_tile
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictOptions:
+    """Which model names tiles, and what is written beside them.
+
+    Parameters
+    ----------
+    model : Path
+        A trained model.
+    settings : SettingsOptions
+        Settings that differ from the model's; those of the features may not.
+    csv_file : Path or None
+        Table with a line for each object.
+    geojson_file : Path or None
+        Boxes of the objects.
+    plot_file : Path or None
+        Picture of the tile from above; for a single tile.
+    force : bool
+        Replace existing files.
+    """
+
+    model: Path
+    settings: SettingsOptions = field(default_factory=SettingsOptions)
+    csv_file: Path | None = None
+    geojson_file: Path | None = None
+    plot_file: Path | None = None
+    force: bool = False
+
+
+def name_tiles(
+    tiles: Sequence[str], output: Path, options: PredictOptions, observer: Observer = SILENT
+) -> PredictResult:
+    """Name the points of tiles, find the objects, and write both.
+
+    Parameters
+    ----------
+    tiles : sequence of str
+        Files, folders or globs.
+    output : Path
+        File for one tile, folder for several.
+    options : PredictOptions
+        The model, and what is written.
+    observer : Observer, optional
+        Receives warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If the model or a tile cannot be used.
+    """
+    paths = find_tiles(tiles)
+    further = [options.csv_file, options.geojson_file, options.plot_file]
+    targets = plan_tiles(paths, output, further, [options.model, options.settings.file], force=options.force)
+    if options.plot_file:
+        check_target(options.plot_file)
+        if len(paths) > 1:
+            raise UsageError("--plot: one tile at a time")
+    model = _load(options)
+    result = PredictResult([], model.settings.objects.min_probability)
+    files: dict[Path, bytes] = {}
+    for path, target in zip(paths, targets, strict=True):
+        started, tile = perf_counter(), open_tile(path)
+        named = name_points(tile, model, observer)
+        write_tile(tile, target, named.columns(), DIMENSIONS)
+        if options.plot_file:
+            files[options.plot_file] = _picture(tile, named, options.plot_file.suffix)
+        result.tiles.append(NamedTile.of(path.stem, named, perf_counter() - started))
+    found = [(tile.name, tile.objects) for tile in result.tiles]
+    if options.csv_file:
+        files[options.csv_file] = as_csv(found).encode()
+    if options.geojson_file:
+        files[options.geojson_file] = as_geojson(found).encode()
+    write_files(files)
+    return result
+
+
+def _load(options: PredictOptions) -> ObjectModel:
+    """Return the model, with other settings where they do not change what it was trained on."""
+    model = load_model(options.model)
+    settings = options.settings.load(model.settings)
+    if settings.features != model.settings.features:
+        kept = ", ".join(f"{key}: {value}" for key, value in model.settings.as_dict()["features"].items())
+        raise UsageError(f"{options.model}: the model is for another feature set ({kept}); train one for yours")
+    return ObjectModel(settings, model.forest)
+
+
+def name_points(tile: LasTile | CloudTile, model: ObjectModel, observer: Observer = SILENT) -> NamedPoints:
+    """Separate a tile, name its points and find its objects."""
+    found = tile_features(tile, model.settings, observer)
+    probability = predict(model.forest, found.features)
+    classes = [int(code) for code in model.forest.classes_]
+    objects, number, left_out = find_objects(found.points, probability, classes, model.settings.objects)
+    code = np.array(classes)[probability.argmax(axis=1)] if len(probability) else np.empty(0, np.int64)
+    return NamedPoints(found, code, probability.max(axis=1, initial=0.0), number, left_out, objects)
+
+
+def _picture(tile: LasTile | CloudTile, named: NamedPoints, suffix: str) -> bytes:
+    places = np.concatenate([xyz[:2] for xyz in Coordinates(tile)], axis=1)
+    sea = places[:, named.tile.separation.classification == WATER]
+    xy = named.tile.points.xy
+    code = np.array([0, *(one.code for one in named.objects)])[named.number]
+    points = {class_name(one): xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
+    if named.left_out.any():
+        points[LEFT_OUT] = xy[:, named.left_out > 0]
+    boxes = [(one.name, one.corners) for one in named.objects]
+    return render(lambda figure: draw_tile(figure, sea, points, boxes), suffix, aspect=0.92)

@@ -1,0 +1,131 @@
+"""Separating the sea in airborne tiles from what stands out of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from seaclutter_cli.airborne.separation import OTHER, WATER, Separation, separate
+from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.runs.classify.tiles import SettingsOptions, plan_tiles, write_tile
+from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.sources.tiles import CloudTile, Coordinates, LasTile, find_tiles, open_tile
+from seaclutter_cli.text import share, table
+
+HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeparateOptions:
+    """How tiles are separated.
+
+    Parameters
+    ----------
+    settings : SettingsOptions
+        Settings of the separation.
+    with_height : bool
+        Also write each point's height above the sea surface.
+    force : bool
+        Replace existing files.
+    """
+
+    settings: SettingsOptions = field(default_factory=SettingsOptions)
+    with_height: bool = False
+    force: bool = False
+
+
+def separate_tiles(tiles: Sequence[str], output: Path, options: SeparateOptions | None = None) -> "SeparateResult":
+    """Separate the sea in tiles from what stands out of it, and write them with ASPRS classes.
+
+    Parameters
+    ----------
+    tiles : sequence of str
+        Files, folders or globs.
+    output : Path
+        File for one tile, folder for several.
+    options : SeparateOptions, optional
+        How.
+
+    Raises
+    ------
+    SeaclutterError
+        If a tile cannot be separated.
+    """
+    options = options or SeparateOptions()
+    settings = options.settings.load()
+    paths = find_tiles(tiles)
+    targets = plan_tiles(paths, output, inputs=[options.settings.file], force=options.force)
+    pairs = zip(paths, targets, strict=True)
+    return SeparateResult([_separate(*pair, settings.separation, with_height=options.with_height) for pair in pairs])
+
+
+def _separate(path: Path, target: Path, params: SeparationParams, *, with_height: bool) -> "SeparatedTile":
+    started = perf_counter()
+    tile = open_tile(path)
+    found = separate_tile(tile, params)
+    columns: dict[str, Any] = {"classification": found.classification}
+    if with_height:
+        columns["height_above_sea"] = found.height_m
+    write_tile(tile, target, columns, HEIGHT if with_height else {})
+    sea, other = (int(np.count_nonzero(found.classification == code)) for code in (WATER, OTHER))
+    return SeparatedTile(path.stem, str(target), tile.size, sea, other, perf_counter() - started)
+
+
+def separate_tile(tile: LasTile | CloudTile, params: SeparationParams) -> Separation:
+    """Return the separation of a tile; `InputError`, with its name, if that cannot be done."""
+    try:
+        return separate(Coordinates(tile), params)
+    except InputError as error:
+        raise InputError(f"{tile.path}: {error}") from error
+
+
+@dataclass(frozen=True)
+class SeparatedTile:
+    """What was found in one tile.
+
+    Parameters
+    ----------
+    tile, output : str
+        Its name, and the file that was written.
+    points, sea, other : int
+        Points of the tile, those of the sea, and those that stand out of it.
+    seconds : float
+        How long it took.
+    """
+
+    tile: str
+    output: str
+    points: int
+    sea: int
+    other: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class SeparateResult(Result):
+    """What was found in several tiles.
+
+    Parameters
+    ----------
+    tiles : sequence of SeparatedTile
+        One for each tile.
+    """
+
+    tiles: Sequence[SeparatedTile]
+
+    def as_dict(self) -> list[dict[str, Any]]:
+        """Return the result as JSON holds it."""
+        return [vars(tile) for tile in self.tiles]
+
+    def as_text(self) -> str:
+        """Return the result as people read it."""
+        return table(("tile", "points", "not sea", "share", "seconds"), [_cells(tile) for tile in self.tiles])
+
+
+def _cells(tile: SeparatedTile) -> tuple[str, ...]:
+    counts = f"{tile.points:,}", f"{tile.other:,}", share(tile.other, tile.points)
+    return tile.tile, *counts, f"{tile.seconds:.2f}"

@@ -1,0 +1,94 @@
+"""Tiles in and out: where the output goes, the settings, and writing tiles with other columns."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.settings import TileSettings, load_settings
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.runs.outputs import check_outputs, is_folder
+from seaclutter_cli.sinks.las import ExtraDims, write_las
+from seaclutter_cli.sinks.points import POINT_WRITERS, with_columns
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from seaclutter_cli.sources.tiles import CloudTile, LasTile
+
+_LAS = (".las", ".laz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettingsOptions:
+    """What the settings of a run over tiles are made of: defaults < file < single keys.
+
+    Parameters
+    ----------
+    file : Path or None
+        Settings file (YAML).
+    overrides : tuple of str
+        ``section.key=value``; values are YAML.
+    """
+
+    file: Path | None = None
+    overrides: tuple[str, ...] = ()
+
+    def load(self, base: TileSettings | None = None) -> TileSettings:
+        """Return the settings, over others than the defaults if given; `ConfigError` if anything is wrong."""
+        return load_settings(self.file, self.overrides, base)
+
+
+def plan_tiles(
+    tiles: Sequence[Path],
+    output: Path,
+    further: Sequence[Path | None] = (),
+    inputs: Sequence[Path | None] = (),
+    *,
+    force: bool,
+) -> list[Path]:
+    """Return the file for each tile: ``output`` itself for one, files of the tiles' names in it for several.
+
+    Parameters
+    ----------
+    tiles : sequence of Path
+        Tiles that are read.
+    output : Path
+        File for one tile, folder for several.
+    further, inputs : sequence of Path or None, optional
+        What else is written, and what else is read.
+    force : bool
+        Whether files may be replaced.
+
+    Raises
+    ------
+    UsageError
+        If an output is an input, exists and may not be replaced, would be written twice, or is of a format that the
+        tile cannot become.
+    """
+    into_folder = is_folder(output, len(tiles))
+    targets = [output / tile.name for tile in tiles] if into_folder else [output]
+    if into_folder:  # formats that are only read
+        targets = [t if t.suffix.lower() in (*_LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
+    if len(set(targets)) < len(targets):
+        raise UsageError(f"{output}: two tiles have the same name; write them one by one")
+    check_outputs([*targets, *further], [*tiles, *inputs], force=force)
+    for tile, target in zip(tiles, targets, strict=True):
+        _check_format(tile, target)
+    return targets
+
+
+def _check_format(tile: Path, target: Path) -> None:
+    suffix = target.suffix.lower()
+    if suffix not in (*_LAS, *POINT_WRITERS):
+        raise UsageError(f"{target}: tiles are written as {', '.join((*_LAS, *POINT_WRITERS))}")
+    if suffix in _LAS and tile.suffix.lower() not in _LAS:
+        raise UsageError(f"{target}: only LAS and LAZ tiles become LAS or LAZ; write {', '.join(POINT_WRITERS)}")
+
+
+def write_tile(tile: LasTile | CloudTile, target: Path, columns: Mapping[str, NDArray[Any]], extra: ExtraDims) -> None:
+    """Write a tile with other or more columns; all else stays as it is."""
+    if isinstance(tile, LasTile) and target.suffix.lower() in _LAS:
+        write_las(target, tile.header, tile.parts(), columns, extra)
+        return
+    cloud = FRAME_READERS[tile.path.suffix.lower()](tile.path) if isinstance(tile, LasTile) else tile.cloud
+    POINT_WRITERS[target.suffix.lower()](target, with_columns(cloud, columns))

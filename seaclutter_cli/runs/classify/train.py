@@ -1,0 +1,152 @@
+"""Training a random forest on labelled tiles."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.forest import Samples, hold_out, join, predict, train
+from seaclutter_cli.airborne.model import ObjectModel
+from seaclutter_cli.airborne.settings import TileSettings
+from seaclutter_cli.clustering.euclidean import euclidean_clusters
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.evaluation.confusion import Confusion
+from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.tiles import draw_confusion
+from seaclutter_cli.runs.classify.features import tile_features
+from seaclutter_cli.runs.classify.tiles import SettingsOptions
+from seaclutter_cli.runs.classify.train_result import TrainingReport
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import check_outputs, write_files
+from seaclutter_cli.sources.tiles import find_tiles, open_tile, read_columns
+from seaclutter_cli.truth import OBJECT_CLASSES
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainOptions:
+    """How a forest is trained, and what is written.
+
+    Parameters
+    ----------
+    output : Path
+        The model.
+    settings : SettingsOptions
+        Settings of separation, features and forest.
+    class_field : str
+        Field with the classes of points, 1 to 8; 0 is none.
+    object_field : str
+        Field that keeps objects apart; without it, clusters of a class are taken for objects.
+    plot_file : Path or None
+        Picture of the confusion matrix.
+    force : bool
+        Replace existing files.
+    """
+
+    output: Path
+    settings: SettingsOptions = field(default_factory=SettingsOptions)
+    class_field: str = "object_class"
+    object_field: str = "object_id"
+    plot_file: Path | None = None
+    force: bool = False
+
+
+def train_forest(tiles: Sequence[str], options: TrainOptions, observer: Observer = SILENT) -> TrainingReport:
+    """Train a forest on labelled tiles, test it on what was held out, and write it.
+
+    Parameters
+    ----------
+    tiles : sequence of str
+        Files, folders or globs.
+    options : TrainOptions
+        How, and what is written.
+    observer : Observer, optional
+        Receives warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If a tile cannot be used, or there is too little to learn from.
+    """
+    settings = options.settings.load()
+    paths = find_tiles(tiles)
+    if options.plot_file:
+        check_target(options.plot_file)
+    check_outputs([options.output, options.plot_file], [*paths, options.settings.file], force=options.force)
+    parts = [_samples(number, path, settings, options, observer) for number, path in enumerate(paths)]
+    model, report = fit(join(parts), settings)
+    files = {options.output: model.to_bytes()}
+    if options.plot_file and report.tested:
+        files[options.plot_file] = _picture(report, options.plot_file.suffix)
+    write_files(files)
+    _warn_of_untested(report, options.plot_file, observer)
+    return report
+
+
+def _samples(number: int, path: Path, settings: TileSettings, options: TrainOptions, observer: Observer) -> Samples:
+    """Return the points of a tile that are no sea, with their truth."""
+    tile = open_tile(path)
+    class_field, object_field = options.class_field, options.object_field
+    if class_field not in tile.names:
+        found = ", ".join(tile.names)
+        raise InputError(f"{path}: no ground truth: no field {class_field!r} with classes; it has {found}")
+    found_points = tile_features(tile, settings, observer)
+    truth = read_columns(tile, (class_field, object_field))
+    other = found_points.separation.other
+    code = truth[class_field][other].astype(np.int64)
+    if ((code < 0) | (code > len(OBJECT_CLASSES))).any():
+        raise InputError(
+            f"{path}: {class_field} holds {code.max()}; classes are 1 to {len(OBJECT_CLASSES)}, 0 for none"
+        )
+    if object_field in truth:
+        objects = truth[object_field][other].astype(np.int64)
+    else:  # without numbers, clusters of a class are taken for objects
+        flat = np.vstack((found_points.points.xy, 1000.0 * settings.objects.tolerance_m * code))
+        objects = euclidean_clusters(flat, settings.objects.tolerance_m, 1)
+    return Samples(found_points.features, code, np.full(len(code), number), objects)
+
+
+def fit(samples: Samples, settings: TileSettings) -> tuple[ObjectModel, TrainingReport]:
+    """Return a model trained on a part of the samples, and its report on the rest."""
+    test, split = hold_out(samples, settings.forest)
+    names = ("features", "code", "tile", "number")
+    seen, unseen = (Samples(*(getattr(samples, name)[part] for name in names)) for part in (~test, test))
+    forest = train(seen, settings.forest)
+    codes = tuple(int(code) for code in np.unique(samples.code))
+    called = forest.classes_[predict(forest, unseen.features).argmax(axis=1)].astype(np.int64)
+    importances = dict(zip(settings.features.names, map(float, forest.feature_importances_.round(4)), strict=True))
+    report = TrainingReport(
+        codes,
+        Confusion.of(unseen.code, called, codes),
+        Confusion.of(*_by_object(unseen, called), codes),
+        importances,
+        split,
+        len(seen.code),
+        len(unseen.code),
+    )
+    return ObjectModel(settings, forest), report
+
+
+def _by_object(samples: Samples, called: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the class of each object, and what most of its points were called, shape (M,) each."""
+    objects, which = samples.objects
+    votes = np.zeros((objects.shape[1], len(OBJECT_CLASSES) + 1), np.int64)
+    np.add.at(votes, (which, called), 1)
+    return objects[2], votes.argmax(axis=1)
+
+
+def _picture(report: TrainingReport, suffix: str) -> bytes:
+    return render(lambda figure: draw_confusion(figure, report.names, report.points.counts), suffix, aspect=0.85)
+
+
+def _warn_of_untested(report: TrainingReport, plot_file: Path | None, observer: Observer) -> None:
+    missing = [name for name, points in zip(report.names, report.points.counts.sum(axis=1), strict=True) if not points]
+    if not missing:
+        return
+    said = f"nothing of {', '.join(missing)} could be held out, so the test says nothing of that"
+    if not report.tested:
+        said = "nothing could be held out: no class has two objects"
+        if plot_file:
+            observer.warn(f"{plot_file}: not drawn, as there is no test")
+    observer.warn(f"{said}; train on more tiles, or on more objects")

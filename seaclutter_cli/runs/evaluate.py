@@ -1,0 +1,223 @@
+"""Evaluating recordings against labels, by several methods in one pass."""
+
+import json
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from seaclutter_cli.evaluation.scores import Summary, score_frame
+from seaclutter_cli.filters.fit import IntensityFit
+from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.pipeline import cloud_channels, is_remainder, run_each
+from seaclutter_cli.reporting.listener import FrameListener
+from seaclutter_cli.runs.comparison import Comparison, Evaluated
+from seaclutter_cli.runs.frame_table import FrameTable
+from seaclutter_cli.runs.labels import LabelSources
+from seaclutter_cli.runs.methods import MethodOptions, Variant
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import check_outputs, inputs_of
+from seaclutter_cli.runs.recordings import (
+    Logs,
+    ReadOptions,
+    expand,
+    expected_frames,
+    finish_labels,
+    keeping_errors,
+    opened,
+    require_frames,
+)
+from seaclutter_cli.runs.sensor_match import mismatches
+from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sources import Recording
+from seaclutter_cli.text import printable
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateOptions:
+    """What is compared with which labels, and what is written.
+
+    Parameters
+    ----------
+    labels : LabelSources
+        Labels of the recordings.
+    methods : MethodOptions
+        Methods that are compared.
+    clustering : {"euclidean", "dbscan"} or None
+        Kind of clusters; None: that of the configuration.
+    reading : ReadOptions
+        What is read.
+    frames_file : Path or None
+        Table with a line for each frame and method (CSV).
+    summary_file : Path or None
+        All figures (JSON).
+    force : bool
+        Replace existing files.
+    """
+
+    labels: LabelSources
+    methods: MethodOptions = field(default_factory=MethodOptions)
+    clustering: Literal["euclidean", "dbscan"] | None = None
+    reading: ReadOptions = field(default_factory=ReadOptions)
+    frames_file: Path | None = None
+    summary_file: Path | None = None
+    force: bool = False
+
+
+def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SILENT) -> Comparison:
+    """Filter recordings, cluster what is left, and count false and omitted alarms against labels.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    options : EvaluateOptions
+        Methods and labels.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+    """
+    further = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
+    evaluator = Evaluator(options.methods.variants(*further), options.reading, observer)
+    recordings = expand(logs)
+    targets = [options.frames_file, options.summary_file]
+    check_outputs(targets, inputs_of(recordings), options.labels.paths, force=options.force)
+    labels = options.labels.open(recordings)
+    with ExitStack() as stack:
+        tables = [stack.enter_context(FrameTable(options.frames_file))] if options.frames_file else []
+        summary = stack.enter_context(AtomicFile(options.summary_file)) if options.summary_file else None
+        comparison = evaluator.compare(recordings, labels, tables=tables)
+        if summary:
+            summary.stream.write(json.dumps(comparison.as_dict(), indent=2).encode() + b"\n")
+    return comparison
+
+
+@dataclass(frozen=True)
+class Evaluator:
+    """Runs several methods over recordings, and compares what each leaves with the labels.
+
+    Parameters
+    ----------
+    variants : sequence of Variant
+        The methods.
+    reading : ReadOptions
+        What is read.
+    observer : Observer
+        Receives progress and warnings.
+    """
+
+    variants: Sequence[Variant]
+    reading: ReadOptions
+    observer: Observer
+
+    def compare(
+        self,
+        recordings: Sequence[Recording],
+        labels: Sequence[Labels | None],
+        *,
+        tables: Sequence[FrameTable] = (),
+        listeners: Sequence[FrameListener] = (),
+    ) -> Comparison:
+        """Evaluate one recording after the other."""
+        pairs = zip(recordings, labels, strict=True)
+        return Comparison(self.variants, [self.run(one, own, tables, listeners) for one, own in pairs])
+
+    def run(
+        self,
+        recording: Recording,
+        labels: Labels | None,
+        tables: Sequence[FrameTable] = (),
+        listeners: Sequence[FrameListener] = (),
+    ) -> Evaluated:
+        """Evaluate one recording; without labels, clusters are counted and nothing is compared."""
+        methods = {variant.name: Summary() for variant in self.variants}
+        outcome = Evaluated(recording=recording.name, methods=methods)
+        for listener in listeners:
+            listener.begin(recording.name)
+        with keeping_errors(outcome, self.observer), opened(recording, self.reading, self.observer, outcome) as source:
+            begun = [table.begin(recording.name) for table in tables]
+            scorer = _FrameScorer(self, labels, outcome, begun, listeners)
+            self._stream(source, scorer)
+            self._check(source, labels, outcome)
+            scorer.finish()
+            for table in tables:
+                table.end()
+        return outcome
+
+    def _stream(self, source: Source, scorer: "_FrameScorer") -> None:
+        selection = self.reading.selection
+        clouds = cloud_channels(source, selection.topics)
+        filtering = any(variant.config.method != "none" for variant in self.variants)
+        if filtering and is_remainder(source, selection.topics):
+            text = "was filtered already; this filters what was left of it, and a target that was lost is not visible"
+            self.observer.warn(f"{source.name}: {text}")
+        methods = ", ".join(variant.name for variant in self.variants)
+        self.observer.note(f"{source.name}: {source.format}, {methods} on {printable(clouds[0].topic)}", detail=True)
+        filters = [variant.config.make_filter() for variant in self.variants]
+        with self.observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+
+            def on_frame(frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
+                scorer.add(frame, results, seconds)
+                step()
+
+            run_each(source, filters, selection, on_frame)
+        for text in mismatches(self.variants[0].config.sensor, source):
+            self.observer.warn(text)
+
+    def _check(self, source: Source, labels: Labels | None, outcome: Evaluated) -> None:
+        """Check that a whole recording has been compared with all of its labels."""
+        require_frames(source, outcome.frames)
+        finish_labels(labels, source, self.reading.selection)
+        if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
+            self.observer.warn(f"{source.name}: none of its frames is labelled")
+
+
+class _FrameScorer:
+    """Compares the frames of one recording with its labels."""
+
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        labels: Labels | None,
+        outcome: Evaluated,
+        tables: Sequence[FrameTable],
+        listeners: Sequence[FrameListener],
+    ) -> None:
+        self._variants, self._observer = evaluator.variants, evaluator.observer
+        self._labels, self._outcome = labels, outcome
+        self._tables, self._listeners = tables, listeners
+        # A method that finds its threshold in the log itself cannot have a wrong one.
+        given = [variant.name for variant in self._variants if not variant.config.make_filter().needs_first_pass]
+        self._fits = {name: IntensityFit() for name in given}
+        self._warned: set[str] = set()
+
+    def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
+        """Count a frame for every method that could use it."""
+        truth = self._labels.truth(frame) if self._labels else None
+        scores = score_frame(frame, results, truth, self._variants[0].config.evaluation)
+        for listener in self._listeners:
+            listener.see(frame, results, truth, scores)
+        for variant, result, found, spent in zip(self._variants, results, scores, seconds, strict=True):
+            if result is None or found is None:
+                continue
+            self._outcome.methods[variant.name].add(found, spent)
+            for table in self._tables:
+                table.write(variant.name, frame, found)
+            if variant.name in self._fits:
+                self._warn(self._fits[variant.name].add(result))
+
+    def finish(self) -> None:
+        """Warn of thresholds that fit none of the few frames there were."""
+        for fit in self._fits.values():
+            self._warn(fit.verdict())
+
+    def _warn(self, text: str | None) -> None:
+        if text and text not in self._warned:
+            self._warned.add(text)
+            self._observer.warn(f"{self._outcome.recording}: {text}")

@@ -1,0 +1,128 @@
+"""What filtering came to: for people and as data."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from seaclutter_cli.frame import Reason
+from seaclutter_cli.pipeline import TopicTally
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
+from seaclutter_cli.text import count, indented, printable, share, table
+
+
+@dataclass(kw_only=True)
+class FilterOutcome(Outcome):
+    """What filtering one recording came to.
+
+    Parameters
+    ----------
+    output : Path
+        The filtered file.
+    edges : sequence of float
+        Ring edges of the method in metres; empty without rings.
+    topics : mapping of str to TopicTally
+        Sums over the frames of each cloud topic.
+    """
+
+    output: Path
+    edges: Sequence[float]
+    topics: Mapping[str, TopicTally] = field(default_factory=dict)
+
+    @property
+    def frames(self) -> int:
+        """Frames of all topics."""
+        return sum(tally.frames for tally in self.topics.values())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the outcome as JSON holds it."""
+        return {
+            "recording": self.recording,
+            "output": None if self.error else str(self.output),
+            "error": self.error,
+            "damage": [str(item) for item in self.damage],
+            "seconds": round(self.seconds, 3),
+            "topics": {topic: _as_dict(tally, self.edges) for topic, tally in self.topics.items()},
+        }
+
+    def as_text(self) -> str:
+        """Return the outcome as people read it."""
+        pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames else ""
+        topics = [_as_text(topic, tally, self.edges) for topic, tally in self.topics.items()]
+        last = f"{count(self.frames, 'frame')} in {self.seconds:.1f} s{pace}"
+        return "\n".join((f"{self.recording} -> {self.output}", *topics, last))
+
+
+def _as_dict(tally: TopicTally, edges: Sequence[float]) -> dict[str, Any]:
+    return {
+        "frames": tally.frames,
+        "points_in": tally.points_in,
+        "points_out": int(tally.counts[Reason.KEPT]),
+        **{reason.name.lower(): int(tally.counts[reason]) for reason in Reason if reason},
+        "rings": _rings(tally, edges),
+        **({"scenes": dict(sorted(tally.scenes.items()))} if tally.scenes else {}),
+        "filter_ms": round(1000 * tally.filter_s / max(tally.frames, 1), 3),
+    }
+
+
+def _rings(tally: TopicTally, edges: Sequence[float]) -> list[dict[str, float]]:
+    """Return a row for each ring; thresholds are means over the frames."""
+    if tally.rings is None:
+        return []
+    columns = zip(
+        edges[:-1],
+        edges[1:],
+        tally.rings.points.tolist(),
+        tally.rings.low_intensity.tolist(),
+        tally.rings.outliers.tolist(),
+        (tally.rings.thresholds / tally.frames).round(6).tolist(),
+        strict=True,
+    )
+    names = ("start_m", "end_m", "points", "low_intensity", "outliers", "mean_threshold")
+    return [dict(zip(names, row, strict=True)) for row in columns]
+
+
+def _as_text(topic: str, tally: TopicTally, edges: Sequence[float]) -> str:
+    kept = int(tally.counts[Reason.KEPT])
+    size = tally.points_in
+    frames = count(tally.frames, "frame")
+    blocks = [f"{printable(topic)}: {frames}, {size:,} points in, {kept:,} out ({share(kept, size)})"]
+    removed = [(r.name.lower().replace("_", " "), int(tally.counts[r])) for r in Reason if r and tally.counts[r]]
+    if removed:
+        rows = [(name, f"{points:,}", share(points, size)) for name, points in removed]
+        blocks.append(table(("removed because", "points", "share"), rows))
+    if tally.rings is not None:
+        head = ("ring", "points", "low intensity", "outliers", "kept", "mean threshold")
+        blocks.append(table(head, [_ring_row(ring) for ring in _rings(tally, edges)]))
+    if tally.scenes:
+        scenes = (f"{printable(name)}: {count(number, 'frame')}" for name, number in tally.scenes.items())
+        blocks.append(f"filtered as {', '.join(scenes)}")
+    return indented("\n".join(blocks))
+
+
+def _ring_row(ring: Mapping[str, float]) -> tuple[str, ...]:
+    kept = ring["points"] - ring["low_intensity"] - ring["outliers"]
+    counts = (f"{ring[name]:,}" for name in ("points", "low_intensity", "outliers"))
+    span = f"{ring['start_m']:g} to {ring['end_m']:g} m"
+    return (span, *counts, share(kept, ring["points"]), f"{ring['mean_threshold']:.2f}")
+
+
+@dataclass(frozen=True)
+class FilterSummary(RecordingsResult):
+    """What filtering several recordings came to.
+
+    Parameters
+    ----------
+    outcomes : sequence of FilterOutcome
+        One for each recording.
+    """
+
+    outcomes: Sequence[FilterOutcome]
+
+    def as_dict(self) -> list[dict[str, Any]]:
+        """Return the outcomes as JSON holds them."""
+        return [outcome.as_dict() for outcome in self.outcomes]
+
+    def as_text(self) -> str:
+        """Return the outcomes of the recordings that were filtered as people read them."""
+        return "\n\n".join(outcome.as_text() for outcome in self.outcomes if not outcome.error)

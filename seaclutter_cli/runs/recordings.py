@@ -1,0 +1,195 @@
+"""Runs over recordings: which part of them is read and how, and how the run over each of them ended."""
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from seaclutter_cli.errors import InputError, SeaclutterError, UsageError
+from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.pipeline import Selection
+from seaclutter_cli.records import Channel, Damage
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.sensors.packets import DecoderOptions
+from seaclutter_cli.sources import Recording, find_recordings
+
+PathLike = str | os.PathLike[str]
+Logs = PathLike | Sequence[PathLike]
+"""A log or several: files, folders or globs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadOptions:
+    """The part of each recording that is read, and what is needed to read it.
+
+    Parameters
+    ----------
+    topics : tuple of str
+        Point-cloud topics; empty means the only one.
+    start_s, end_s : float or None
+        Seconds from the recording's start; the end is not included.
+    frames : int or None
+        Frames of each topic, from the start of the selection.
+    intensity_field : str or None
+        Name of the intensity field; None looks for a usual one.
+    rate_hz : float
+        Frames per second where nothing carries a time.
+    calibration : Path or None
+        Angles or metadata of the sensor, where recorded packets lack them.
+    sensor : str or None
+        Sensor model, where packets of several look alike.
+    """
+
+    topics: tuple[str, ...] = ()
+    start_s: float | None = None
+    end_s: float | None = None
+    frames: int | None = None
+    intensity_field: str | None = None
+    rate_hz: float = 10.0
+    calibration: Path | None = None
+    sensor: str | None = None
+
+    @property
+    def selection(self) -> Selection:
+        """The part of each recording."""
+        return Selection(
+            topics=self.topics,
+            start_s=self.start_s,
+            end_s=self.end_s,
+            frames=self.frames,
+            intensity_field=self.intensity_field,
+        )
+
+    def open(self, recording: Recording) -> Source:
+        """Open a recording; `InputError` if it cannot be read."""
+        return recording.open(rate_hz=self.rate_hz, decoding=DecoderOptions(self.calibration, self.sensor))
+
+
+@dataclass(kw_only=True)
+class Outcome:
+    """How the run over one recording ended.
+
+    Parameters
+    ----------
+    recording : str
+        Its name.
+    damage : list of Damage
+        Parts of it that could not be used.
+    seconds : float
+        How long it took.
+    error : str or None
+        Why there is no result.
+    """
+
+    recording: str
+    damage: list[Damage] = field(default_factory=list)
+    seconds: float = 0.0
+    error: str | None = None
+
+
+class Result(ABC):
+    """What a run comes to: for people and as data."""
+
+    @property
+    def failed(self) -> bool:
+        """Whether any recording could not be processed."""
+        return False
+
+    @property
+    def damaged(self) -> bool:
+        """Whether parts of the input were damaged and left out."""
+        return False
+
+    @abstractmethod
+    def as_dict(self) -> Any:
+        """Return the result as JSON holds it."""
+
+    @abstractmethod
+    def as_text(self) -> str:
+        """Return the result as people read it; empty if there is nothing to say."""
+
+
+class RecordingsResult(Result):
+    """The result of a run over several recordings."""
+
+    outcomes: Sequence[Outcome]
+    """How the run over each recording ended."""
+
+    @property
+    def failed(self) -> bool:
+        """Whether any recording could not be processed."""
+        return any(outcome.error for outcome in self.outcomes)
+
+    @property
+    def damaged(self) -> bool:
+        """Whether parts of any recording were damaged and left out."""
+        return any(outcome.damage for outcome in self.outcomes)
+
+
+def expand(logs: Logs) -> list[Recording]:
+    """Return the recordings that files, folders and globs name; see `find_recordings`."""
+    named = [logs] if isinstance(logs, str | os.PathLike) else logs
+    return find_recordings([os.fspath(name) for name in named])
+
+
+@contextmanager
+def opened(recording: Recording, reading: ReadOptions, observer: Observer, outcome: Outcome) -> Iterator[Source]:
+    """Open a recording; pass on its warnings, and its damage, which goes into the outcome too."""
+    with closing(reading.open(recording)) as source:
+        with warnings_of(source, observer):
+            yield source
+        outcome.damage = source.damage
+        observer.damage(source.damage)
+
+
+@contextmanager
+def keeping_errors(outcome: Outcome, observer: Observer) -> Iterator[None]:
+    """Keep an error of one recording in its outcome, so that the others are processed all the same; take the time.
+
+    Raises
+    ------
+    UsageError
+        If it would be the same for all recordings.
+    """
+    started = perf_counter()
+    try:
+        yield
+    except UsageError:
+        raise
+    except SeaclutterError as error:
+        outcome.error = str(error)
+        observer.fail(error)
+    outcome.seconds = perf_counter() - started
+
+
+@contextmanager
+def warnings_of(source: Source, observer: Observer) -> Iterator[None]:
+    """Pass on the warnings that a source has when it is opened, and those that come up while it is read."""
+    shown = len(source.warnings)
+    for text in source.warnings:
+        observer.warn(text)
+    yield
+    for text in source.warnings[shown:]:
+        observer.warn(text)
+
+
+def expected_frames(source: Source, clouds: Sequence[Channel], selection: Selection) -> int | None:
+    """Return how many frames are to come, as far as that is known before reading."""
+    total = sum(source.counts.get(channel.id, 0) for channel in clouds)
+    return selection.frames or total or None
+
+
+def require_frames(source: Source, frames: int) -> None:
+    """Raise `InputError` if damage has left no frame that can be read."""
+    if not frames and source.damage:
+        raise InputError(f"{source.name}: no frame can be read; {source.damage[0]}")
+
+
+def finish_labels(labels: Labels | None, source: Source, selection: Selection) -> None:
+    """Check that a recording that was read whole and undamaged had a frame for each label; `LabelError` if not."""
+    if labels and selection.is_whole and not source.damage:
+        labels.finish()

@@ -1,0 +1,180 @@
+"""Reports: what a filter did, and how well, as one page that opens offline and as figures for print."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.plots.figure import check_target
+from seaclutter_cli.plots.report import FIGURES, draw_figures
+from seaclutter_cli.reporting.collector import Collector, Method
+from seaclutter_cli.reporting.data import report_data
+from seaclutter_cli.reporting.page import render_page
+from seaclutter_cli.runs.comparison import Comparison
+from seaclutter_cli.runs.labels import LabelSources
+from seaclutter_cli.runs.methods import MethodOptions, Variant
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import check_outputs, inputs_of, write_files
+from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
+from seaclutter_cli.runs.replay import watch
+from seaclutter_cli.text import count, printable
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportOptions:
+    """What a report shows, and where it goes.
+
+    Parameters
+    ----------
+    output : Path
+        The page.
+    methods : MethodOptions
+        Methods that filter the logs; without any, filtered logs are read back.
+    labels : LabelSources
+        Labels of the recordings.
+    reading : ReadOptions
+        What is read.
+    figure_folder : Path or None
+        Folder for every figure as a picture.
+    figure_format : {"svg", "png"}
+        Format of these pictures.
+    shown : int
+        Frames whose points go into the page.
+    picks : tuple of int
+        Numbers of frames to show in any case.
+    force : bool
+        Replace existing files.
+    """
+
+    output: Path
+    methods: MethodOptions = field(default_factory=MethodOptions)
+    labels: LabelSources = field(default_factory=LabelSources)
+    reading: ReadOptions = field(default_factory=ReadOptions)
+    figure_folder: Path | None = None
+    figure_format: Literal["svg", "png"] = "svg"
+    shown: int = 12
+    picks: tuple[int, ...] = ()
+    force: bool = False
+
+    @property
+    def figures(self) -> list[Path]:
+        """All files that figures can go to."""
+        folder = self.figure_folder
+        return [folder / f"{name}.{self.figure_format}" for name in FIGURES] if folder else []
+
+
+def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -> "ReportResult":
+    """Write a page that shows what a filter did to recordings and, with labels, how well.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Raw logs, which are filtered; or logs filtered with all points kept, which are read back.
+    options : ReportOptions
+        What is shown.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+    """
+    recordings = expand(logs)
+    if options.figure_folder:
+        if options.figure_folder.exists() and not options.figure_folder.is_dir():
+            raise UsageError(f"{options.figure_folder}: is a file; --figures takes a folder")
+        check_target(options.figures[-1])
+    check_outputs([options.output, *options.figures], inputs_of(recordings), options.labels.paths, force=options.force)
+    labels = options.labels.open(recordings)
+    make = partial(_collector, options=options)
+    comparison, collected = watch(recordings, labels, options.methods, options.reading, observer, make)
+    if missing := _missing(collected, options.picks):
+        observer.warn(f"no log has a frame {', '.join(map(str, missing))}: --pick counts from 0")
+    files: dict[Path, bytes] = {}
+    if not all(outcome.error for outcome in comparison.outcomes):
+        files[options.output] = _page(comparison, collected)
+        if folder := options.figure_folder:
+            pictures = draw_figures(collected, options.figure_format)
+            files |= {folder / name: content for name, content in pictures.items()}
+    write_files(files)
+    return ReportResult(comparison, collected, {path: len(content) for path, content in files.items()})
+
+
+def _collector(variants: Sequence[Variant], options: ReportOptions) -> Collector:
+    methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
+    labelled = bool(options.labels.paths)
+    params = variants[0].config.evaluation
+    return Collector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
+
+
+def _missing(collected: Collector, picks: Sequence[int]) -> list[int]:
+    """Return the frames asked for that no recording has."""
+    return sorted(set(picks) - {one.item.frame for one in collected.chosen if one.why == "picked"})
+
+
+def _page(comparison: Comparison, collected: Collector) -> bytes:
+    """Return the page; times are not in it, so that the same input gives the same bytes."""
+    summaries = {name: summary.as_dict() for name, summary in comparison.totals().items()}
+    for summary in summaries.values():
+        del summary["filter_ms"]
+    outcomes = comparison.outcomes
+    notes = [f"{outcome.recording} is left out: {outcome.error}" for outcome in outcomes if outcome.error]
+    notes += [f"Damaged: {item}" for outcome in outcomes for item in outcome.damage[:20]]
+    return render_page(report_data(collected, summaries, notes))
+
+
+@dataclass(frozen=True)
+class ReportResult(Result):
+    """What a report shows, and its files.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Figures of each method and recording.
+    collected : Collector
+        Numbers of all frames and points of some.
+    sizes : mapping of Path to int
+        Files written, and their bytes.
+    """
+
+    comparison: Comparison
+    collected: Collector
+    sizes: Mapping[Path, int]
+
+    @property
+    def failed(self) -> bool:
+        """Whether any recording could not be processed."""
+        return self.comparison.failed
+
+    @property
+    def damaged(self) -> bool:
+        """Whether parts of any recording were damaged and left out."""
+        return self.comparison.damaged
+
+    @property
+    def frames(self) -> int:
+        """Frames of all recordings."""
+        return len(self.collected.timeline.frame)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as JSON holds it."""
+        timeline, names = self.collected.timeline, self.collected.recordings
+        shown = [
+            {"recording": names[timeline.recording[one.row]], "frame": one.item.frame, "why": one.why}
+            for one in self.collected.chosen
+        ]
+        files = [{"path": str(path), "bytes": size} for path, size in self.sizes.items()]
+        return {"files": files, "frames": self.frames, "shown": shown, **self.comparison.as_dict()}
+
+    def as_text(self) -> str:
+        """Return the result as people read it."""
+        lines = [f"{printable(str(path))}: {_size(size)}" for path, size in self.sizes.items()]
+        lines.append(f"{count(self.frames, 'frame')}, {len(self.collected.chosen)} of them to look at")
+        return "\n".join(lines)
+
+
+def _size(size: int) -> str:
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(round(size / 1e3), 1)} kB"

@@ -1,0 +1,1 @@
+"""The scene classifier: training, testing, and the scenes of recordings."""

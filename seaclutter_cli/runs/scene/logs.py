@@ -1,0 +1,128 @@
+"""Recordings whose scene is known, and the frames of recordings one by one."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.pipeline import frames
+from seaclutter_cli.records import Damage
+from seaclutter_cli.runs.observer import Observer, Step
+from seaclutter_cli.runs.recordings import ReadOptions, warnings_of
+from seaclutter_cli.sources import Recording, find_recordings
+from seaclutter_cli.sources.frame_files.folder import is_frame_folder
+from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassifierOptions:
+    """A trained classifier at work.
+
+    Parameters
+    ----------
+    model : str
+        ONNX file of the classifier, or the name of a built-in one.
+    every : int
+        Look at one frame in so many; the others keep its scene.
+    hold : int
+        Change the scene only after so many looks in a row agree on another one.
+    csv_file : Path or None
+        Table with a line for each frame.
+    force : bool
+        Replace an existing file.
+    """
+
+    model: str = "open_confined"
+    every: int = 1
+    hold: int = 1
+    csv_file: Path | None = None
+    force: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelledLogs:
+    """Logs by the class of their scene.
+
+    Parameters
+    ----------
+    folders : tuple of Path
+        Each holds a folder of recordings for each class, of its name.
+    scenes : tuple of str
+        ``CLASS=LOGS``.
+    """
+
+    folders: tuple[Path, ...] = ()
+    scenes: tuple[str, ...] = ()
+
+    def find(self) -> "list[LabelledLog]":
+        """Return the recordings with their classes.
+
+        Raises
+        ------
+        UsageError
+            If there are no recordings, or one is of two classes.
+        """
+        named = [_parse(text) for text in self.scenes]
+        named += [(folder.name, str(folder)) for parent in self.folders for folder in _class_folders(parent)]
+        if not named:
+            raise UsageError("no logs: name a folder that holds a folder for each class, or --scene CLASS=LOGS")
+        found: dict[Path, LabelledLog] = {}
+        for scene, pattern in named:
+            for recording in find_recordings([pattern]):
+                first = found.setdefault(recording.paths[0].resolve(), LabelledLog(recording, scene))
+                if first.scene != scene:
+                    raise UsageError(f"{recording.paths[0]}: is said to be {first.scene} and {scene}")
+        return list(found.values())
+
+
+@dataclass(frozen=True)
+class LabelledLog:
+    """A recording and the class of its scene."""
+
+    recording: Recording
+    scene: str
+
+
+def _parse(text: str) -> tuple[str, str]:
+    scene, equals, pattern = text.partition("=")
+    if not (equals and scene and pattern):
+        raise UsageError(f"--scene {text}: write it as CLASS=LOGS, as in open=trials/offshore")
+    return scene, pattern
+
+
+def _class_folders(parent: Path) -> Sequence[Path]:
+    if not parent.is_dir():
+        raise UsageError(f"{parent}: there is no such folder")
+    folders = [child for child in sorted(parent.iterdir()) if child.is_dir() and not child.name.startswith(".")]
+    recording = next(
+        (child for child in (parent, *folders) if is_rosbag2_folder(child) or is_frame_folder(child)), None
+    )
+    if recording or not folders:
+        found = f"{recording} is a recording" if recording else "it holds no folders"
+        raise UsageError(f"{parent}: has to hold a folder of recordings for each class, but {found}")
+    return folders
+
+
+def read_frames(
+    recording: Recording, reading: ReadOptions, observer: Observer, step: Step, damage: list[Damage]
+) -> Iterator[Frame]:
+    """Yield the selected frames of a recording; pass its warnings on, and add its damage to a list.
+
+    Raises
+    ------
+    InputError
+        If there is no frame that can be read.
+    """
+    with closing(reading.open(recording)) as source:
+        found = 0
+        with warnings_of(source, observer):
+            for frame in frames(source, reading.selection):
+                found += 1
+                step()
+                yield frame
+        damage += source.damage
+        observer.damage(source.damage)
+        if not found:
+            raise InputError(f"{source.name}: no frame can be read" + (f"; {source.damage[0]}" if damage else ""))

@@ -1,0 +1,165 @@
+"""The scenes that recordings show, as a trained classifier sees them."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.runs.observer import SILENT, Observer, Step
+from seaclutter_cli.runs.outputs import check_outputs, inputs_of
+from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand, keeping_errors
+from seaclutter_cli.runs.scene.logs import ClassifierOptions, read_frames
+from seaclutter_cli.runs.scene.table import SceneTable
+from seaclutter_cli.scenes.judge import SceneDecision, SceneJudge
+from seaclutter_cli.scenes.model import SceneModel
+from seaclutter_cli.sources import Recording
+from seaclutter_cli.text import share, table
+
+
+def predict_scenes(
+    logs: Logs,
+    options: ClassifierOptions | None = None,
+    reading: ReadOptions | None = None,
+    observer: Observer = SILENT,
+) -> "ScenePrediction":
+    """Return the scene of each topic of recordings, with the shares of its frames.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    options : ClassifierOptions, optional
+        The classifier.
+    reading : ReadOptions, optional
+        What is read.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    MissingExtraError
+        If onnxruntime is not installed.
+    SeaclutterError
+        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+    """
+    options, reading = options or ClassifierOptions(), reading or ReadOptions()
+    recordings = expand(logs)
+    check_outputs([options.csv_file], inputs_of(recordings), force=options.force)
+    model = SceneModel(options.model)
+    with SceneTable(options.csv_file, model.classes, truth=False) as lines, observer.progress("frames", None) as step:
+        predictor = _Predictor(model, options, reading, observer, lines)
+        return ScenePrediction([predictor.run(recording, step) for recording in recordings], model.classes)
+
+
+@dataclass(frozen=True)
+class _Predictor:
+    """Judges one recording after the other by the same options."""
+
+    model: SceneModel
+    options: ClassifierOptions
+    reading: ReadOptions
+    observer: Observer
+    lines: SceneTable
+
+    def run(self, recording: Recording, step: Step) -> "RecordingScenes":
+        """Judge the frames of a recording; an error of its own goes into the outcome."""
+        found = RecordingScenes(recording=recording.name)
+        with keeping_errors(found, self.observer):
+            for frame in read_frames(recording, self.reading, self.observer, step, found.damage):
+                topic = found.topics.get(frame.topic)
+                if topic is None:
+                    judge = SceneJudge(self.model, every=self.options.every, hold=self.options.hold)
+                    topic = found.topics[frame.topic] = TopicScenes(judge)
+                self.lines.write(recording.name, frame, topic.add(frame))
+        return found
+
+
+@dataclass
+class TopicScenes:
+    """The scenes of one topic.
+
+    Parameters
+    ----------
+    judge : SceneJudge
+        Decides on each frame.
+    frames : counter of str
+        Frames by scene.
+    changes : int
+        How often the scene changed.
+    """
+
+    judge: SceneJudge
+    frames: Counter[str] = field(default_factory=Counter)
+    changes: int = 0
+    _last: str = ""
+
+    def add(self, frame: Frame) -> SceneDecision:
+        """Judge a frame."""
+        decision = self.judge.scene(frame)
+        self.frames[decision.name] += 1
+        self.changes += self._last not in ("", decision.name)
+        self._last = decision.name
+        return decision
+
+    @property
+    def scene(self) -> str:
+        """Scene of most frames."""
+        return self.frames.most_common(1)[0][0]
+
+
+@dataclass(kw_only=True)
+class RecordingScenes(Outcome):
+    """The scenes of one recording.
+
+    Parameters
+    ----------
+    topics : dict of str to TopicScenes
+        By topic.
+    """
+
+    topics: dict[str, TopicScenes] = field(default_factory=dict)
+
+    def as_dict(self, classes: Sequence[str]) -> dict[str, Any]:
+        """Return the scenes as JSON holds them."""
+        topics = {
+            name: {"scene": one.scene, "changes": one.changes, "frames": {name: one.frames[name] for name in classes}}
+            for name, one in self.topics.items()
+        }
+        damage = [str(item) for item in self.damage]
+        return {"recording": self.recording, "topics": topics, "damage": damage, "error": self.error}
+
+    def rows(self, classes: Sequence[str]) -> list[tuple[object, ...]]:
+        """Return the lines of the table."""
+        rows = []
+        for name, one in self.topics.items():
+            frames = one.frames.total()
+            shares = (share(one.frames[scene], frames) for scene in classes)
+            rows.append((self.recording, name, frames, one.scene, one.changes, *shares))
+        return rows
+
+
+@dataclass(frozen=True)
+class ScenePrediction(RecordingsResult):
+    """The scenes of several recordings.
+
+    Parameters
+    ----------
+    outcomes : sequence of RecordingScenes
+        One for each recording.
+    classes : sequence of str
+        Scenes that the classifier knows.
+    """
+
+    outcomes: Sequence[RecordingScenes]
+    classes: Sequence[str]
+
+    def as_dict(self) -> list[dict[str, Any]]:
+        """Return the scenes as JSON holds them."""
+        return [one.as_dict(self.classes) for one in self.outcomes]
+
+    def as_text(self) -> str:
+        """Return the scenes as people read them."""
+        rows = [row for one in self.outcomes for row in one.rows(self.classes)]
+        head = ("recording", "topic", "frames", "scene", "changes", *self.classes)
+        return table(head, rows) if rows else ""

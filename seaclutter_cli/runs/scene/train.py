@@ -1,0 +1,178 @@
+"""Training a scene classifier on recordings whose scenes are known."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, astuple, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.training import draw_training
+from seaclutter_cli.records import Damage
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import check_outputs, inputs_of, write_files
+from seaclutter_cli.runs.recordings import ReadOptions, Result
+from seaclutter_cli.runs.scene.logs import LabelledLog, LabelledLogs, read_frames
+from seaclutter_cli.runs.scene.table import confusion_table
+from seaclutter_cli.scenes.examples import Examples
+from seaclutter_cli.scenes.export import to_onnx
+from seaclutter_cli.scenes.training import Epoch, Trained, TrainingParams, check_torch, train
+from seaclutter_cli.text import count
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainSceneOptions:
+    """How a scene classifier is trained, and what is written.
+
+    Parameters
+    ----------
+    output : Path
+        The classifier (ONNX).
+    training : TrainingParams
+        How the network is trained.
+    extent_m : float
+        Half the side of the square that is seen from above, in metres.
+    every : int
+        Take one frame in so many; those next to each other show the same.
+    reading : ReadOptions
+        What is read.
+    plot_file : Path or None
+        Picture of loss and precision over the epochs.
+    force : bool
+        Replace existing files.
+    """
+
+    output: Path
+    training: TrainingParams = field(default_factory=TrainingParams)
+    extent_m: float = 60.0
+    every: int = 1
+    reading: ReadOptions = field(default_factory=ReadOptions)
+    plot_file: Path | None = None
+    force: bool = False
+
+
+def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Observer = SILENT) -> "SceneTraining":
+    """Train a classifier on recordings whose scenes are known, and write it as an ONNX file.
+
+    Parameters
+    ----------
+    logs : LabelledLogs
+        Recordings by the class of their scene; the first class is what a frame with nothing in view is taken for.
+    options : TrainSceneOptions
+        How, and what is written.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    MissingExtraError
+        If PyTorch or onnx is not installed.
+    SeaclutterError
+        If any recording cannot be used.
+    """
+    check_torch()
+    labelled = logs.find()
+    check_outputs(
+        [options.output, options.plot_file], inputs_of(log.recording for log in labelled), force=options.force
+    )
+    if options.output.suffix.lower() != ".onnx":
+        raise UsageError(f"{options.output}: the name of a classifier ends in .onnx")
+    if options.plot_file:
+        check_target(options.plot_file)
+    damage: list[Damage] = []
+    examples = _read(labelled, options, observer, damage)
+    trained = _train(examples, options.training, observer)
+    files = {options.output: to_onnx(trained.network, examples.classes, examples.extent_m)}
+    if options.plot_file:
+        files[options.plot_file] = _picture(trained, options.plot_file.suffix)
+    write_files(files)
+    return SceneTraining(trained, examples, options.output, damage)
+
+
+def _read(
+    logs: Sequence[LabelledLog], options: TrainSceneOptions, observer: Observer, damage: list[Damage]
+) -> Examples:
+    classes = list(dict.fromkeys(log.scene for log in logs))
+    if len(classes) < 2:
+        raise UsageError(f"all logs are of class {classes[0]}: there is nothing to tell apart")
+    examples = Examples(classes, options.extent_m)
+    with observer.progress("reading", None) as step:
+        for log in logs:
+            examples.begin(log.recording.name, classes.index(log.scene))
+            frames = read_frames(log.recording, options.reading, observer, step, damage)
+            for number, frame in enumerate(frames):
+                if number % options.every == 0:
+                    examples.add(frame.xyz)
+    return examples
+
+
+def _train(examples: Examples, params: TrainingParams, observer: Observer) -> Trained:
+    done: list[Epoch] = []
+
+    def on_epoch(epoch: Epoch) -> None:
+        done.append(epoch)
+        observer.note(
+            f"epoch {len(done)} of {params.epochs}: loss {epoch.train_loss:.4f}, on validation "
+            f"{epoch.validation_loss:.4f}; precision {epoch.train_precision:.4f}, {epoch.validation_precision:.4f}"
+        )
+
+    return train(examples, params, on_epoch)
+
+
+def _picture(trained: Trained, suffix: str) -> bytes:
+    curves = np.array([astuple(epoch) for epoch in trained.epochs]).T
+    return render(lambda figure: draw_training(figure, curves[:2], curves[2:], trained.best), suffix, aspect=1.1)
+
+
+@dataclass(frozen=True)
+class SceneTraining(Result):
+    """A trained scene classifier.
+
+    Parameters
+    ----------
+    trained : Trained
+        The network and how training went.
+    examples : Examples
+        Frames that it was trained and tested on.
+    output : Path
+        The classifier.
+    damage : sequence of Damage
+        Parts of the recordings that could not be used.
+    """
+
+    trained: Trained
+    examples: Examples
+    output: Path
+    damage: Sequence[Damage]
+
+    @property
+    def damaged(self) -> bool:
+        """Whether parts of the input were damaged and left out."""
+        return bool(self.damage)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the training as JSON holds it."""
+        trained, examples = self.trained, self.examples
+        return {
+            "output": str(self.output),
+            "classes": list(examples.classes),
+            "recordings": len(examples.recordings),
+            "frames": dict(zip(trained.split._fields, map(len, trained.split), strict=True)),
+            "best_epoch": trained.best + 1,
+            "epochs": [asdict(epoch) for epoch in trained.epochs],
+            "test": trained.test.as_dict(),
+        }
+
+    def as_text(self) -> str:
+        """Return the training as people read it."""
+        trained, examples = self.trained, self.examples
+        best, confusion = trained.epochs[trained.best], confusion_table(trained.test)
+        parts = ", ".join(
+            f"{len(part)} {name}" for name, part in zip(trained.split._fields, trained.split, strict=True)
+        )
+        frames = f"{count(len(examples), 'frame')} of {len(examples.recordings)} recordings ({parts})"
+        precision = f"{best.train_precision:.3f} in training, {best.validation_precision:.3f} on validation"
+        epoch = f"best epoch {trained.best + 1} of {len(trained.epochs)}: precision {precision}; on test:"
+        return f"{self.output}: {' or '.join(examples.classes)}, from {frames}\n{epoch}\n{confusion}"

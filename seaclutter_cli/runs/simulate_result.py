@@ -1,0 +1,121 @@
+"""What simulations made: for people and as data."""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.simulation.airborne.scene import TileScene
+from seaclutter_cli.simulation.marine.render import Turn
+from seaclutter_cli.simulation.marine.scene import Scene
+from seaclutter_cli.text import count, indented, table
+from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
+
+_MOST_TARGETS = 12
+
+
+class PointTally:
+    """Frames of a recording, and its points by what they belong to."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.points: Counter[int] = Counter()
+
+    def add(self, turn: Turn) -> None:
+        """Add a frame."""
+        self.frames += 1
+        labels, counts = np.unique(turn.points["label"], return_counts=True)
+        self.points.update(dict(zip(labels.tolist(), counts.tolist(), strict=True)))
+
+
+@dataclass(frozen=True)
+class SimulationResult(Result):
+    """A simulated recording.
+
+    Parameters
+    ----------
+    scene : Scene
+        What was recorded.
+    tally : PointTally
+        Its frames and points.
+    log, labels : Path
+        The files.
+    seconds : float
+        How long it took.
+    """
+
+    scene: Scene
+    tally: PointTally
+    log: Path
+    labels: Path
+    seconds: float
+
+    def _rows(self) -> list[tuple[str, int]]:
+        points = self.tally.points
+        targets = [(f"{item.class_name or item.shape}, track {item.track_id}", item) for item in self.scene.objects]
+        shown = [(name, points[item.track_id]) for name, item in targets if not item.ignore]
+        if len(shown) > _MOST_TARGETS:
+            shown = self._by_class()
+        return [("clutter", points[CLUTTER]), *shown, ("own vessel or ignored", points[IGNORED])]
+
+    def _by_class(self) -> list[tuple[str, int]]:
+        points, targets = Counter[str](), Counter[str]()
+        for item in self.scene.objects:
+            if not item.ignore:
+                name = item.class_name or item.shape
+                targets[name] += 1
+                points[name] += self.tally.points[item.track_id]
+        return [(f"{name}, {number} of them", points[name]) for name, number in sorted(targets.items())]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the recording as JSON holds it."""
+        rows = [{"what": name, "points": points} for name, points in self._rows()]
+        return {"output": str(self.log), "labels": str(self.labels), "frames": self.tally.frames, "points": rows}
+
+    def as_text(self) -> str:
+        """Return the recording as people read it."""
+        frames = self.tally.frames
+        rows = [(name, f"{points / frames:,.0f}") for name, points in self._rows()]
+        pace = f"{count(frames, 'frame')} in {self.seconds:.1f} s ({frames / self.seconds:.0f} frames/s)"
+        return f"{self.log}, {self.labels}\n{indented(table(('what', 'points a frame'), rows))}\n{pace}"
+
+
+@dataclass(frozen=True)
+class TileSimulationResult(Result):
+    """A simulated tile.
+
+    Parameters
+    ----------
+    scene : TileScene
+        What was recorded.
+    points : counter of int
+        Points by the code of their class; 0 is the sea.
+    output : Path
+        The file.
+    seconds : float
+        How long it took.
+    """
+
+    scene: TileScene
+    points: Counter[int]
+    output: Path
+    seconds: float
+
+    def _rows(self) -> list[tuple[str, int, int]]:
+        objects = Counter(thing.kind for thing in self.scene.objects)
+        named = enumerate(OBJECT_CLASSES, 1)
+        return [(name, objects[name], self.points[code]) for code, name in named if objects[name]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the tile as JSON holds it."""
+        listed = [{"class": name, "objects": objects, "points": points} for name, objects, points in self._rows()]
+        return {"output": str(self.output), "sea": self.points[0], "objects": listed}
+
+    def as_text(self) -> str:
+        """Return the tile as people read it."""
+        rows = [(name, objects, f"{points:,}") for name, objects, points in self._rows()]
+        shown = table(("what", "objects", "points"), [("sea", "", f"{self.points[0]:,}"), *rows])
+        return f"{self.output}\n{indented(shown)}\n{self.points.total():,} points in {self.seconds:.1f} s"

@@ -1,0 +1,212 @@
+"""What recordings hold: topics, frames, fields, extents, sensors, and what a filter run needs to know."""
+
+import textwrap
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.messages import find_codec
+from seaclutter_cli.pipeline import Selection, read
+from seaclutter_cli.records import Channel, Message, SensorFacts
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.recordings import (
+    Logs,
+    Outcome,
+    ReadOptions,
+    RecordingsResult,
+    expand,
+    expected_frames,
+    keeping_errors,
+    opened,
+)
+from seaclutter_cli.survey import TopicSurvey
+from seaclutter_cli.text import printable, share, table
+
+_NANO = 1_000_000_000
+_DEFAULT_THRESHOLD = 4
+
+
+def survey_logs(logs: Logs, reading: ReadOptions | None = None, observer: Observer = SILENT) -> "SurveyResult":
+    """Return what recordings hold; every selected frame is read.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    reading : ReadOptions, optional
+        What is read.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+    """
+    reading = reading or ReadOptions()
+    contents = []
+    for recording in expand(logs):
+        content = Content(recording=recording.name, path=str(recording.paths[0]))
+        with keeping_errors(content, observer), opened(recording, reading, observer, content) as source:
+            _read(source, content, reading.selection, observer)
+        contents.append(content)
+    return SurveyResult(contents)
+
+
+def _read(source: Source, content: "Content", selection: Selection, observer: Observer) -> None:
+    content.format, content.channels = source.format, source.channels
+    clouds = [c for c in source.channels if find_codec(c) and (not selection.topics or c.topic in selection.topics)]
+    surveys = {channel.topic: TopicSurvey() for channel in clouds}
+    content.clouds = surveys
+    with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+        for record, frame in read(source, clouds, selection):
+            if isinstance(record, Message):
+                content.messages[record.channel.topic] += 1
+                content.note_time(record.log_time_ns)
+            if frame is not None:
+                surveys[frame.topic].add(frame)
+                step()
+    content.facts = source.facts
+
+
+@dataclass(kw_only=True)
+class Content(Outcome):
+    """What a recording holds.
+
+    Parameters
+    ----------
+    path, format : str
+        Where it is, and its format.
+    channels : sequence of Channel
+        All topics.
+    messages : counter of str
+        Messages by topic.
+    times_ns : list of int
+        Log times of the first and last message; empty without messages.
+    clouds : mapping of str to TopicSurvey
+        What each cloud topic holds.
+    facts : mapping of str to SensorFacts
+        What packets reveal of the sensor behind a topic.
+    """
+
+    path: str
+    format: str = ""
+    channels: Sequence[Channel] = ()
+    messages: Counter[str] = field(default_factory=Counter)
+    times_ns: list[int] = field(default_factory=list)
+    clouds: Mapping[str, TopicSurvey] = field(default_factory=dict)
+    facts: Mapping[str, SensorFacts] = field(default_factory=dict)
+
+    def note_time(self, time_ns: int) -> None:
+        """Widen the recording's extent in time."""
+        self.times_ns = [min([time_ns, *self.times_ns]), max([time_ns, *self.times_ns])]
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first message to the last."""
+        return (self.times_ns[1] - self.times_ns[0]) / _NANO if self.times_ns else 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the content as JSON holds it."""
+        topics = [
+            {"topic": c.topic, "type": c.schema.name if c.schema else None, "encoding": c.message_encoding}
+            for c in self.channels
+        ]
+        return {
+            "recording": self.recording,
+            "path": self.path,
+            "format": self.format,
+            "duration_s": self.duration_s,
+            "start_ns": self.times_ns[0] if self.times_ns else None,
+            "topics": [{**topic, "messages": self.messages[str(topic["topic"])]} for topic in topics],
+            "clouds": {topic: survey.as_dict() for topic, survey in self.clouds.items()},
+            "sensors": {topic: asdict(facts) for topic, facts in self.facts.items()},
+            "needs": self.needs(),
+            "damage": [str(item) for item in self.damage],
+            "error": self.error,
+        }
+
+    def as_text(self) -> str:
+        """Return the content as people read it."""
+        began = ""
+        if self.times_ns and self.times_ns[0] > _NANO * 86400 * 365:
+            began = f", from {datetime.fromtimestamp(self.times_ns[0] / _NANO, UTC):%Y-%m-%d %H:%M:%S} UTC"
+        lines = [f"{self.path}: {self.format}, {self.duration_s:.1f} s{began}"]
+        rows = {c.topic: (c.topic, self.messages[c.topic], c.schema.name if c.schema else "-") for c in self.channels}
+        lines.append(table(("topic", "messages", "type"), list(rows.values())))
+        lines += [_describe(topic, survey, self.facts.get(topic)) for topic, survey in self.clouds.items()]
+        lines += [printable(need) for need in self.needs()]
+        return "\n".join(lines)
+
+    def needs(self) -> list[str]:
+        """Return what a filter run would need to be told, a line each."""
+        needs = []
+        if len(self.clouds) > 1:
+            choices = " ".join(f"-t {topic}" for topic in self.clouds)
+            needs.append(f"a filter run needs to know which topics: {choices}")
+        for topic, survey in self.clouds.items():
+            if survey.problem:
+                needs.append(f"{topic}: {survey.problem}")
+            elif survey.frames and survey.intensity_name is None:
+                needs.append(f"{topic} has no intensity field of a usual name: name one with --intensity-field")
+            elif survey.frames and survey.intensity[1] < _DEFAULT_THRESHOLD:
+                least, most = survey.intensity
+                needs.append(f"{topic}: intensities of {least:g} to {most:g} need thresholds of their own (-c)")
+        if not self.clouds:
+            needs.append("there are no point clouds that can be read")
+        return needs
+
+
+def _describe(topic: str, survey: TopicSurvey, facts: SensorFacts | None) -> str:
+    least, middle, most = survey.sizes()
+    rate = f" at {survey.rate_hz:.2f} Hz" if survey.rate_hz else ""
+    rows = [
+        ("frames", f"{survey.frames}{rate}, frame id {survey.frame_id!r}"),
+        (
+            "points",
+            f"{least:,} to {most:,} a frame, median {middle:,.0f}; {share(survey.invalid, survey.points)} invalid",
+        ),
+        ("fields", ", ".join(f"{f.name} {f.type}{f'x{f.count}' if f.count > 1 else ''}" for f in survey.fields)),
+        ("intensity", f"{survey.intensity_name or 'none'}{_span(survey.intensity)}"),
+        ("range", f"{_span(survey.range_m).strip() or 'none'} m"),
+        ("sensor", f"like {' or '.join(survey.sensors)}" if survey.sensors else "not recognised"),
+    ]
+    if facts:
+        told = (f"{name}: {text}" for name, text in facts.details.items())
+        rows[-1] = ("sensor", "; ".join((facts.model, *told)))
+        rows.append(("packets", f"{facts.lost_packets:,} missing, {facts.bad_packets:,} not decodable"))
+    return "\n".join((printable(topic), *(_wrap(f"  {name:<10} {text}") for name, text in rows)))
+
+
+def _wrap(line: str) -> str:
+    return textwrap.fill(
+        printable(line), 79, subsequent_indent=" " * 13, break_on_hyphens=False, break_long_words=False
+    )
+
+
+def _span(limits: Sequence[float]) -> str:
+    return f" {limits[0]:g} to {limits[1]:g}" if limits[0] <= limits[1] else ""
+
+
+@dataclass(frozen=True)
+class SurveyResult(RecordingsResult):
+    """What several recordings hold.
+
+    Parameters
+    ----------
+    outcomes : sequence of Content
+        One for each recording.
+    """
+
+    outcomes: Sequence[Content]
+
+    def as_dict(self) -> list[dict[str, Any]]:
+        """Return the contents as JSON holds them."""
+        return [content.as_dict() for content in self.outcomes]
+
+    def as_text(self) -> str:
+        """Return the contents of the recordings that could be read as people read them."""
+        return "\n\n".join(content.as_text() for content in self.outcomes if not content.error)

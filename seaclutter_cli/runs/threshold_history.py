@@ -1,0 +1,83 @@
+"""The thresholds of a ring over the frames of a recording, for each of several variants, and the ideal one."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.evaluation.matching import point_truth
+from seaclutter_cli.evaluation.scores import FrameScore
+from seaclutter_cli.evaluation.tuning import ideal_threshold
+from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.plots.figure import render
+from seaclutter_cli.plots.tuning import draw_thresholds
+from seaclutter_cli.runs.methods import Variant
+from seaclutter_cli.truth import Truth
+
+
+class ThresholdHistory:
+    """Listens to an evaluation; keeps a number for each frame and variant (S0, Fig. 7).
+
+    Parameters
+    ----------
+    variants : sequence of Variant
+        Methods with rings, V of them.
+    ring : int
+        Which ring, from 1.
+
+    Raises
+    ------
+    UsageError
+        If a variant has no such ring.
+    """
+
+    def __init__(self, variants: Sequence[Variant], ring: int) -> None:
+        for variant in variants:
+            rings = max(len(variant.config.ring_edges) - 1, 0)
+            if ring > rings:
+                raise UsageError(f"--ring {ring}: {variant.name} has {rings} rings")
+        self._variants, self._ring = variants, ring - 1
+        self._evaluation = variants[0].config.evaluation
+        self._edges = variants[0].config.ring_edges[ring - 1 : ring + 1]
+        self._rows: list[list[float]] = []
+
+    def begin(self, recording: str) -> None:
+        """Start a recording; its frames follow those of the one before."""
+
+    def see(
+        self,
+        frame: Frame,
+        results: Sequence[FilterResult | None],
+        truth: Truth | None,
+        scores: Sequence[FrameScore | None],  # noqa: ARG002 - thresholds are all that counts
+    ) -> None:
+        """Take the thresholds of a frame, and find the ideal one."""
+        ideal = None
+        if truth is not None:
+            start_m, end_m = self._edges
+            inside = frame.valid & (frame.range_m >= start_m) & (frame.range_m < end_m)
+            points = point_truth(frame, truth, self._evaluation)
+            ideal = ideal_threshold(frame.intensity[inside], points[inside])
+        used = [_threshold(result, self._ring) for result in results]
+        self._rows.append([np.nan if ideal is None else ideal, *used])
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """Ideal threshold and those of the variants, shape (frames, 1 + V); NaN where there is none."""
+        return np.array(self._rows, np.float64).reshape(-1, 1 + len(self._variants))
+
+    def picture(self, suffix: str) -> bytes:
+        """Return the picture as a file; ``suffix`` is ``.png`` or ``.svg``."""
+        ideal, *curves = self.table.T
+        start_m, end_m = self._edges
+        names = [variant.name for variant in self._variants]
+        keys = {name.partition("=")[0] for name in names}
+        title = keys.pop() if len(keys) == 1 and not any(" " in name for name in names) else None
+        named = dict(zip((name.removeprefix(f"{title}=") for name in names), curves, strict=True))
+        ring = f"{start_m:g} to {end_m:g} m"
+        return render(lambda figure: draw_thresholds(figure, ring, named, ideal, title=title), suffix)
+
+
+def _threshold(result: FilterResult | None, ring: int) -> float:
+    return np.nan if result is None or result.rings is None else float(result.rings.thresholds[ring])

@@ -1,0 +1,116 @@
+"""Tuning: every combination of parameter values over labelled recordings, in one pass."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.plots.figure import check_target
+from seaclutter_cli.runs.evaluate import Evaluator
+from seaclutter_cli.runs.labels import LabelSources
+from seaclutter_cli.runs.methods import ConfigOptions
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import check_outputs, inputs_of, write_files
+from seaclutter_cli.runs.recordings import Logs, ReadOptions, expand
+from seaclutter_cli.runs.sweep import grid, parse_sweep
+from seaclutter_cli.runs.threshold_history import ThresholdHistory
+from seaclutter_cli.runs.tune_result import TuningResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuneOptions:
+    """What is swept over which labels, and what is written.
+
+    Parameters
+    ----------
+    sweeps : tuple of str
+        ``KEY=V1,V2,...`` or ``KEY=START:STOP:STEP``; of several, all combinations.
+    labels : LabelSources
+        Labels of the recordings.
+    config : ConfigOptions
+        Configuration to start from.
+    reading : ReadOptions
+        What is read.
+    output : Path or None
+        Configuration with the best values.
+    csv_file : Path or None
+        Table with a line for each combination.
+    curve_file : Path or None
+        Picture of the rates over the values of a single sweep.
+    thresholds_file : Path or None
+        Picture of a ring's threshold over the frames, for each combination and the ideal one.
+    ring : int
+        Ring of that picture, from 1.
+    force : bool
+        Replace existing files.
+    """
+
+    sweeps: tuple[str, ...]
+    labels: LabelSources
+    config: ConfigOptions = field(default_factory=ConfigOptions)
+    reading: ReadOptions = field(default_factory=ReadOptions)
+    output: Path | None = None
+    csv_file: Path | None = None
+    curve_file: Path | None = None
+    thresholds_file: Path | None = None
+    ring: int = 2
+    force: bool = False
+
+    @property
+    def targets(self) -> Sequence[Path | None]:
+        """Files that are written."""
+        return self.output, self.csv_file, self.curve_file, self.thresholds_file
+
+
+def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> TuningResult:
+    """Evaluate every combination of parameter values, and find the one with the fewest bad frames.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    options : TuneOptions
+        What is swept.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+    """
+    sweeps = [parse_sweep(text) for text in options.sweeps]
+    variants = grid(sweeps, options.config)
+    recordings = expand(logs)
+    check_outputs(options.targets, inputs_of(recordings), options.labels.paths, force=options.force)
+    _check_pictures(options, len(recordings))
+    history = ThresholdHistory(variants, options.ring) if options.thresholds_file else None
+    evaluator = Evaluator(variants, options.reading, observer)
+    labels = options.labels.open(recordings)
+    comparison = evaluator.compare(recordings, labels, listeners=[history] if history else [])
+    result = TuningResult(sweeps, variants, comparison.outcomes)
+    write_files(_files(result, history, options))
+    return result
+
+
+def _check_pictures(options: TuneOptions, recordings: int) -> None:
+    for path in (options.curve_file, options.thresholds_file):
+        if path:
+            check_target(path)
+    if options.curve_file and len(options.sweeps) > 1:
+        raise UsageError("--plot: a curve needs a single --sweep")
+    if options.thresholds_file and recordings > 1:
+        raise UsageError("--plot-thresholds: one recording at a time")
+
+
+def _files(result: TuningResult, history: ThresholdHistory | None, options: TuneOptions) -> dict[Path, bytes]:
+    files: dict[Path, bytes] = {}
+    if options.output and result.best:
+        files[options.output] = result.best_config().encode()
+    if options.csv_file:
+        files[options.csv_file] = result.as_csv().encode()
+    if options.curve_file:
+        files[options.curve_file] = result.curve(options.curve_file.suffix)
+    if options.thresholds_file and history:
+        files[options.thresholds_file] = history.picture(options.thresholds_file.suffix)
+    return files

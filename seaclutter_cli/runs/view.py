@@ -1,0 +1,117 @@
+"""Recordings in the viewer of Rerun: raw and filtered points, boxes, clusters and curves."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.runs.comparison import Comparison
+from seaclutter_cli.runs.labels import LabelSources
+from seaclutter_cli.runs.methods import ConfigOptions, Variant
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import check_outputs, inputs_of
+from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
+from seaclutter_cli.runs.replay import watch
+from seaclutter_cli.viewing.stream import FrameStream, check_target, complete_file, require_rerun, viewer
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewOptions:
+    """What the viewer shows, and where.
+
+    Parameters
+    ----------
+    target : Path or None
+        File for the viewer; None opens it.
+    port : int
+        Port of the viewer on this computer.
+    config : ConfigOptions
+        Method that filters the logs; where nothing is chosen, filtered logs are read back.
+    labels : LabelSources
+        Labels of the recordings.
+    reading : ReadOptions
+        What is read.
+    force : bool
+        Replace an existing file.
+    """
+
+    target: Path | None = None
+    port: int = 9876
+    config: ConfigOptions = field(default_factory=ConfigOptions)
+    labels: LabelSources = field(default_factory=LabelSources)
+    reading: ReadOptions = field(default_factory=ReadOptions)
+    force: bool = False
+
+
+def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> "ViewResult":
+    """Show recordings in the viewer of Rerun, or write a file for it.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Raw logs, which are filtered; or logs filtered with all points kept, which are read back.
+    options : ViewOptions
+        What is shown.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    MissingExtraError
+        If Rerun is not installed.
+    SeaclutterError
+        If nothing can be shown at all; what goes wrong with one recording is kept in its outcome.
+    """
+    require_rerun()
+    recordings = expand(logs)
+    if options.target:
+        check_target(options.target)
+    check_outputs([options.target], inputs_of(recordings), options.labels.paths, force=options.force)
+    labels, methods = options.labels.open(recordings), options.config.as_methods()
+    with ExitStack() as stack:
+
+        def open_stream(variants: Sequence[Variant]) -> FrameStream:
+            place = stack.enter_context(complete_file(options.target) if options.target else viewer(options.port))
+            return FrameStream(variants[0].config.evaluation, place)
+
+        comparison, stream = watch(recordings, labels, methods, options.reading, observer, open_stream)
+        stream.finish()
+        if all(outcome.error for outcome in comparison.outcomes):
+            raise InputError("there is nothing to show: no recording could be read")
+    return ViewResult(comparison, options.target)
+
+
+@dataclass(frozen=True)
+class ViewResult(Result):
+    """What was shown.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Figures of each recording.
+    target : Path or None
+        The file that was written.
+    """
+
+    comparison: Comparison
+    target: Path | None
+
+    @property
+    def failed(self) -> bool:
+        """Whether any recording could not be processed."""
+        return self.comparison.failed
+
+    @property
+    def damaged(self) -> bool:
+        """Whether parts of any recording were damaged and left out."""
+        return self.comparison.damaged
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as JSON holds it."""
+        return {"output": str(self.target) if self.target else None, **self.comparison.as_dict()}
+
+    def as_text(self) -> str:
+        """Return the file and its size; nothing for a viewer."""
+        return f"{self.target}: {self.target.stat().st_size / 1e6:.1f} MB" if self.target else ""
