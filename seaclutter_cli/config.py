@@ -16,7 +16,7 @@ from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.adaptive_radius import PresetParams
-from seaclutter_cli.filters.joint import RingIntensityParams
+from seaclutter_cli.filters.ring_params import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.validation import build, find_file, kind_of, merged, parse_yaml, plain, read_yaml, refuse

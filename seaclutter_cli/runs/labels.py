@@ -6,7 +6,6 @@ from pathlib import Path
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels
-from seaclutter_cli.labels import LabelOptions, open_labels
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
@@ -42,6 +41,8 @@ class LabelSources:
         """
         if not self.paths:
             return [None] * len(recordings)
+        from seaclutter_cli.labels import LabelOptions, open_labels  # a filter run has none
+
         usual = LabelOptions()
         chosen = LabelOptions(
             clutter_ids=usual.clutter_ids if self.clutter_ids is None else self.clutter_ids,

@@ -12,10 +12,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
-from seaclutter_cli.sources.mcap.source import McapSource
-from seaclutter_cli.sources.pcap.source import CAPTURE_MAGICS, CaptureSource
-from seaclutter_cli.sources.rosbag1.source import BagSource
-from seaclutter_cli.sources.rosbag2.db3 import Db3Source
+from seaclutter_cli.sources.pcap.magics import CAPTURE_MAGICS
 from seaclutter_cli.sources.rosbag2.folder import SplitSource, is_rosbag2_folder, open_rosbag2, split_groups
 from seaclutter_cli.sources.shared.packet_topics import wrap_packets
 
@@ -44,15 +41,38 @@ class Format:
     open: Callable[[Path, DecoderOptions], Source]
 
 
-def _plain(make: Callable[[Path], Source]) -> Callable[[Path, DecoderOptions], Source]:
-    return lambda path, _: make(path)
+# Each source is imported when a file is of its kind, so that a run starts without the others.
+
+
+def _open_mcap(path: Path, _: DecoderOptions) -> Source:
+    from seaclutter_cli.sources.mcap.source import McapSource
+
+    return McapSource(path)
+
+
+def _open_bag(path: Path, _: DecoderOptions) -> Source:
+    from seaclutter_cli.sources.rosbag1.source import BagSource
+
+    return BagSource(path)
+
+
+def _open_db3(path: Path, _: DecoderOptions) -> Source:
+    from seaclutter_cli.sources.rosbag2.db3 import Db3Source
+
+    return Db3Source(path)
+
+
+def _open_capture(path: Path, decoding: DecoderOptions) -> Source:
+    from seaclutter_cli.sources.pcap.source import CaptureSource
+
+    return CaptureSource(path, decoding)
 
 
 SOURCES: Mapping[str, Format] = {
-    "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), _plain(McapSource)),
-    "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), _plain(BagSource)),
-    "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), _plain(Db3Source)),
-    "capture": Format("PCAP", (".pcap", ".pcapng", ".cap"), CAPTURE_MAGICS, CaptureSource),
+    "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), _open_mcap),
+    "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), _open_bag),
+    "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), _open_db3),
+    "capture": Format("PCAP", (".pcap", ".pcapng", ".cap"), CAPTURE_MAGICS, _open_capture),
 }
 """Formats of log files. A new one is one line here; formats of single frames are in `FRAME_READERS`."""
 

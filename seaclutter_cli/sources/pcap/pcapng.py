@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.records import Damage
+from seaclutter_cli.sources.pcap.magics import PCAPNG_MAGIC
 from seaclutter_cli.sources.pcap.records import BATCH, LONGEST, Records
 from seaclutter_cli.sources.shared.mapped import MappedFile
 
-PCAPNG_MAGIC = bytes.fromhex("0a0d0d0a")
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 _KINDS = (_SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET)
 _ORDER = {bytes.fromhex("1a2b3c4d"): ">", bytes.fromhex("4d3c2b1a"): "<"}

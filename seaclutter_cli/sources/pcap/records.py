@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Damage
+from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS
 from seaclutter_cli.sources.shared.mapped import MappedFile
 
 BATCH = 1024
@@ -18,13 +19,6 @@ LONGEST = 262144
 """Bytes that a capture keeps of a packet at most: libpcap's own limit."""
 DAY_NS = 86400 * 10**9
 
-PCAP_MAGICS = {
-    bytes.fromhex("a1b2c3d4"): (">", 1000),
-    bytes.fromhex("d4c3b2a1"): ("<", 1000),
-    bytes.fromhex("a1b23c4d"): (">", 1),
-    bytes.fromhex("4d3cb2a1"): ("<", 1),
-}
-"""Byte order and nanoseconds a tick of classic captures, by their first bytes."""
 _HEADER_BYTES, _RECORD_BYTES = 24, 16
 _WINDOW = 2**20
 _RUN, _SINGLY = 16, 128

@@ -14,13 +14,13 @@ from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, SensorFacts
 from seaclutter_cli.sensors.families import CALIBRATIONS_BESIDE, PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFrame, Packets
-from seaclutter_cli.sources.pcap.pcapng import PCAPNG_MAGIC, PcapngReader
-from seaclutter_cli.sources.pcap.records import PCAP_MAGICS, PcapReader, RecordReader
+from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS, PCAPNG_MAGIC
+from seaclutter_cli.sources.pcap.pcapng import PcapngReader
+from seaclutter_cli.sources.pcap.records import PcapReader, RecordReader
 from seaclutter_cli.sources.pcap.sensors import Kind, Sensor, Survey, each_kind
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.mapped import MappedFile
 
-CAPTURE_MAGICS = (*PCAP_MAGICS, PCAPNG_MAGIC)
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _MOST_WAITING = 16
 _SHOWN_FLOWS = 5

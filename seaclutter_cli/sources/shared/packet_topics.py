@@ -42,6 +42,8 @@ def wrap_packets(
     families : mapping of str to PacketFamily, optional
         Sensors that can be decoded; all if not given.
     """
+    if not any(map(_scan_type, source.channels)):
+        return source
     if families is None:
         from seaclutter_cli.sensors.families import PACKET_FAMILIES
 

@@ -1,0 +1,104 @@
+"""The stages of the joint method: ring thresholds, and the search for outliers among what passes them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.filters.adaptive_radius import sparse
+from seaclutter_cli.filters.ring_params import RingIntensityOutlierParams, RingIntensityParams
+from seaclutter_cli.filters.statistical import outliers
+from seaclutter_cli.filters.zones import Zones
+from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
+
+
+class RingStage:
+    """The ring thresholds, and the result of a frame.
+
+    Parameters
+    ----------
+    params : RingIntensityParams
+        Config keys of the filter.
+    """
+
+    def __init__(self, params: RingIntensityParams) -> None:
+        self.zones = Zones(params)
+        self.initial = np.asarray(params.initial_thresholds, np.float64)
+
+    def threshold(self, frame: Frame, thresholds: NDArray[np.float64]) -> "ThresholdedFrame":
+        """Remove the points whose intensity is below the threshold of their ring (Eq. 3 and 5)."""
+        intensity = frame.intensity
+        zone, reason = self.zones.divide(frame)
+        low = intensity < self.zones.per_point(thresholds, zone)
+        reason[low] = Reason.LOW_INTENSITY
+        return ThresholdedFrame(frame, thresholds, zone, reason, low)
+
+    def result(
+        self,
+        passed: "ThresholdedFrame",
+        outliers: Sequence[NDArray[np.intp]] = (),
+        corrections: NDArray[np.float64] | None = None,
+    ) -> FilterResult:
+        """Return the reasons of all points, and what was done in each ring."""
+        found = np.zeros(self.zones.count, np.int64)
+        for k, points in enumerate(outliers):
+            passed.reason[points] = Reason.OUTLIER
+            found[k] = len(points)
+        used = np.zeros(self.zones.count) if corrections is None else corrections
+        tally = self.zones.tally
+        rings = Rings(passed.thresholds.copy(), used, tally(passed.zone), tally(passed.zone[passed.low]), found)
+        return FilterResult(passed.frame, passed.reason, rings)
+
+
+@dataclass(frozen=True)
+class ThresholdedFrame:
+    """A frame behind the ring thresholds, N points in K rings.
+
+    Parameters
+    ----------
+    frame : Frame
+        The frame as it was read.
+    thresholds : ndarray, shape (K,), float64
+        Those used.
+    zone, reason : ndarray, shape (N,), uint8
+        Zone number and `Reason` of each point.
+    low : ndarray, shape (N,), bool
+        Whether a point is below its threshold.
+    """
+
+    frame: Frame
+    thresholds: NDArray[np.float64]
+    zone: NDArray[np.uint8]
+    reason: NDArray[np.uint8]
+    low: NDArray[np.bool_]
+
+
+class OutlierStage:
+    """The search for outliers, ring by ring.
+
+    Parameters
+    ----------
+    params : RingIntensityOutlierParams
+        Config keys of the filter.
+    """
+
+    def __init__(self, params: RingIntensityOutlierParams) -> None:
+        self._params, self._zones = params, Zones(params)
+
+    def find(self, passed: ThresholdedFrame) -> list[NDArray[np.intp]]:
+        """Return the indices of the outliers among the points of each ring that passed its threshold (Eq. 6 and 7)."""
+        frame, members = passed.frame, self._zones.members(passed.zone, ~passed.low)
+        preset = self._params.outlier_preset
+        if preset is None:
+            return [points[self._outlying(frame.xyz[:, points].T)] for points in members]
+        together = np.concatenate(members)
+        outlying = sparse(frame.xyz[:, together].T, preset.radius_ratio, preset.min_neighbors)
+        ends = np.cumsum([len(points) for points in members])
+        return [points[found] for points, found in zip(members, np.split(outlying, ends[:-1]), strict=True)]
+
+    def _outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which of one ring's points, shape (n_k, 3), are outliers by their mean distances."""
+        share = int(self._params.neighbor_fraction * len(points) + 1e-9)  # 0.29 of 100 are 29, in floats a bit less
+        neighbors = max(1, min(self._params.max_neighbors, share))
+        return outliers(points, neighbors, self._params.std_ratio)
