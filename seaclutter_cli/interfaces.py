@@ -96,7 +96,7 @@ class Filter(Protocol):
         ...
 
 
-class Scene(Protocol):
+class NamedScene(Protocol):
     """A decision on the class of scene that a frame shows."""
 
     @property
@@ -108,7 +108,7 @@ class Scene(Protocol):
 class SceneSource(Protocol):
     """Whatever tells the class of scene. Keeps state from frame to frame of one topic of one recording."""
 
-    def scene(self, frame: Frame) -> Scene:
+    def scene(self, frame: Frame) -> NamedScene:
         """Return the scene; called once a frame, in order."""
         ...
 

@@ -7,7 +7,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.neighborhoods import Block, Neighborhoods
+from seaclutter_cli.airborne.neighborhoods import Neighborhoods, PointBlock
 from seaclutter_cli.airborne.texture import TEXTURE, Levels, levels_of, texture
 
 Values = NDArray[np.float64]
@@ -109,7 +109,7 @@ def features_of(points: Standing, params: FeatureParams) -> Values:
     return np.hstack((own, _context(points, params)))
 
 
-def _full(block: Block, levels: Levels, points: Standing, radius_m: float) -> Values:
+def _full(block: PointBlock, levels: Levels, points: Standing, radius_m: float) -> Values:
     count = block.count
     height, intensity = points.height_m[block.neighbor], points.intensity[block.neighbor]
     mean = block.total(height) / count
@@ -137,7 +137,7 @@ def _context(points: Standing, params: FeatureParams) -> Values:
     square = np.asarray(np.bincount(which, (points.height_m - height[which]) ** 2), np.float64)
     expected = np.pi * params.context_m**2 * points.points_per_m2
 
-    def summed(block: Block) -> Values:
+    def summed(block: PointBlock) -> Values:
         weight = count[block.neighbor].astype(np.float64)
         total = block.total(weight)
         mean = block.total(weight * height[block.neighbor]) / total
@@ -148,7 +148,7 @@ def _context(points: Standing, params: FeatureParams) -> Values:
     return Neighborhoods(np.stack((x, y))).apply(params.context_m, summed)[which]
 
 
-def _shape(block: Block, points: Standing) -> tuple[Values, Values]:
+def _shape(block: PointBlock, points: Standing) -> tuple[Values, Values]:
     """Return linearity and planarity, shape (B,) each; 0 where all neighbours are in one place."""
     center = block.points[block.own]
     apart = [axis[block.neighbor] - axis[center] for axis in (points.xy[0], points.xy[1], points.height_m)]

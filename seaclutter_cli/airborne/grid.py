@@ -19,7 +19,7 @@ _FARTHEST = 2.0**38
 _FEW = 1 << 22
 
 
-class Grid:
+class ElevationGrid:
     """Square cells of a horizontal plane, anchored at multiples of their width, each with its lowest elevation.
 
     Cells are kept in blocks of 256 by 256, and only blocks with points exist: a stray point far away costs one block.
@@ -31,7 +31,7 @@ class Grid:
 
     Examples
     --------
-    >>> grid = Grid(1.0)
+    >>> grid = ElevationGrid(1.0)
     >>> grid.add(np.array([[0.2, 0.9, 5.0], [0, 0, 0], [3, 1, 2]]))
     >>> grid.lowest.ravel()[grid.locate(np.array([0.5, 5.0]), np.array([0.5, 0.5]))]
     array([1., 2.])

@@ -17,7 +17,7 @@ _BLOCK_POINTS = 1 << 13
 
 
 @dataclass(frozen=True)
-class Block:
+class PointBlock:
     """Some points and their neighbours, P pairs.
 
     Parameters
@@ -62,7 +62,7 @@ class Neighborhoods:
         """Return for each point the nearest one of the cloud shifted by so much, shape (N,)."""
         return np.asarray(self._tree.query(self._places - np.array(shift_m), workers=threads())[1], np.int64)
 
-    def apply(self, radius_m: float, function: Callable[[Block], Values]) -> Values:
+    def apply(self, radius_m: float, function: Callable[[PointBlock], Values]) -> Values:
         """Return what a function says of each point.
 
         Parameters
@@ -100,11 +100,11 @@ class Neighborhoods:
         """Return the points in an order in which near ones are close together."""
         return np.asarray(self._tree.indices, np.int64)
 
-    def _block(self, points: NDArray[np.int64], radius_m: float) -> Block:
+    def _block(self, points: NDArray[np.int64], radius_m: float) -> PointBlock:
         part = _tree(self._places[points])
         found = part.sparse_distance_matrix(self._tree, radius_m, output_type="ndarray")
         order = np.argsort(found["i"].astype(np.uint16), kind="stable")
-        return Block(points, found["i"][order], found["j"][order])
+        return PointBlock(points, found["i"][order], found["j"][order])
 
 
 def threads() -> int:

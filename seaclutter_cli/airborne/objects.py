@@ -24,7 +24,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObjectParams:
+class ObjectFindingParams:
     """Clusters that are objects.
 
     Parameters
@@ -92,7 +92,7 @@ class FoundObject:
 
 
 def find_objects(
-    points: Standing, probability: Values, classes: Sequence[int], params: ObjectParams
+    points: Standing, probability: Values, classes: Sequence[int], params: ObjectFindingParams
 ) -> tuple[list[FoundObject], NDArray[np.int64], NDArray[np.int64]]:
     """Return the objects of a tile, each point's object, and its cluster that was left out, shape (N,), 0 for none.
 
@@ -104,7 +104,7 @@ def find_objects(
         Of each class.
     classes : sequence of int
         Codes of the C classes.
-    params : ObjectParams
+    params : ObjectFindingParams
         What makes an object.
 
     Notes

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import BLOCK, Grid
+from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 
 Cells = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def _carried(values: Cells, reach: int) -> Cells:
     return np.asarray(carried)
 
 
-def without_pits(grid: Grid, depth_m: float) -> Cells:
+def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     """Return the lowest elevations, shape (S, 256, 256), without pits that are one cell wide.
 
     A cell that lies deeper than ``depth_m`` below each of at least five neighbours with points holds an echo from below
@@ -119,7 +119,7 @@ def without_pits(grid: Grid, depth_m: float) -> Cells:
     return out
 
 
-def open_grid(grid: Grid, window_m: float, lowest: Cells | None = None) -> Cells:
+def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None) -> Cells:
     """Return the opened surface of a grid, shape (S, 256, 256), block by block; minus infinity where unknown.
 
     The elevations are those of the grid, unless others are given for its cells.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import Grid
-from seaclutter_cli.airborne.surface import Surface, SurfaceParams
+from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.surface import SeaSurfaceModel, SurfaceParams
 from seaclutter_cli.errors import InputError
 
 NEVER, OTHER, WATER = 0, 1, 9
@@ -58,18 +58,18 @@ def separate(parts: Iterable[NDArray[np.float64]], params: SurfaceParams) -> Sep
     InputError
         If no point has finite coordinates, or they are scattered so far that the grid would take too much memory.
     """
-    grid = Grid(params.cell_m)
+    grid = ElevationGrid(params.cell_m)
     for xyz in parts:
         grid.add(xyz[:, np.isfinite(xyz).all(axis=0)])
     if not grid.blocks:
         raise InputError("no points with finite coordinates, so no sea surface")
-    surface = Surface(grid, params)
+    surface = SeaSurfaceModel(grid, params)
     found = [_classes(xyz, surface) for xyz in parts]
     classification, height = (np.concatenate(column) for column in zip(*found, strict=True))
     return Separation(classification, height, surface.cells)
 
 
-def _classes(xyz: NDArray[np.float64], surface: Surface) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+def _classes(xyz: NDArray[np.float64], surface: SeaSurfaceModel) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     placed = np.asarray(np.isfinite(xyz).all(axis=0))
     height = np.full(len(placed), np.nan)
     height[placed] = surface.height(xyz if placed.all() else xyz[:, placed])

@@ -9,7 +9,7 @@ import yaml
 
 from seaclutter_cli.airborne.features import FeatureParams
 from seaclutter_cli.airborne.forest import ForestParams
-from seaclutter_cli.airborne.objects import ObjectParams
+from seaclutter_cli.airborne.objects import ObjectFindingParams
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.validation import build_sections, plain, read_yaml, refuse
@@ -27,14 +27,14 @@ class TileSettings:
         What the forest is told.
     forest : ForestParams
         How it is trained.
-    objects : ObjectParams
+    objects : ObjectFindingParams
         What makes an object.
     """
 
     separation: SeparationParams = field(default_factory=SeparationParams)
     features: FeatureParams = field(default_factory=FeatureParams)
     forest: ForestParams = field(default_factory=ForestParams)
-    objects: ObjectParams = field(default_factory=ObjectParams)
+    objects: ObjectFindingParams = field(default_factory=ObjectFindingParams)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return the settings as they stand in a file."""

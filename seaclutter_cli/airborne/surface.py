@@ -7,7 +7,7 @@ import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import BLOCK, Grid
+from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 from seaclutter_cli.airborne.opening import open_grid, without_pits
 from seaclutter_cli.errors import InputError
 
@@ -59,12 +59,12 @@ class SeparationParams(SurfaceParams):
             raise ValueError(f"island_m ({self.island_m:g}) must not be less than height_m ({self.height_m:g})")
 
 
-class Surface:
+class SeaSurfaceModel:
     r"""The sea surface of a tile or frame: its grid of lowest elevations, opened (S1, 1.1).
 
     Parameters
     ----------
-    grid : Grid
+    grid : ElevationGrid
         All points that count.
     params : SurfaceParams
         Window and heights. `SeparationParams` see to islands.
@@ -91,7 +91,7 @@ class Surface:
        learning algorithm". Ship Science and Technology 44(17), 140-143. doi:10.3404/j.issn.1672-7649.2022.17.028
     """
 
-    def __init__(self, grid: Grid, params: SurfaceParams) -> None:
+    def __init__(self, grid: ElevationGrid, params: SurfaceParams) -> None:
         self._grid = grid
         self.params = params
         tile = isinstance(params, SeparationParams)
@@ -167,7 +167,7 @@ def joined_cells(column: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[n
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)
 
 
-def surface_of(xyz: NDArray[np.float64], params: SurfaceParams) -> Surface:
+def surface_of(xyz: NDArray[np.float64], params: SurfaceParams) -> SeaSurfaceModel:
     """Return the surface under points, shape (3, N), in metres and finite.
 
     Raises
@@ -177,6 +177,6 @@ def surface_of(xyz: NDArray[np.float64], params: SurfaceParams) -> Surface:
     """
     if not xyz.shape[1]:
         raise InputError("no points, so no sea surface")
-    grid = Grid(params.cell_m)
+    grid = ElevationGrid(params.cell_m)
     grid.add(xyz)
-    return Surface(grid, params)
+    return SeaSurfaceModel(grid, params)

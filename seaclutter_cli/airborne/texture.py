@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.neighborhoods import Block, Neighborhoods
+from seaclutter_cli.airborne.neighborhoods import Neighborhoods, PointBlock
 
 DIRECTIONS_DEG = (0, 45, 90, 135)
 TEXTURE = ("homogeneity", "dissimilarity", "second_moment")
@@ -83,7 +83,7 @@ def levels_of(
     return Levels(own, partner, count)
 
 
-def texture(block: Block, levels: Levels) -> NDArray[np.float64]:
+def texture(block: PointBlock, levels: Levels) -> NDArray[np.float64]:
     r"""Return the texture features of a block's points, shape (B, 3), in the order of `TEXTURE`.
 
     Notes
@@ -111,14 +111,14 @@ def texture(block: Block, levels: Levels) -> NDArray[np.float64]:
     return out / len(levels.partner)
 
 
-def _of_matrices(block: Block, pair: NDArray[np.int64], levels: Levels) -> NDArray[np.float64]:
+def _of_matrices(block: PointBlock, pair: NDArray[np.int64], levels: Levels) -> NDArray[np.float64]:
     """Return the features of one direction from the pairs' codes."""
     total = block.count
     weighed = [block.total(weights[pair]) / total for weights in levels.weights]
     return np.stack((*weighed, _second_moment(block, pair, levels.count**2) / total**2), axis=1)
 
 
-def _second_moment(block: Block, pair: NDArray[np.int64], size: int) -> NDArray[np.int64]:
+def _second_moment(block: PointBlock, pair: NDArray[np.int64], size: int) -> NDArray[np.int64]:
     """Return the sums of the squares of the matrices' counts, some matrices at a time."""
     step = max(1, _BINS // size)
     starts = range(0, len(block.points), step)

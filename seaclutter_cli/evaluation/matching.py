@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Scene:
+class FrameTargets:
     """The truth of a frame in terms of its points: made once, compared with the results of any number of methods.
 
     Parameters
@@ -62,7 +62,7 @@ class Alarms:
         return self.visible - self.detected
 
 
-def scene_of(frame: Frame, truth: Truth, params: EvaluationParams) -> Scene:
+def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTargets:
     """Return what is where in a frame.
 
     Notes
@@ -82,7 +82,7 @@ def scene_of(frame: Frame, truth: Truth, params: EvaluationParams) -> Scene:
     else:
         members = []
     visible = np.array([len(points) >= params.min_visible_points for points in members], np.bool_)
-    return Scene(members, expected, visible)
+    return FrameTargets(members, expected, visible)
 
 
 def _tracks(points: NDArray[np.int64], valid: Mask) -> list[NDArray[np.int64]]:
@@ -128,7 +128,7 @@ def finder_of(frame: Frame, results: Iterable[FilterResult], params: EvaluationP
 
 
 @dataclass(frozen=True)
-class Found:
+class Matches:
     """Which clusters belong to the targets, and which targets were found.
 
     Parameters
@@ -143,14 +143,14 @@ class Found:
     detected: Mask
 
 
-def judge(clusters: NDArray[np.int64], scene: Scene, params: EvaluationParams) -> Found:
+def judge(clusters: NDArray[np.int64], scene: FrameTargets, params: EvaluationParams) -> Matches:
     """Tell of each cluster of a frame if it belongs to the targets, and of each target if it was found.
 
     Parameters
     ----------
     clusters : ndarray, shape (N,), int64
         Cluster of each point, -1 for none.
-    scene : Scene
+    scene : FrameTargets
         The truth.
     params : EvaluationParams
         Limits.
@@ -160,10 +160,10 @@ def judge(clusters: NDArray[np.int64], scene: Scene, params: EvaluationParams) -
     expected = np.bincount(clusters[clustered & scene.expected], minlength=len(size))
     belongs = np.append(2 * expected >= size, False)  # the last one is that of points in no cluster
     found = [np.count_nonzero(belongs[clusters[members]]) >= params.min_cluster_points for members in scene.members]
-    return Found(belongs[:-1], np.array(found, np.bool_))
+    return Matches(belongs[:-1], np.array(found, np.bool_))
 
 
-def match(clusters: NDArray[np.int64], scene: Scene, params: EvaluationParams) -> Alarms:
+def match(clusters: NDArray[np.int64], scene: FrameTargets, params: EvaluationParams) -> Alarms:
     """Compare the clusters of a frame with its truth.
 
     A cluster belongs to the targets if at least half of its points lie in targets or areas to ignore; every other one
@@ -174,7 +174,7 @@ def match(clusters: NDArray[np.int64], scene: Scene, params: EvaluationParams) -
     ----------
     clusters : ndarray, shape (N,), int64
         Cluster of each point, -1 for none.
-    scene : Scene
+    scene : FrameTargets
         The truth.
     params : EvaluationParams
         Limits.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import Alarms, finder_of, match, scene_of
+from seaclutter_cli.evaluation.matching import Alarms, finder_of, match, targets_of
 from seaclutter_cli.evaluation.times import Durations
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
@@ -122,7 +122,7 @@ def score_frame(
     params : EvaluationParams
         Limits.
     """
-    scene = None if truth is None else scene_of(frame, truth, params)
+    scene = None if truth is None else targets_of(frame, truth, params)
     finder = finder_of(frame, (result for result in results if result is not None), params)
     scores: list[FrameScore | None] = []
     for result in results:

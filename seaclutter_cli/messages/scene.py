@@ -67,7 +67,7 @@ class SceneBox:
 
 
 @dataclass(frozen=True)
-class Scene:
+class SceneUpdate:
     """Boxes of one frame, in groups that replace those of the frame before.
 
     Parameters
@@ -85,7 +85,7 @@ class Scene:
     groups: Mapping[str, Sequence[SceneBox]]
 
 
-def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Scene], bytes]]:
+def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[SceneUpdate], bytes]]:
     """Return message encoding, schema and serialiser that fit a log whose clouds have an encoding."""
     encoding, schema = fitting_format(
         cloud_encoding, TYPE, _typestore, lambda: ("foxglove.SceneUpdate", _json_schema())
@@ -103,21 +103,21 @@ def _typestore() -> Any:
     return store
 
 
-def _cdr(scene: Scene) -> bytes:
+def _cdr(scene: SceneUpdate) -> bytes:
     message = _message(_content(scene, "nanosec", -(2**31), 2**31 - 1), TYPE)
     return bytes(_typestore().serialize_cdr(message, TYPE))
 
 
-def _ros1(scene: Scene) -> bytes:
+def _ros1(scene: SceneUpdate) -> bytes:
     message = _message(_content(scene, "nanosec", 0, 2**32 - 1), TYPE)
     return bytes(_typestore().serialize_ros1(message, TYPE))
 
 
-def _json(scene: Scene) -> bytes:
+def _json(scene: SceneUpdate) -> bytes:
     return json.dumps(_content(scene, "nsec", -(2**63), 2**63)).encode()
 
 
-def _content(scene: Scene, nanoseconds: str, least_s: int, most_s: int) -> dict[str, Any]:
+def _content(scene: SceneUpdate, nanoseconds: str, least_s: int, most_s: int) -> dict[str, Any]:
     """Return the message as plain values; a stamp that no ROS time can hold becomes the nearest one."""
     seconds = min(max(scene.stamp_ns // _NANO, least_s), most_s)
     if nanoseconds == "nanosec" and seconds >= 2**31:

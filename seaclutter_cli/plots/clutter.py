@@ -47,7 +47,7 @@ class ClutterDensity:
             counts = self._rings.setdefault(number, np.zeros(_COLUMNS << _KEY_BITS, np.int64))
             np.add.at(counts, cell[ring == number], 1)
 
-    def grid(self, end_m: float, limits: tuple[float, float]) -> "Grid":
+    def grid(self, end_m: float, limits: tuple[float, float]) -> "DensityGrid":
         """Return the counts up to a range and between intensities, in about 100 rows of equal height."""
         height = 2.0 ** np.ceil(np.log2((limits[1] - limits[0]) / _ROWS))
         if self._all_whole:
@@ -60,7 +60,7 @@ class ClutterDensity:
             shown = (row >= 0) & (row < len(counts)) & (column < columns)
             np.add.at(counts, (row[shown].astype(np.int64), column[shown]), count[shown])
         range_m = np.asarray(self._start_m + self._width_m * np.arange(columns + 1), np.float64)
-        return Grid(range_m, height * np.arange(first, last + 1), counts)
+        return DensityGrid(range_m, height * np.arange(first, last + 1), counts)
 
     def quantile(self, share: float) -> float:
         """Return an intensity that about this share of the points does not exceed; 0 without points."""
@@ -81,7 +81,7 @@ class ClutterDensity:
 
 
 @dataclass(frozen=True)
-class Grid:
+class DensityGrid:
     """Counts in cells of equal size.
 
     Parameters
@@ -148,7 +148,7 @@ def _limits(density: ClutterDensity, found: Thresholds) -> tuple[float, float]:
     return least, most if most > least else least + 1.0
 
 
-def _draw_density(figure: "Figure", axes: "Axes", grid: Grid) -> None:
+def _draw_density(figure: "Figure", axes: "Axes", grid: DensityGrid) -> None:
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap, LogNorm
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import Found, Scene, finder_of, judge, scene_of
+from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, judge, targets_of
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.truth import Boxes, Truth
 
@@ -54,15 +54,15 @@ def objects_in(
         For each method ``low`` and ``high`` corners, ``points`` and ``kind``: ``target``, ``false``, or ``unknown``
         without labels. Of very many, the largest.
     """
-    scene = None if truth is None else scene_of(frame, truth, params)
+    scene = None if truth is None else targets_of(frame, truth, params)
     judged = _judge(frame, results, scene, params)
     boxes = _boxes(truth, scene, [found for _, found in judged])
     return boxes, [_clusters(frame, labels, found) for labels, found in judged]
 
 
 def _judge(
-    frame: Frame, results: Sequence[FilterResult | None], scene: Scene | None, params: EvaluationParams
-) -> list[tuple[NDArray[np.int64], Found | None]]:
+    frame: Frame, results: Sequence[FilterResult | None], scene: FrameTargets | None, params: EvaluationParams
+) -> list[tuple[NDArray[np.int64], Matches | None]]:
     """Return for each method the cluster of each point, and what became of targets and clusters if that is known."""
     finder = finder_of(frame, (result for result in results if result is not None), params)
     judged = []
@@ -74,7 +74,7 @@ def _judge(
     return judged
 
 
-def _clusters(frame: Frame, labels: NDArray[np.int64], found: Found | None) -> list[Described]:
+def _clusters(frame: Frame, labels: NDArray[np.int64], found: Matches | None) -> list[Described]:
     """Return the boxes around the clusters, the largest ones if there are very many."""
     members = np.flatnonzero(labels >= 0)
     if not len(members):
@@ -91,7 +91,7 @@ def _clusters(frame: Frame, labels: NDArray[np.int64], found: Found | None) -> l
     ]
 
 
-def _boxes(truth: Truth | None, scene: Scene | None, found: Sequence[Found | None]) -> list[Described]:
+def _boxes(truth: Truth | None, scene: FrameTargets | None, found: Sequence[Matches | None]) -> list[Described]:
     if truth is None or scene is None:
         return []
     boxes = [{**box, "state": "ignored"} for box in _described(truth.ignored)]

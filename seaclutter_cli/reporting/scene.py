@@ -5,7 +5,7 @@ from collections.abc import Callable
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels
-from seaclutter_cli.messages.scene import Scene, SceneBox
+from seaclutter_cli.messages.scene import SceneBox, SceneUpdate
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.objects import Described, objects_in
 from seaclutter_cli.truth import Truth
@@ -23,14 +23,14 @@ _BOXES = {
 }
 
 
-def scene_maker(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], Scene]:
+def scene_maker(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], SceneUpdate]:
     """Return what makes the scene of a filtered frame: clusters, and boxes where there are labels."""
 
-    def make(result: FilterResult) -> Scene:
+    def make(result: FilterResult) -> SceneUpdate:
         frame = result.frame
         found = boxes_of(result, labels.truth(frame) if labels else None, params)
         groups = {f"{frame.topic} {name}": boxes for name, boxes in found.items() if labels or name != "labels"}
-        return Scene(frame.stamp_ns, frame.cloud.frame_id, groups)
+        return SceneUpdate(frame.stamp_ns, frame.cloud.frame_id, groups)
 
     return make
 

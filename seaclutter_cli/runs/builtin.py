@@ -7,7 +7,7 @@ from typing import Any
 
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.runs.recordings import Result
-from seaclutter_cli.sensors.catalog import SENSORS, Sensor
+from seaclutter_cli.sensors.catalog import SENSORS, SensorModel
 from seaclutter_cli.simulation.airborne.scene import builtin_tiles
 from seaclutter_cli.simulation.layouts import LAYOUTS
 from seaclutter_cli.simulation.lidar.models import LIDARS
@@ -38,7 +38,7 @@ class Builtin(Result):
 
     Parameters
     ----------
-    sensors : mapping of str to Sensor
+    sensors : mapping of str to SensorModel
         Sensors that are recognised.
     methods : mapping of str to str
         Filter methods and what each does.
@@ -46,7 +46,7 @@ class Builtin(Result):
         Names of all else, by kind.
     """
 
-    sensors: Mapping[str, Sensor]
+    sensors: Mapping[str, SensorModel]
     methods: Mapping[str, str]
     lists: Mapping[str, Sequence[str]]
 

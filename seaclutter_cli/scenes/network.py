@@ -7,7 +7,7 @@ STEM_MAPS = 3
 
 
 @dataclass(frozen=True)
-class Block:
+class BottleneckBlock:
     """A bottleneck: 1x1 convolution that widens, 3x3 depthwise, 1x1 that narrows; ReLU6 after the first two.
 
     Parameters
@@ -30,14 +30,14 @@ class Block:
 
 
 BLOCKS = (
-    Block(8, 2),
-    Block(8, 1),
-    Block(16, 2),
-    Block(16, 1),
-    Block(32, 2),
-    Block(32, 1),
-    Block(64, 2),
-    Block(64, 1),
+    BottleneckBlock(8, 2),
+    BottleneckBlock(8, 1),
+    BottleneckBlock(16, 2),
+    BottleneckBlock(16, 1),
+    BottleneckBlock(32, 2),
+    BottleneckBlock(32, 1),
+    BottleneckBlock(64, 2),
+    BottleneckBlock(64, 1),
 )
 """Bottlenecks and residual bottlenecks in turn, from 3 maps of 112 by 112 to 64 maps of 7 by 7.
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Sensor:
+class SensorModel:
     """A rotating lidar.
 
     Parameters
@@ -35,29 +35,29 @@ _OUSTER = frozenset({"t", "reflectivity", "ring", "range"})
 _PHOTONS = "photon counts; reflectivity 0 to 255"
 _HESAI = frozenset({"ring", "timestamp"})
 
-SENSORS: Mapping[str, Sensor] = {
-    "RS-LiDAR-32": Sensor("RoboSense", 32, 1800, "0 to 255", _ROBOSENSE),
-    "RS-LiDAR-16": Sensor("RoboSense", 16, 1800, "0 to 255", _ROBOSENSE),
-    "RS-Helios": Sensor("RoboSense", 32, 1800, "0 to 255", _ROBOSENSE),
-    "VLP-16": Sensor("Velodyne", 16, 1800, "0 to 255", _VELODYNE),
-    "Puck Hi-Res": Sensor("Velodyne", 16, 1800, "0 to 255", _VELODYNE),
-    "VLP-32A": Sensor("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
-    "VLP-32B": Sensor("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
-    "VLP-32C": Sensor("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
-    "HDL-32E": Sensor("Velodyne", 32, 2170, "0 to 255", _VELODYNE),
-    "Alpha Prime": Sensor("Velodyne", 128, 1800, "0 to 255", _VELODYNE),
-    "HDL-64E": Sensor("Velodyne", 64, 2083, "0 to 255", _VELODYNE),
-    "OS0-32": Sensor("Ouster", 32, 1024, _PHOTONS, _OUSTER),
-    "OS0-64": Sensor("Ouster", 64, 1024, _PHOTONS, _OUSTER),
-    "OS0-128": Sensor("Ouster", 128, 1024, _PHOTONS, _OUSTER),
-    "OS1-32": Sensor("Ouster", 32, 1024, _PHOTONS, _OUSTER),
-    "OS1-64": Sensor("Ouster", 64, 1024, _PHOTONS, _OUSTER),
-    "OS1-128": Sensor("Ouster", 128, 1024, _PHOTONS, _OUSTER),
-    "OS2-32": Sensor("Ouster", 32, 1024, _PHOTONS, _OUSTER),
-    "OS2-64": Sensor("Ouster", 64, 1024, _PHOTONS, _OUSTER),
-    "OS2-128": Sensor("Ouster", 128, 1024, _PHOTONS, _OUSTER),
-    "Pandar40P": Sensor("Hesai", 40, 1800, "0 to 255", _HESAI),
-    "PandarXT-32": Sensor("Hesai", 32, 2000, "0 to 255", _HESAI),
+SENSORS: Mapping[str, SensorModel] = {
+    "RS-LiDAR-32": SensorModel("RoboSense", 32, 1800, "0 to 255", _ROBOSENSE),
+    "RS-LiDAR-16": SensorModel("RoboSense", 16, 1800, "0 to 255", _ROBOSENSE),
+    "RS-Helios": SensorModel("RoboSense", 32, 1800, "0 to 255", _ROBOSENSE),
+    "VLP-16": SensorModel("Velodyne", 16, 1800, "0 to 255", _VELODYNE),
+    "Puck Hi-Res": SensorModel("Velodyne", 16, 1800, "0 to 255", _VELODYNE),
+    "VLP-32A": SensorModel("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
+    "VLP-32B": SensorModel("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
+    "VLP-32C": SensorModel("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
+    "HDL-32E": SensorModel("Velodyne", 32, 2170, "0 to 255", _VELODYNE),
+    "Alpha Prime": SensorModel("Velodyne", 128, 1800, "0 to 255", _VELODYNE),
+    "HDL-64E": SensorModel("Velodyne", 64, 2083, "0 to 255", _VELODYNE),
+    "OS0-32": SensorModel("Ouster", 32, 1024, _PHOTONS, _OUSTER),
+    "OS0-64": SensorModel("Ouster", 64, 1024, _PHOTONS, _OUSTER),
+    "OS0-128": SensorModel("Ouster", 128, 1024, _PHOTONS, _OUSTER),
+    "OS1-32": SensorModel("Ouster", 32, 1024, _PHOTONS, _OUSTER),
+    "OS1-64": SensorModel("Ouster", 64, 1024, _PHOTONS, _OUSTER),
+    "OS1-128": SensorModel("Ouster", 128, 1024, _PHOTONS, _OUSTER),
+    "OS2-32": SensorModel("Ouster", 32, 1024, _PHOTONS, _OUSTER),
+    "OS2-64": SensorModel("Ouster", 64, 1024, _PHOTONS, _OUSTER),
+    "OS2-128": SensorModel("Ouster", 128, 1024, _PHOTONS, _OUSTER),
+    "Pandar40P": SensorModel("Hesai", 40, 1800, "0 to 255", _HESAI),
+    "PandarXT-32": SensorModel("Hesai", 32, 2000, "0 to 255", _HESAI),
 }
 """Sensors by name. A new one is one line here."""
 

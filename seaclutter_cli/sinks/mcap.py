@@ -15,7 +15,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
 from seaclutter_cli.messages.diagnostics import Diagnostics, diagnostics_format
 from seaclutter_cli.messages.scene import TOPIC as SCENE_TOPIC
-from seaclutter_cli.messages.scene import Scene, scene_format
+from seaclutter_cli.messages.scene import SceneUpdate, scene_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.sinks.mcap_writer import McapWriter
@@ -52,7 +52,7 @@ class McapOptions:
     diagnostics: bool = True
     compression: str | None = None
     config: str = ""
-    scene: Callable[[FilterResult], Scene] | None = None
+    scene: Callable[[FilterResult], SceneUpdate] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class _Outlet:
     diagnostics: int | None
     serialise: Callable[[Diagnostics], bytes]
     scene: int | None
-    draw: Callable[[Scene], bytes]
+    draw: Callable[[SceneUpdate], bytes]
 
 
 class McapSink(AbstractContextManager["McapSink"]):
@@ -168,7 +168,7 @@ class McapSink(AbstractContextManager["McapSink"]):
             removed = self._add(replace(channel, topic=f"{channel.topic}/removed"), taken)
         if options.diagnostics:
             diagnostics = self._own_channel(Channel(_NEW, DIAGNOSTICS_TOPIC, encoding, schema), taken)
-        draw: Callable[[Scene], bytes] = _no_scene
+        draw: Callable[[SceneUpdate], bytes] = _no_scene
         scene = None
         if options.scene:
             encoding, schema, draw = scene_format(channel.message_encoding)
@@ -219,5 +219,5 @@ def _record_of(result: FilterResult) -> Message:
     return result.frame.message
 
 
-def _no_scene(_: Scene) -> bytes:
+def _no_scene(_: SceneUpdate) -> bytes:
     raise RuntimeError("no scenes are written")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.airborne.features import Standing
-from seaclutter_cli.airborne.objects import ObjectParams, as_csv, as_geojson, find_objects, least_rectangle
+from seaclutter_cli.airborne.objects import ObjectFindingParams, as_csv, as_geojson, find_objects, least_rectangle
 
 
 def rectangle(rng, center, size, yaw, count=300):
@@ -49,7 +49,7 @@ def two_objects():
     probability[310:320] = [1.0, 0.0]
     height = np.concatenate([np.linspace(1, 9, 300), np.full(62, 0.8)])
     points = Standing(xy.T, height, np.ones(len(xy)), 1.0)
-    objects, number, left_out = find_objects(points, probability, (1, 5), ObjectParams())
+    objects, number, left_out = find_objects(points, probability, (1, 5), ObjectFindingParams())
     assert not left_out.any(), "strays are no cluster"
     return objects, number
 
@@ -68,7 +68,7 @@ def test_unlikely_clusters_are_none():
     places = np.concatenate([rectangle(rng, (100, 50), (9, 8), 0.0), rectangle(rng, (200, 80), (9, 8), 0.0)])
     points = Standing(places.T, np.ones(600), np.ones(600), 1.0)
     probability = np.repeat([[0.3, 0.3, 0.2, 0.2], [0.1, 0.7, 0.1, 0.1]], 300, axis=0)
-    objects, number, left_out = find_objects(points, probability, (1, 2, 3, 4), ObjectParams())
+    objects, number, left_out = find_objects(points, probability, (1, 2, 3, 4), ObjectFindingParams())
     assert [(one.number, one.code) for one in objects] == [(1, 2)]
     assert np.bincount(number).tolist() == [300, 300]
     np.testing.assert_array_equal(left_out, number == 0)
@@ -76,7 +76,7 @@ def test_unlikely_clusters_are_none():
 
 def test_no_points_no_objects():
     empty = Standing(np.empty((2, 0)), np.empty(0), np.empty(0), 1.0)
-    objects, number, left_out = find_objects(empty, np.empty((0, 2)), (1, 5), ObjectParams())
+    objects, number, left_out = find_objects(empty, np.empty((0, 2)), (1, 5), ObjectFindingParams())
     assert (objects, len(number), len(left_out)) == ([], 0, 0)
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from seaclutter_cli.airborne import grid as grids
-from seaclutter_cli.airborne.grid import Grid
+from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.opening import filled, half_window, open_grid, opened
 from seaclutter_cli.errors import InputError
 from tests.filters.reference import Opening
@@ -61,13 +61,13 @@ def test_an_opening_lies_below_and_changes_nothing_the_second_time(values, half)
 def test_blocks_do_not_show(monkeypatch, bits):
     rng = np.random.default_rng(3)
     xyz = np.vstack([rng.uniform(-40, 50, (2, 900)), rng.normal(size=(1, 900))])
-    whole = Grid(1.0)
+    whole = ElevationGrid(1.0)
     whole.add(xyz)
     expected = open_grid(whole, 7.0).ravel()[whole.locate(*xyz[:2])]
     for module in (grids, __import__("seaclutter_cli.airborne.opening", fromlist=["opening"])):
         monkeypatch.setattr(module, "BLOCK", 1 << bits)
     monkeypatch.setattr(grids, "_BITS", bits)
-    parted = Grid(1.0)
+    parted = ElevationGrid(1.0)
     for start in range(0, 900, 250):
         parted.add(xyz[:, start : start + 250])
     assert len(parted.blocks) > 30
@@ -79,7 +79,7 @@ def test_window_in_cells():
 
 
 def test_a_stray_point_costs_one_block_and_many_are_refused():
-    grid = Grid(1.0)
+    grid = ElevationGrid(1.0)
     grid.add(np.array([[0.0, 1e9, -1e300], [0, 1e9, 1e300], [0, 1, 2]]))
     assert len(grid.blocks) == 3
     far = np.arange(1000) * 1e4

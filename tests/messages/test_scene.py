@@ -7,12 +7,12 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from seaclutter_cli.messages import scene as scenes
-from seaclutter_cli.messages.scene import Scene, SceneBox, scene_format
+from seaclutter_cli.messages.scene import SceneBox, SceneUpdate, scene_format
 
 STAMP_NS = 1_700_000_000_123_456_789
 BUOY = SceneBox((40.0, -5.0, 1.0), (2.0, 3.0, 4.0), math.pi / 2, "#0b6b50", "buoy <1> é")
 WAVE = SceneBox((20.0, 0.0, -1.0), (1.0, 1.0, 0.5), 0.0, "#c2410c")
-SCENE = Scene(STAMP_NS, "lidar", {"/points labels": [BUOY], "/points clusters": [BUOY, WAVE], "empty": []})
+SCENE = SceneUpdate(STAMP_NS, "lidar", {"/points labels": [BUOY], "/points clusters": [BUOY, WAVE], "empty": []})
 
 
 def decoded(encoding):
@@ -90,4 +90,4 @@ def compare(descriptor):
 @pytest.mark.parametrize("stamp_ns", [-(10**19), 10**19])
 def test_a_broken_clock_breaks_nothing(stamp_ns):
     for encoding in ("cdr", "ros1", "json"):
-        assert scene_format(encoding)[2](Scene(stamp_ns, "\udcff", {"\udcff": [WAVE]}))
+        assert scene_format(encoding)[2](SceneUpdate(stamp_ns, "\udcff", {"\udcff": [WAVE]}))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sensors.robosense.models import CHANNELS, Model
+from seaclutter_cli.sensors.robosense.models import CHANNELS, RobosenseModel
 
 _LEAST, _LIMIT = -9000, 18000
 
@@ -42,7 +42,7 @@ def make_angles(vertical: NDArray[np.int64], horizontal: NDArray[np.int64]) -> A
     return Angles(vertical, horizontal)
 
 
-def packet_angles(model: Model, packet: NDArray[np.uint8]) -> Angles | None:
+def packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles | None:
     """Return the angles in a packet of device information, shape (1248,); None where they were not programmed."""
     if model.lasers == CHANNELS:
         tables = packet[468:660].astype(np.int64).reshape(2, CHANNELS, 3)
@@ -61,7 +61,7 @@ def packet_angles(model: Model, packet: NDArray[np.uint8]) -> Angles | None:
     return make_angles(np.where(np.arange(16) < 8, -sizes, sizes), np.zeros(16, np.int64))
 
 
-def file_angles(model: Model, path: Path) -> Angles:
+def file_angles(model: RobosenseModel, path: Path) -> Angles:
     """Read a file of angles as RoboSense ships it with a unit.
 
     A line for each laser: its elevation and, after a comma, the offset of its azimuth, in degrees.

@@ -31,7 +31,7 @@ def are_off(header_ns: NDArray[np.int64], record_ns: NDArray[np.int64]) -> NDArr
     return off
 
 
-class Clock:
+class RobosenseClock:
     """Unix time of packets. Where a sensor's clock is wrong, it tells only the time from the start of a turn.
 
     Parameters

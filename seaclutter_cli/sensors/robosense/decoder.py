@@ -11,10 +11,10 @@ from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets
 from seaclutter_cli.sensors.robosense.angles import file_angles
 from seaclutter_cli.sensors.robosense.blocks import Blocks, join, second_returns, sound_blocks, steps
-from seaclutter_cli.sensors.robosense.clock import Clock, are_off, header_times
+from seaclutter_cli.sensors.robosense.clock import RobosenseClock, are_off, header_times
 from seaclutter_cli.sensors.robosense.device import Device, assumed_device, guess_model, read_device
-from seaclutter_cli.sensors.robosense.losses import Losses
-from seaclutter_cli.sensors.robosense.models import BLOCKS, CLASSIC_ID, HELIOS_ID, MODELS, Model
+from seaclutter_cli.sensors.robosense.losses import RobosenseLosses
+from seaclutter_cli.sensors.robosense.models import BLOCKS, CLASSIC_ID, HELIOS_ID, MODELS, RobosenseModel
 from seaclutter_cli.sensors.robosense.packets import DATA, INFO_ID, PACKET_BYTES, temperatures_degc
 from seaclutter_cli.sensors.robosense.points import Geometry
 
@@ -73,7 +73,7 @@ def _begins(payloads: NDArray[np.uint8], with_bytes: bytes) -> NDArray[np.bool_]
 
 def _find_model(
     data: NDArray[np.uint8], info: NDArray[np.uint8], options: DecoderOptions, warnings: list[str]
-) -> Model:
+) -> RobosenseModel:
     helios = data[:4].tobytes() == HELIOS_ID
     allowed = ("RS-Helios",) if helios else _CLASSIC
     wanted = options.model
@@ -96,7 +96,7 @@ _WANTED = "pass its angles with --calibration FILE, a line 'elevation,azimuth of
 
 
 def _find_device(
-    model: Model,
+    model: RobosenseModel,
     data: NDArray[np.uint8],
     info: NDArray[np.uint8],
     options: DecoderOptions,
@@ -146,7 +146,7 @@ class RoboSenseDecoder:
         self._device = device
         self._geometry = Geometry(device, device.angles)
         self._helios = device.model.header == HELIOS_ID
-        self._clock, self._losses = Clock(device.model.packet_ns), Losses(device)
+        self._clock, self._losses = RobosenseClock(device.model.packet_ns), RobosenseLosses(device)
         self._parts: list[Blocks] = []
         self._azimuth = -1
         self._frames = 0

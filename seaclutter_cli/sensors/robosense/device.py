@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.robosense.angles import Angles, packet_angles
-from seaclutter_cli.sensors.robosense.models import CHANNELS, Model, with_old_firmware
+from seaclutter_cli.sensors.robosense.models import CHANNELS, RobosenseModel, with_old_firmware
 
 _OLD_VERSIONS = {bytes.fromhex(text) for text in ("000000", "ffffff", "55aa5a", "e90100")}
 _TWO_RETURNS_SINCE = bytes((8, 2, 9))
@@ -21,7 +21,7 @@ class Device:
 
     Parameters
     ----------
-    model : Model
+    model : RobosenseModel
         The model, with the units of its firmware.
     angles : Angles or None
         Where its lasers look, if that was programmed.
@@ -35,7 +35,7 @@ class Device:
         What people may want to know.
     """
 
-    model: Model
+    model: RobosenseModel
     angles: Angles | None
     dual: bool
     turns_hz: int
@@ -66,7 +66,7 @@ class Device:
         return round((36000 - seen) / (36000 * self.turns_hz) * 10**9)
 
 
-def read_device(model: Model, packet: NDArray[np.uint8]) -> Device:
+def read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
     """Read a packet of device information, shape (1248,)."""
     old = model.name != "RS-Helios" and packet[41:44].tobytes() in _OLD_VERSIONS
     angles = packet_angles(model, packet)
@@ -86,7 +86,7 @@ def read_device(model: Model, packet: NDArray[np.uint8]) -> Device:
     return Device(used, angles, dual, rpm // 60 or 10, (start, end), details)
 
 
-def assumed_device(model: Model, azimuth: NDArray[np.int64]) -> Device:
+def assumed_device(model: RobosenseModel, azimuth: NDArray[np.int64]) -> Device:
     """Return what can be told of a sensor without its information, by the azimuths of blocks, shape (P, 12)."""
     steps = np.diff(azimuth, axis=1) % 36000
     if model.lasers == CHANNELS:

@@ -10,7 +10,7 @@ from seaclutter_cli.sensors.robosense.models import BLOCKS
 _CLOCK_WAS_SET_NS = 3600 * 10**9
 
 
-class Losses:
+class RobosenseLosses:
     """Counts lost packets. A gap of more than an hour is the clock being set.
 
     Parameters

@@ -11,7 +11,7 @@ BLOCKS = 12
 
 
 @dataclass(frozen=True)
-class Model:
+class RobosenseModel:
     """A model, or a model with a firmware of other units.
 
     Parameters
@@ -69,18 +69,18 @@ HELIOS_ID = bytes.fromhex("55aa055a")
 
 _RS32_NS = (*range(0, 40321, 2880), 44640, *range(1440, 41761, 2880), 46080)
 
-MODELS: Mapping[str, Model] = {
+MODELS: Mapping[str, RobosenseModel] = {
     model.name: model
     for model in (
-        Model("RS-LiDAR-32", 32, 0.005, (0.4, 230), 55520, (0.03997, 0), _RS32_NS),
-        Model("RS-LiDAR-16", 16, 0.005, (0.4, 230), 55500, (0.03825, 0), tuple(range(0, 42001, 2800))),
-        Model("RS-Helios", 32, 0.0025, (0.1, 180), 55560, (0.03498, 0), tuple(range(0, 53631, 1730))),
+        RobosenseModel("RS-LiDAR-32", 32, 0.005, (0.4, 230), 55520, (0.03997, 0), _RS32_NS),
+        RobosenseModel("RS-LiDAR-16", 16, 0.005, (0.4, 230), 55500, (0.03825, 0), tuple(range(0, 42001, 2800))),
+        RobosenseModel("RS-Helios", 32, 0.0025, (0.1, 180), 55560, (0.03498, 0), tuple(range(0, 53631, 1730))),
     )
 }
 """Models by name."""
 
 
-def with_old_firmware(model: Model) -> Model:
+def with_old_firmware(model: RobosenseModel) -> RobosenseModel:
     """Return a model as its firmware before 2019 has it: distances in centimetres, another timing of 32 lasers."""
     if model.lasers == CHANNELS:
         firing = tuple(3000 * (channel % 16) for channel in range(CHANNELS))

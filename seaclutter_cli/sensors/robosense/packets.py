@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.robosense.angles import Angles
-from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, CLASSIC_ID, Model
+from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, CLASSIC_ID, RobosenseModel
 
 PACKET_BYTES = 1248
 DATA_PORT, INFO_PORT = 6699, 7788
@@ -74,7 +74,7 @@ class Columns:
     times_ns: NDArray[np.int64]
 
 
-def write_data(model: Model, columns: Columns) -> NDArray[np.uint8]:
+def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
     """Return data packets, shape (P, 1248); distances are rounded to the model's unit."""
     packets = np.zeros(len(columns.times_ns), DATA)
     blocks = packets["blocks"].reshape(-1)
@@ -112,7 +112,7 @@ def _write_classic_time(packets: NDArray[Any], times_ns: NDArray[np.int64]) -> N
 
 
 @dataclass(frozen=True)
-class Settings:
+class DeviceSettings:
     """What a device tells of itself.
 
     Parameters
@@ -139,9 +139,11 @@ class Settings:
     serial: bytes = bytes.fromhex("5ea000000001")
 
 
-def write_info(model: Model, angles: Angles | None, settings: Settings | None = None) -> NDArray[np.uint8]:
+def write_info(
+    model: RobosenseModel, angles: Angles | None, settings: DeviceSettings | None = None
+) -> NDArray[np.uint8]:
     """Return a packet of device information (DIFOP), shape (1248,); without angles, its tables stay unprogrammed."""
-    settings = settings or Settings()
+    settings = settings or DeviceSettings()
     packet = np.zeros(PACKET_BYTES, np.uint8)
     start, end = settings.fov
     pieces = {0: INFO_ID, 40: settings.versions[0], 45: settings.versions[1], 292: settings.serial}

@@ -10,7 +10,7 @@ from seaclutter_cli.sensors.packets import point_dtype
 from seaclutter_cli.sensors.robosense.angles import Angles
 from seaclutter_cli.sensors.robosense.blocks import BLIND, Blocks
 from seaclutter_cli.sensors.robosense.device import Device
-from seaclutter_cli.sensors.robosense.models import CHANNELS, Model
+from seaclutter_cli.sensors.robosense.models import CHANNELS, RobosenseModel
 from seaclutter_cli.sensors.robosense.packets import channels
 
 _LEAST, _MOST = -9000, 45000
@@ -83,7 +83,7 @@ class Geometry:
 
 
 @cache
-def _limits(model: Model) -> tuple[np.uint16, np.uint16]:
+def _limits(model: RobosenseModel) -> tuple[np.uint16, np.uint16]:
     """Return the least and the greatest distance that counts, in units."""
     least, most = np.array(model.range_m, np.float32)
     ranges = np.arange(2**16, dtype=np.float32) * np.float32(model.unit_m)

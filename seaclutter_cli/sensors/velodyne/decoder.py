@@ -22,10 +22,10 @@ from seaclutter_cli.sensors.velodyne.packets import (
     PACKET,
     TURN,
     VLP32B,
-    Clock,
     Cut,
-    Losses,
-    Model,
+    VelodyneClock,
+    VelodyneLosses,
+    VelodyneModel,
     are_sound,
     used_blocks,
     view_packets,
@@ -108,8 +108,8 @@ class VelodyneDecoder:
         )
         self._decoder = library.ScanDecoder(config)
         self.facts = SensorFacts(self._model.name)
-        self._clock = Clock(self.facts)
-        self._losses = Losses(self.facts, self._model)
+        self._clock = VelodyneClock(self.facts)
+        self._losses = VelodyneLosses(self.facts, self._model)
         self._cut: Cut | None = None
         self._packets = np.empty(0, PACKET)
         self._times_ns = np.empty(0, np.int64)
@@ -238,7 +238,7 @@ class VelodyneDecoder:
         return points, int(times[-1]) if len(times) else int(times_ns[-1])
 
 
-def _choose_model(factory: int, wanted: str | None) -> Model:
+def _choose_model(factory: int, wanted: str | None) -> VelodyneModel:
     model = MODELS[factory]
     if factory != 0x23:
         return model
@@ -248,7 +248,7 @@ def _choose_model(factory: int, wanted: str | None) -> Model:
     return named[wanted]
 
 
-def _read_calibration(library: Any, path: Path | None, model: Model) -> Any:
+def _read_calibration(library: Any, path: Path | None, model: VelodyneModel) -> Any:
     if path is None:
         return None
     try:

@@ -25,7 +25,7 @@ PACKET = np.dtype([("blocks", _BLOCK, (12,)), ("time_us", "<u4"), ("mode", "u1")
 
 
 @dataclass(frozen=True)
-class Model:
+class VelodyneModel:
     """A sensor: its name, the library's, lasers, microseconds in a packet of single returns, blocks per column."""
 
     name: str
@@ -40,16 +40,16 @@ class Model:
         return 3 if self.banks > 1 else 2
 
 
-MODELS: Mapping[int, Model] = {
-    0x21: Model("HDL-32E", "HDL32E", 32, 552.96),
-    0x22: Model("VLP-16", "VLP16", 16, 1327.104),
-    0x23: Model("VLP-32A", "VLP32A", 32, 663.552),
-    0x24: Model("Puck Hi-Res", "PuckHiRes", 16, 1327.104),
-    0x28: Model("VLP-32C", "VLP32C", 32, 663.552),
-    0xA1: Model("Alpha Prime", "VLS128", 128, 173.4, banks=4),
+MODELS: Mapping[int, VelodyneModel] = {
+    0x21: VelodyneModel("HDL-32E", "HDL32E", 32, 552.96),
+    0x22: VelodyneModel("VLP-16", "VLP16", 16, 1327.104),
+    0x23: VelodyneModel("VLP-32A", "VLP32A", 32, 663.552),
+    0x24: VelodyneModel("Puck Hi-Res", "PuckHiRes", 16, 1327.104),
+    0x28: VelodyneModel("VLP-32C", "VLP32C", 32, 663.552),
+    0xA1: VelodyneModel("Alpha Prime", "VLS128", 128, 173.4, banks=4),
 }
 """Models by their factory byte. A VLP-32A and a VLP-32B have the same."""
-VLP32B = Model("VLP-32B", "VLP32B", 32, 663.552)
+VLP32B = VelodyneModel("VLP-32B", "VLP32B", 32, 663.552)
 
 
 def view_packets(payloads: NDArray[np.uint8]) -> NDArray[Any]:
@@ -76,7 +76,7 @@ def used_blocks(packets: NDArray[Any]) -> NDArray[np.bool_]:
     return used
 
 
-class Clock:
+class VelodyneClock:
     """Turns microseconds of the hour into Unix time: by the sensor's clock if it is set, else moved to the host's."""
 
     def __init__(self, facts: SensorFacts) -> None:
@@ -165,10 +165,10 @@ def _longest_gap(covered: NDArray[np.bool_]) -> tuple[int, int]:
     return (int(places[longest]) + 1) % len(covered), int(sizes[longest])
 
 
-class Losses:
+class VelodyneLosses:
     """Counts packets that never arrived: gaps in the sensor's time that the host's time agrees with."""
 
-    def __init__(self, facts: SensorFacts, model: Model) -> None:
+    def __init__(self, facts: SensorFacts, model: VelodyneModel) -> None:
         self._facts, self._model = facts, model
         self._packets = np.empty(0, PACKET)
         self._host_ns = np.empty(0, np.int64)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, Thing, TileScene, WaterParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M, Patch
-from seaclutter_cli.simulation.airborne.water import Water, water
+from seaclutter_cli.simulation.airborne.water import TileWater, water
 
 Floats = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ class TileRenderer:
             points[axis] += origin
         return points
 
-    def _sea_hits(self, pulses: Pulses, sea: Water, rng: np.random.Generator) -> Hits:
+    def _sea_hits(self, pulses: Pulses, sea: TileWater, rng: np.random.Generator) -> Hits:
         params = self.scene.water
         along, across = sea.slope(pulses.x, pulses.y)
         tilt = along**2 + (across + pulses.slope) ** 2
@@ -156,7 +156,7 @@ class TileRenderer:
         )
 
     def _meet(
-        self, thing: Thing, patch: Patch, pulses: Pulses, sea: Water, hits: Hits, rng: np.random.Generator
+        self, thing: Thing, patch: Patch, pulses: Pulses, sea: TileWater, hits: Hits, rng: np.random.Generator
     ) -> None:
         """Let the rays that come near an object end on it."""
         highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*thing.at_m))
@@ -176,7 +176,7 @@ class TileRenderer:
             column[near] = np.where(struck, values.reshape(-1, _BEAMS), column[near])
         hits.number[near] = np.where(struck, thing.number, hits.number[near])
 
-    def _lift(self, thing: Thing, patch: Patch, sea: Water, x: Floats, y: Floats) -> Floats:
+    def _lift(self, thing: Thing, patch: Patch, sea: TileWater, x: Floats, y: Floats) -> Floats:
         """Return how high the waterline of an object stands at places, shape (R,)."""
         if patch.motion == "fixed":
             return np.zeros_like(x)

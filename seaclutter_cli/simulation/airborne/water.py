@@ -14,7 +14,7 @@ _ENHANCEMENT = {"wave": 3.3, "swell": 6.0}
 
 
 @dataclass(frozen=True)
-class Water:
+class TileWater:
     """The surface at one moment.
 
     Parameters
@@ -42,7 +42,7 @@ class Water:
         return along / 2, (self.height(x, y + 1) - self.height(x, y - 1)) / 2
 
 
-def water(params: WaterParams, size_m: float, rng: np.random.Generator) -> Water:
+def water(params: WaterParams, size_m: float, rng: np.random.Generator) -> TileWater:
     """Return a random surface, at least ``size_m`` wide.
 
     Notes
@@ -53,7 +53,7 @@ def water(params: WaterParams, size_m: float, rng: np.random.Generator) -> Water
     cells = int(fft.next_fast_len(int(size_m) + 64))
     wind = _field(cells, params.wave_m, params.wave_period_s, params.direction_deg, "wave", rng)
     swell = _field(cells, params.swell_m, params.swell_period_s, params.direction_deg, "swell", rng)
-    return Water(wind + swell, swell)
+    return TileWater(wind + swell, swell)
 
 
 def _field(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.simulation.lidar.models import LIDARS
-from seaclutter_cli.simulation.marine.scene import ObjectParams, RecordingParams, Scene, VesselParams
+from seaclutter_cli.simulation.marine.scene import RecordingParams, Scene, SceneObjectParams, VesselParams
 from seaclutter_cli.simulation.marine.sea import SeaParams
 
 Place = tuple[float, float]
@@ -35,7 +35,7 @@ class Plan:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng = rng
-        self.objects: list[ObjectParams] = []
+        self.objects: list[SceneObjectParams] = []
         self._taken: list[tuple[float, float, float]] = []
 
     def uniform(self, low: float, high: float) -> float:
@@ -71,7 +71,7 @@ class Plan:
         if more.get("speed_ms"):
             path.append((round(x + 1000 * float(np.cos(angle)), 3), round(y + 1000 * float(np.sin(angle)), 3)))
         self.objects.append(
-            ObjectParams(
+            SceneObjectParams(
                 track_id=len(self.objects) + 1,
                 shape=shape,
                 size_m=tuple(round(float(size), 3) for size in size_m),

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.marine.ground import GroundParams
-from seaclutter_cli.simulation.marine.scene import ObjectParams, Scene
+from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -106,7 +106,7 @@ def _planting(scene: Scene) -> str | None:
     return "dense" if gap <= 0.1 else "sparse" if gap >= 1.5 else None
 
 
-def _distances(rays: Floats, origin: Floats, item: ObjectParams, time_s: float) -> Floats:
+def _distances(rays: Floats, origin: Floats, item: SceneObjectParams, time_s: float) -> Floats:
     """Return how far away each ray on the plane meets the footprint of an object, shape (120,); infinite: never."""
     x, y, heading = (float(value[0]) for value in item.track.at(np.array([time_s])))
     cos, sin = np.cos(heading), np.sin(heading)

@@ -11,7 +11,7 @@ from seaclutter_cli.simulation.lidar.models import Lidar
 from seaclutter_cli.simulation.marine.motion import Pose, Tracks, rotations
 from seaclutter_cli.simulation.marine.rays import meet_box, meet_triangles
 from seaclutter_cli.simulation.marine.ride import Ride
-from seaclutter_cli.simulation.marine.scene import ObjectParams
+from seaclutter_cli.simulation.marine.scene import SceneObjectParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES, Mesh
 from seaclutter_cli.simulation.marine.terrain import Moment
 from seaclutter_cli.truth import IGNORED
@@ -45,11 +45,11 @@ class Bodies:
 
     Parameters
     ----------
-    objects : sequence of ObjectParams
+    objects : sequence of SceneObjectParams
         The things.
     """
 
-    def __init__(self, objects: Sequence[ObjectParams]) -> None:
+    def __init__(self, objects: Sequence[SceneObjectParams]) -> None:
         self.objects = objects
         self.meshes = [SHAPES[item.shape]().scaled(*(float(size) for size in item.size_m)) for item in objects]
         self._tracks = Tracks([item.track for item in objects])

@@ -102,7 +102,7 @@ class VesselParams(MovingParams):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObjectParams(MovingParams):
+class SceneObjectParams(MovingParams):
     """Something in the scene.
 
     Parameters
@@ -149,7 +149,7 @@ class Scene:
         What it lies on: a section named as in `TERRAINS`.
     vessel : VesselParams
         Own vessel, or the vehicle on land.
-    objects : tuple of ObjectParams
+    objects : tuple of SceneObjectParams
         What else is there.
     noise : NoiseParams, optional
         False returns; by default those of the lidar.
@@ -158,7 +158,7 @@ class Scene:
     recording: RecordingParams
     terrain: TerrainParams
     vessel: VesselParams
-    objects: tuple[ObjectParams, ...]
+    objects: tuple[SceneObjectParams, ...]
     noise: NoiseParams | None = None
 
     def with_recording(self, **changes: Any) -> "Scene":
@@ -249,8 +249,8 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
     return Scene(**parts, objects=tuple(objects))
 
 
-def _objects(raw: Any, problems: list[str]) -> list[ObjectParams]:
-    found: list[ObjectParams] = build_list(ObjectParams, raw, "objects", "an object", problems)
+def _objects(raw: Any, problems: list[str]) -> list[SceneObjectParams]:
+    found: list[SceneObjectParams] = build_list(SceneObjectParams, raw, "objects", "an object", problems)
     ids = [item.track_id for item in found]
     problems += [f"objects: track_id {one} occurs twice" for one in sorted({i for i in ids if ids.count(i) > 1})]
     return found

@@ -120,7 +120,7 @@ def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancemen
 
 
 @dataclass(frozen=True)
-class Surface:
+class WaveSurface:
     """The sea at one moment: a periodic tile of heights.
 
     Parameters
@@ -202,11 +202,11 @@ class Sea:
         out[some] = spectrum * spread * GRAVITY / (2 * omega) / k[some] * (2 * np.pi / self.tile_m) ** 2
         return out
 
-    def at(self, time_s: float) -> Surface:
+    def at(self, time_s: float) -> WaveSurface:
         """Return the surface at a time."""
         modes = self._amplitude * np.exp(-1j * self._omega * time_s)
         heights = fft.ifft2(modes, workers=1, overwrite_x=True).real * _CELLS**2
-        return Surface(heights.astype(np.float32), self.cell_m)
+        return WaveSurface(heights.astype(np.float32), self.cell_m)
 
     def swell(self, shortest_m: float) -> "Swell":
         """Return the waves longer than a hull, which are those that move it; ``shortest_m`` in metres."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.ground import Box, Ground, GroundParams
 from seaclutter_cli.simulation.marine.motion import Pose
-from seaclutter_cli.simulation.marine.sea import Sea, SeaParams, Surface
+from seaclutter_cli.simulation.marine.sea import Sea, SeaParams, WaveSurface
 from seaclutter_cli.simulation.marine.wake import Wake
-from seaclutter_cli.simulation.marine.water import Water
+from seaclutter_cli.simulation.marine.water import MarineWater
 
 Floats = NDArray[np.float64]
 
@@ -49,8 +49,8 @@ class Terrain(Protocol):
 class SeaMoment:
     """The sea at one moment: its surface, and what a lidar sees of it."""
 
-    surface: Surface
-    water: Water
+    surface: WaveSurface
+    water: MarineWater
     wakes: Sequence[Wake]
     params: SeaParams
     time_s: float
@@ -95,7 +95,7 @@ class SeaTerrain:
     def at(self, time_s: float) -> SeaMoment:
         """Return the sea at a time."""
         surface = self._sea.at(time_s)
-        water = Water(surface, self._params, self._wakes, time_s=time_s, seed=self._seed)
+        water = MarineWater(surface, self._params, self._wakes, time_s=time_s, seed=self._seed)
         return SeaMoment(surface, water, self._wakes, self._params, time_s)
 
     def box(self, lidar: Pose, reach_m: float) -> None:

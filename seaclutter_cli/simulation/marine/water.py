@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.marine.sea import SeaParams, Surface
+from seaclutter_cli.simulation.marine.sea import SeaParams, WaveSurface
 from seaclutter_cli.simulation.marine.wake import Wake, patches
 from seaclutter_cli.truth import CLUTTER
 
@@ -26,12 +26,12 @@ def _stretch(range_m: Floats, sine: Floats) -> Floats:
     return np.minimum(1.0, _PULSE_M / depth)
 
 
-class Water:
+class MarineWater:
     r"""The sea at one moment, as a lidar sees it.
 
     Parameters
     ----------
-    surface : Surface
+    surface : WaveSurface
         Its waves.
     params : SeaParams
         How it reflects.
@@ -63,7 +63,9 @@ class Water:
     .. [2] Koepke (1984). "Effective reflectance of oceanic whitecaps". Applied Optics 23(11).
     """
 
-    def __init__(self, surface: Surface, params: SeaParams, wakes: Sequence[Wake], *, time_s: float, seed: int) -> None:
+    def __init__(
+        self, surface: WaveSurface, params: SeaParams, wakes: Sequence[Wake], *, time_s: float, seed: int
+    ) -> None:
         self._surface, self._params, self._wakes = surface, params, wakes
         self._time_s, self._seed = time_s, seed
         spread = surface.heights[::4, ::4].astype(np.float64)

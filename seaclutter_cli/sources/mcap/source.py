@@ -26,7 +26,7 @@ from seaclutter_cli.sources.mcap.records import (
     unpack,
     walk,
 )
-from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, Survey, Trust, index_counts
+from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, McapSurvey, Trust, index_counts
 from seaclutter_cli.sources.shared.chunked import before, in_time_order, within
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 from seaclutter_cli.sources.shared.mapped import MappedFile
@@ -75,7 +75,7 @@ class McapSource:
             if self.path.suffix.lower() != ".mcap":
                 raise InputError(f"{self.path}: not an MCAP file")
             self._report(0, "the file does not begin as an MCAP file should", 0)
-        found = Survey(self._file, self._declared, self._report)
+        found = McapSurvey(self._file, self._declared, self._report)
         self.profile = found.profile
         self._chunks, self._extras, self._tail = found.chunks, found.extras, found.tail
         self._counts, self._first = found.counts, found.first

@@ -43,7 +43,7 @@ _END_OPS = (
 )
 
 
-class Report(Protocol):
+class ReportDamage(Protocol):
     """Takes note of damage."""
 
     def __call__(self, offset: int, what: str, lost_bytes: int, lost_messages: int | None = None, /) -> object:
@@ -105,7 +105,7 @@ class Declarations:
         Is told of broken records and contradictions.
     """
 
-    def __init__(self, report: Report) -> None:
+    def __init__(self, report: ReportDamage) -> None:
         self._report = report
         self._schemas: dict[int, tuple[Trust, mcap_records.Schema]] = {}
         self._records: dict[int, tuple[Trust, mcap_records.Channel]] = {}
@@ -174,7 +174,7 @@ def _put(known: dict[int, tuple[Trust, D]], record: D, trust: Trust) -> bool:
     return other != record
 
 
-class Survey:
+class McapSurvey:
     """One pass over the records of a file.
 
     Parameters
@@ -204,7 +204,7 @@ class Survey:
         Where the last record ends.
     """
 
-    def __init__(self, file: MappedFile, declarations: Declarations, report: Report) -> None:
+    def __init__(self, file: MappedFile, declarations: Declarations, report: ReportDamage) -> None:
         self.profile = ""
         self.chunks: list[McapChunk] = []
         self.counts: Counter[int] = Counter()

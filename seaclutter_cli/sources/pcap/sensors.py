@@ -59,7 +59,7 @@ class Flow:
 
 
 @dataclass
-class Sensor:
+class CapturedSensor:
     """A sensor in a capture.
 
     Parameters
@@ -98,7 +98,7 @@ def each_kind(datagrams: Datagrams) -> list[tuple[Kind, NDArray[np.int64]]]:
     return [((int(datagrams.flows[rows[0]]), int(datagrams.lengths[rows[0]])), rows) for rows in parts]
 
 
-class Survey:
+class CaptureSurvey:
     """Looks through the datagrams of a capture for sensors.
 
     Parameters
@@ -156,7 +156,7 @@ class Survey:
         few = [flow for flow in self.flows.values() if flow.count < _FEW and flow.samples and not flow.calibrations]
         return [flow for flow in few if flow.count * 100 < most[flow.family, flow.length]]
 
-    def sensors(self) -> list[Sensor]:
+    def sensors(self) -> list[CapturedSensor]:
         """Return the sensors, by address."""
         groups: dict[tuple[str, str], dict[Kind, Flow]] = defaultdict(dict)
         strays = {id(flow) for flow in self.strays()}
@@ -178,7 +178,7 @@ def _take(
     samples += [(time_ns, payload.copy()) for time_ns, payload in pairs]
 
 
-def _split(flows: dict[Kind, Flow]) -> list[Sensor]:
+def _split(flows: dict[Kind, Flow]) -> list[CapturedSensor]:
     """Return the sensors behind one address: as many as there are ports that send data of one length."""
     data = {kind: flow for kind, flow in flows.items() if flow.samples}
     by_length: dict[int, list[Kind]] = defaultdict(list)
@@ -197,7 +197,7 @@ def _split(flows: dict[Kind, Flow]) -> list[Sensor]:
     return sensors
 
 
-def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], place: int, count: int) -> Sensor:
+def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], place: int, count: int) -> CapturedSensor:
     flow = flows[first]
     informing = sorted(
         (kind for kind, other in flows.items() if other.calibrations and other.length == flow.length),
@@ -212,4 +212,4 @@ def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], place: int, co
         own = own | set(apart)
     pairs = [pair for kind in informing for pair in flows[kind].calibrations] + flow.samples
     sample = Packets(np.array([time_ns for time_ns, _ in pairs], np.int64), np.stack([payload for _, payload in pairs]))
-    return Sensor(flow.family or "", flow.address, flow.port, own, sample)
+    return CapturedSensor(flow.family or "", flow.address, flow.port, own, sample)

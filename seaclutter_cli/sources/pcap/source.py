@@ -17,7 +17,7 @@ from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, Packet
 from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS, PCAPNG_MAGIC
 from seaclutter_cli.sources.pcap.pcapng import PcapngReader
 from seaclutter_cli.sources.pcap.records import PcapReader, RecordReader
-from seaclutter_cli.sources.pcap.sensors import Kind, Sensor, Survey, each_kind
+from seaclutter_cli.sources.pcap.sensors import CapturedSensor, CaptureSurvey, Kind, each_kind
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.mapped import MappedFile
 
@@ -85,10 +85,10 @@ class CaptureSource:
             yield udp.datagrams(records)
             self._file.touched(int(records.offsets[-1] - records.offsets[0]))
 
-    def _survey(self) -> Survey:
+    def _survey(self) -> CaptureSurvey:
         """Look through the whole capture: a sensor's calibration may be anywhere."""
         reader, udp = self._reader(), Udp(self._file)
-        survey = Survey(udp)
+        survey = CaptureSurvey(udp)
         cut = 0
         for datagrams in self._datagrams(reader, udp):
             survey.add(datagrams)
@@ -111,9 +111,9 @@ class CaptureSource:
             raise InputError(f"{self._path}: no packets of a known lidar; {found}")
         return survey
 
-    def _usable(self, survey: Survey) -> list[tuple[Sensor, PacketDecoder]]:
+    def _usable(self, survey: CaptureSurvey) -> list[tuple[CapturedSensor, PacketDecoder]]:
         """Return the sensors that can be decoded, with what was found out; `InputError` if there is none."""
-        usable: list[tuple[Sensor, PacketDecoder]] = []
+        usable: list[tuple[CapturedSensor, PacketDecoder]] = []
         problems = []
         for sensor in survey.sensors():
             try:
@@ -125,7 +125,7 @@ class CaptureSource:
         self.warnings += problems
         return usable
 
-    def _decoder(self, sensor: Sensor) -> PacketDecoder:
+    def _decoder(self, sensor: CapturedSensor) -> PacketDecoder:
         options = self._options
         if options.calibration is None and (suffix := CALIBRATIONS_BESIDE.get(sensor.family)):
             options = replace(options, calibration=_find_beside(self._path, suffix))
@@ -259,7 +259,7 @@ class _Merge:
         return Message(channel, stamp_ns, stamp_ns, self._sequence[number] - 1, CODECS[_TYPE, "cdr"].encode(cloud))
 
 
-def _found(survey: Survey, cut: int, other: int, damage: Sequence[Damage]) -> str:
+def _found(survey: CaptureSurvey, cut: int, other: int, damage: Sequence[Damage]) -> str:
     """Return what there is in a capture without sensors, and what to do."""
     flows = sorted(survey.flows.values(), key=lambda flow: flow.count * flow.length, reverse=True)
     found = [str(flow) for flow in flows[:_SHOWN_FLOWS]]

@@ -9,7 +9,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Channel, Damage, Message, Record
 from seaclutter_cli.sources.rosbag1.chunks import read_index, unpack
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
-from seaclutter_cli.sources.rosbag1.survey import Survey, channel_of
+from seaclutter_cli.sources.rosbag1.survey import BagSurvey, channel_of
 from seaclutter_cli.sources.shared.chunked import Chunk, before, in_time_order, within
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 from seaclutter_cli.sources.shared.mapped import MappedFile
@@ -59,7 +59,7 @@ class BagSource:
         start = bytes(self._view[: len(MAGIC)])
         if start != MAGIC:
             raise InputError(f"{self._path}: {_describe(start)}")
-        survey = Survey(self._view, self._file.touched)
+        survey = BagSurvey(self._view, self._file.touched)
         if survey.header is not None and survey.header.fields.get(b"encryptor"):
             raise InputError(f"{self._path}: the bag is encrypted; decrypt it first (rosbag decrypt)")
         self.compression = _COMPRESSIONS.get(survey.compression) if survey.compression else None
@@ -109,7 +109,7 @@ class BagSource:
         """Let go of the file."""
         self._file.close()
 
-    def _unpack_untimed(self, survey: Survey) -> None:
+    def _unpack_untimed(self, survey: BagSurvey) -> None:
         """Unpack the chunks where unknown channels first occur, and those of unknown times."""
         for connection, offset in survey.first_use.items():
             if connection not in self._channels and offset in survey.chunks:

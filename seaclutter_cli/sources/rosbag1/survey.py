@@ -24,7 +24,7 @@ def channel_of(view: memoryview, record: BagRecord) -> Channel:
     return Channel(record.number(b"conn"), topic, "ros1", schema, tuple(sorted(text.items())))
 
 
-class Survey:
+class BagSurvey:
     """Chunks, channels and counts of a bag.
 
     Messages outside of chunks, as a chunk leaves behind whose own header is destroyed, are put together to runs that

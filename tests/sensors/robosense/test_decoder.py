@@ -14,12 +14,12 @@ from seaclutter_cli.sensors.robosense.blocks import steps
 from seaclutter_cli.sensors.robosense.decoder import RoboSense
 from seaclutter_cli.sensors.robosense.device import read_device
 from seaclutter_cli.sensors.robosense.models import MODELS, with_old_firmware
-from seaclutter_cli.sensors.robosense.packets import NO_BLOCK, Columns, Settings, write_data, write_info
+from seaclutter_cli.sensors.robosense.packets import NO_BLOCK, Columns, DeviceSettings, write_data, write_info
 from tests.sensors.robosense.reference import Reference
 
 START_NS = 1_760_000_000 * 10**9
 NAMES = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Helios")
-OLD = Settings(versions=(bytes(5), bytes((8, 2, 8, 0, 0))), intensity_mode=0xA1)
+OLD = DeviceSettings(versions=(bytes(5), bytes((8, 2, 8, 0, 0))), intensity_mode=0xA1)
 
 
 def angles_of(model, seed=3):
@@ -92,7 +92,9 @@ def test_as_the_description_says(name, dual, wrap):
     if dual and model.lasers == 32:
         azimuth = np.repeat(azimuth[::2], 2)
     fov = (500, 35000)
-    info = write_info(model, angles_of(model), Settings(fov=fov, return_mode=0 if dual else 5 if "Hel" in name else 1))
+    info = write_info(
+        model, angles_of(model), DeviceSettings(fov=fov, return_mode=0 if dual else 5 if "Hel" in name else 1)
+    )
     columns = columns_of(model, azimuth)
     payloads = write_data(model, columns)
     decoder, frames = decode(payloads, columns.times_ns + 700_000, info, batch=3)
@@ -179,7 +181,7 @@ def test_a_blind_sector_is_no_loss():
     gap_ns = round(0.05 * 10**9)
     times = START_NS + np.arange(len(columns.times_ns)) * model.packet_ns
     times += np.arange(len(times)) * 12 // 900 * (gap_ns - model.block_ns)
-    info = write_info(model, angles_of(model), Settings(fov=(9000, 27000)))
+    info = write_info(model, angles_of(model), DeviceSettings(fov=(9000, 27000)))
     decoder, frames = decode(write_data(model, replace(columns, times_ns=times)), times, info)
     assert decoder.facts.lost_packets == 0
     assert [frame.partial for frame in frames] == [False] * 4
