@@ -19,7 +19,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.sensors.robosense.angles import make_angles
 from seaclutter_cli.sensors.robosense.models import MODELS
 from seaclutter_cli.sensors.robosense.packets import Columns, write_data, write_info
-from seaclutter_cli.sinks.pcap import Ends, write_pcap
+from seaclutter_cli.sinks.pcap import Ends, ethernet_udp, pcap_header, pcap_record
 from seaclutter_cli.sources import open_source
 
 PACKETS_A_TURN = 150
@@ -82,7 +82,9 @@ def decode_captures(folder: Path) -> None:
     for turns, returns in ((300, 1.0), (300, 0.5), (1200, 0.5)):
         path = folder / f"rs-lidar-32-{turns}-{returns}.pcap"
         with path.open("wb") as file:
-            file.writelines(write_pcap(packets(turns, returns)))
+            file.write(pcap_header())
+            for time_ns, ends, payload in packets(turns, returns):
+                file.write(pcap_record(time_ns, ethernet_udp(ends, payload)))
         seconds = []
         for _ in range(RUNS):
             started = time.perf_counter()

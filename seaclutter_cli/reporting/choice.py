@@ -3,14 +3,14 @@
 from bisect import insort
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, Literal, TypeVar
 
 T = TypeVar("T")
 
 _APART = 5
 """Frames that are closer look alike; one of them is enough."""
 
-WHY = ("worst", "best", "even", "picked")
+Why = Literal["worst", "best", "even", "picked"]
 """Why a frame was chosen: among the worst, among the best, one of those evenly spread, or asked for."""
 
 
@@ -22,14 +22,14 @@ class Chosen(Generic[T]):
     ----------
     row : int
         Its place among all frames.
-    why : str
-        One of `WHY`.
+    why : {"worst", "best", "even", "picked"}
+        Why it was chosen.
     item : object
         What was kept of it.
     """
 
     row: int
-    why: str
+    why: Why
     item: T
 
 

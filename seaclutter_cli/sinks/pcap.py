@@ -2,7 +2,6 @@
 
 import ipaddress
 import struct
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 _MAGIC_NS = 0xA1B23C4D
@@ -37,13 +36,6 @@ def ethernet_udp(ends: Ends, payload: bytes) -> bytes:
     head = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(udp), 0, _DONT_FRAGMENT, 64, 17, 0) + source + target
     head = head[:10] + _checksum(head).to_bytes(2, "big") + head[12:]
     return b"\x02\x00\x00\x00\x00\x01\x02\x00\x00\x00\x00\x02\x08\x00" + head + udp
-
-
-def write_pcap(packets: Iterable[tuple[int, Ends, bytes]]) -> Iterable[bytes]:
-    """Yield the bytes of a capture of payloads, each with its time and where it goes."""
-    yield pcap_header()
-    for time_ns, ends, payload in packets:
-        yield pcap_record(time_ns, ethernet_udp(ends, payload))
 
 
 def _checksum(header: bytes) -> int:

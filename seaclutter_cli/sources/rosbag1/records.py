@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 MAGIC = b"#ROSBAG V2.0\n"
 U32 = Struct("<I")
-U64 = Struct("<Q")
 STAMP = Struct("<II")
 
 _MAX_HEADER = 4096
