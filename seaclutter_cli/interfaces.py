@@ -7,6 +7,9 @@ point of a frame a reason, and sinks write what comes out.
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record, SensorFacts
@@ -126,6 +129,18 @@ class Labels(Protocol):
 
     def finish(self) -> None:
         """Check, after the last frame, that there are no labels left of frames that were not there; `LabelError`."""
+        ...
+
+
+class TilePoints(Protocol):
+    """The points of an airborne tile, N of them, in an order that stays."""
+
+    def __iter__(self) -> Iterator[NDArray[np.float64]]:
+        """Yield coordinates in metres, shape (3, n) for each part of the tile; can be gone through again."""
+        ...
+
+    def intensity(self) -> NDArray[Any] | None:
+        """Return the intensity of all points, shape (N,); None if the tile has none."""
         ...
 
 

@@ -140,8 +140,8 @@ class CloudTile:
         return np.asarray(part[name])
 
 
-class Coordinates:
-    """The coordinates of a tile in parts, shape (3, n) each, in metres; can be gone through again.
+class PointsOf:
+    """The points of a tile, as classification wants them (`seaclutter_cli.interfaces.TilePoints`).
 
     Parameters
     ----------
@@ -153,8 +153,13 @@ class Coordinates:
         self._tile = tile
 
     def __iter__(self) -> Iterator[NDArray[np.float64]]:
-        """Yield the coordinates of each part."""
+        """Yield the coordinates of each part in metres, shape (3, n)."""
         return (self._tile.xyz(part) for part in self._tile.parts())
+
+    def intensity(self) -> NDArray[Any] | None:
+        """Return the intensity of all points, shape (N,); None if the tile has none."""
+        name = intensity_name(self._tile)
+        return read_columns(self._tile, [name])[name] if name else None
 
 
 def open_tile(path: Path) -> LasTile | CloudTile:

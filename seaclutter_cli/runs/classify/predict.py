@@ -7,19 +7,25 @@ from time import perf_counter
 
 import numpy as np
 
-from seaclutter_cli.airborne.forest import class_name, predict
+from seaclutter_cli.airborne.classification import NamedPoints, name_points
+from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.model import ObjectModel, load_model
-from seaclutter_cli.airborne.objects import as_csv, as_geojson, find_objects
+from seaclutter_cli.airborne.objects import as_csv, as_geojson
 from seaclutter_cli.airborne.separation import WATER
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
-from seaclutter_cli.runs.classify.features import tile_features
-from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, NamedPoints, NamedTile, PredictResult
-from seaclutter_cli.runs.classify.tiles import SettingsOptions, plan_tiles, write_tile
+from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, NamedTile, PredictResult, columns_of
+from seaclutter_cli.runs.classify.tiles import (
+    SettingsOptions,
+    errors_of,
+    plan_tiles,
+    warn_without_intensity,
+    write_tile,
+)
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import write_files
-from seaclutter_cli.sources.tiles import CloudTile, Coordinates, LasTile, find_tiles, open_tile
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, PointsOf, find_tiles, open_tile
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +89,10 @@ def name_tiles(
     files: dict[Path, bytes] = {}
     for path, target in zip(paths, targets, strict=True):
         started, tile = perf_counter(), open_tile(path)
-        named = name_points(tile, model, observer)
-        write_tile(tile, target, named.columns(), DIMENSIONS)
+        warn_without_intensity(tile, model.settings, observer)
+        with errors_of(path):
+            named = name_points(PointsOf(tile), model)
+        write_tile(tile, target, columns_of(named), DIMENSIONS)
         if options.plot_file:
             files[options.plot_file] = _picture(tile, named, options.plot_file.suffix)
         result.tiles.append(NamedTile.of(path.stem, named, perf_counter() - started))
@@ -107,18 +115,8 @@ def _load(options: PredictOptions) -> ObjectModel:
     return ObjectModel(settings, model.forest)
 
 
-def name_points(tile: LasTile | CloudTile, model: ObjectModel, observer: Observer = SILENT) -> NamedPoints:
-    """Separate a tile, name its points and find its objects."""
-    found = tile_features(tile, model.settings, observer)
-    probability = predict(model.forest, found.features)
-    classes = [int(code) for code in model.forest.classes_]
-    objects, number, left_out = find_objects(found.points, probability, classes, model.settings.objects)
-    code = np.array(classes)[probability.argmax(axis=1)] if len(probability) else np.empty(0, np.int64)
-    return NamedPoints(found, code, probability.max(axis=1, initial=0.0), number, left_out, objects)
-
-
 def _picture(tile: LasTile | CloudTile, named: NamedPoints, suffix: str) -> bytes:
-    places = np.concatenate([xyz[:2] for xyz in Coordinates(tile)], axis=1)
+    places = np.concatenate([xyz[:2] for xyz in PointsOf(tile)], axis=1)
     sea = places[:, named.tile.separation.classification == WATER]
     xy = named.tile.points.xy
     code = np.array([0, *(one.code for one in named.objects)])[named.number]

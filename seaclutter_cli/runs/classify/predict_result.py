@@ -7,8 +7,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.classification import NamedPoints
 from seaclutter_cli.airborne.objects import FoundObject
-from seaclutter_cli.runs.classify.features import TileFeatures
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.text import count, table
 
@@ -19,41 +19,14 @@ DIMENSIONS = {
 }
 
 
-@dataclass(frozen=True)
-class NamedPoints:
-    """A tile whose points have names.
-
-    Parameters
-    ----------
-    tile : TileFeatures
-        What stands out of the sea, N points.
-    code : ndarray, shape (N,), int64
-        Class of each.
-    probability : ndarray, shape (N,), float64
-        Of that class.
-    number : ndarray, shape (N,), int64
-        Object of each; 0 for none.
-    left_out : ndarray, shape (N,), int64
-        Cluster of each that is too unlikely to be an object; 0 for none.
-    objects : list of FoundObject
-        The objects.
-    """
-
-    tile: TileFeatures
-    code: NDArray[np.int64]
-    probability: NDArray[np.float64]
-    number: NDArray[np.int64]
-    left_out: NDArray[np.int64]
-    objects: list[FoundObject]
-
-    def columns(self) -> dict[str, NDArray[Any]]:
-        """Return the columns that the tile is written with, a value for each of its points."""
-        separation = self.tile.separation
-        classes = separation.classification
-        out: dict[str, NDArray[Any]] = {name: np.zeros(len(classes), kind) for name, (kind, _) in DIMENSIONS.items()}
-        for column, values in zip(out.values(), (self.code, self.probability, self.number), strict=True):
-            column[separation.other] = values
-        return {"classification": classes, **out}
+def columns_of(named: NamedPoints) -> dict[str, NDArray[Any]]:
+    """Return the columns that a tile is written with, a value for each of its points."""
+    separation = named.tile.separation
+    classes = separation.classification
+    out: dict[str, NDArray[Any]] = {name: np.zeros(len(classes), kind) for name, (kind, _) in DIMENSIONS.items()}
+    for column, values in zip(out.values(), (named.code, named.probability, named.number), strict=True):
+        column[separation.other] = values
+    return {"classification": classes, **out}
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.airborne.separation import OTHER, WATER, Separation, separate
+from seaclutter_cli.airborne.separation import OTHER, WATER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
-from seaclutter_cli.errors import InputError
-from seaclutter_cli.runs.classify.tiles import SettingsOptions, plan_tiles, write_tile
+from seaclutter_cli.runs.classify.tiles import SettingsOptions, errors_of, plan_tiles, write_tile
 from seaclutter_cli.runs.recordings import Result
-from seaclutter_cli.sources.tiles import CloudTile, Coordinates, LasTile, find_tiles, open_tile
+from seaclutter_cli.sources.tiles import PointsOf, find_tiles, open_tile
 from seaclutter_cli.text import share, table
 
 HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
@@ -66,21 +65,14 @@ def separate_tiles(tiles: Sequence[str], output: Path, options: SeparateOptions 
 def _separate(path: Path, target: Path, params: SeparationParams, *, with_height: bool) -> "SeparatedTile":
     started = perf_counter()
     tile = open_tile(path)
-    found = separate_tile(tile, params)
+    with errors_of(path):
+        found = separate(PointsOf(tile), params)
     columns: dict[str, Any] = {"classification": found.classification}
     if with_height:
         columns["height_above_sea"] = found.height_m
     write_tile(tile, target, columns, HEIGHT if with_height else {})
     sea, other = (int(np.count_nonzero(found.classification == code)) for code in (WATER, OTHER))
     return SeparatedTile(path.stem, str(target), tile.size, sea, other, perf_counter() - started)
-
-
-def separate_tile(tile: LasTile | CloudTile, params: SeparationParams) -> Separation:
-    """Return the separation of a tile; `InputError`, with its name, if that cannot be done."""
-    try:
-        return separate(Coordinates(tile), params)
-    except InputError as error:
-        raise InputError(f"{tile.path}: {error}") from error
 
 
 @dataclass(frozen=True)

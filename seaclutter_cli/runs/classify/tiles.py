@@ -1,6 +1,7 @@
 """Tiles in and out: where the output goes, the settings, and writing tiles with other columns."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,12 +9,13 @@ from typing import Any
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.settings import TileSettings, load_settings
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.outputs import check_outputs, is_folder
 from seaclutter_cli.sinks.las import ExtraDims, write_las
 from seaclutter_cli.sinks.points import POINT_WRITERS, with_columns
 from seaclutter_cli.sources.frame_files import FRAME_READERS
-from seaclutter_cli.sources.tiles import CloudTile, LasTile
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, intensity_name
 
 _LAS = (".las", ".laz")
 
@@ -36,6 +38,21 @@ class SettingsOptions:
     def load(self, base: TileSettings | None = None) -> TileSettings:
         """Return the settings, over others than the defaults if given; `ConfigError` if anything is wrong."""
         return load_settings(self.file, self.overrides, base)
+
+
+@contextmanager
+def errors_of(path: Path) -> Iterator[None]:
+    """Put the name of a tile before the errors that its points cause."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def warn_without_intensity(tile: LasTile | CloudTile, settings: TileSettings, observer: Observer) -> None:
+    """Warn if a tile lacks the intensities that its features need."""
+    if settings.features.features == "full" and intensity_name(tile) is None:
+        observer.warn(f"{tile.path}: no intensity field; intensities are taken as 0")
 
 
 def plan_tiles(

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.classification import tile_features
 from seaclutter_cli.airborne.forest import Samples, hold_out, join, predict, train
 from seaclutter_cli.airborne.model import ObjectModel
 from seaclutter_cli.airborne.settings import TileSettings
@@ -15,12 +16,11 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import draw_confusion
-from seaclutter_cli.runs.classify.features import tile_features
-from seaclutter_cli.runs.classify.tiles import SettingsOptions
+from seaclutter_cli.runs.classify.tiles import SettingsOptions, errors_of, warn_without_intensity
 from seaclutter_cli.runs.classify.train_result import TrainingReport
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import check_outputs, write_files
-from seaclutter_cli.sources.tiles import find_tiles, open_tile, read_columns
+from seaclutter_cli.sources.tiles import PointsOf, find_tiles, open_tile, read_columns
 from seaclutter_cli.truth import OBJECT_CLASSES
 
 
@@ -91,7 +91,9 @@ def _samples(number: int, path: Path, settings: TileSettings, options: TrainOpti
     if class_field not in tile.names:
         found = ", ".join(tile.names)
         raise InputError(f"{path}: no ground truth: no field {class_field!r} with classes; it has {found}")
-    found_points = tile_features(tile, settings, observer)
+    warn_without_intensity(tile, settings, observer)
+    with errors_of(path):
+        found_points = tile_features(PointsOf(tile), settings)
     truth = read_columns(tile, (class_field, object_field))
     other = found_points.separation.other
     code = truth[class_field][other].astype(np.int64)

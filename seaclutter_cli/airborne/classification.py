@@ -1,0 +1,92 @@
+"""From the points of a tile to names: separation, features, forest, objects."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.features import Standing, features_of
+from seaclutter_cli.airborne.forest import predict
+from seaclutter_cli.airborne.objects import FoundObject, find_objects
+from seaclutter_cli.airborne.separation import Separation, separate
+from seaclutter_cli.airborne.settings import TileSettings
+from seaclutter_cli.interfaces import TilePoints
+
+if TYPE_CHECKING:
+    from seaclutter_cli.airborne.model import ObjectModel
+
+
+@dataclass(frozen=True)
+class TileFeatures:
+    """A separated tile and the features of what is no sea.
+
+    Parameters
+    ----------
+    separation : Separation
+        Sea and what is not.
+    points : Standing
+        What is not.
+    features : ndarray, shape (N, F), float64
+        Of these N points.
+    """
+
+    separation: Separation
+    points: Standing
+    features: NDArray[np.float64]
+
+
+def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
+    """Separate a tile and compute the features of what is no sea; without intensities, they are taken as 0.
+
+    Raises
+    ------
+    InputError
+        If the tile cannot be separated.
+    """
+    separation = separate(tile, settings.separation)
+    other = separation.other
+    xy = np.concatenate([xyz[:2] for xyz in tile], axis=1)[:, other]
+    intensity = tile.intensity()
+    bright = np.zeros(len(other)) if intensity is None else intensity[other].astype(np.float64)
+    density = separation.points_per_cell / settings.separation.cell_m**2
+    points = Standing(xy, separation.height_m[other].astype(np.float64), bright, density)
+    return TileFeatures(separation, points, features_of(points, settings.features))
+
+
+@dataclass(frozen=True)
+class NamedPoints:
+    """A tile whose points have names.
+
+    Parameters
+    ----------
+    tile : TileFeatures
+        What stands out of the sea, N points.
+    code : ndarray, shape (N,), int64
+        Class of each.
+    probability : ndarray, shape (N,), float64
+        Of that class.
+    number : ndarray, shape (N,), int64
+        Object of each; 0 for none.
+    left_out : ndarray, shape (N,), int64
+        Cluster of each that is too unlikely to be an object; 0 for none.
+    objects : list of FoundObject
+        The objects.
+    """
+
+    tile: TileFeatures
+    code: NDArray[np.int64]
+    probability: NDArray[np.float64]
+    number: NDArray[np.int64]
+    left_out: NDArray[np.int64]
+    objects: list[FoundObject]
+
+
+def name_points(tile: TilePoints, model: "ObjectModel") -> NamedPoints:
+    """Separate a tile, name its points and find its objects; `InputError` if it cannot be separated."""
+    found = tile_features(tile, model.settings)
+    probability = predict(model.forest, found.features)
+    classes = [int(code) for code in model.forest.classes_]
+    objects, number, left_out = find_objects(found.points, probability, classes, model.settings.objects)
+    code = np.array(classes)[probability.argmax(axis=1)] if len(probability) else np.empty(0, np.int64)
+    return NamedPoints(found, code, probability.max(axis=1, initial=0.0), number, left_out, objects)
