@@ -96,9 +96,9 @@ def speed() -> None:
     """Print the times of a frame of 57,600 points; all of it runs on one thread."""
     model = SceneModel("open_confined")
     full = frame_of(frame(1, 0.4))
-    _ = full.xyz
-    image = top_view(full.xyz, model.extent_m)
-    print(f"image      {timed(lambda: top_view(full.xyz, model.extent_m)):.3f} ms, {full.size} points")
+    _ = full.coordinates
+    image = top_view(full.coordinates, model.extent_m)
+    print(f"image      {timed(lambda: top_view(full.coordinates, model.extent_m)):.3f} ms, {full.size} points")
     print(f"inference  {timed(lambda: model.probabilities(image)):.3f} ms")
     for step in (1, 10):
         judge = SceneJudge(model, every=step, hold=3)

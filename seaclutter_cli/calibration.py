@@ -280,7 +280,7 @@ class ClutterSelector:
         zone, _ = self._zones.divide(frame)
         clutter = np.flatnonzero((zone >= 1) & (zone <= self._zones.count + 1))  # the rings and beyond
         if truth is not None:
-            marked = _marked(truth, frame.xyz, clutter, self._margin_m)
+            marked = _marked(truth, frame.coordinates, clutter, self._margin_m)
             self.marked += int(np.count_nonzero(marked))
             clutter = clutter[~marked]
         return clutter

@@ -55,6 +55,15 @@ class Config:
         Clustering and matching.
     sensor : SensorParams
         What the thresholds are for; unknown by default.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> config = seaclutter.calibrate("samples/sea.mcap", labels="samples/sea.labels.csv", keep_end=True).config
+    >>> config.method, config.filter.start_m, config.filter.end_m, config.ring_edges
+    ('joint', 10.0, 70.0, [10.0, 25.0, 40.0, 55.0, 70.0])
+    >>> print(config.to_yaml().splitlines()[0])
+    filter:
     """
 
     method: str
@@ -98,8 +107,12 @@ class Config:
         return "\n".join(lines) + "\n"
 
 
+ConfigSource = Path | Mapping[str, Any] | Config
+"""A configuration file or the name of a built-in one, its content, or a configuration."""
+
+
 def load_config(
-    path: Path | None = None,
+    source: ConfigSource | None = None,
     *,
     method: str | None = None,
     overrides: Sequence[str] = (),
@@ -109,8 +122,8 @@ def load_config(
 
     Parameters
     ----------
-    path : Path or None
-        YAML file, or the name of a built-in one; None: defaults.
+    source : Path, mapping or Config, optional
+        YAML file, or the name of a built-in one; its content; or a configuration. None: defaults.
     method : str or None
         Method from the command line. Of the file's keys, it takes those that it has too.
     overrides : sequence of str
@@ -124,8 +137,7 @@ def load_config(
         If anything is wrong, with everything that is.
     """
     prepare = _with_open_thresholds if open_thresholds else dict
-    where = str(path) if path else "command line"
-    raw = read_yaml(find_file(str(path), "", "file"), _SECTIONS) if path else {}
+    where, raw = _read(source)
     config = _validate(prepare(raw), where)
     if not method and not overrides:
         return config
@@ -138,6 +150,15 @@ def load_config(
     for override in overrides:
         sections = merged(sections, _parse_override(override))
     return _validate(prepare(sections), "command line")
+
+
+def _read(source: ConfigSource | None) -> tuple[str, Mapping[str, Any]]:
+    """Return where settings come from, for messages, and the settings as they stand in a file."""
+    if source is None:
+        return "command line", {}
+    if isinstance(source, Path):
+        return str(source), read_yaml(find_file(str(source), "", "file"), _SECTIONS)
+    return "configuration", source.as_dict() if isinstance(source, Config) else source
 
 
 def parse_config(text: str, where: str) -> Config:

@@ -27,7 +27,14 @@ INTENSITY_NAMES = (
 
 
 class Reason(IntEnum):
-    """Why a point was removed."""
+    """Why a point was removed; `KEPT` if it was not.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.Reason.OUTLIER, int(seaclutter.Reason.OUTLIER), seaclutter.Reason(2).name
+    (<Reason.OUTLIER: 4>, 4, 'NEAR')
+    """
 
     KEPT = 0
     INVALID = 1
@@ -56,6 +63,14 @@ class Frame:
         Name of the intensity field; None looks for one of `INTENSITY_NAMES`.
     message : Message, optional
         Record that the frame was read from; None for a frame made from arrays.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> with seaclutter.open_log("samples/sea.mcap") as log:
+    ...     frame = next(log.frames())
+    >>> frame.topic, frame.index, frame.stamp_ns, frame.size, frame.intensity_name
+    ('/points', 0, 1700000000100000000, 2012, 'intensity')
     """
 
     cloud: Cloud
@@ -132,9 +147,14 @@ class Frame:
         """Log time of the message in nanoseconds, else the stamp."""
         return self.stamp_ns if self.message is None else self.message.log_time_ns
 
-    @cached_property
+    @property
     def xyz(self) -> NDArray[np.float64]:
-        """Coordinates in metres, shape (3, N).
+        """Coordinates in metres, shape (N, 3), a view; see `coordinates` for errors."""
+        return self.coordinates.T
+
+    @cached_property
+    def coordinates(self) -> NDArray[np.float64]:
+        """Coordinates in metres as computations want them, shape (3, N): a row for each axis.
 
         Raises
         ------
@@ -151,7 +171,7 @@ class Frame:
     @cached_property
     def range_m(self) -> NDArray[np.float64]:
         """Distance from the lidar, shape (N,); not finite where a coordinate is not."""
-        x, y, z = self.xyz
+        x, y, z = self.coordinates
         with np.errstate(over="ignore", invalid="ignore"):
             return np.asarray(np.sqrt(x * x + y * y + z * z))
 
@@ -187,9 +207,9 @@ class Frame:
         range_m = self.range_m
         valid = range_m > 0
         near_zero = np.flatnonzero(range_m == 0)
-        valid[near_zero] = self.xyz[:, near_zero].any(axis=0)  # a square can be 0 where a coordinate is not
+        valid[near_zero] = self.coordinates[:, near_zero].any(axis=0)  # a square can be 0 where a coordinate is not
         if not np.isfinite(range_m).all():
-            valid &= np.isfinite(self.xyz).all(axis=0)
+            valid &= np.isfinite(self.coordinates).all(axis=0)
         if self.intensity_name is not None:
             valid &= np.isfinite(self.intensity)
         return valid
@@ -219,6 +239,15 @@ class Rings:
         Corrections used, :math:`I_m`; 0 where none applied.
     points, low_intensity, outliers : ndarray, int64
         Points in the ring before the filter, and those removed for each reason.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seaclutter
+    >>> xyz = np.array([[20.0, 0, 0], [20, 1, 0], [30, 0, 0]])
+    >>> rings = seaclutter.filter_points(xyz, np.array([90, 8, 30])).rings
+    >>> rings.thresholds, rings.points, rings.low_intensity
+    (array([30., 16.,  7.,  4.]), array([2, 1, 0, 0]), array([1, 0, 0, 0]))
     """
 
     thresholds: NDArray[np.float64]
@@ -246,6 +275,14 @@ class FilterResult:
         Present for filters that work in rings.
     scene : str, optional
         Class of scene whose parameters went; present for filters that know scenes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seaclutter
+    >>> result = seaclutter.filter_points(np.array([[20.0, 0, 0], [5, 0, 0]]), np.array([90, 90]))
+    >>> result.keep, result.reason, result.counts
+    (array([ True, False]), array([0, 2], dtype=uint8), array([1, 0, 1, 0, 0, 0, 0]))
     """
 
     frame: Frame

@@ -130,4 +130,4 @@ def test_frames_have_their_topics_and_arrays(tmp_path):
     assert [(frame.topic, frame.index) for frame in found] == [
         (topic, number) for number in range(3) for topic in ("/points", "/aft")
     ]
-    assert all(frame.xyz.dtype == np.float64 and frame.xyz.shape == (3, frame.size) for frame in found)
+    assert all(frame.xyz.dtype == np.float64 and frame.xyz.shape == (frame.size, 3) for frame in found)

@@ -9,7 +9,7 @@ from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import console_options, force_option, grouped, path_option
 
 if TYPE_CHECKING:
-    from seaclutter_cli.runs.simulate import SimulateOptions
+    from seaclutter_cli.runs.simulation import SimulateOptions
 
 _OPTIONS = (
     click.option(
@@ -31,7 +31,7 @@ _OPTIONS = (
 @click.command(name="simulate", short_help="Make a labelled lidar recording of a scene at sea.")
 @click.argument("scene")
 @path_option("-o", "--output", metavar="LOG.mcap", required=True, help="The recording; a tile ends in .las or .laz.")
-@grouped("options", "runs.simulate:SimulateOptions", _OPTIONS)
+@grouped("options", "runs.simulation:SimulateOptions", _OPTIONS)
 @console_options
 def command(scene: str, output: Path, options: "SimulateOptions", console: Console) -> None:
     """Make a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
@@ -42,10 +42,6 @@ def command(scene: str, output: Path, options: "SimulateOptions", console: Conso
     writes a LAS or LAZ file with the truth of each point: classification, object_class, object_id. `seaclutter config
     sensors` lists scenes, layouts, tiles, lidars.
     """
-    if output.suffix.lower() in (".las", ".laz"):
-        from seaclutter_cli.runs.simulate_tile import simulate_tile
-
-        console.finish(simulate_tile(scene, output, options))
     from seaclutter_cli.runs.simulate import simulate_scene
 
     console.finish(simulate_scene(scene, output, options, console))

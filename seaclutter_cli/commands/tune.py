@@ -17,7 +17,15 @@ from seaclutter_cli.commands.options import (
 )
 
 if TYPE_CHECKING:
+    from seaclutter_cli.runs.sweep import Sweep
     from seaclutter_cli.runs.tune import TuneOptions
+
+
+def _sweeps(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> "tuple[Sweep, ...]":
+    from seaclutter_cli.runs.sweep import parse_sweep
+
+    return tuple(parse_sweep(text) for text in texts)
+
 
 _OPTIONS = (
     label_options(required=True),
@@ -27,6 +35,7 @@ _OPTIONS = (
         multiple=True,
         required=True,
         metavar="KEY=VALUES",
+        callback=_sweeps,
         help="Filter key and what to try: V1,V2,... or START:STOP:STEP. Repeated: all combinations.",
     ),
     path_option("-o", "--output", metavar="CONFIG.yaml", help="Write the configuration with the best values."),

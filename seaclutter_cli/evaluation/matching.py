@@ -71,9 +71,9 @@ def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTar
     points are all that is labelled. Boxes of areas to ignore count in both cases.
     """
     margin, valid = params.box_margin_m, frame.valid
-    expected: Mask = np.asarray(truth.ignored.contains(frame.xyz, margin).any(axis=0))
+    expected: Mask = np.asarray(truth.ignored.contains(frame.coordinates, margin).any(axis=0))
     if truth.targets is not None:
-        inside = truth.targets.contains(frame.xyz, margin)
+        inside = truth.targets.contains(frame.coordinates, margin)
         members = [np.flatnonzero(row & valid) for row in inside]
         expected |= inside.any(axis=0)
     elif truth.points is not None:
@@ -101,9 +101,9 @@ def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> NDArray
     if truth.points is not None:
         return truth.points
     found = np.full(frame.size, CLUTTER, np.int64)
-    found[truth.ignored.contains(frame.xyz, params.box_margin_m).any(axis=0)] = IGNORED
+    found[truth.ignored.contains(frame.coordinates, params.box_margin_m).any(axis=0)] = IGNORED
     if truth.targets is not None:
-        for number, inside in enumerate(truth.targets.contains(frame.xyz, params.box_margin_m), 1):
+        for number, inside in enumerate(truth.targets.contains(frame.coordinates, params.box_margin_m), 1):
             found[inside] = number
     return found
 
@@ -123,8 +123,8 @@ def finder_of(frame: Frame, results: Iterable[FilterResult], params: EvaluationP
         among |= result.keep
     among &= frame.valid
     if params.clustering == "dbscan":
-        return DbscanFinder(frame.xyz, among, params.cluster_tolerance_m, params.dbscan_min_points)
-    return ClusterFinder(frame.xyz, among, params.cluster_tolerance_m)
+        return DbscanFinder(frame.coordinates, among, params.cluster_tolerance_m, params.dbscan_min_points)
+    return ClusterFinder(frame.coordinates, among, params.cluster_tolerance_m)
 
 
 @dataclass(frozen=True)

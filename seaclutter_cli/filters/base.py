@@ -53,4 +53,4 @@ class SpatialFilter(WholeFrameFilter):
 def valid_points(frame: Frame) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Return the indices of a frame's valid points, shape (N,), and their places, shape (N, 3)."""
     valid = np.flatnonzero(frame.valid)
-    return valid, np.ascontiguousarray(frame.xyz[:, valid].T)
+    return valid, np.ascontiguousarray(frame.coordinates[:, valid].T)

@@ -91,9 +91,9 @@ class OutlierStage:
         frame, members = passed.frame, self._zones.members(passed.zone, ~passed.low)
         preset = self._params.outlier_preset
         if preset is None:
-            return [points[self._outlying(frame.xyz[:, points].T)] for points in members]
+            return [points[self._outlying(frame.coordinates[:, points].T)] for points in members]
         together = np.concatenate(members)
-        outlying = sparse(frame.xyz[:, together].T, preset.radius_ratio, preset.min_neighbors)
+        outlying = sparse(frame.coordinates[:, together].T, preset.radius_ratio, preset.min_neighbors)
         ends = np.cumsum([len(points) for points in members])
         return [points[found] for points, found in zip(members, np.split(outlying, ends[:-1]), strict=True)]
 

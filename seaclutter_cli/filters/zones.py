@@ -94,7 +94,7 @@ class Zones:
         for edge in self.edges:
             zone += (frame.range_m >= edge).view(np.uint8)
         for box in self._boxes:
-            zone[_inside(frame.xyz, box)] = self.count + 2
+            zone[_inside(frame.coordinates, box)] = self.count + 2
         zone[~frame.valid] = self.count + 3
         return zone, self._reason[zone]
 

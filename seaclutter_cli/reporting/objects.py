@@ -82,7 +82,7 @@ def _clusters(frame: Frame, labels: NDArray[np.int64], found: Matches | None) ->
     members = members[np.argsort(labels[members], kind="stable")]
     size = np.bincount(labels[members])
     starts = np.cumsum(size) - size
-    xyz = frame.xyz[:, members]
+    xyz = frame.coordinates[:, members]
     low, high = (reduce.reduceat(xyz, starts, axis=1).T for reduce in (np.minimum, np.maximum))
     kinds = ["unknown"] * len(size) if found is None else ["target" if own else "false" for own in found.belongs]
     return [

@@ -97,7 +97,7 @@ def take_sample(
         frame.index,
         frame.size,
         int(np.count_nonzero(frame.valid)),
-        frame.xyz[:, shown].T.astype(np.float32),
+        frame.coordinates[:, shown].T.astype(np.float32),
         intensity[shown].astype(np.float32),
         reasons,
         _truth(points[shown], known=truth is not None),

@@ -2,9 +2,8 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from pathlib import Path
 
-from seaclutter_cli.config import Config, load_config
+from seaclutter_cli.config import Config, ConfigSource, load_config
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters import FILTERS
 
@@ -44,15 +43,15 @@ class ConfigOptions:
 
     Parameters
     ----------
-    file : Path or None
-        Configuration file, or the name of a built-in one.
+    file : Path, mapping, Config or None
+        Configuration file, or the name of a built-in one; its content; or a configuration.
     method : str or None
         Filter method; None: that of the file, else the default.
     overrides : tuple of str
         ``section.key=value``; values are YAML.
     """
 
-    file: Path | None = None
+    file: ConfigSource | None = None
     method: str | None = None
     overrides: tuple[str, ...] = ()
 
@@ -72,8 +71,8 @@ class MethodOptions:
 
     Parameters
     ----------
-    file : Path or None
-        Configuration file, or the name of a built-in one.
+    file : Path, mapping, Config or None
+        Configuration file, or the name of a built-in one; its content; or a configuration.
     methods : tuple of str
         Names of methods, ``none`` among them for the logs as they are; empty: that of the configuration.
     comparisons : tuple of str
@@ -82,7 +81,7 @@ class MethodOptions:
         ``section.key=value`` for every method that has the key; values are YAML.
     """
 
-    file: Path | None = None
+    file: ConfigSource | None = None
     methods: tuple[str, ...] = ()
     comparisons: tuple[str, ...] = ()
     overrides: tuple[str, ...] = ()
@@ -115,7 +114,7 @@ class MethodOptions:
         return choose_variants(names, self.file, (*self.overrides, *further))
 
 
-def choose_variants(names: Iterable[str], file: Path | None, overrides: Sequence[str]) -> list[Variant]:
+def choose_variants(names: Iterable[str], file: ConfigSource | None, overrides: Sequence[str]) -> list[Variant]:
     """Return the variants of these names, each once; without any, the method of the configuration.
 
     Keys that a method lacks do not reach it, as long as another one has them.
@@ -133,7 +132,7 @@ def choose_variants(names: Iterable[str], file: Path | None, overrides: Sequence
     return [_variant(name, file, _fitting(overrides, name, keys)) for name in chosen]
 
 
-def _variant(name: str, file: Path | None, overrides: Sequence[str]) -> Variant:
+def _variant(name: str, file: ConfigSource | None, overrides: Sequence[str]) -> Variant:
     method = _method(name)
     config = load_config(file, method=method, overrides=(*overrides, *_GLOBAL_INTENSITY_AT.get(name, ())))
     if config.method != method:

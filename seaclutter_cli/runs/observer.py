@@ -1,7 +1,9 @@
 """The progress, warnings and errors of a run, reported to whoever wants to show them."""
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from itertools import count
 from typing import Protocol
 
 from seaclutter_cli.errors import SeaclutterError
@@ -12,7 +14,20 @@ Step = Callable[[], object]
 
 
 class Observer(Protocol):
-    """Receives what a run reports while it works."""
+    """Receives what a run reports while it works.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> class Warnings(seaclutter.LoggingObserver):
+    ...     def warn(self, text: str) -> None:
+    ...         print("!", text)
+    >>> done = seaclutter.filter_log(
+    ...     "samples/sea.mcap", folder / "f.mcap", config={"filter": {"initial_thresholds": [256] * 4}},
+    ...     observer=Warnings(),
+    ... )
+    ! /points: no point can pass: ...
+    """
 
     def progress(self, title: str, total: int | None) -> AbstractContextManager[Step]:
         """Start a progress display of ``total`` frames, if known; yield the function that counts one."""
@@ -57,3 +72,50 @@ class Silent:
 
 
 SILENT = Silent()
+
+
+class LoggingObserver:
+    """An observer that hands everything to a logger of the standard library.
+
+    Parameters
+    ----------
+    logger : logging.Logger, optional
+        By default the logger ``seaclutter``.
+
+    Examples
+    --------
+    >>> import logging, sys
+    >>> import seaclutter
+    >>> logger = logging.Logger("trial")
+    >>> logger.addHandler(logging.StreamHandler(sys.stdout))
+    >>> seaclutter.LoggingObserver(logger).warn("/points: no point can pass")
+    /points: no point can pass
+    """
+
+    def __init__(self, logger: logging.Logger | None = None) -> None:
+        self._logger = logger or logging.getLogger("seaclutter")
+
+    @contextmanager
+    def progress(self, title: str, total: int | None) -> Iterator[Step]:
+        """Log the start and the number of frames at the end."""
+        counted = count()
+        self._logger.info("%s: %s", title, "started" if total is None else f"started, {total} frames to come")
+        yield lambda: next(counted)
+        self._logger.info("%s: %d frames", title, next(counted))
+
+    def note(self, text: str, *, detail: bool = False) -> None:
+        """Log a note, or a detail for debugging."""
+        self._logger.log(logging.DEBUG if detail else logging.INFO, "%s", text)
+
+    def warn(self, text: str) -> None:
+        """Log a warning."""
+        self._logger.warning("%s", text)
+
+    def damage(self, damage: Sequence[Damage]) -> None:
+        """Log each part that could not be used."""
+        for item in damage:
+            self._logger.warning("damaged: %s", item)
+
+    def fail(self, error: SeaclutterError) -> None:
+        """Log the error of one recording."""
+        self._logger.error("%s", error)

@@ -42,6 +42,14 @@ class ReadOptions:
         Angles or metadata of the sensor, where recorded packets lack them.
     sensor : str or None
         Sensor model, where packets of several look alike.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> part = seaclutter.ReadOptions(start_s=1.0, end_s=1.5)
+    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "part.mcap", reading=part)
+    >>> done.outcomes[0].frames
+    5
     """
 
     topics: tuple[str, ...] = ()

@@ -1,61 +1,25 @@
-"""Simulated recordings: a lidar at sea or on land, or an airborne tile, with the truth of every point."""
+"""Simulations: a recording of a lidar at sea or on land, or an airborne tile, as the output's name has it."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 
-from seaclutter_cli.errors import UsageError
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs
 from seaclutter_cli.runs.recordings import PathLike
-from seaclutter_cli.runs.simulate_result import PointTally, SimulationResult
-from seaclutter_cli.simulation.airborne.scene import is_tile_scene
-from seaclutter_cli.simulation.layouts import find_scene
-from seaclutter_cli.simulation.marine.formats import FORMATS
-from seaclutter_cli.simulation.marine.recording import record
-from seaclutter_cli.simulation.marine.render import Turn
-from seaclutter_cli.simulation.marine.scene import save_scene
+from seaclutter_cli.runs.simulation import SimulateOptions, SimulationResult, TileSimulationResult
 
-
-@dataclass(frozen=True, kw_only=True)
-class SimulateOptions:
-    """What differs from the scene, and what is written beside the recording.
-
-    Parameters
-    ----------
-    frames : int or None
-        Number of frames; None: that of the scene.
-    seed : int or None
-        Seed of all that is random; None: that of the scene, 1 of a layout.
-    lidar : str or None
-        Lidar; None: that of the scene.
-    form : str or None
-        Key of `FORMATS`; None: by the ending of the recording's name.
-    scene_file : Path or None
-        Copy of the scene, which can be edited.
-    force : bool
-        Replace existing files.
-    """
-
-    frames: int | None = None
-    seed: int | None = None
-    lidar: str | None = None
-    form: str | None = None
-    scene_file: Path | None = None
-    force: bool = False
+TILE_SUFFIXES = (".las", ".laz")
 
 
 def simulate_scene(
     scene: PathLike, output: Path, options: SimulateOptions | None = None, observer: Observer = SILENT
-) -> SimulationResult:
-    """Make a labelled recording of a scene.
+) -> SimulationResult | TileSimulationResult:
+    """Make a labelled recording of a scene, or a tile where the output is a LAS or LAZ file.
 
     Parameters
     ----------
     scene : path or str
-        Scene file (YAML), or the name of a built-in scene or layout.
+        Scene file (YAML), or the name of a built-in scene, layout or tile scene.
     output : Path
-        The recording; its labels go beside it, with the ending ``.labels.csv``.
+        The file.
     options : SimulateOptions, optional
         What differs from the scene.
     observer : Observer, optional
@@ -68,31 +32,10 @@ def simulate_scene(
     UsageError
         If an output has no name that fits its format, or may not be written.
     """
-    options = options or SimulateOptions()
-    name = str(scene)
-    if is_tile_scene(name):
-        raise UsageError(f"{output}: {name} is seen from the air; the name of its tile must end in .las or .laz")
-    chosen = find_scene(name, options.seed).with_recording(frames=options.frames, lidar=options.lidar)
-    _check_name(output, options.form)
-    labels = output.with_suffix(".labels.csv")
-    inputs = [Path(name)] if Path(name).exists() else []
-    check_outputs([output, labels, options.scene_file], inputs, force=options.force)
-    if options.scene_file:
-        save_scene(chosen, options.scene_file)
-    tally = PointTally()
-    started = perf_counter()
-    with observer.progress(output.stem, chosen.recording.frames) as step:
+    if output.suffix.lower() in TILE_SUFFIXES:
+        from seaclutter_cli.runs.simulate_tile import simulate_tile
 
-        def on_turn(turn: Turn) -> None:
-            tally.add(turn)
-            step()
+        return simulate_tile(scene, output, options)
+    from seaclutter_cli.runs.simulate_recording import simulate_recording
 
-        record(chosen, output, labels, on_turn)
-    return SimulationResult(chosen, tally, output, labels, perf_counter() - started)
-
-
-def _check_name(output: Path, chosen: str | None) -> None:
-    form = chosen or output.suffix.removeprefix(".")
-    if form not in FORMATS or output.suffix != f".{form}":
-        endings = " or ".join(f".{name}" for name in ([form] if chosen else FORMATS))
-        raise UsageError(f"{output}: the name of the recording must end in {endings}")
+    return simulate_recording(scene, output, options, observer)

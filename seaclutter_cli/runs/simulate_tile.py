@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.runs.outputs import check_outputs
 from seaclutter_cli.runs.recordings import PathLike
-from seaclutter_cli.runs.simulate import SimulateOptions
-from seaclutter_cli.runs.simulate_result import TileSimulationResult
+from seaclutter_cli.runs.simulation import SimulateOptions, TileSimulationResult
 from seaclutter_cli.simulation.airborne.recording import record_tile
 from seaclutter_cli.simulation.airborne.scene import load_tile_scene
 from seaclutter_cli.simulation.marine.scene import write_scene

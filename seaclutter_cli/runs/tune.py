@@ -12,7 +12,7 @@ from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import check_outputs, inputs_of, write_files
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, expand
-from seaclutter_cli.runs.sweep import grid, parse_sweep
+from seaclutter_cli.runs.sweep import Sweep, grid
 from seaclutter_cli.runs.threshold_history import ThresholdHistory
 from seaclutter_cli.runs.tune_result import TuningResult
 
@@ -23,8 +23,8 @@ class TuneOptions:
 
     Parameters
     ----------
-    sweeps : tuple of str
-        ``KEY=V1,V2,...`` or ``KEY=START:STOP:STEP``; of several, all combinations.
+    sweeps : tuple of Sweep
+        Parameters and the values to try; of several, all combinations.
     labels : LabelSources
         Labels of the recordings.
     config : ConfigOptions
@@ -45,7 +45,7 @@ class TuneOptions:
         Replace existing files.
     """
 
-    sweeps: tuple[str, ...]
+    sweeps: tuple[Sweep, ...]
     labels: LabelSources
     config: ConfigOptions = field(default_factory=ConfigOptions)
     reading: ReadOptions = field(default_factory=ReadOptions)
@@ -79,8 +79,7 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     SeaclutterError
         If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
     """
-    sweeps = [parse_sweep(text) for text in options.sweeps]
-    variants = grid(sweeps, options.config)
+    variants = grid(options.sweeps, options.config)
     recordings = expand(logs)
     check_outputs(options.targets, inputs_of(recordings), options.labels.paths, force=options.force)
     _check_pictures(options, len(recordings))
@@ -88,7 +87,7 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     evaluator = Evaluator(variants, options.reading, observer)
     labels = options.labels.open(recordings)
     comparison = evaluator.compare(recordings, labels, listeners=[history] if history else [])
-    result = TuningResult(sweeps, variants, comparison.outcomes)
+    result = TuningResult(options.sweeps, variants, comparison.outcomes)
     write_files(_files(result, history, options))
     return result
 

@@ -35,6 +35,12 @@ class ViewOptions:
         What is read.
     force : bool
         Replace an existing file.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.ViewOptions().port
+    9876
     """
 
     target: Path | None = None
@@ -63,6 +69,13 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
         If Rerun is not installed.
     SeaclutterError
         If nothing can be shown at all; what goes wrong with one recording is kept in its outcome.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> options = seaclutter.ViewOptions(target=folder / "trial.rrd")
+    >>> seaclutter.view_logs("samples/sea.mcap", options).target.name  # doctest: +SKIP
+    'trial.rrd'
     """
     require_rerun()
     recordings = expand(logs)

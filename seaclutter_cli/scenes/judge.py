@@ -72,7 +72,7 @@ class SceneJudge:
         """Return the scene of a frame; called once a frame, in order."""
         self._wait -= 1
         if self._wait < 0:
-            image = top_view(frame.xyz, self._model.extent_m)
+            image = top_view(frame.coordinates, self._model.extent_m)
             if image.any():
                 self._wait = self._every - 1
                 return self._decide(dict(zip(self.classes, self._model.probabilities(image).tolist(), strict=True)))

@@ -44,6 +44,15 @@ class McapOptions:
         The effective config as text, for the file's metadata.
     scene : callable, optional
         Makes the boxes of a filtered frame, which go to ``/seaclutter/scene``.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> both = seaclutter.McapOptions(keep_raw=True, with_removed=True)
+    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "both.mcap", written=both)
+    >>> with seaclutter.open_log(folder / "both.mcap") as log:
+    ...     log.topics
+    ('/points', '/points/filtered', '/points/removed')
     """
 
     keep_raw: bool = False

@@ -126,7 +126,7 @@ class FrameStream(ReplayListener):
 
 
 def _places(frame: Frame, shown: NDArray[np.bool_]) -> NDArray[np.float32]:
-    return frame.xyz[:, shown].T.astype(np.float32)
+    return frame.coordinates[:, shown].T.astype(np.float32)
 
 
 def _shades(frame: Frame, shown: NDArray[np.bool_]) -> NDArray[np.uint8] | None:

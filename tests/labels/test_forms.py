@@ -31,7 +31,7 @@ def test_what_is_written_is_read(name, tmp_path):
         assert truth.targets is None
         assert truth.points.shape == (one.size,)
         assert truth.points.dtype == np.int64
-        inside = targets.contains(one.xyz, 0.01)
+        inside = targets.contains(one.coordinates, 0.01)
         tracks = [set(truth.points[row]) for row in inside]
         assert set().union(*tracks) == set(truth.points) - {0}
         assert all(len(numbers) == 1 and not numbers & {0, 65535} for numbers in tracks)

@@ -14,7 +14,7 @@ output_option = path_option(
 )
 settings_options = grouped(
     "settings",
-    "runs.classify.tiles:SettingsOptions",
+    "runs.classify.tiles:TileSettingsOptions",
     (config_file_option("Settings."), set_option("separation.window_m=30")),
 )
 """What the settings are made of; as ``settings``."""

@@ -10,7 +10,7 @@ from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import console_options, force_option, grouped, path_option
 
 if TYPE_CHECKING:
-    from seaclutter_cli.runs.classify.predict import PredictOptions
+    from seaclutter_cli.runs.classify.predict import NameTilesOptions
 
 _OPTIONS = (
     click.option(
@@ -31,9 +31,9 @@ _OPTIONS = (
 @click.command(name="predict", short_help="Name points and objects, by a model.")
 @tiles_argument
 @output_option
-@grouped("options", "runs.classify.predict:PredictOptions", _OPTIONS)
+@grouped("options", "runs.classify.predict:NameTilesOptions", _OPTIONS)
 @console_options
-def command(tiles: tuple[str, ...], output: Path, options: "PredictOptions", console: Console) -> None:
+def command(tiles: tuple[str, ...], output: Path, options: "NameTilesOptions", console: Console) -> None:
     """Name what stands out of the sea in each TILE, by a model, and find the objects.
 
     Each point gets predicted_class (0 none, else as in train), probability and predicted_object as further

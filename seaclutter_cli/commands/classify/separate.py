@@ -10,7 +10,7 @@ from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import console_options, force_option, grouped
 
 if TYPE_CHECKING:
-    from seaclutter_cli.runs.classify.separate import SeparateOptions
+    from seaclutter_cli.runs.classify.separate import SeparateTilesOptions
 
 _OPTIONS = (
     click.option("--with-height", is_flag=True, help="Also write each point's height above the sea surface."),
@@ -22,9 +22,9 @@ _OPTIONS = (
 @click.command(name="separate", short_help="Tell sea from what stands out of it.")
 @tiles_argument
 @output_option
-@grouped("options", "runs.classify.separate:SeparateOptions", _OPTIONS)
+@grouped("options", "runs.classify.separate:SeparateTilesOptions", _OPTIONS)
 @console_options
-def command(tiles: tuple[str, ...], output: Path, options: "SeparateOptions", console: Console) -> None:
+def command(tiles: tuple[str, ...], output: Path, options: "SeparateTilesOptions", console: Console) -> None:
     """Tell the sea in each TILE from what stands out of it, by morphological opening.
 
     Points of the sea get the ASPRS class 9 (water), all others 1. Everything else of a LAS or LAZ file stays as it is.

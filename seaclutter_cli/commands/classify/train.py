@@ -9,7 +9,7 @@ from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import console_options, force_option, grouped, path_option
 
 if TYPE_CHECKING:
-    from seaclutter_cli.runs.classify.train import TrainOptions
+    from seaclutter_cli.runs.classify.train import TrainForestOptions
 
 _OPTIONS = (
     path_option("-o", "--output", metavar="MODEL", required=True, help="The model to write."),
@@ -35,9 +35,9 @@ _OPTIONS = (
 
 @click.command(name="train", short_help="Train a random forest on labelled tiles.")
 @tiles_argument
-@grouped("options", "runs.classify.train:TrainOptions", _OPTIONS)
+@grouped("options", "runs.classify.train:TrainForestOptions", _OPTIONS)
 @console_options
-def command(tiles: tuple[str, ...], options: "TrainOptions", console: Console) -> None:
+def command(tiles: tuple[str, ...], options: "TrainForestOptions", console: Console) -> None:
     """Train a random forest on labelled TILEs to tell the classes of objects.
 
     A part of the tiles, or of the objects where there are fewer than four tiles, is held out, and the report is on

@@ -17,7 +17,7 @@ from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, NamedTile, PredictResult, columns_of
 from seaclutter_cli.runs.classify.tiles import (
-    SettingsOptions,
+    TileSettingsOptions,
     errors_of,
     plan_tiles,
     warn_without_intensity,
@@ -29,14 +29,14 @@ from seaclutter_cli.sources.tiles import CloudTile, LasTile, PointsOf, find_tile
 
 
 @dataclass(frozen=True, kw_only=True)
-class PredictOptions:
+class NameTilesOptions:
     """Which model names tiles, and what is written beside them.
 
     Parameters
     ----------
     model : Path
         A trained model.
-    settings : SettingsOptions
+    settings : TileSettingsOptions
         Settings that differ from the model's; those of the features may not.
     csv_file : Path or None
         Table with a line for each object.
@@ -46,10 +46,16 @@ class PredictOptions:
         Picture of the tile from above; for a single tile.
     force : bool
         Replace existing files.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.NameTilesOptions(model=folder / "model.skops", csv_file=folder / "objects.csv").force
+    False
     """
 
     model: Path
-    settings: SettingsOptions = field(default_factory=SettingsOptions)
+    settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
     csv_file: Path | None = None
     geojson_file: Path | None = None
     plot_file: Path | None = None
@@ -57,7 +63,7 @@ class PredictOptions:
 
 
 def name_tiles(
-    tiles: Sequence[str], output: Path, options: PredictOptions, observer: Observer = SILENT
+    tiles: Sequence[str], output: Path, options: NameTilesOptions, observer: Observer = SILENT
 ) -> PredictResult:
     """Name the points of tiles, find the objects, and write both.
 
@@ -67,7 +73,7 @@ def name_tiles(
         Files, folders or globs.
     output : Path
         File for one tile, folder for several.
-    options : PredictOptions
+    options : NameTilesOptions
         The model, and what is written.
     observer : Observer, optional
         Receives warnings.
@@ -76,6 +82,17 @@ def name_tiles(
     ------
     SeaclutterError
         If the model or a tile cannot be used.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> few = seaclutter.TileSettingsOptions(overrides=("forest.trees=5",))
+    >>> training = seaclutter.TrainForestOptions(output=folder / "model.skops", settings=few)
+    >>> _ = seaclutter.train_forest(["samples/tile.laz"], training)
+    >>> options = seaclutter.NameTilesOptions(model=folder / "model.skops")
+    >>> (tile,) = seaclutter.name_tiles(["samples/tile.laz"], folder / "named.laz", options).tiles
+    >>> tile.points, len(tile.objects) > 3
+    (161374, True)
     """
     paths = find_tiles(tiles)
     further = [options.csv_file, options.geojson_file, options.plot_file]
@@ -105,7 +122,7 @@ def name_tiles(
     return result
 
 
-def _load(options: PredictOptions) -> ObjectModel:
+def _load(options: NameTilesOptions) -> ObjectModel:
     """Return the model, with other settings where they do not change what it was trained on."""
     model = load_model(options.model)
     settings = options.settings.load(model.settings)

@@ -10,7 +10,7 @@ import numpy as np
 
 from seaclutter_cli.airborne.separation import OTHER, WATER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
-from seaclutter_cli.runs.classify.tiles import SettingsOptions, errors_of, plan_tiles, write_tile
+from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, plan_tiles, write_tile
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sources.tiles import PointsOf, find_tiles, open_tile
 from seaclutter_cli.text import share, table
@@ -19,25 +19,31 @@ HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
 
 
 @dataclass(frozen=True, kw_only=True)
-class SeparateOptions:
+class SeparateTilesOptions:
     """How tiles are separated.
 
     Parameters
     ----------
-    settings : SettingsOptions
+    settings : TileSettingsOptions
         Settings of the separation.
     with_height : bool
         Also write each point's height above the sea surface.
     force : bool
         Replace existing files.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.SeparateTilesOptions(with_height=True).settings.load().separation.window_m
+    20.0
     """
 
-    settings: SettingsOptions = field(default_factory=SettingsOptions)
+    settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
     with_height: bool = False
     force: bool = False
 
 
-def separate_tiles(tiles: Sequence[str], output: Path, options: SeparateOptions | None = None) -> "SeparateResult":
+def separate_tiles(tiles: Sequence[str], output: Path, options: SeparateTilesOptions | None = None) -> "SeparateResult":
     """Separate the sea in tiles from what stands out of it, and write them with ASPRS classes.
 
     Parameters
@@ -46,15 +52,22 @@ def separate_tiles(tiles: Sequence[str], output: Path, options: SeparateOptions 
         Files, folders or globs.
     output : Path
         File for one tile, folder for several.
-    options : SeparateOptions, optional
+    options : SeparateTilesOptions, optional
         How.
 
     Raises
     ------
     SeaclutterError
         If a tile cannot be separated.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> done = seaclutter.separate_tiles(["samples/tile.laz"], folder / "separated.laz")
+    >>> [(tile.tile, tile.points) for tile in done.tiles]
+    [('tile', 161374)]
     """
-    options = options or SeparateOptions()
+    options = options or SeparateTilesOptions()
     settings = options.settings.load()
     paths = find_tiles(tiles)
     targets = plan_tiles(paths, output, inputs=[options.settings.file], force=options.force)

@@ -21,7 +21,7 @@ _LAS = (".las", ".laz")
 
 
 @dataclass(frozen=True, kw_only=True)
-class SettingsOptions:
+class TileSettingsOptions:
     """What the settings of a run over tiles are made of: defaults < file < single keys.
 
     Parameters
@@ -30,6 +30,12 @@ class SettingsOptions:
         Settings file (YAML).
     overrides : tuple of str
         ``section.key=value``; values are YAML.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.TileSettingsOptions(overrides=("separation.window_m=30",)).load().separation.window_m
+    30
     """
 
     file: Path | None = None

@@ -16,7 +16,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import draw_confusion
-from seaclutter_cli.runs.classify.tiles import SettingsOptions, errors_of, warn_without_intensity
+from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, warn_without_intensity
 from seaclutter_cli.runs.classify.train_result import TrainingReport
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import check_outputs, write_files
@@ -25,14 +25,14 @@ from seaclutter_cli.truth import OBJECT_CLASSES
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainOptions:
+class TrainForestOptions:
     """How a forest is trained, and what is written.
 
     Parameters
     ----------
     output : Path
         The model.
-    settings : SettingsOptions
+    settings : TileSettingsOptions
         Settings of separation, features and forest.
     class_field : str
         Field with the classes of points, 1 to 8; 0 is none.
@@ -42,24 +42,30 @@ class TrainOptions:
         Picture of the confusion matrix.
     force : bool
         Replace existing files.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.TrainForestOptions(output=folder / "model.skops").settings.load().forest.trees
+    100
     """
 
     output: Path
-    settings: SettingsOptions = field(default_factory=SettingsOptions)
+    settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
     class_field: str = "object_class"
     object_field: str = "object_id"
     plot_file: Path | None = None
     force: bool = False
 
 
-def train_forest(tiles: Sequence[str], options: TrainOptions, observer: Observer = SILENT) -> TrainingReport:
+def train_forest(tiles: Sequence[str], options: TrainForestOptions, observer: Observer = SILENT) -> TrainingReport:
     """Train a forest on labelled tiles, test it on what was held out, and write it.
 
     Parameters
     ----------
     tiles : sequence of str
         Files, folders or globs.
-    options : TrainOptions
+    options : TrainForestOptions
         How, and what is written.
     observer : Observer, optional
         Receives warnings.
@@ -68,6 +74,15 @@ def train_forest(tiles: Sequence[str], options: TrainOptions, observer: Observer
     ------
     SeaclutterError
         If a tile cannot be used, or there is too little to learn from.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> few = seaclutter.TileSettingsOptions(overrides=("forest.trees=5",))
+    >>> options = seaclutter.TrainForestOptions(output=folder / "model.skops", settings=few)
+    >>> report = seaclutter.train_forest(["samples/tile.laz"], options)
+    >>> "ship" in report.names, (folder / "model.skops").exists()
+    (True, True)
     """
     settings = options.settings.load()
     paths = find_tiles(tiles)
@@ -84,7 +99,9 @@ def train_forest(tiles: Sequence[str], options: TrainOptions, observer: Observer
     return report
 
 
-def _samples(number: int, path: Path, settings: TileSettings, options: TrainOptions, observer: Observer) -> Samples:
+def _samples(
+    number: int, path: Path, settings: TileSettings, options: TrainForestOptions, observer: Observer
+) -> Samples:
     """Return the points of a tile that are no sea, with their truth."""
     tile = open_tile(path)
     class_field, object_field = options.class_field, options.object_field

@@ -44,6 +44,14 @@ def evaluate_scenes(
         If the classifier does not know a class.
     SeaclutterError
         If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> logs = seaclutter.LabelledLogs(scenes=("open=samples/sea.mcap",))
+    >>> seaclutter.evaluate_scenes(logs).confusion.counts
+    array([[60,  0],
+           [ 0,  0]])
     """
     options, reading = options or ClassifierOptions(), reading or ReadOptions()
     labelled = logs.find()

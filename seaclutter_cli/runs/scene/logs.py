@@ -32,6 +32,12 @@ class ClassifierOptions:
         Table with a line for each frame.
     force : bool
         Replace an existing file.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.ClassifierOptions(every=10, hold=3).model
+    'open_confined'
     """
 
     model: str = "open_confined"
@@ -51,6 +57,12 @@ class LabelledLogs:
         Each holds a folder of recordings for each class, of its name.
     scenes : tuple of str
         ``CLASS=LOGS``.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> [(log.scene, log.recording.name) for log in seaclutter.LabelledLogs(scenes=("open=samples/sea.mcap",)).find()]
+    [('open', 'sea')]
     """
 
     folders: tuple[Path, ...] = ()

@@ -42,6 +42,13 @@ def predict_scenes(
         If onnxruntime is not installed.
     SeaclutterError
         If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> (scenes,) = seaclutter.predict_scenes("samples/sea.mcap").outcomes
+    >>> scenes.topics["/points"].scene, dict(scenes.topics["/points"].frames)
+    ('open', {'open': 60})
     """
     options, reading = options or ClassifierOptions(), reading or ReadOptions()
     recordings = expand(logs)

@@ -42,6 +42,12 @@ class TrainSceneOptions:
         Picture of loss and precision over the epochs.
     force : bool
         Replace existing files.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.TrainSceneOptions(output=folder / "model.onnx").training.epochs
+    30
     """
 
     output: Path
@@ -71,6 +77,14 @@ def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Obser
         If PyTorch or onnx is not installed.
     SeaclutterError
         If any recording cannot be used.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> logs = seaclutter.LabelledLogs(scenes=("open=trials/offshore", "confined=trials/harbour"))
+    >>> options = seaclutter.TrainSceneOptions(output=folder / "model.onnx", every=10)
+    >>> seaclutter.train_scenes(logs, options).trained.test.mean_precision  # doctest: +SKIP
+    0.98
     """
     check_torch()
     labelled = logs.find()
@@ -104,7 +118,7 @@ def _read(
             frames = read_frames(log.recording, options.reading, observer, step, damage)
             for number, frame in enumerate(frames):
                 if number % options.every == 0:
-                    examples.add(frame.xyz)
+                    examples.add(frame.coordinates)
     return examples
 
 

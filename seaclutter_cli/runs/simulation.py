@@ -1,4 +1,4 @@
-"""What simulations made: for people and as data."""
+"""Simulations: their options, and what they made for people and as data."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -15,6 +15,34 @@ from seaclutter_cli.text import count, indented, table
 from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
 
 _MOST_TARGETS = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateOptions:
+    """What differs from the scene, and what is written beside the recording.
+
+    Parameters
+    ----------
+    frames : int or None
+        Number of frames; None: that of the scene.
+    seed : int or None
+        Seed of all that is random; None: that of the scene, 1 of a layout.
+    lidar : str or None
+        Lidar; None: that of the scene.
+    form : str or None
+        Key of `FORMATS`; None: by the ending of the recording's name.
+    scene_file : Path or None
+        Copy of the scene, which can be edited.
+    force : bool
+        Replace existing files.
+    """
+
+    frames: int | None = None
+    seed: int | None = None
+    lidar: str | None = None
+    form: str | None = None
+    scene_file: Path | None = None
+    force: bool = False
 
 
 class PointTally:

@@ -1,0 +1,2 @@
+from seaclutter_cli import *
+from seaclutter_cli import __version__ as __version__

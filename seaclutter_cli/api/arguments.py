@@ -1,0 +1,86 @@
+"""Plain arguments as the options of the library's runs."""
+
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from seaclutter_cli.config import Config, ConfigSource
+from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.records import Damage
+from seaclutter_cli.runs.labels import LabelSources
+from seaclutter_cli.runs.methods import ConfigOptions
+from seaclutter_cli.runs.observer import Observer, Step
+from seaclutter_cli.runs.recordings import PathLike
+
+Settings = PathLike | Mapping[str, Any] | Config
+"""A configuration file or the name of a built-in one, its content, or a configuration."""
+
+
+def config_source(config: Settings | None) -> ConfigSource | None:
+    """Return a configuration with paths as such."""
+    return Path(config) if isinstance(config, str | os.PathLike) else config
+
+
+def config_options(method: str | None, config: Settings | None) -> ConfigOptions:
+    """Return what a method and a configuration make."""
+    return ConfigOptions(file=config_source(config), method=method)
+
+
+def label_sources(
+    labels: PathLike | Sequence[PathLike] | None,
+    clutter_ids: Sequence[int] | None = None,
+    ignore_ids: Sequence[int] | None = None,
+) -> LabelSources:
+    """Return where labels are."""
+    paths = [labels] if isinstance(labels, str | os.PathLike) else (labels or ())
+    return LabelSources(
+        paths=tuple(Path(path) for path in paths),
+        clutter_ids=None if clutter_ids is None else tuple(clutter_ids),
+        ignore_ids=None if ignore_ids is None else tuple(ignore_ids),
+    )
+
+
+def path_or_none(path: PathLike | None) -> Path | None:
+    """Return a path that may not be given."""
+    return None if path is None else Path(path)
+
+
+@dataclass(frozen=True)
+class Raising:
+    """An observer that raises the error of a recording instead of going on with the others.
+
+    Parameters
+    ----------
+    inner : Observer
+        Receives everything else.
+    """
+
+    inner: Observer
+
+    def progress(self, title: str, total: int | None) -> AbstractContextManager[Step]:
+        """Pass on."""
+        return self.inner.progress(title, total)
+
+    def note(self, text: str, *, detail: bool = False) -> None:
+        """Pass on."""
+        self.inner.note(text, detail=detail)
+
+    def warn(self, text: str) -> None:
+        """Pass on."""
+        self.inner.warn(text)
+
+    def damage(self, damage: Sequence[Damage]) -> None:
+        """Pass on."""
+        self.inner.damage(damage)
+
+    def fail(self, error: SeaclutterError) -> None:
+        """Raise the error."""
+        raise error
+
+
+def watching(observer: Observer, *, keep_going: bool) -> Observer:
+    """Return the observer of a run that goes on after the error of a recording, or raises it."""
+    return observer if keep_going else Raising(observer)

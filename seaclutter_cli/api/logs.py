@@ -1,0 +1,168 @@
+"""Reading logs: frames as arrays."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.messages import find_codec
+from seaclutter_cli.pipeline import frames
+from seaclutter_cli.records import Damage, SensorFacts
+from seaclutter_cli.runs.recordings import PathLike, ReadOptions, expand
+
+
+def open_log(
+    path: PathLike, *, rate_hz: float = 10.0, calibration: PathLike | None = None, sensor: str | None = None
+) -> "Log":
+    """Open a recording in any supported format.
+
+    Parameters
+    ----------
+    path : path
+        MCAP file, ROS 1 or ROS 2 bag, packet capture, folder of frames, single frame, or a folder or glob that stands
+        for one recording of several files.
+    rate_hz : float, optional
+        Frames per second where nothing in the recording carries a time.
+    calibration : path, optional
+        Angles or metadata of the sensor, where recorded packets lack them.
+    sensor : str, optional
+        Sensor model, where packets of several look alike.
+
+    Returns
+    -------
+    Log
+        A context manager; iterate over `Log.frames`.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    UsageError
+        If there is no such file, or the path stands for several recordings.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> with seaclutter.open_log("samples/sea.mcap") as log:
+    ...     print(log.name, log.format, log.topics)
+    sea MCAP ('/points',)
+    """
+    recordings = expand(path)
+    if len(recordings) > 1:
+        names = ", ".join(str(recording.paths[0]) for recording in recordings)
+        raise UsageError(f"{path}: stands for {len(recordings)} recordings; open one of {names}")
+    reading = ReadOptions(rate_hz=rate_hz, calibration=Path(calibration) if calibration else None, sensor=sensor)
+    return Log(reading.open(recordings[0]))
+
+
+class Log:
+    """A recording, opened by `open_log`; a context manager that closes it.
+
+    Parameters
+    ----------
+    source : Source
+        The recording.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> with seaclutter.open_log("samples/sea.mcap") as log:
+    ...     frame = next(log.frames())
+    >>> frame.xyz.shape, frame.xyz.dtype, frame.intensity.shape
+    ((2012, 3), dtype('float64'), (2012,))
+    """
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+
+    def __enter__(self) -> Self:
+        """Return the log."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the log."""
+        self.close()
+
+    @property
+    def name(self) -> str:
+        """Name of the recording, as it appears in tables and file names."""
+        return self._source.name
+
+    @property
+    def format(self) -> str:
+        """Format of the recording, such as ``MCAP`` or ``ROS 1 bag``."""
+        return self._source.format
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Point-cloud topics that can be read."""
+        return tuple(dict.fromkeys(channel.topic for channel in self._source.channels if find_codec(channel)))
+
+    @property
+    def sensors(self) -> Mapping[str, SensorFacts]:
+        """What packets reveal of the sensor behind a topic; complete once all frames have been read."""
+        return self._source.facts
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What is worth knowing of the recording; grows while frames are read."""
+        return self._source.warnings
+
+    @property
+    def damage(self) -> Sequence[Damage]:
+        """Parts that could not be read; grows while frames are read."""
+        return self._source.damage
+
+    def frames(
+        self,
+        topics: str | Sequence[str] = (),
+        *,
+        start_s: float | None = None,
+        end_s: float | None = None,
+        limit: int | None = None,
+        intensity_field: str | None = None,
+    ) -> Iterator[Frame]:
+        """Yield frames in the order of their log time, one at a time in memory; can be called again.
+
+        Parameters
+        ----------
+        topics : str or sequence of str, optional
+            Point-cloud topics; none means the only one.
+        start_s, end_s : float, optional
+            Seconds from the recording's start; the end is not included. Parts outside are skipped where the format
+            allows it.
+        limit : int, optional
+            Frames of each topic.
+        intensity_field : str, optional
+            Name of the intensity field, where it has no usual one.
+
+        Raises
+        ------
+        InputError
+            If the recording holds no point clouds.
+        UsageError
+            If a topic is not there, or there are several and none was chosen.
+
+        Examples
+        --------
+        >>> import seaclutter
+        >>> with seaclutter.open_log("samples/sea.mcap") as log:
+        ...     [(frame.topic, frame.index, frame.size) for frame in log.frames(start_s=1.0, limit=2)]
+        [('/points', 10, 2145), ('/points', 11, 2214)]
+        """
+        from seaclutter_cli.pipeline import Selection
+
+        chosen = (topics,) if isinstance(topics, str) else tuple(topics)
+        selection = Selection(
+            topics=chosen, start_s=start_s, end_s=end_s, frames=limit, intensity_field=intensity_field
+        )
+        return frames(self._source, selection)
+
+    def close(self) -> None:
+        """Close the recording; frames that were read stay valid."""
+        self._source.close()

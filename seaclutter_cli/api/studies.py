@@ -1,0 +1,187 @@
+"""Looking into logs and methods: surveys, sweeps over parameters, reports."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from seaclutter_cli.api.arguments import (
+    Settings,
+    config_options,
+    config_source,
+    label_sources,
+    path_or_none,
+    watching,
+)
+from seaclutter_cli.runs.methods import MethodOptions
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
+from seaclutter_cli.runs.report import ReportOptions, ReportResult, report_on
+from seaclutter_cli.runs.survey import SurveyResult, survey_logs
+from seaclutter_cli.runs.sweep import Sweep
+from seaclutter_cli.runs.tune import TuneOptions
+from seaclutter_cli.runs.tune import tune as tune_logs
+from seaclutter_cli.runs.tune_result import TuningResult
+
+
+def info(
+    logs: Logs, *, reading: ReadOptions | None = None, keep_going: bool = False, observer: Observer = SILENT
+) -> SurveyResult:
+    """Return what logs hold: topics, frames, fields, extents, sensors, and what a filter run needs to know.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    reading : ReadOptions, optional
+        The part of each recording that is read, and how.
+    keep_going : bool, optional
+        Keep the error of a recording in its outcome and go on with the others, instead of raising it.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If a log cannot be read; see the classes below it.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> (content,) = seaclutter.info("samples/sea.mcap").outcomes
+    >>> content.format, content.clouds["/points"].frames, content.clouds["/points"].intensity
+    ('MCAP', 60, [1.0, 255.0])
+    """
+    return survey_logs(logs, reading, watching(observer, keep_going=keep_going))
+
+
+def tune(  # noqa: PLR0913 - each an option of its own
+    logs: Logs,
+    labels: PathLike | Sequence[PathLike],
+    sweeps: Mapping[str, Sequence[Any]],
+    *,
+    method: str | None = None,
+    config: Settings | None = None,
+    reading: ReadOptions | None = None,
+    output: PathLike | None = None,
+    csv_file: PathLike | None = None,
+    force: bool = False,
+    keep_going: bool = False,
+    observer: Observer = SILENT,
+) -> TuningResult:
+    """Evaluate every combination of parameter values, and find the one with the fewest bad frames.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    labels : path, or sequence of paths
+        Labels of the recordings in their order, or a folder that holds ``RECORDING.labels.csv`` for each.
+    sweeps : mapping of str to sequence
+        Configuration keys of the filter, and the values to try for each.
+    method : str, optional
+        Filter method; by default that of the configuration, else ``joint``.
+    config : path, mapping or Config, optional
+        Where to start from.
+    reading : ReadOptions, optional
+        The part of each recording that is read, and how.
+    output, csv_file : path, optional
+        Configuration with the best values, and a table with a line for each combination.
+    force : bool, optional
+        Replace existing files.
+    keep_going : bool, optional
+        Keep the error of a recording in its outcome and go on with the others, instead of raising it.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If a log or its labels cannot be used, or a value is not allowed.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> result = seaclutter.tune("samples/sea.mcap", "samples/sea.labels.csv", {"update_weight": [0.6, 1.0]})
+    >>> result.best
+    'update_weight=0.6'
+    """
+    options = TuneOptions(
+        sweeps=tuple(Sweep(key, tuple(values)) for key, values in sweeps.items()),
+        labels=label_sources(labels),
+        config=config_options(method, config),
+        reading=reading or ReadOptions(),
+        output=path_or_none(output),
+        csv_file=path_or_none(csv_file),
+        force=force,
+    )
+    return tune_logs(logs, options, watching(observer, keep_going=keep_going))
+
+
+def report(  # noqa: PLR0913 - each an option of its own
+    logs: Logs,
+    output: PathLike,
+    *,
+    methods: str | Sequence[str] = (),
+    compare: Sequence[Literal["paper", "peers", "all"]] = (),
+    config: Settings | None = None,
+    labels: PathLike | Sequence[PathLike] | None = None,
+    reading: ReadOptions | None = None,
+    figure_folder: PathLike | None = None,
+    picks: Sequence[int] = (),
+    force: bool = False,
+    keep_going: bool = False,
+    observer: Observer = SILENT,
+) -> ReportResult:
+    """Write a page that shows what a filter did to logs and, with labels, how well.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Raw logs, which are filtered; or logs filtered with ``McapOptions(keep_raw=True, with_removed=True)``, which are
+        read back unless a method is named.
+    output : path
+        The page (HTML).
+    methods : str or sequence of str, optional
+        Filter methods; by default that of the configuration, else ``joint``.
+    compare : sequence of {"paper", "peers", "all"}, optional
+        Groups of methods.
+    config : path, mapping or Config, optional
+        Configuration file or the name of a built-in one, its content, or a configuration.
+    labels : path, or sequence of paths, optional
+        Labels of the recordings.
+    reading : ReadOptions, optional
+        The part of each recording that is read, and how.
+    figure_folder : path, optional
+        Folder for every figure as SVG.
+    picks : sequence of int, optional
+        Numbers of frames to show in any case.
+    force : bool, optional
+        Replace existing files.
+    keep_going : bool, optional
+        Keep the error of a recording in its outcome and go on with the others, instead of raising it.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If a log cannot be used; see the classes below it.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> done = seaclutter.report("samples/sea.mcap", folder / "report.html", reading=seaclutter.ReadOptions(frames=20))
+    >>> done.frames, len(done.sizes)
+    (20, 1)
+    """
+    names = (methods,) if isinstance(methods, str) else tuple(methods)
+    options = ReportOptions(
+        output=Path(output),
+        methods=MethodOptions(file=config_source(config), methods=names, comparisons=tuple(compare)),
+        labels=label_sources(labels),
+        reading=reading or ReadOptions(),
+        figure_folder=path_or_none(figure_folder),
+        picks=tuple(picks),
+        force=force,
+    )
+    return report_on(logs, options, watching(observer, keep_going=keep_going))

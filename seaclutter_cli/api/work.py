@@ -1,0 +1,294 @@
+"""Whole logs: filtering, calibrating, evaluating, simulating."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from seaclutter_cli.api.arguments import (
+    Settings,
+    config_options,
+    config_source,
+    label_sources,
+    path_or_none,
+    watching,
+)
+from seaclutter_cli.calibration import FILTER_RATE
+from seaclutter_cli.runs.calibrate import CalibrateOptions, calibrate_logs
+from seaclutter_cli.runs.calibrate_result import CalibrationResult
+from seaclutter_cli.runs.comparison import Comparison
+from seaclutter_cli.runs.evaluate import EvaluateOptions, evaluate_logs
+from seaclutter_cli.runs.filter import FilterOptions, filter_logs
+from seaclutter_cli.runs.filter_result import FilterSummary
+from seaclutter_cli.runs.methods import MethodOptions
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
+from seaclutter_cli.runs.simulate import simulate_scene
+from seaclutter_cli.runs.simulation import SimulateOptions, SimulationResult, TileSimulationResult
+from seaclutter_cli.sinks import McapOptions
+
+
+def filter_log(  # noqa: PLR0913 - each an option of its own
+    logs: Logs,
+    output: PathLike,
+    *,
+    method: str | None = None,
+    config: Settings | None = None,
+    reading: ReadOptions | None = None,
+    written: McapOptions | None = None,
+    csv_file: PathLike | None = None,
+    force: bool = False,
+    keep_going: bool = False,
+    observer: Observer = SILENT,
+) -> FilterSummary:
+    """Filter a log, or several, into drop-in MCAP files.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    output : path
+        File for one recording, folder for several.
+    method : str, optional
+        Filter method; by default that of the configuration, else ``joint``.
+    config : path, mapping or Config, optional
+        Configuration file or the name of a built-in one, its content, or a configuration.
+    reading : ReadOptions, optional
+        The part of each recording that is read, and how.
+    written : McapOptions, optional
+        What goes into the filtered files.
+    csv_file : path, optional
+        Table with a line for each frame.
+    force : bool, optional
+        Replace existing files.
+    keep_going : bool, optional
+        Keep the error of a recording in its outcome and go on with the others, instead of raising it.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Returns
+    -------
+    FilterSummary
+        An outcome for each recording: frames, points by reason, rings, damage, seconds.
+
+    Raises
+    ------
+    SeaclutterError
+        If a log cannot be filtered; see the classes below it.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> first = seaclutter.ReadOptions(frames=5)
+    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "filtered.mcap", reading=first)
+    >>> outcome = done.outcomes[0]
+    >>> outcome.frames, outcome.topics["/points"].points_in
+    (5, 10304)
+    """
+    options = FilterOptions(
+        config=config_options(method, config),
+        reading=reading or ReadOptions(),
+        written=written or McapOptions(),
+        csv_file=path_or_none(csv_file),
+        force=force,
+    )
+    return filter_logs(logs, Path(output), options, watching(observer, keep_going=keep_going))
+
+
+def calibrate(  # noqa: PLR0913 - each an option of its own
+    logs: Logs,
+    *,
+    method: str | None = None,
+    config: Settings | None = None,
+    filter_rate: float = FILTER_RATE,
+    keep_end: bool = False,
+    labels: PathLike | Sequence[PathLike] | None = None,
+    reading: ReadOptions | None = None,
+    output: PathLike | None = None,
+    plot_file: PathLike | None = None,
+    force: bool = False,
+    observer: Observer = SILENT,
+) -> CalibrationResult:
+    """Derive the threshold of each ring and the far limit from logs that hold sea clutter.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs; without targets, unless there are labels.
+    method : str, optional
+        Filter method with ring thresholds; by default that of the configuration, else ``joint``.
+    config : path, mapping or Config, optional
+        Where to start from, for the rings and all that is not derived.
+    filter_rate : float, optional
+        Share of the clutter points of each ring that are to be below its threshold.
+    keep_end : bool, optional
+        Keep the far limit of the configuration.
+    labels : path, or sequence of paths, optional
+        Labels of targets and areas, which are left out.
+    reading : ReadOptions, optional
+        The part of each recording that is read, and how.
+    output : path, optional
+        Configuration file with what was found.
+    plot_file : path, optional
+        Picture of clutter and thresholds over range; PNG or SVG.
+    force : bool, optional
+        Replace existing files.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Returns
+    -------
+    CalibrationResult
+        ``config``, to filter with; ``found``, the thresholds ring by ring.
+
+    Raises
+    ------
+    SeaclutterError
+        If a log cannot be used; see the classes below it.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> result = seaclutter.calibrate("samples/sea.mcap", labels="samples/sea.labels.csv")
+    >>> result.config.method, len(result.found.rings)
+    ('joint', 6)
+    """
+    options = CalibrateOptions(
+        config=config_options(method, config),
+        filter_rate=filter_rate,
+        keep_end=keep_end,
+        labels=label_sources(labels),
+        reading=reading or ReadOptions(),
+        output=path_or_none(output),
+        plot_file=path_or_none(plot_file),
+        force=force,
+    )
+    return calibrate_logs(logs, options, observer)
+
+
+def evaluate(  # noqa: PLR0913 - each an option of its own
+    logs: Logs,
+    labels: PathLike | Sequence[PathLike],
+    *,
+    methods: str | Sequence[str] = (),
+    compare: Sequence[Literal["paper", "peers", "all"]] = (),
+    config: Settings | None = None,
+    clustering: Literal["euclidean", "dbscan"] | None = None,
+    reading: ReadOptions | None = None,
+    frames_file: PathLike | None = None,
+    summary_file: PathLike | None = None,
+    force: bool = False,
+    keep_going: bool = False,
+    observer: Observer = SILENT,
+) -> Comparison:
+    """Count false and omitted alarms of one method or several against labels, in one pass over the logs.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    labels : path, or sequence of paths
+        Labels of the recordings in their order, or a folder that holds ``RECORDING.labels.csv`` for each.
+    methods : str or sequence of str, optional
+        Filter methods, ``none`` for the logs as they are; by default that of the configuration, else ``joint``.
+    compare : sequence of {"paper", "peers", "all"}, optional
+        Groups of methods.
+    config : path, mapping or Config, optional
+        Configuration file or the name of a built-in one, its content, or a configuration.
+    clustering : {"euclidean", "dbscan"}, optional
+        Kind of clusters; by default that of the configuration.
+    reading : ReadOptions, optional
+        The part of each recording that is read, and how.
+    frames_file : path, optional
+        Table with a line for each frame and method (CSV).
+    summary_file : path, optional
+        All figures (JSON).
+    force : bool, optional
+        Replace existing files.
+    keep_going : bool, optional
+        Keep the error of a recording in its outcome and go on with the others, instead of raising it.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Returns
+    -------
+    Comparison
+        ``totals()``, a `Summary` for each method; ``as_text()``, the tables of the command line.
+
+    Raises
+    ------
+    SeaclutterError
+        If a log or its labels cannot be used; see the classes below it.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> result = seaclutter.evaluate("samples/sea.mcap", "samples/sea.labels.csv", methods=["joint", "none"])
+    >>> {name: (summary.n_fp, summary.n_fn) for name, summary in result.totals().items()}
+    {'joint': (14, 8), 'none': (60, 0)}
+    """
+    names = (methods,) if isinstance(methods, str) else tuple(methods)
+    options = EvaluateOptions(
+        labels=label_sources(labels),
+        methods=MethodOptions(file=config_source(config), methods=names, comparisons=tuple(compare)),
+        clustering=clustering,
+        reading=reading or ReadOptions(),
+        frames_file=path_or_none(frames_file),
+        summary_file=path_or_none(summary_file),
+        force=force,
+    )
+    return evaluate_logs(logs, options, watching(observer, keep_going=keep_going))
+
+
+def simulate(  # noqa: PLR0913 - each an option of its own
+    scene: PathLike,
+    output: PathLike,
+    *,
+    frames: int | None = None,
+    seed: int | None = None,
+    lidar: str | None = None,
+    scene_file: PathLike | None = None,
+    force: bool = False,
+    observer: Observer = SILENT,
+) -> SimulationResult | TileSimulationResult:
+    """Make a labelled recording of a scene.
+
+    Parameters
+    ----------
+    scene : path or str
+        Scene file (YAML), or the name of a built-in scene, layout or tile scene.
+    output : path
+        ``.mcap`` for point clouds, ``.pcap`` for packets, ``.las`` or ``.laz`` for an airborne tile.
+    frames : int, optional
+        Number of frames; by default that of the scene.
+    seed : int, optional
+        Seed of all that is random; by default that of the scene, 1 for a layout.
+    lidar : str, optional
+        Lidar; by default that of the scene.
+    scene_file : path, optional
+        Copy of the scene, which can be edited.
+    force : bool, optional
+        Replace existing files.
+    observer : Observer, optional
+        Receives progress.
+
+    Returns
+    -------
+    SimulationResult or TileSimulationResult
+        The files, and how many points belong to what.
+
+    Raises
+    ------
+    ConfigError
+        If anything is wrong with the scene.
+    UsageError
+        If an output has no name that fits its format, or exists.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> made = seaclutter.simulate("calm", folder / "calm.mcap", frames=2)
+    >>> made.tally.frames, made.labels.name
+    (2, 'calm.labels.csv')
+    """
+    options = SimulateOptions(frames=frames, seed=seed, lidar=lidar, scene_file=path_or_none(scene_file), force=force)
+    return simulate_scene(scene, Path(output), options, observer)

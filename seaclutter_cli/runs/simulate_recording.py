@@ -1,0 +1,69 @@
+"""Simulated recordings of a lidar at sea or on land, with the truth of every point."""
+
+from pathlib import Path
+from time import perf_counter
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import check_outputs
+from seaclutter_cli.runs.recordings import PathLike
+from seaclutter_cli.runs.simulation import PointTally, SimulateOptions, SimulationResult
+from seaclutter_cli.simulation.airborne.scene import is_tile_scene
+from seaclutter_cli.simulation.layouts import find_scene
+from seaclutter_cli.simulation.marine.formats import FORMATS
+from seaclutter_cli.simulation.marine.recording import record
+from seaclutter_cli.simulation.marine.render import Turn
+from seaclutter_cli.simulation.marine.scene import save_scene
+
+
+def simulate_recording(
+    scene: PathLike, output: Path, options: SimulateOptions | None = None, observer: Observer = SILENT
+) -> SimulationResult:
+    """Make a labelled recording of a scene.
+
+    Parameters
+    ----------
+    scene : path or str
+        Scene file (YAML), or the name of a built-in scene or layout.
+    output : Path
+        The recording; its labels go beside it, with the ending ``.labels.csv``.
+    options : SimulateOptions, optional
+        What differs from the scene.
+    observer : Observer, optional
+        Receives progress.
+
+    Raises
+    ------
+    ConfigError
+        If anything is wrong with the scene.
+    UsageError
+        If an output has no name that fits its format, or may not be written.
+    """
+    options = options or SimulateOptions()
+    name = str(scene)
+    if is_tile_scene(name):
+        raise UsageError(f"{output}: {name} is seen from the air; the name of its tile must end in .las or .laz")
+    chosen = find_scene(name, options.seed).with_recording(frames=options.frames, lidar=options.lidar)
+    _check_name(output, options.form)
+    labels = output.with_suffix(".labels.csv")
+    inputs = [Path(name)] if Path(name).exists() else []
+    check_outputs([output, labels, options.scene_file], inputs, force=options.force)
+    if options.scene_file:
+        save_scene(chosen, options.scene_file)
+    tally = PointTally()
+    started = perf_counter()
+    with observer.progress(output.stem, chosen.recording.frames) as step:
+
+        def on_turn(turn: Turn) -> None:
+            tally.add(turn)
+            step()
+
+        record(chosen, output, labels, on_turn)
+    return SimulationResult(chosen, tally, output, labels, perf_counter() - started)
+
+
+def _check_name(output: Path, chosen: str | None) -> None:
+    form = chosen or output.suffix.removeprefix(".")
+    if form not in FORMATS or output.suffix != f".{form}":
+        endings = " or ".join(f".{name}" for name in ([form] if chosen else FORMATS))
+        raise UsageError(f"{output}: the name of the recording must end in {endings}")

@@ -1,0 +1,224 @@
+"""The public names: documented, typed, silent, and the same as what the commands do."""
+
+import inspect
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import seaclutter
+import seaclutter_cli
+from seaclutter_cli.commands import cli
+from seaclutter_cli.filters import FILTERS
+from tests.paths import ROOT
+
+SEA, LABELS = ROOT / "samples" / "sea.mcap", ROOT / "samples" / "sea.labels.csv"
+NAMES = sorted(set(seaclutter.__all__) - {"__version__"})
+
+
+def command(*arguments):
+    result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def timeless(value):
+    """Return parsed JSON without times and paths."""
+    if isinstance(value, dict):
+        return {k: timeless(v) for k, v in value.items() if k not in ("seconds", "filter_ms", "output")}
+    return [timeless(item) for item in value] if isinstance(value, list) else value
+
+
+def test_both_packages_have_the_same_names():
+    assert seaclutter.__all__ == seaclutter_cli.__all__
+    assert set(dir(seaclutter)) == set(NAMES)
+    assert seaclutter.__version__ == seaclutter_cli.__version__
+    with pytest.raises(AttributeError):
+        _ = seaclutter.no_such_name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_name_has_an_example(name):
+    doc = inspect.getdoc(getattr(seaclutter, name))
+    assert ">>> import seaclutter" in doc
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_name_is_documented(name):
+    assert f"`{name}" in (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+
+
+def test_the_import_costs_nothing():
+    code = "import sys, seaclutter; print(*({'numpy', 'scipy', 'mcap', 'pydantic', 'click'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_names_are_typed(tmp_path):
+    code = """
+import numpy as np
+import seaclutter
+with seaclutter.open_log("log.mcap") as log:
+    for frame in log.frames("/points"):
+        reveal_type(frame.xyz)
+        reveal_type(seaclutter.filter_points(frame.xyz, frame.intensity).keep)
+reveal_type(seaclutter.evaluate("log.mcap", "labels.csv").totals())
+seaclutter.filter_log("log.mcap", 5)
+"""
+    (tmp_path / "user.py").write_text(code)
+    options = ["--strict", "--no-error-summary", "--cache-dir", str(ROOT / ".mypy_cache" / "user")]
+    environment = {"PYTHONPATH": str(ROOT), "PATH": "", "MYPY_FORCE_COLOR": "0"}
+    check = [sys.executable, "-m", "mypy", *options, str(tmp_path / "user.py")]
+    said = subprocess.run(check, capture_output=True, text=True, check=False, env=environment, cwd=ROOT).stdout
+    assert said.count("ndarray[") >= 2, said
+    assert "Summary" in said
+    assert said.count("error:") == 1, said
+    assert 'incompatible type "int"' in said
+
+
+def test_frames_are_arrays():
+    with seaclutter.open_log(SEA) as log:
+        assert (log.name, log.format, log.topics, log.damage) == ("sea", "MCAP", ("/points",), [])
+        frames = list(log.frames(limit=3))
+        again = list(log.frames("/points", start_s=0.1, end_s=0.3))
+    assert [frame.index for frame in frames] == [0, 1, 2]
+    assert [frame.index for frame in again] == [1, 2]
+    for frame in frames:
+        assert frame.xyz.shape == (frame.size, 3)
+        assert frame.intensity.shape == (frame.size,)
+    np.testing.assert_array_equal(frames[1].xyz, again[0].xyz)
+
+
+def test_a_log_is_one_recording(tmp_path):
+    with pytest.raises(seaclutter.UsageError, match="stands for"):
+        seaclutter.open_log(ROOT / "samples")
+    with pytest.raises(seaclutter.UsageError, match="no such file"):
+        seaclutter.open_log(tmp_path / "none.mcap")
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("method", FILTERS)
+def test_points_are_filtered_as_frames_of_a_log_are(method, dtype):
+    with seaclutter.open_log(SEA) as log:
+        frame = next(log.frames())
+    other = seaclutter.make_filter(method)
+    if other.needs_first_pass:
+        other.observe(frame)
+    xyz, intensity = frame.xyz.astype(dtype), frame.intensity.astype(np.uint16)
+    given = xyz.copy(), intensity.copy()
+    result = seaclutter.filter_points(xyz, intensity, method=method)
+    np.testing.assert_array_equal(result.reason, other.step(frame).reason)
+    np.testing.assert_array_equal(result.keep, result.reason == seaclutter.Reason.KEPT)
+    np.testing.assert_array_equal(xyz, given[0])
+    np.testing.assert_array_equal(intensity, given[1])
+
+
+def test_configurations_of_every_kind(tmp_path):
+    xyz, intensity = np.array([[8.0, 0, 0], [9.0, 0, 0]]), np.array([200, 200])
+    (tmp_path / "c.yaml").write_text("filter: {start_m: 5, end_m: 65}")
+    calibrated = seaclutter.calibrate(SEA, labels=LABELS).config
+    for config in (tmp_path / "c.yaml", str(tmp_path / "c.yaml"), {"filter": {"start_m": 5, "end_m": 65}}):
+        assert seaclutter.filter_points(xyz, intensity, config=config).keep.all()
+    for config in (None, "rs-lidar-32", calibrated, {"filter": {"method": "joint"}}):
+        assert not seaclutter.filter_points(xyz, intensity, config=config).keep.any()
+    assert seaclutter.filter_points(xyz, None, method="ror", config="rs-lidar-32").reason.tolist() == [4, 4]
+    with pytest.raises(seaclutter.ConfigError, match="unknown method"):
+        seaclutter.filter_points(xyz, intensity, method="jiont")
+    with pytest.raises(seaclutter.ConfigError, match="start_m"):
+        seaclutter.make_filter("joint", start_m="near")
+
+
+@pytest.mark.parametrize("size", [0, 1])
+@pytest.mark.parametrize("method", FILTERS)
+def test_few_points(method, size):
+    result = seaclutter.filter_points(np.full((size, 3), 20.0), np.full(size, 99), method=method)
+    assert result.reason.shape == result.keep.shape == (size,)
+
+
+@pytest.mark.parametrize(
+    ("xyz", "intensity"),
+    [
+        (np.zeros((3, 5)), None),
+        (np.zeros(3), None),
+        (np.zeros((4, 3)), np.zeros(3)),
+        (np.zeros((4, 3)), np.zeros((4, 1))),
+        (np.zeros((4, 3)), np.array(["a"] * 4)),
+        (np.zeros((4, 3), complex), None),
+        (np.zeros((4, 3), bool), None),
+    ],
+)
+def test_arrays_of_a_wrong_shape_or_type(xyz, intensity):
+    with pytest.raises(ValueError, match=r"must have the shape|must hold numbers"):
+        seaclutter.filter_points(xyz, intensity, method="none")
+
+
+def test_state_goes_from_frame_to_frame():
+    joint = seaclutter.make_filter()
+    with seaclutter.open_log(SEA) as log:
+        results = [joint.step(frame) for frame in log.frames(limit=5)]
+    done = [seaclutter.filter_points(r.frame.xyz, r.frame.intensity) for r in results]
+    assert (results[0].reason == done[0].reason).all()
+    assert any((a.reason != b.reason).any() for a, b in zip(results, done, strict=True))
+
+
+def test_filter_log_is_the_command(tmp_path, capsys):
+    table = tmp_path / "api.csv"
+    done = seaclutter.filter_log(SEA, tmp_path / "api" / "f.mcap", method="ror", csv_file=table)
+    assert capsys.readouterr() == ("", "")
+    said = command("filter", SEA, "-o", tmp_path / "f.mcap", "-m", "ror", "--csv", tmp_path / "f.csv", "--json")
+    assert (tmp_path / "api" / "f.mcap").read_bytes() == (tmp_path / "f.mcap").read_bytes()
+    assert table.read_bytes() == (tmp_path / "f.csv").read_bytes()
+    assert timeless(done.as_dict()) == timeless(json.loads(said))
+    with pytest.raises(seaclutter.UsageError, match="exists already"):
+        seaclutter.filter_log(SEA, tmp_path / "f.mcap")
+
+
+def test_evaluate_is_the_command(tmp_path, capsys):
+    result = seaclutter.evaluate(SEA, LABELS, methods=["joint", "none"], frames_file=tmp_path / "a.csv")
+    assert capsys.readouterr() == ("", "")
+    arguments = ("--labels", LABELS, "-m", "joint", "-m", "none", "-o", tmp_path / "b.csv", "--json")
+    assert timeless(result.as_dict()) == timeless(json.loads(command("evaluate", SEA, *arguments)))
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+
+def test_calibrate_is_the_command(tmp_path, capsys):
+    result = seaclutter.calibrate(SEA, labels=LABELS, filter_rate=0.9)
+    assert capsys.readouterr() == ("", "")
+    command("calibrate", SEA, "--labels", LABELS, "--filter-rate", "0.9", "-o", tmp_path / "c.yaml")
+    assert result.config_text() == (tmp_path / "c.yaml").read_text(encoding="utf-8")
+
+
+def test_simulate_is_the_command(tmp_path, capsys):
+    seaclutter.simulate("calm", tmp_path / "a.mcap", frames=2, seed=5)
+    seaclutter.simulate("small", tmp_path / "a.laz", seed=5)
+    assert capsys.readouterr() == ("", "")
+    command("simulate", "calm", "-o", tmp_path / "b.mcap", "-n", "2", "--seed", "5")
+    command("simulate", "small", "-o", tmp_path / "b.laz", "--seed", "5")
+    for name in ("mcap", "labels.csv", "laz"):
+        assert (tmp_path / f"a.{name}").read_bytes() == (tmp_path / f"b.{name}").read_bytes()
+
+
+def test_errors_are_raised_unless_others_are_to_be_done(tmp_path):
+    (tmp_path / "bad.mcap").write_bytes(b"no log")
+    logs = [tmp_path / "bad.mcap", SEA]
+    with pytest.raises(seaclutter.InputError, match=r"bad\.mcap"):
+        seaclutter.filter_log(logs, tmp_path / "out")
+    done = seaclutter.filter_log(logs, tmp_path / "out", keep_going=True, force=True)
+    assert [outcome.error is None for outcome in done.outcomes] == [False, True]
+    assert done.failed
+    assert not done.damaged
+
+
+def test_an_observer_receives_what_the_command_would_print(tmp_path, caplog):
+    data = SEA.read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
+    with caplog.at_level("INFO", logger="seaclutter"):
+        done = seaclutter.filter_log(
+            tmp_path / "cut.mcap", tmp_path / "f.mcap", observer=seaclutter.LoggingObserver(), force=True
+        )
+    assert done.damaged
+    assert any(record.getMessage().startswith("damaged: ") for record in caplog.records)
+    assert any("frames" in record.getMessage() for record in caplog.records)
