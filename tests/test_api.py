@@ -2,8 +2,11 @@
 
 import inspect
 import json
+import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from seaclutter_cli.filters import FILTERS
 from tests.paths import ROOT
 
 SEA, LABELS = ROOT / "samples" / "sea.mcap", ROOT / "samples" / "sea.labels.csv"
+PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
 NAMES = sorted(set(seaclutter.__all__) - {"__version__"})
 
 
@@ -48,7 +52,21 @@ def test_every_name_has_an_example(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_name_is_documented(name):
-    assert f"`{name}" in (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    assert re.search(rf"`[^`\n]*\b{name}\b|^.*\.{name}\(", PAGE, re.MULTILINE)
+
+
+def test_the_page_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in ("trial", "harbour"):
+        shutil.copy(SEA, f"{name}.mcap")
+    shutil.copy(LABELS, "trial.labels.csv")
+    Path("my.yaml").write_text("filter: {near: keep}")
+    names = {"xyz": np.ones((4, 3)) * 20, "intensity": np.arange(4) * 20}
+    for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+        exec(block, names)
+    assert "R_FP %" in capsys.readouterr().out
+    assert names["result"].keep.dtype == bool
+    assert {path.name for path in tmp_path.iterdir()} >= {"filtered.mcap"}
 
 
 def test_the_import_costs_nothing():
