@@ -19,20 +19,20 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.sensors.robosense.angles import make_angles
 from seaclutter_cli.sensors.robosense.models import MODELS
 from seaclutter_cli.sensors.robosense.packets import Columns, write_data, write_info
-from seaclutter_cli.sinks.pcap import Ends, ethernet_udp, pcap_header, pcap_record
+from seaclutter_cli.sinks.pcap import Endpoints, ethernet_udp, pcap_header, pcap_record
 from seaclutter_cli.sources import open_source
 
 PACKETS_A_TURN = 150
 COLUMNS = 12 * PACKETS_A_TURN
 START_NS = 1_700_000_000_000_000_000
 MODEL = MODELS["RS-LiDAR-32"]
-INFO = Ends(source_port=7788, target_port=7788)
+INFO = Endpoints(source_port=7788, target_port=7788)
 RUNS = 5
 SCENES = ("calm", "buoy_speedboat", "departure", "rough", "harbour")
 TURNS = 200
 
 
-def packets(turns: int, returns: float) -> Iterator[tuple[int, Ends, bytes]]:
+def packets(turns: int, returns: float) -> Iterator[tuple[int, Endpoints, bytes]]:
     random = np.random.default_rng(0)
     angles = make_angles(np.arange(32) * 125 - 2500, np.arange(32) % 4 * 300 - 450)
     for turn in range(turns):
@@ -40,7 +40,7 @@ def packets(turns: int, returns: float) -> Iterator[tuple[int, Ends, bytes]]:
         times = START_NS + (turn * PACKETS_A_TURN + np.arange(PACKETS_A_TURN)) * MODEL.packet_ns
         columns = Columns(np.arange(COLUMNS) * 20, distance, random.integers(0, 256, distance.shape), times)
         for time_ns, payload in zip(times.tolist(), write_data(MODEL, columns), strict=True):
-            yield time_ns + MODEL.packet_ns, Ends(), payload.tobytes()
+            yield time_ns + MODEL.packet_ns, Endpoints(), payload.tobytes()
         if turn % 10 == turns % 10:
             yield int(times[-1]) + MODEL.packet_ns, INFO, write_info(MODEL, angles).tobytes()
 

@@ -19,8 +19,8 @@ from scene_data import CLASSES, PARTS, Part, scenes
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.scenes.image import top_view
-from seaclutter_cli.scenes.judge import SceneJudge
 from seaclutter_cli.scenes.model import SceneModel
+from seaclutter_cli.scenes.tracker import SceneTracker
 from seaclutter_cli.simulation.marine.render import Renderer
 
 Floats = NDArray[np.float64]
@@ -101,7 +101,7 @@ def speed() -> None:
     print(f"image      {timed(lambda: top_view(full.coordinates, model.extent_m)):.3f} ms, {full.size} points")
     print(f"inference  {timed(lambda: model.probabilities(image)):.3f} ms")
     for step in (1, 10):
-        judge = SceneJudge(model, every=step, hold=3)
+        judge = SceneTracker(model, every=step, hold=3)
         started = time.thread_time()
         for _ in range(RUNS):
             judge.scene(full)
@@ -126,7 +126,7 @@ def every(sequences: int) -> None:
         for hold in (1, 2, 3):
             right, changes, frames = 0, 0, 0
             for kind, turns in looks:
-                judge = SceneJudge(model, every=step // STRIDE, hold=hold)
+                judge = SceneTracker(model, every=step // STRIDE, hold=hold)
                 told = [judge.scene(turn).name for turn in turns]
                 right += told.count(kind)
                 changes += sum(one != other for one, other in itertools.pairwise(told))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.airborne.features import FEATURES, Standing, features_of
+from seaclutter_cli.airborne.features import FEATURES, NonSeaPoints, features_of
 from seaclutter_cli.airborne.forest import Samples, class_name, hold_out, predict, train
 from seaclutter_cli.airborne.model import ObjectModel
 from seaclutter_cli.airborne.objects import FoundObject, find_objects
@@ -80,11 +80,11 @@ def rough() -> None:
         print(f"| {swell_m:g}, {wave_m:g} |", " | ".join(row), "|", flush=True)
 
 
-def standing(points: Any, xyz: Any) -> tuple[Separation, Standing, Any]:
+def standing(points: Any, xyz: Any) -> tuple[Separation, NonSeaPoints, Any]:
     found = separate([xyz], TileSettings().separation)
     other = found.other
     part = points[other]
-    stood = Standing(
+    stood = NonSeaPoints(
         xyz[:2, other], found.height_m[other].astype(float), part["intensity"].astype(float), found.points_per_cell
     )
     return found, stood, part
@@ -246,7 +246,7 @@ def figure_3(folder: Path, model: ObjectModel, seeds: int) -> None:
             _draw(folder, sea, gone, stood, number, objects)
 
 
-def _draw(folder: Path, sea: Any, gone: Any, stood: Standing, number: Any, objects: list[FoundObject]) -> None:
+def _draw(folder: Path, sea: Any, gone: Any, stood: NonSeaPoints, number: Any, objects: list[FoundObject]) -> None:
     code = np.array([0, *(one.code for one in objects)])[number]
     points = {class_name(one): stood.xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
     if gone.size:

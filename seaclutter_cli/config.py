@@ -19,7 +19,7 @@ from seaclutter_cli.filters.adaptive_radius import PresetParams
 from seaclutter_cli.filters.ring_params import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.validation import build, find_file, kind_of, merged, parse_yaml, plain, read_yaml, refuse
+from seaclutter_cli.validation import build, find_file, kind_of, merged, parse_yaml, plain, raise_problems, read_yaml
 
 DEFAULT_METHOD = "joint"
 _SECTIONS = ("filter", "evaluation", "sensor")
@@ -211,7 +211,7 @@ def _validate(raw: Mapping[str, Any], where: str) -> Config:
         params = build(FILTERS[method].Params, sections["filter"], "filter", f"method {method}", problems)
     evaluation = build(EvaluationParams, sections["evaluation"], "evaluation", "evaluation", problems)
     sensor = build(SensorParams, sections["sensor"], "sensor", "sensor", problems)
-    refuse(where, problems)
+    raise_problems(where, problems)
     return Config(method, params, evaluation, sensor)
 
 

@@ -77,7 +77,7 @@ def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel
     return [channel for channel in clouds if not topics or channel.topic in topics]
 
 
-def is_remainder(source: Source, topics: Collection[str] = ()) -> bool:
+def was_filtered(source: Source, topics: Collection[str] = ()) -> bool:
     """Tell whether the chosen cloud topics, or all, hold what an earlier run has left, and none the raw cloud."""
     names = {channel.topic for channel in source.channels}
     clouds = topics or [channel.topic for channel in source.channels if find_codec(channel)]

@@ -242,7 +242,7 @@ def kind_of(value: Any) -> str:
     return kinds.get(type(value), "a number")
 
 
-def refuse(where: str, problems: Sequence[str]) -> None:
+def raise_problems(where: str, problems: Sequence[str]) -> None:
     """Raise `ConfigError` if there are problems, with all of them; a single one on one line."""
     if len(problems) == 1:
         raise ConfigError(f"{where}: {problems[0]}")

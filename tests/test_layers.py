@@ -39,6 +39,7 @@ ALLOWED = {
     "runs": CORE
     | {"airborne", "calibration", "config", "plots", "reporting", "scenes", "simulation", "survey", "validation"}
     | {"viewing"},
+    "api": BASE | {"calibration", "config", "messages", "pipeline", "runs", "sinks", "validation"},
     "commands": BASE | {"config", "runs", "sensors"},
 }
 """Parts of the package, and the other parts each may import."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.features import Standing, features_of
+from seaclutter_cli.airborne.features import NonSeaPoints, features_of
 from seaclutter_cli.airborne.forest import predict
 from seaclutter_cli.airborne.objects import FoundObject, find_objects
 from seaclutter_cli.airborne.separation import Separation, separate
@@ -25,14 +25,14 @@ class TileFeatures:
     ----------
     separation : Separation
         Sea and what is not.
-    points : Standing
+    points : NonSeaPoints
         What is not.
     features : ndarray, shape (N, F), float64
         Of these N points.
     """
 
     separation: Separation
-    points: Standing
+    points: NonSeaPoints
     features: NDArray[np.float64]
 
 
@@ -50,7 +50,7 @@ def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
     intensity = tile.intensity()
     bright = np.zeros(len(other)) if intensity is None else intensity[other].astype(np.float64)
     density = separation.points_per_cell / settings.separation.cell_m**2
-    points = Standing(xy, separation.height_m[other].astype(np.float64), bright, density)
+    points = NonSeaPoints(xy, separation.height_m[other].astype(np.float64), bright, density)
     return TileFeatures(separation, points, features_of(points, settings.features))
 
 

@@ -66,7 +66,7 @@ class FeatureParams:
 
 
 @dataclass(frozen=True)
-class Standing:
+class NonSeaPoints:
     """The points of a tile that stand out of the sea, N of them.
 
     Parameters
@@ -87,7 +87,7 @@ class Standing:
     points_per_m2: float
 
 
-def features_of(points: Standing, params: FeatureParams) -> Values:
+def features_of(points: NonSeaPoints, params: FeatureParams) -> Values:
     r"""Return the features of points, shape (N, F), in the order of ``params.names``.
 
     Notes
@@ -109,7 +109,7 @@ def features_of(points: Standing, params: FeatureParams) -> Values:
     return np.hstack((own, _context(points, params)))
 
 
-def _full(block: PointBlock, levels: Levels, points: Standing, radius_m: float) -> Values:
+def _full(block: PointBlock, levels: Levels, points: NonSeaPoints, radius_m: float) -> Values:
     count = block.count
     height, intensity = points.height_m[block.neighbor], points.intensity[block.neighbor]
     mean = block.total(height) / count
@@ -128,7 +128,7 @@ def _full(block: PointBlock, levels: Levels, points: Standing, radius_m: float) 
     return np.column_stack((texture(block, levels), *columns))
 
 
-def _context(points: Standing, params: FeatureParams) -> Values:
+def _context(points: NonSeaPoints, params: FeatureParams) -> Values:
     """Return mean height, its deviation and relative density of the wider surroundings, shape (N, 3), cell by cell."""
     side = np.floor((points.xy - points.xy.min(axis=1, keepdims=True)) / (params.radius_m / 2)).astype(np.int64)
     _, which, count = np.unique(side[0] * (side[1].max() + 1) + side[1], return_inverse=True, return_counts=True)
@@ -148,7 +148,7 @@ def _context(points: Standing, params: FeatureParams) -> Values:
     return Neighborhoods(np.stack((x, y))).apply(params.context_m, summed)[which]
 
 
-def _shape(block: PointBlock, points: Standing) -> tuple[Values, Values]:
+def _shape(block: PointBlock, points: NonSeaPoints) -> tuple[Values, Values]:
     """Return linearity and planarity, shape (B,) each; 0 where all neighbours are in one place."""
     center = block.points[block.own]
     apart = [axis[block.neighbor] - axis[center] for axis in (points.xy[0], points.xy[1], points.height_m)]

@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.features import Standing
+from seaclutter_cli.airborne.features import NonSeaPoints
 from seaclutter_cli.airborne.forest import class_name
 
 Values = NDArray[np.float64]
@@ -92,13 +92,13 @@ class FoundObject:
 
 
 def find_objects(
-    points: Standing, probability: Values, classes: Sequence[int], params: ObjectFindingParams
+    points: NonSeaPoints, probability: Values, classes: Sequence[int], params: ObjectFindingParams
 ) -> tuple[list[FoundObject], NDArray[np.int64], NDArray[np.int64]]:
     """Return the objects of a tile, each point's object, and its cluster that was left out, shape (N,), 0 for none.
 
     Parameters
     ----------
-    points : Standing
+    points : NonSeaPoints
         Points that stand out of the sea, N of them.
     probability : ndarray, shape (N, C), float64
         Of each class.
@@ -133,7 +133,7 @@ def find_objects(
     return found, numbers, left_out
 
 
-def _object(number: int, code: int, sure: float, points: Standing, own: NDArray[np.intp]) -> FoundObject:
+def _object(number: int, code: int, sure: float, points: NonSeaPoints, own: NDArray[np.intp]) -> FoundObject:
     center, size, yaw, area = least_rectangle(points.xy[:, own].T)
     height_m = float(np.quantile(points.height_m[own], 0.99))
     return FoundObject(number, code, sure, len(own), center, size, yaw, height_m, area)

@@ -12,7 +12,7 @@ from seaclutter_cli.airborne.forest import ForestParams
 from seaclutter_cli.airborne.objects import ObjectFindingParams
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.validation import build_sections, plain, read_yaml, refuse
+from seaclutter_cli.validation import build_sections, plain, raise_problems, read_yaml
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def parse_settings(raw: Mapping[str, Any], where: str) -> TileSettings:
     kinds = _kinds()
     problems = [f"{key}: unknown section; allowed: {', '.join(kinds)}" for key in raw if key not in kinds]
     parts = build_sections(kinds, raw, problems)
-    refuse(where, problems)
+    raise_problems(where, problems)
     return TileSettings(**parts)
 
 

@@ -189,6 +189,6 @@ def _scenes(params: AdaptiveRadiusParams) -> SceneSource:
     """Return what tells the scenes."""
     if params.scene != AUTO:
         return FixedScene(params.scene)
-    from seaclutter_cli.scenes import make_judge
+    from seaclutter_cli.scenes import make_scene_tracker
 
-    return make_judge(params)
+    return make_scene_tracker(params)

@@ -11,7 +11,7 @@ from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.filters.fit import IntensityFit
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.pipeline import cloud_channels, is_remainder, run_each
+from seaclutter_cli.pipeline import cloud_channels, run_each, was_filtered
 from seaclutter_cli.reporting.listener import FrameListener
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.frame_table import FrameTable
@@ -154,7 +154,7 @@ class Evaluator:
         selection = self.reading.selection
         clouds = cloud_channels(source, selection.topics)
         filtering = any(variant.config.method != "none" for variant in self.variants)
-        if filtering and is_remainder(source, selection.topics):
+        if filtering and was_filtered(source, selection.topics):
             text = "was filtered already; this filters what was left of it, and a target that was lost is not visible"
             self.observer.warn(f"{source.name}: {text}")
         methods = ", ".join(variant.name for variant in self.variants)

@@ -9,7 +9,7 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.filters.fit import IntensityFit
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
-from seaclutter_cli.pipeline import TopicTally, cloud_channels, is_remainder, run
+from seaclutter_cli.pipeline import TopicTally, cloud_channels, run, was_filtered
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
@@ -129,7 +129,7 @@ class RecordingFilter:
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels are of one topic; choose one with -t")
-        if self._config.method != "none" and is_remainder(source, selection.topics):
+        if self._config.method != "none" and was_filtered(source, selection.topics):
             self._observer.warn(f"{source.name}: was filtered already; this filters what was left of it")
         named = printable(", ".join(channel.topic for channel in clouds))
         self._observer.note(f"{source.name}: {source.format}, method {self._config.method} on {named}", detail=True)

@@ -9,7 +9,7 @@ from seaclutter_cli.config import parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
 from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.pipeline import is_remainder
+from seaclutter_cli.pipeline import was_filtered
 from seaclutter_cli.reporting.listener import ReplayListener
 from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
@@ -111,7 +111,7 @@ def _recorded(recording: Recording, reading: ReadOptions) -> tuple[str, str] | N
     with closing(reading.open(recording)) as source:
         topics = [topic for topic in filtered_topics(source) if not reading.topics or topic in reading.topics]
         if not topics:
-            if is_remainder(source, reading.topics):
+            if was_filtered(source, reading.topics):
                 raise InputError(
                     f"{source.name}: was filtered already, and what was removed is not in it; take the raw log, or "
                     "one filtered with --keep-raw --with-removed; -m none shows what is left"

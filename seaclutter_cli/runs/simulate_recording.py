@@ -12,7 +12,7 @@ from seaclutter_cli.simulation.airborne.scene import is_tile_scene
 from seaclutter_cli.simulation.layouts import find_scene
 from seaclutter_cli.simulation.marine.formats import FORMATS
 from seaclutter_cli.simulation.marine.recording import record
-from seaclutter_cli.simulation.marine.render import Turn
+from seaclutter_cli.simulation.marine.render import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import save_scene
 
 
@@ -54,7 +54,7 @@ def simulate_recording(
     started = perf_counter()
     with observer.progress(output.stem, chosen.recording.frames) as step:
 
-        def on_turn(turn: Turn) -> None:
+        def on_turn(turn: SimulatedFrame) -> None:
             tally.add(turn)
             step()
 

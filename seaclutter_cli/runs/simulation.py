@@ -9,7 +9,7 @@ import numpy as np
 
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.simulation.airborne.scene import TileScene
-from seaclutter_cli.simulation.marine.render import Turn
+from seaclutter_cli.simulation.marine.render import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.text import count, indented, table
 from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
@@ -52,7 +52,7 @@ class PointTally:
         self.frames = 0
         self.points: Counter[int] = Counter()
 
-    def add(self, turn: Turn) -> None:
+    def add(self, turn: SimulatedFrame) -> None:
         """Add a frame."""
         self.frames += 1
         labels, counts = np.unique(turn.points["label"], return_counts=True)

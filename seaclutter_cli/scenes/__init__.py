@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from seaclutter_cli.scenes.params import SceneParams
 
 if TYPE_CHECKING:
-    from seaclutter_cli.scenes.judge import SceneJudge
+    from seaclutter_cli.scenes.tracker import SceneTracker
 
-__all__ = ["SceneParams", "make_judge"]
+__all__ = ["SceneParams", "make_scene_tracker"]
 
 
-def make_judge(params: SceneParams) -> "SceneJudge":
-    """Return a judge of scenes, as `seaclutter_cli.scenes.judge.make_judge` does."""
-    from seaclutter_cli.scenes import judge
+def make_scene_tracker(params: SceneParams) -> "SceneTracker":
+    """Return a scene tracker, as `seaclutter_cli.scenes.tracker.make_scene_tracker` does."""
+    from seaclutter_cli.scenes import tracker
 
-    return judge.make_judge(params)
+    return tracker.make_scene_tracker(params)

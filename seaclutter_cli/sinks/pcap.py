@@ -10,7 +10,7 @@ _DONT_FRAGMENT = 0x4000
 
 
 @dataclass(frozen=True)
-class Ends:
+class Endpoints:
     """From where to where datagrams go."""
 
     source: str = "192.168.1.200"
@@ -29,7 +29,7 @@ def pcap_record(time_ns: int, packet: bytes) -> bytes:
     return struct.pack("<IIII", *divmod(time_ns, 10**9), len(packet), len(packet)) + packet
 
 
-def ethernet_udp(ends: Ends, payload: bytes) -> bytes:
+def ethernet_udp(ends: Endpoints, payload: bytes) -> bytes:
     """Return a payload as UDP over IPv4 over Ethernet."""
     udp = struct.pack(">HHHH", ends.source_port, ends.target_port, 8 + len(payload), 0) + payload
     source, target = (ipaddress.IPv4Address(address).packed for address in (ends.source, ends.target))

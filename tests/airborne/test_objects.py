@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seaclutter_cli.airborne.features import Standing
+from seaclutter_cli.airborne.features import NonSeaPoints
 from seaclutter_cli.airborne.objects import ObjectFindingParams, as_csv, as_geojson, find_objects, least_rectangle
 
 
@@ -48,7 +48,7 @@ def two_objects():
     probability[300:360] = [0.2, 0.8]
     probability[310:320] = [1.0, 0.0]
     height = np.concatenate([np.linspace(1, 9, 300), np.full(62, 0.8)])
-    points = Standing(xy.T, height, np.ones(len(xy)), 1.0)
+    points = NonSeaPoints(xy.T, height, np.ones(len(xy)), 1.0)
     objects, number, left_out = find_objects(points, probability, (1, 5), ObjectFindingParams())
     assert not left_out.any(), "strays are no cluster"
     return objects, number
@@ -66,7 +66,7 @@ def test_objects_have_the_class_of_most_of_their_points():
 def test_unlikely_clusters_are_none():
     rng = np.random.default_rng(0)
     places = np.concatenate([rectangle(rng, (100, 50), (9, 8), 0.0), rectangle(rng, (200, 80), (9, 8), 0.0)])
-    points = Standing(places.T, np.ones(600), np.ones(600), 1.0)
+    points = NonSeaPoints(places.T, np.ones(600), np.ones(600), 1.0)
     probability = np.repeat([[0.3, 0.3, 0.2, 0.2], [0.1, 0.7, 0.1, 0.1]], 300, axis=0)
     objects, number, left_out = find_objects(points, probability, (1, 2, 3, 4), ObjectFindingParams())
     assert [(one.number, one.code) for one in objects] == [(1, 2)]
@@ -75,7 +75,7 @@ def test_unlikely_clusters_are_none():
 
 
 def test_no_points_no_objects():
-    empty = Standing(np.empty((2, 0)), np.empty(0), np.empty(0), 1.0)
+    empty = NonSeaPoints(np.empty((2, 0)), np.empty(0), np.empty(0), 1.0)
     objects, number, left_out = find_objects(empty, np.empty((0, 2)), (1, 5), ObjectFindingParams())
     assert (objects, len(number), len(left_out)) == ([], 0, 0)
 

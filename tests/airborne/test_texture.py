@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.airborne import neighborhoods, texture
-from seaclutter_cli.airborne.features import FEATURES, FeatureParams, Standing, features_of
+from seaclutter_cli.airborne.features import FEATURES, FeatureParams, NonSeaPoints, features_of
 
 
 def standing(xy, height, intensity=None, density=1.0):
     intensity = np.ones(len(height)) if intensity is None else np.asarray(intensity, float)
-    return Standing(np.asarray(xy, float).T, np.asarray(height, float), intensity, density)
+    return NonSeaPoints(np.asarray(xy, float).T, np.asarray(height, float), intensity, density)
 
 
 def plain_texture(points, params):
@@ -85,7 +85,7 @@ def test_blocks_threads_and_place_do_not_matter(monkeypatch, features):
     monkeypatch.setattr(neighborhoods, "_BLOCK_PAIRS", 400)
     monkeypatch.setattr(texture, "_BINS", 5000)
     np.testing.assert_allclose(features_of(points, params), expected, rtol=1e-9, atol=1e-9)
-    far = Standing(points.xy + np.array([[5e5], [4e6]]), points.height_m, points.intensity, 1.0)
+    far = NonSeaPoints(points.xy + np.array([[5e5], [4e6]]), points.height_m, points.intensity, 1.0)
     np.testing.assert_allclose(features_of(far, params)[:, :11], expected[:, :11], rtol=1e-5, atol=1e-6)
 
 

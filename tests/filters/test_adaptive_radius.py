@@ -158,11 +158,11 @@ class TestScenes:
     def test_auto_asks_for_the_classifier_with_its_keys(self, monkeypatch):
         asked = []
 
-        def make_judge(params):
+        def make_scene_tracker(params):
             asked.append(params)
             return Telling("confined")
 
-        monkeypatch.setattr(seaclutter_cli.scenes, "make_judge", make_judge)
+        monkeypatch.setattr(seaclutter_cli.scenes, "make_scene_tracker", make_scene_tracker)
         params = AdaptiveRadiusParams(scene="auto", scene_every=3)
         assert AdaptiveRadius(params).step(self.FRAME).scene == "confined"
         assert [one.scene_every for one in asked] == [3]

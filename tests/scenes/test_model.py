@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import MissingExtraError, ModelError
-from seaclutter_cli.scenes import SceneParams, make_judge
+from seaclutter_cli.scenes import SceneParams, make_scene_tracker
 from seaclutter_cli.scenes.model import SceneModel, builtin_models
 from tests.scenes.onnx_files import CLASSES, FLOAT, model_bytes
 
@@ -109,15 +109,15 @@ def test_a_huge_file_is_not_read(tmp_path):
 def test_without_onnxruntime_one_line_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     with pytest.raises(MissingExtraError) as caught:
-        make_judge(SceneParams())
+        make_scene_tracker(SceneParams())
     assert str(caught.value) == "the scene classifier needs an optional part: pip install 'seaclutter[scene]'"
 
 
 def test_the_extent_of_the_configuration_has_to_be_that_of_the_model(tmp_path):
     path = write(tmp_path, SOUND)
-    assert make_judge(SceneParams(scene_model=path, scene_extent_m=60.0)).classes == CLASSES
+    assert make_scene_tracker(SceneParams(scene_model=path, scene_extent_m=60.0)).classes == CLASSES
     with pytest.raises(ModelError, match="sees 60 m to each side, scene_extent_m is 50"):
-        make_judge(SceneParams(scene_model=path, scene_extent_m=50.0))
+        make_scene_tracker(SceneParams(scene_model=path, scene_extent_m=50.0))
 
 
 def test_a_file_goes_before_a_builtin_model_of_its_name(tmp_path, monkeypatch):

@@ -13,9 +13,9 @@ from seaclutter_cli.runs.outputs import check_outputs, inputs_of
 from seaclutter_cli.runs.recordings import Outcome, ReadOptions, RecordingsResult, keeping_errors
 from seaclutter_cli.runs.scene.logs import ClassifierOptions, LabelledLog, LabelledLogs, read_frames
 from seaclutter_cli.runs.scene.table import SceneTable, confusion_table
-from seaclutter_cli.scenes.judge import SceneJudge
 from seaclutter_cli.scenes.model import SceneModel
 from seaclutter_cli.scenes.scores import SceneScores
+from seaclutter_cli.scenes.tracker import SceneTracker
 from seaclutter_cli.text import count, table
 
 
@@ -77,7 +77,7 @@ class _Tester:
 
     def run(self, log: LabelledLog, step: Step) -> "JudgedLog":
         """Judge the frames of a recording; an error of its own goes into the outcome."""
-        judge = SceneJudge(self.model, every=self.options.every, hold=self.options.hold)
+        judge = SceneTracker(self.model, every=self.options.every, hold=self.options.hold)
         found = JudgedLog(recording=log.recording.name, scene=log.scene)
         with keeping_errors(found, self.observer):
             for frame in read_frames(log.recording, self.reading, self.observer, step, found.damage):

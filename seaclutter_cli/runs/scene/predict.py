@@ -11,8 +11,8 @@ from seaclutter_cli.runs.outputs import check_outputs, inputs_of
 from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand, keeping_errors
 from seaclutter_cli.runs.scene.logs import ClassifierOptions, read_frames
 from seaclutter_cli.runs.scene.table import SceneTable
-from seaclutter_cli.scenes.judge import SceneDecision, SceneJudge
 from seaclutter_cli.scenes.model import SceneModel
+from seaclutter_cli.scenes.tracker import SceneDecision, SceneTracker
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import share, table
 
@@ -76,7 +76,7 @@ class _Predictor:
             for frame in read_frames(recording, self.reading, self.observer, step, found.damage):
                 topic = found.topics.get(frame.topic)
                 if topic is None:
-                    judge = SceneJudge(self.model, every=self.options.every, hold=self.options.hold)
+                    judge = SceneTracker(self.model, every=self.options.every, hold=self.options.hold)
                     topic = found.topics[frame.topic] = TopicScenes(judge)
                 self.lines.write(recording.name, frame, topic.add(frame))
         return found
@@ -88,7 +88,7 @@ class TopicScenes:
 
     Parameters
     ----------
-    judge : SceneJudge
+    judge : SceneTracker
         Decides on each frame.
     frames : counter of str
         Frames by scene.
@@ -96,7 +96,7 @@ class TopicScenes:
         How often the scene changed.
     """
 
-    judge: SceneJudge
+    judge: SceneTracker
     frames: Counter[str] = field(default_factory=Counter)
     changes: int = 0
     _last: str = ""

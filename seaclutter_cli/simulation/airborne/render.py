@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.simulation.airborne.scene import AirborneParams, Thing, TileScene, WaterParams
+from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObject, TileScene, WaterParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M, Patch
 from seaclutter_cli.simulation.airborne.water import TileWater, water
 
@@ -156,7 +156,7 @@ class TileRenderer:
         )
 
     def _meet(
-        self, thing: Thing, patch: Patch, pulses: Pulses, sea: TileWater, hits: Hits, rng: np.random.Generator
+        self, thing: TileObject, patch: Patch, pulses: Pulses, sea: TileWater, hits: Hits, rng: np.random.Generator
     ) -> None:
         """Let the rays that come near an object end on it."""
         highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*thing.at_m))
@@ -176,7 +176,7 @@ class TileRenderer:
             column[near] = np.where(struck, values.reshape(-1, _BEAMS), column[near])
         hits.number[near] = np.where(struck, thing.number, hits.number[near])
 
-    def _lift(self, thing: Thing, patch: Patch, sea: TileWater, x: Floats, y: Floats) -> Floats:
+    def _lift(self, thing: TileObject, patch: Patch, sea: TileWater, x: Floats, y: Floats) -> Floats:
         """Return how high the waterline of an object stands at places, shape (R,)."""
         if patch.motion == "fixed":
             return np.zeros_like(x)
@@ -194,7 +194,7 @@ def _beams(x: Floats, y: Floats, lidar: AirborneParams) -> tuple[Floats, Floats]
 
 
 def _fall(
-    thing: Thing,
+    thing: TileObject,
     patch: Patch,
     rays: tuple[Floats, Floats, Floats],
     lift: Floats,
@@ -222,7 +222,9 @@ def _fall(
     return z, shade
 
 
-def _under(thing: Thing, patch: Patch, x: Floats, y: Floats) -> tuple[NDArray[np.intp], tuple[NDArray[np.intp], ...]]:
+def _under(
+    thing: TileObject, patch: Patch, x: Floats, y: Floats
+) -> tuple[NDArray[np.intp], tuple[NDArray[np.intp], ...]]:
     """Return which of some places lie over an object's maps, and in which cells."""
     c, s = np.cos(thing.heading), np.sin(thing.heading)
     dx, dy = x - thing.at_m[0], y - thing.at_m[1]

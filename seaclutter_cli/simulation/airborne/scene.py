@@ -18,8 +18,8 @@ from seaclutter_cli.validation import (
     find_file,
     kind_of,
     plain,
+    raise_problems,
     read_yaml,
-    refuse,
 )
 
 _TRIES = 4000
@@ -117,7 +117,7 @@ class WaterParams:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThingParams:
+class TileObjectParams:
     """Something in the water; what is left out, chance decides.
 
     Parameters
@@ -147,7 +147,7 @@ class ThingParams:
 
 
 @dataclass(frozen=True)
-class Thing:
+class TileObject:
     """An object with its place: number from 1, class, middle in metres from the corner, heading in radians, size."""
 
     number: int
@@ -170,13 +170,13 @@ class TileScene:
     tile: TileParams
     lidar: AirborneParams
     water: WaterParams
-    objects: tuple[ThingParams, ...]
+    objects: tuple[TileObjectParams, ...]
 
     def with_tile(self, **changes: Any) -> "TileScene":
         """Return the scene with other values in the section ``tile``; None leaves one as it is."""
         return replace(self, tile=replace(self.tile, **{k: v for k, v in changes.items() if v is not None}))
 
-    def things(self) -> list[Thing]:
+    def things(self) -> list[TileObject]:
         """Return the objects, each with a place clear of the others.
 
         Raises
@@ -184,13 +184,13 @@ class TileScene:
         ConfigError
             If there is no room for one.
         """
-        placed: list[Thing] = []
+        placed: list[TileObject] = []
         order = sorted(range(len(self.objects)), key=lambda at: self.objects[at].at_m is None)
         for at in order:
             placed.append(self._place(at, placed))
         return sorted(placed, key=lambda thing: thing.number)
 
-    def _place(self, at: int, placed: list[Thing]) -> Thing:
+    def _place(self, at: int, placed: list[TileObject]) -> TileObject:
         given, rng = self.objects[at], np.random.default_rng([self.tile.seed, 1, at])
         kind = KINDS[given.kind]
         share = rng.beta(1.2, 1.8, 3)  # rather small than large, length and width alike
@@ -205,7 +205,7 @@ class TileScene:
             place = given.at_m or tuple(
                 rng.uniform(reach, np.maximum(np.array(self.tile.size_m) - reach, reach + 1e-6))
             )
-            thing = Thing(at + 1, given.kind, place, float(np.radians(heading)), size, shade)  # type: ignore[arg-type]
+            thing = TileObject(at + 1, given.kind, place, float(np.radians(heading)), size, shade)  # type: ignore[arg-type]
             if given.at_m or all(_apart(thing, other, self.tile.gap_m) for other in placed):
                 return thing
         raise ConfigError(f"objects.{at}: no room for another {given.kind}; leave some out, or make the tile larger")
@@ -223,7 +223,7 @@ def _bounds(size: Size, heading: float) -> tuple[float, float]:
     return float(size[0] * c + size[1] * s), float(size[0] * s + size[1] * c)
 
 
-def _apart(one: Thing, other: Thing, gap_m: float) -> bool:
+def _apart(one: TileObject, other: TileObject, gap_m: float) -> bool:
     sides = zip(
         one.at_m, other.at_m, _bounds(one.size_m, one.heading), _bounds(other.size_m, other.heading), strict=True
     )
@@ -255,13 +255,13 @@ def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
     """Return the scene that a mapping describes; ``where`` names it in errors."""
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
     parts = build_sections(_KINDS, raw, problems)
-    listed = build_list(ThingParams, raw.get("objects") or [], "objects", "an object", problems)
+    listed = build_list(TileObjectParams, raw.get("objects") or [], "objects", "an object", problems)
     objects = [*listed, *_random(raw.get("random") or {}, problems)]
-    refuse(where, problems)
+    raise_problems(where, problems)
     return TileScene(**parts, objects=tuple(objects))
 
 
-def _random(raw: Any, problems: list[str]) -> list[ThingParams]:
+def _random(raw: Any, problems: list[str]) -> list[TileObjectParams]:
     """Return so many objects of each class, all else left to chance."""
     if not isinstance(raw, dict):
         problems.append(f"random: must be a section with keys, is {kind_of(raw)}")
@@ -271,4 +271,4 @@ def _random(raw: Any, problems: list[str]) -> list[ThingParams]:
     problems += [f"random.{key}: must be a whole number from 0 to 50" for key in wrong]
     # The large ones first, while there is room.
     order = [name for name in ("island", "fishing fence", "aquaculture", *KINDS) if name in raw and name not in wrong]
-    return [ThingParams(kind=name) for name in dict.fromkeys(order) for _ in range(raw[name])]
+    return [TileObjectParams(kind=name) for name in dict.fromkeys(order) for _ in range(raw[name])]

@@ -16,10 +16,10 @@ from seaclutter_cli.sensors.robosense.angles import Angles, make_angles
 from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, MODELS
 from seaclutter_cli.sensors.robosense.packets import DATA_PORT, INFO_PORT, Columns, write_data, write_info
 from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar
-from seaclutter_cli.simulation.marine.render import Turn
+from seaclutter_cli.simulation.marine.render import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.sinks.mcap_writer import McapWriter
-from seaclutter_cli.sinks.pcap import Ends, ethernet_udp, pcap_header, pcap_record
+from seaclutter_cli.sinks.pcap import Endpoints, ethernet_udp, pcap_header, pcap_record
 
 START_NS = 1_700_000_000 * 10**9
 """When every simulated recording begins, in nanoseconds of Unix time."""
@@ -30,7 +30,7 @@ _TYPE = "sensor_msgs/msg/PointCloud2"
 class Log(Protocol):
     """A file that turns are written to."""
 
-    def add(self, turn: Turn) -> None:
+    def add(self, turn: SimulatedFrame) -> None:
         """Write a turn."""
         ...
 
@@ -61,7 +61,7 @@ class McapLog:
         self._writer.add_metadata(Metadata("scene", entries))
         self._writer.add_channel(Channel(1, "/points", "cdr", ros2_schema(_TYPE)))
 
-    def add(self, turn: Turn) -> None:
+    def add(self, turn: SimulatedFrame) -> None:
         """Write a turn; its stamp is that of its end, as drivers have it."""
         stamp_ns = START_NS + (turn.index + 1) * self._period_ns
         points = turn.points.copy()
@@ -103,19 +103,19 @@ class CaptureLog:
         self._info = write_info(self._model, _angles(self._lidar)).tobytes()
         self._stream.write(pcap_header())
 
-    def add(self, turn: Turn) -> None:
+    def add(self, turn: SimulatedFrame) -> None:
         """Write a turn: its device information, then its data."""
         columns = self._columns(turn)
         ends, info = (
-            Ends(source_port=DATA_PORT, target_port=DATA_PORT),
-            Ends(source_port=INFO_PORT, target_port=INFO_PORT),
+            Endpoints(source_port=DATA_PORT, target_port=DATA_PORT),
+            Endpoints(source_port=INFO_PORT, target_port=INFO_PORT),
         )
         self._stream.write(pcap_record(int(columns.times_ns[0]), ethernet_udp(info, self._info)))
         arrivals = (columns.times_ns + self._model.packet_ns).tolist()
         for time_ns, payload in zip(arrivals, write_data(self._model, columns), strict=True):
             self._stream.write(pcap_record(time_ns, ethernet_udp(ends, payload.tobytes())))
 
-    def _columns(self, turn: Turn) -> Columns:
+    def _columns(self, turn: SimulatedFrame) -> Columns:
         shots = self._lidar.columns * len(self._lidar.rings)
         distance, intensity = np.zeros(shots), np.zeros(shots, np.uint8)
         distance[turn.shots], intensity[turn.shots] = turn.distances_m, turn.points["intensity"]

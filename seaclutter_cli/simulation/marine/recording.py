@@ -1,4 +1,4 @@
-"""A simulated recording: turns made in several threads, written in their order."""
+"""A simulated recording: simulate_frames made in several threads, written in their order."""
 
 import csv
 import io
@@ -9,18 +9,18 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from seaclutter_cli.simulation.marine.formats import FORMATS, Log
-from seaclutter_cli.simulation.marine.render import Renderer, Turn
+from seaclutter_cli.simulation.marine.render import Renderer, SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.sinks.atomic import AtomicFile
 
 _COLUMNS = ("frame", "track_id", "class", "x", "y", "z", "length", "width", "height", "yaw")
 
 
-def turns(scene: Scene) -> Iterator[Turn]:
-    """Yield the turns of a scene in order, made by all cores; the same whatever their number."""
+def simulate_frames(scene: Scene) -> Iterator[SimulatedFrame]:
+    """Yield the simulate_frames of a scene in order, made by all cores; the same whatever their number."""
     threads = os.cpu_count() or 1
     renderer = Renderer(scene)
-    pending: deque[Future[Turn]] = deque()
+    pending: deque[Future[SimulatedFrame]] = deque()
     with ThreadPoolExecutor(threads, thread_name_prefix="simulate") as pool:
         try:
             for index in range(scene.recording.frames):
@@ -33,7 +33,7 @@ def turns(scene: Scene) -> Iterator[Turn]:
             pool.shutdown(cancel_futures=True)
 
 
-def record(scene: Scene, log: Path, labels: Path, on_turn: Callable[[Turn], None] = lambda _: None) -> None:
+def record(scene: Scene, log: Path, labels: Path, on_turn: Callable[[SimulatedFrame], None] = lambda _: None) -> None:
     """Write a scene to a file of one of `FORMATS`, told by its ending, and its labels as native CSV.
 
     Parameters
@@ -56,7 +56,7 @@ def record(scene: Scene, log: Path, labels: Path, on_turn: Callable[[Turn], None
         writer: Log = FORMATS[log.suffix[1:]](scene, log_file.stream)
         try:
             label_file.stream.write((",".join(_COLUMNS) + "\n").encode())
-            for turn in turns(scene):
+            for turn in simulate_frames(scene):
                 writer.add(turn)
                 label_file.stream.write(_rows(turn).encode())
                 on_turn(turn)
@@ -66,7 +66,7 @@ def record(scene: Scene, log: Path, labels: Path, on_turn: Callable[[Turn], None
             raise
 
 
-def _rows(turn: Turn) -> str:
+def _rows(turn: SimulatedFrame) -> str:
     """Return the lines of a turn's labels."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -16,7 +16,7 @@ from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, Terrain, terrain_name
 from seaclutter_cli.truth import IGNORED, Boxes
 
-__all__ = ["POINT", "Renderer", "Turn"]
+__all__ = ["POINT", "Renderer", "SimulatedFrame"]
 
 Floats = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ _DARK_REFLECTIVITY = 0.3
 
 
 @dataclass(frozen=True)
-class Turn:
+class SimulatedFrame:
     """One frame of a simulated recording.
 
     Parameters
@@ -77,7 +77,7 @@ class Renderer:
         terrain: Terrain = make(params, hulls, vessel.length_m, self._seed)
         return terrain
 
-    def turn(self, index: int) -> Turn:
+    def turn(self, index: int) -> SimulatedFrame:
         """Return a turn by its number."""
         rng = np.random.default_rng([self._seed, 1, index])
         start_s = index / self.lidar.rate_hz
@@ -91,7 +91,7 @@ class Renderer:
         hull = self._ride.hull(start_s)
         meet_body(shots, echoes, np.arange(len(shots)), self._own, hull, (_DARK_REFLECTIVITY, IGNORED))
         self._bodies.meet(shots, echoes, placed)
-        return Turn(index, *self._receiver.receive(echoes, times_s, rng), self._boxes(placed, hull, start_s))
+        return SimulatedFrame(index, *self._receiver.receive(echoes, times_s, rng), self._boxes(placed, hull, start_s))
 
     def _shots(self, places: Floats, turns: Floats) -> Shots:
         beams = len(self.lidar.elevations_deg)

@@ -15,7 +15,15 @@ from seaclutter_cli.simulation.marine.motion import Track
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, terrain_name
 from seaclutter_cli.sinks.atomic import AtomicFile
-from seaclutter_cli.validation import as_lists, build_list, build_sections, builtin_files, find_file, read_yaml, refuse
+from seaclutter_cli.validation import (
+    as_lists,
+    build_list,
+    build_sections,
+    builtin_files,
+    find_file,
+    raise_problems,
+    read_yaml,
+)
 
 _SECTIONS = ("recording", *TERRAINS, "vessel", "noise", "objects")
 Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
@@ -244,7 +252,7 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
         kinds["noise"] = NoiseParams
     parts = build_sections(kinds, raw, problems)
     objects = _objects(raw.get("objects") or [], problems)
-    refuse(where, problems)
+    raise_problems(where, problems)
     parts["terrain"] = parts.pop(chosen[0])
     return Scene(**parts, objects=tuple(objects))
 

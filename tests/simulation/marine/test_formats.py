@@ -8,7 +8,7 @@ import pytest
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.pipeline import Selection, frames
 from seaclutter_cli.simulation.marine.formats import FORMATS, START_NS
-from seaclutter_cli.simulation.marine.recording import record, turns
+from seaclutter_cli.simulation.marine.recording import record, simulate_frames
 from seaclutter_cli.simulation.marine.scene import load_scene
 from seaclutter_cli.sources import find_recordings
 
@@ -28,7 +28,7 @@ def read_log(path):
 def test_every_format_gives_the_frames_again(tmp_path, form):
     log = tmp_path / f"log.{form}"
     record(scene("RS-LiDAR-32"), log, tmp_path / "labels.csv")
-    expected = list(turns(scene("RS-LiDAR-32")))
+    expected = list(simulate_frames(scene("RS-LiDAR-32")))
     found = read_log(log)
     assert [frame.index for frame in found] == list(range(FRAMES))
     assert [frame.size for frame in found] == [len(turn.points) for turn in expected]
@@ -40,7 +40,7 @@ def test_every_format_gives_the_frames_again(tmp_path, form):
 def test_packets_are_as_exact_as_their_units(tmp_path, lidar):
     log = tmp_path / "log.pcap"
     record(scene(lidar), log, tmp_path / "labels.csv")
-    for frame, turn in zip(read_log(log), turns(scene(lidar)), strict=True):
+    for frame, turn in zip(read_log(log), simulate_frames(scene(lidar)), strict=True):
         points = frame.cloud.points
         assert np.array_equal(points["ring"], turn.points["ring"])
         assert np.array_equal(points["intensity"], turn.points["intensity"])

@@ -9,7 +9,7 @@ from rosbags.typesys import Stores, get_typestore
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.simulation.marine import recording
 from seaclutter_cli.simulation.marine.formats import START_NS
-from seaclutter_cli.simulation.marine.recording import record, turns
+from seaclutter_cli.simulation.marine.recording import record, simulate_frames
 from seaclutter_cli.simulation.marine.scene import load_scene
 
 
@@ -29,7 +29,7 @@ def test_a_foreign_reader_reads_it(made):
     assert [message.log_time for _, _, message in messages] == [START_NS + k * 10**8 for k in (1, 2, 3)]
     cloud = typestore.deserialize_cdr(messages[1][2].data, "sensor_msgs/msg/PointCloud2")
     assert [field.name for field in cloud.fields] == ["x", "y", "z", "intensity", "ring", "timestamp", "label"]
-    expected = list(turns(load_scene("calm").with_recording(frames=2)))[1].points
+    expected = list(simulate_frames(load_scene("calm").with_recording(frames=2)))[1].points
     points = np.frombuffer(cloud.data, expected.dtype)
     np.testing.assert_array_equal(points["x"], expected["x"])
     np.testing.assert_allclose(points["timestamp"] - START_NS / 1e9, expected["timestamp"], atol=1e-6)

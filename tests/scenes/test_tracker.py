@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seaclutter_cli.scenes.judge import SceneDecision, SceneJudge
+from seaclutter_cli.scenes.tracker import SceneDecision, SceneTracker
 from tests.filters.frames import make_frame
 
 CLASSES = ("open", "confined", "ice")
@@ -43,7 +43,7 @@ def by_hand(said, hold):
 
 @given(st.lists(st.sampled_from(CLASSES), min_size=1, max_size=30), st.integers(1, 4), st.integers(1, 5))
 def test_the_rule(said, hold, every):
-    judge = SceneJudge(Told(said), every=every, hold=hold)
+    judge = SceneTracker(Told(said), every=every, hold=hold)
     decisions = [judge.scene(SOMETHING) for _ in range(len(said) * every)]
     scenes = by_hand(said, hold)
     assert [decision.name for decision in decisions] == [scene for scene in scenes for _ in range(every)]
@@ -54,7 +54,7 @@ def test_the_rule(said, hold, every):
 
 
 def test_frames_of_nothing_say_nothing():
-    judge = SceneJudge(Told(["confined", "open"]), every=3, hold=1)
+    judge = SceneTracker(Told(["confined", "open"]), every=3, hold=1)
     even = pytest.approx(1 / 3)
     for frame in NOTHING:
         assert judge.scene(frame) == SceneDecision("open", even, False, dict.fromkeys(CLASSES, even))
@@ -66,7 +66,7 @@ def test_frames_of_nothing_say_nothing():
 
 def test_reset_forgets_all():
     model = Told(["confined", "open", "open", "confined"])
-    judge = SceneJudge(model, every=2, hold=2)
+    judge = SceneTracker(model, every=2, hold=2)
     first = [judge.scene(SOMETHING).name for _ in range(3)]
     judge.reset()
     assert first == ["confined"] * 3
@@ -77,7 +77,7 @@ def test_reset_forgets_all():
 
 def test_the_classifier_is_asked_no_more_than_it_must():
     model = Told(["open"] * 3)
-    judge = SceneJudge(model, every=10, hold=1)
+    judge = SceneTracker(model, every=10, hold=1)
     for _ in range(25):
         judge.scene(SOMETHING)
     assert model.looks == 3

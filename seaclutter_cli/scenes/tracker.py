@@ -33,7 +33,7 @@ class SceneDecision:
     probabilities: Mapping[str, float] = field(default_factory=dict)
 
 
-class SceneJudge:
+class SceneTracker:
     """Tells the scene of the frames of one topic.
 
     The classifier looks at the first frame and then at one in ``scene_every``. Its first look decides; from then on the
@@ -91,7 +91,7 @@ class SceneJudge:
         return self._decision
 
 
-def make_judge(params: SceneParams) -> SceneJudge:
+def make_scene_tracker(params: SceneParams) -> SceneTracker:
     """Return a judge without state.
 
     Raises
@@ -106,4 +106,4 @@ def make_judge(params: SceneParams) -> SceneJudge:
         raise ModelError(
             f"{params.scene_model}: sees {model.extent_m:g} m to each side, scene_extent_m is {params.scene_extent_m:g}"
         )
-    return SceneJudge(model, every=params.scene_every, hold=params.scene_hold)
+    return SceneTracker(model, every=params.scene_every, hold=params.scene_hold)
