@@ -17,6 +17,10 @@ A message says what was found and what to do about it.
 """
 
 
+class RenamedKeyWarning(FutureWarning):
+    """A configuration or scene has a key by its former name; a later major release will not know it any more."""
+
+
 class SeaclutterError(Exception):
     """An error in the data or the run; its text is shown to the user as it is.
 

@@ -1,14 +1,15 @@
 """Settings in YAML files, checked against the dataclasses that declare them; used for configurations and scenes."""
 
+import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, Field, field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 import yaml
 
-from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
 
 
 def builtin_files(folder: str = "") -> Mapping[str, Path]:
@@ -85,6 +86,7 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
     problems : list of str
         Grows by a line for everything that is wrong; then None is returned.
     """
+    values = _with_present_names(kind, values, section)
     known = [field.name for field in fields(kind)]
     allowed = ", ".join(known) or "no keys"
     wrong = [f"{section}.{key}: unknown key; {owner} has: {allowed}" for key in values if key not in known]
@@ -104,6 +106,22 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
     except ValueError as error:  # the values do not fit together
         problems.append(f"{section}.{error}")
         return None
+
+
+def renamed(default: Any, *, formerly: str) -> Any:
+    """Return the dataclass field of a key that had another name, which still loads, with a warning."""
+    return field(default=default, metadata={"formerly": formerly})
+
+
+def _with_present_names(kind: type[Any], values: Mapping[str, Any], section: str) -> Mapping[str, Any]:
+    """Return values with former names of keys replaced by present ones."""
+    names = {former: one.name for one in fields(kind) if (former := one.metadata.get("formerly"))}
+    for former, present in names.items():
+        if former in values and present not in values:
+            text = f"{section}.{former}: this key is now called {present}"
+            warnings.warn(RenamedKeyWarning(text), stacklevel=2)
+            values = {present if key == former else key: value for key, value in values.items()}
+    return values
 
 
 def build_sections(kinds: Mapping[str, type[Any]], raw: Mapping[str, Any], problems: list[str]) -> dict[str, Any]:

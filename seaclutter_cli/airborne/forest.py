@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.neighborhoods import threads
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.truth import OBJECT_CLASSES
+from seaclutter_cli.validation import renamed
 
 Values = NDArray[np.float64]
 Codes = NDArray[np.int64]
@@ -32,9 +33,9 @@ class ForestParams:
         Features that a node chooses from, N_f; null: the square root of their number.
     min_leaf_points : int
         Points that a leaf holds at least.
-    points_per_object : int
+    max_points_per_object : int
         Of each object at most so many points are trained on, chosen by chance, so that islands do not drown the rest.
-    held_out : float
+    test_share : float
         Share of the tiles, or objects, that is kept for the test.
     seed : int
         What all chance comes from.
@@ -43,8 +44,8 @@ class ForestParams:
     trees: Annotated[int, Interval(ge=1, le=2000)] = 100
     features_per_node: Annotated[int, Ge(1)] | None = None
     min_leaf_points: Annotated[int, Ge(1)] = 3
-    points_per_object: Annotated[int, Ge(1)] = 500
-    held_out: Annotated[float, Interval(gt=0, lt=1)] = 0.3
+    max_points_per_object: Annotated[int, Ge(1)] = renamed(500, formerly="points_per_object")
+    test_share: Annotated[float, Interval(gt=0, lt=1)] = renamed(0.3, formerly="held_out")
     seed: Annotated[int, Ge(0)] = 1
 
 
@@ -118,7 +119,7 @@ def hold_out(samples: Samples, params: ForestParams) -> tuple[NDArray[np.bool_],
     tiles = np.unique(samples.tile)
     if len(tiles) >= _LEAST_TILES:
         for _ in range(100):
-            chosen = rng.permutation(tiles)[: max(1, round(params.held_out * len(tiles)))]
+            chosen = rng.permutation(tiles)[: max(1, round(params.test_share * len(tiles)))]
             test = np.isin(samples.tile, chosen)
             if set(samples.code[~test]) == set(samples.code):
                 return test, "tile"
@@ -127,7 +128,7 @@ def hold_out(samples: Samples, params: ForestParams) -> tuple[NDArray[np.bool_],
     for code in np.unique(objects[2]):
         members = rng.permutation(np.flatnonzero(objects[2] == code))
         if len(members) > 1:
-            chosen_objects[members[: min(max(1, round(params.held_out * len(members))), len(members) - 1)]] = True
+            chosen_objects[members[: min(max(1, round(params.test_share * len(members))), len(members) - 1)]] = True
     return chosen_objects[which], "object"
 
 
@@ -172,7 +173,7 @@ def _few_of_each(samples: Samples, params: ForestParams) -> NDArray[np.intp]:
     order = np.lexsort((luck, which))
     starts = np.flatnonzero(np.diff(which[order], prepend=-1))
     rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
-    return np.sort(order[rank < params.points_per_object])
+    return np.sort(order[rank < params.max_points_per_object])
 
 
 def predict(forest: Any, features: Values) -> Values:

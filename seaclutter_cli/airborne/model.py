@@ -1,6 +1,7 @@
 """Trained forests as files that load without running code."""
 
 import json
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 
 from seaclutter_cli import __version__
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
-from seaclutter_cli.errors import ConfigError, InputError, MissingExtraError
+from seaclutter_cli.errors import ConfigError, InputError, MissingExtraError, RenamedKeyWarning
 
 _FORMAT = 1
 _TRUSTED = ["sklearn.tree._tree.Tree"]  # compiled arrays of nodes, which are checked
@@ -88,7 +89,9 @@ def _checked(content: Any) -> ObjectModel:
     if not isinstance(content, dict) or set(content) != _KEYS or content["format"] != _FORMAT:
         raise ValueError("it does not hold what a model does")
     try:
-        settings = parse_settings(json.loads(content["settings"]), "its settings")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RenamedKeyWarning)  # nobody wrote them by hand
+            settings = parse_settings(json.loads(content["settings"]), "its settings")
     except ConfigError as error:
         raise ValueError(str(error)) from error
     names, forest = list(settings.features.names), content["forest"]

@@ -4,6 +4,7 @@ import io
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Mapping
 from types import FrameType
 from typing import Any
@@ -11,9 +12,9 @@ from typing import Any
 import click
 
 from seaclutter_cli import __version__
-from seaclutter_cli.commands.console import DEBUG, show_error
+from seaclutter_cli.commands.console import DEBUG, show_error, show_renamed
 from seaclutter_cli.commands.lazy import LazyGroup
-from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
 
 COMMANDS: Mapping[str, str] = {
     "info": "Show what a log holds and what a filter run would need to be told.",
@@ -36,7 +37,10 @@ class _Program(LazyGroup):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            return super().invoke(ctx)
+            with warnings.catch_warnings():
+                warnings.simplefilter("always", RenamedKeyWarning)
+                warnings.showwarning = show_renamed(warnings.showwarning)
+                return super().invoke(ctx)
         except SeaclutterError as error:
             if DEBUG in ctx.meta:
                 raise

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
 from seaclutter_cli.text import printable
 
 if TYPE_CHECKING:
@@ -107,6 +107,21 @@ class _PlainProgress:
         if time.monotonic() >= self._next:
             self._next += _LINE_SECONDS
             click.echo(f"{self._title}: {self._count}{self._of} frames", err=True)
+
+
+def show_renamed(show_others: Callable[..., None]) -> Callable[..., None]:
+    """Return what shows Python's warnings: those of renamed keys as the program's own, each once."""
+    shown: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        text = str(message)
+        if not issubclass(category, RenamedKeyWarning):
+            show_others(message, category, *place, **more)
+        elif text not in shown:
+            shown.add(text)
+            click.echo(f"Warning: {printable(text)}", err=True)
+
+    return show
 
 
 def show_error(error: SeaclutterError) -> None:

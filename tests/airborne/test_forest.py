@@ -13,7 +13,7 @@ from seaclutter_cli.airborne.model import ObjectModel, load_model
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.errors import InputError
 
-PARAMS = ForestParams(trees=8, points_per_object=40)
+PARAMS = ForestParams(trees=8, max_points_per_object=40)
 
 
 def samples(tiles=1, objects=4, points=30, classes=(1, 2, 3), width=14, seed=0):

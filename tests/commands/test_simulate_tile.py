@@ -8,7 +8,7 @@ from seaclutter_cli.commands import cli
 SCENE = """
 tile: {size_m: [90, 80], seed: 2}
 lidar: {pulses_m2: 0.5}
-objects: [{kind: reef, at_m: [40, 40]}]
+objects: [{kind: reef, position_m: [40, 40]}]
 """
 
 

@@ -159,10 +159,12 @@ class TileRenderer:
         self, thing: TileObject, patch: Patch, pulses: Pulses, sea: TileWater, hits: Hits, rng: np.random.Generator
     ) -> None:
         """Let the rays that come near an object end on it."""
-        highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*thing.at_m))
+        highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*thing.position_m))
         reach = 0.5 * float(np.hypot(*thing.size_m[:2])) + 2.0
         near_y = reach + highest * np.abs(pulses.slope)
-        near = np.flatnonzero((np.abs(pulses.x - thing.at_m[0]) < reach) & (np.abs(pulses.y - thing.at_m[1]) < near_y))
+        near = np.flatnonzero(
+            (np.abs(pulses.x - thing.position_m[0]) < reach) & (np.abs(pulses.y - thing.position_m[1]) < near_y)
+        )
         if not len(near):
             return
         x, y = _beams(pulses.x[near], pulses.y[near], self.scene.lidar)
@@ -181,7 +183,7 @@ class TileRenderer:
         if patch.motion == "fixed":
             return np.zeros_like(x)
         if patch.motion == "floats":
-            return np.full_like(x, sea.heave(*thing.at_m))
+            return np.full_like(x, sea.heave(*thing.position_m))
         return sea.height(x, y)
 
 
@@ -227,7 +229,7 @@ def _under(
 ) -> tuple[NDArray[np.intp], tuple[NDArray[np.intp], ...]]:
     """Return which of some places lie over an object's maps, and in which cells."""
     c, s = np.cos(thing.heading), np.sin(thing.heading)
-    dx, dy = x - thing.at_m[0], y - thing.at_m[1]
+    dx, dy = x - thing.position_m[0], y - thing.position_m[1]
     cells = [
         np.floor(side / STEP_M + count / 2).astype(np.intp)
         for side, count in zip((c * dx + s * dy, c * dy - s * dx), patch.top.shape, strict=True)
@@ -282,7 +284,7 @@ def _points(
 
 def _stray(points: NDArray[np.void], params: WaterParams, rng: np.random.Generator) -> None:
     """Turn a few echoes into such of nothing, below and above the surface."""
-    chosen = np.flatnonzero(rng.random(len(points)) < params.stray)
+    chosen = np.flatnonzero(rng.random(len(points)) < params.stray_echo_share)
     low = rng.random(len(chosen)) < 0.5
     points["z"][chosen] = np.where(low, -rng.uniform(2, 15, len(chosen)), rng.uniform(8, 80, len(chosen)))
     points["object_id"][chosen] = 0

@@ -20,6 +20,7 @@ from seaclutter_cli.validation import (
     plain,
     raise_problems,
     read_yaml,
+    renamed,
 )
 
 _TRIES = 4000
@@ -32,7 +33,7 @@ class TileParams:
 
     Parameters
     ----------
-    about : str
+    description : str
         What the scene shows.
     size_m : (float, float)
         Extent along x and y.
@@ -44,7 +45,7 @@ class TileParams:
         Water between objects placed by chance.
     """
 
-    about: str = ""
+    description: str = renamed("", formerly="about")
     size_m: Annotated[tuple[Annotated[float, Interval(ge=50, le=3000)], ...], Len(2, 2)] = (875.0, 695.0)
     origin_m: Annotated[tuple[float, ...], Len(2, 2)] = (512_000.0, 3_458_000.0)
     seed: Annotated[int, Ge(0)] = 1
@@ -103,7 +104,7 @@ class WaterParams:
         Where both run to, counter-clockwise from x.
     reflectivity : float
         Of the surface, met head on.
-    stray : float
+    stray_echo_share : float
         Share of echoes from nothing, below and above the surface.
     """
 
@@ -113,7 +114,7 @@ class WaterParams:
     swell_period_s: Annotated[float, Interval(ge=5, le=20)] = 8.0
     direction_deg: float = 40.0
     reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.08
-    stray: Annotated[float, Interval(ge=0, le=0.1)] = 0.00004
+    stray_echo_share: Annotated[float, Interval(ge=0, le=0.1)] = renamed(0.00004, formerly="stray")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +125,7 @@ class TileObjectParams:
     ----------
     kind : str
         Its class.
-    at_m : (float, float) or None
+    position_m : (float, float) or None
         Its middle, from the tile's corner.
     heading_deg : float or None
         Counter-clockwise from x.
@@ -135,7 +136,7 @@ class TileObjectParams:
     """
 
     kind: str
-    at_m: Annotated[tuple[float, ...], Len(2, 2)] | None = None
+    position_m: Annotated[tuple[float, ...], Len(2, 2)] | None = renamed(None, formerly="at_m")
     heading_deg: float | None = None
     size_m: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3)] | None = None
     reflectivity: Annotated[float, Interval(ge=0, le=1)] | None = None
@@ -152,7 +153,7 @@ class TileObject:
 
     number: int
     kind: str
-    at_m: tuple[float, float]
+    position_m: tuple[float, float]
     heading: float
     size_m: Size
     reflectivity: float
@@ -185,7 +186,7 @@ class TileScene:
             If there is no room for one.
         """
         placed: list[TileObject] = []
-        order = sorted(range(len(self.objects)), key=lambda at: self.objects[at].at_m is None)
+        order = sorted(range(len(self.objects)), key=lambda at: self.objects[at].position_m is None)
         for at in order:
             placed.append(self._place(at, placed))
         return sorted(placed, key=lambda thing: thing.number)
@@ -202,11 +203,11 @@ class TileScene:
         for _ in range(_TRIES):
             heading = float(rng.uniform(0, 360)) if given.heading_deg is None else given.heading_deg
             reach = _MARGIN_M + np.asarray(_bounds(size, float(np.radians(heading)))) / 2
-            place = given.at_m or tuple(
+            place = given.position_m or tuple(
                 rng.uniform(reach, np.maximum(np.array(self.tile.size_m) - reach, reach + 1e-6))
             )
             thing = TileObject(at + 1, given.kind, place, float(np.radians(heading)), size, shade)  # type: ignore[arg-type]
-            if given.at_m or all(_apart(thing, other, self.tile.gap_m) for other in placed):
+            if given.position_m or all(_apart(thing, other, self.tile.gap_m) for other in placed):
                 return thing
         raise ConfigError(f"objects.{at}: no room for another {given.kind}; leave some out, or make the tile larger")
 
@@ -225,7 +226,11 @@ def _bounds(size: Size, heading: float) -> tuple[float, float]:
 
 def _apart(one: TileObject, other: TileObject, gap_m: float) -> bool:
     sides = zip(
-        one.at_m, other.at_m, _bounds(one.size_m, one.heading), _bounds(other.size_m, other.heading), strict=True
+        one.position_m,
+        other.position_m,
+        _bounds(one.size_m, one.heading),
+        _bounds(other.size_m, other.heading),
+        strict=True,
     )
     return any(abs(a - b) > 0.5 * (u + v) + gap_m for a, b, u, v in sides)
 

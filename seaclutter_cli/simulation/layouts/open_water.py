@@ -101,6 +101,6 @@ def pile_field(rng: np.random.Generator) -> Scene:
         x, y = (np.array(cell) - 4.0) * step + shift + rng.normal(0, 0.05 * step, 2)
         place = float(cos * x - sin * y), float(sin * x + cos * y)
         if plan.chance(0.8) and plan.claim(place, wide):
-            plan.add("pile", place, (wide, wide, high), reflectivity=plan.log(0.08, 0.6), sway=0.0)
+            plan.add("pile", place, (wide, wide, high), reflectivity=plan.log(0.08, 0.6), wave_response=0.0)
     plan.scatter(_SMALL, plan.count(0, 5), 10, 90)
     return plan.scene("Piles in the open sea.", speed_ms=plan.uniform(0, 5))

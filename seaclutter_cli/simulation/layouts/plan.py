@@ -83,7 +83,7 @@ class Plan:
 
     def fixed(self, shape: str, place: Place, size_m: Sequence[float], heading_deg: float = 0.0, **more: Any) -> None:
         """Add a part of the shore, an area to ignore."""
-        self.add(shape, place, size_m, heading_deg, sway=0.0, ignore=True, **more)
+        self.add(shape, place, size_m, heading_deg, wave_response=0.0, ignore=True, **more)
 
     def boat(self, shape: str, longest_m: float = np.inf) -> tuple[float, float, float]:
         """Return a random length, width and height of a kind of boat, in metres."""
@@ -133,7 +133,7 @@ class Plan:
         """Return the scene: what was gathered, with a random lidar on a random vessel on a random sea."""
         rotating = [name for name, lidar in LIDARS.items() if lidar.rotates]
         recording = RecordingParams(
-            about=about, lidar=self.pick(rotating), frames=FRAMES, seed=int(self.rng.integers(2**31))
+            description=about, lidar=self.pick(rotating), frames=FRAMES, seed=int(self.rng.integers(2**31))
         )
         return Scene(recording, self._sea(**sea), self._vessel(heading_deg, speed_ms), tuple(self.objects))
 
@@ -160,5 +160,5 @@ class Plan:
             width_m=round(length * self.uniform(0.28, 0.42), 2),
             lidar_height_m=round(1.2 + 0.25 * length * self.uniform(0.3, 1.3), 2),
             lidar_forward_m=round(length * self.uniform(-0.1, 0.42), 2),
-            sway=self.uniform(0.2, 0.9),
+            wave_response=self.uniform(0.2, 0.9),
         )

@@ -82,7 +82,9 @@ def _tree(plan: Plan, trees: Trees, place: tuple[float, float], step_m: float) -
     wide, high, bright = plan.uniform(*trees.wide_m), plan.uniform(*trees.high_m), plan.uniform(0.3, 0.65)
     long = max(wide, 1.15 * step_m) if trees is APPLE else wide
     heading = 180.0 * plan.count(0, 1) if trees is APPLE else plan.uniform(-180, 180)
-    plan.add(trees.shape, place, (long, wide, high), heading, class_name=trees.kind, reflectivity=bright, sway=0.0)
+    plan.add(
+        trees.shape, place, (long, wide, high), heading, class_name=trees.kind, reflectivity=bright, wave_response=0.0
+    )
     if trees.crown_m:
         crown = trees.crown_m * plan.uniform(0.8, 1.2)
         plan.fixed("crown", place, (crown, crown, high + plan.uniform(3, 6)), class_name="crown", reflectivity=0.3)
@@ -90,10 +92,12 @@ def _tree(plan: Plan, trees: Trees, place: tuple[float, float], step_m: float) -
 
 def _seen(plan: Plan, about: str) -> Scene:
     """Return the scene: what was gathered, with a CE30-D on a small vehicle on uneven ground."""
-    recording = RecordingParams(about=about, lidar="CE30-D", frames=50, seed=int(plan.rng.integers(2**31)))
+    recording = RecordingParams(description=about, lidar="CE30-D", frames=50, seed=int(plan.rng.integers(2**31)))
     ground = GroundParams(roughness_m=plan.uniform(0.0, 0.03), reflectivity=plan.uniform(0.1, 0.4))
     noise = NoiseParams(
-        lost_share=plan.uniform(0.02, 0.3), lost_reach_m=plan.log(0.3, 1.2), edge_share=plan.uniform(0.2, 0.8)
+        false_return_share=plan.uniform(0.02, 0.3),
+        false_return_reach_m=plan.log(0.3, 1.2),
+        mixed_pixel_share=plan.uniform(0.2, 0.8),
     )
     vehicle = VesselParams(
         path=((0.0, 0.0), (1000.0, plan.uniform(-50, 50))),
@@ -102,6 +106,6 @@ def _seen(plan: Plan, about: str) -> Scene:
         width_m=1.0,
         lidar_height_m=plan.uniform(0.7, 1.4),
         lidar_forward_m=0.85,
-        sway=plan.uniform(0.1, 0.6),
+        wave_response=plan.uniform(0.1, 0.6),
     )
     return Scene(recording, ground, vehicle, tuple(plan.objects), noise)

@@ -152,7 +152,7 @@ _CE30_D = Lidar(
     max_range_m=28.0,
     rate_hz=30.0,
     field_deg=60.0,
-    noise=NoiseParams(lost_share=0.15, edge_share=0.5),
+    noise=NoiseParams(false_return_share=0.15, mixed_pixel_share=0.5),
 )
 
 LIDARS: Mapping[str, Lidar] = {

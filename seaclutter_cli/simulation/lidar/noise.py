@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes
 from seaclutter_cli.truth import CLUTTER
+from seaclutter_cli.validation import renamed
 
 Floats = NDArray[np.float64]
 
@@ -21,11 +22,11 @@ class NoiseParams:
 
     Parameters
     ----------
-    lost_share : float
+    false_return_share : float
         Share of the beams without an echo that report a near place all the same (lost information).
-    lost_reach_m : float
+    false_return_reach_m : float
         Mean distance of these places beyond the least range.
-    edge_share : float
+    mixed_pixel_share : float
         Share of the beams across an edge that report a place between the two surfaces (escape values).
 
     Notes
@@ -33,9 +34,9 @@ class NoiseParams:
     S3 shows both kinds and gives no amount of either; those of the lidars here are assumptions.
     """
 
-    lost_share: Annotated[float, Interval(ge=0, le=1)] = 0.0
-    lost_reach_m: Annotated[float, Gt(0)] = 0.6
-    edge_share: Annotated[float, Interval(ge=0, le=1)] = 0.0
+    false_return_share: Annotated[float, Interval(ge=0, le=1)] = renamed(0.0, formerly="lost_share")
+    false_return_reach_m: Annotated[float, Gt(0)] = renamed(0.6, formerly="lost_reach_m")
+    mixed_pixel_share: Annotated[float, Interval(ge=0, le=1)] = renamed(0.0, formerly="edge_share")
 
 
 NO_NOISE = NoiseParams()
@@ -63,13 +64,15 @@ def mix_edges(echoes: Echoes, columns: int, noise: NoiseParams, rng: np.random.G
     :math:`s P_1` and :math:`(1-s) P_2` with :math:`P \propto \rho \cos\theta / R^2`. It is clutter where it is more
     than 10 cm from both.
     """
-    if not noise.edge_share:
+    if not noise.mixed_pixel_share:
         return
     shots = np.arange(len(echoes.range_m)).reshape(columns, -1)
     left, right = shots[:-1].reshape(-1), shots[1:].reshape(-1)
     with np.errstate(invalid="ignore"):
         step = np.abs(echoes.range_m[left] - echoes.range_m[right])
-    edges = np.flatnonzero(np.isfinite(step) & (step > 2 * _SURFACE_M) & (rng.random(len(left)) < noise.edge_share))
+    edges = np.flatnonzero(
+        np.isfinite(step) & (step > 2 * _SURFACE_M) & (rng.random(len(left)) < noise.mixed_pixel_share)
+    )
     swap = rng.random(len(edges)) < 0.5
     own, other = np.where(swap, right[edges], left[edges]), np.where(swap, left[edges], right[edges])
     share = 0.5 + 0.5 * rng.random(len(edges))
@@ -104,8 +107,8 @@ def lost_ranges(
     (ndarray, shape (L,), int64), (ndarray, shape (L,), float64), (ndarray, shape (L,), float64)
         Distances fall off exponentially from the least range; intensities are the least that there are.
     """
-    if not noise.lost_share:
+    if not noise.false_return_share:
         return silent[:0], np.empty(0), np.empty(0)
-    lost = silent[rng.random(len(silent)) < noise.lost_share]
-    ranges = least_m + noise.lost_reach_m * rng.standard_exponential(len(lost))
+    lost = silent[rng.random(len(silent)) < noise.false_return_share]
+    ranges = least_m + noise.false_return_reach_m * rng.standard_exponential(len(lost))
     return lost, ranges, rng.integers(1, 4, len(lost)).astype(np.float64)

@@ -75,7 +75,7 @@ class Receiver:
         mix_edges(echoes, self.lidar.columns, self.noise, rng)
         chosen, measured, power = self._echoed(echoes, rng)
         label = echoes.label[chosen]
-        silent = np.setdiff1d(np.arange(len(echoes.range_m)), chosen) if self.noise.lost_share else chosen[:0]
+        silent = np.setdiff1d(np.arange(len(echoes.range_m)), chosen) if self.noise.false_return_share else chosen[:0]
         lost, near, weak = lost_ranges(silent, self.lidar.min_range_m, self.noise, rng)
         if len(lost):
             order = np.argsort(np.concatenate((chosen, lost)), kind="stable")

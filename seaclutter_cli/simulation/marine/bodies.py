@@ -54,7 +54,7 @@ class Bodies:
         self.meshes = [SHAPES[item.shape]().scaled(*(float(size) for size in item.size_m)) for item in objects]
         self._tracks = Tracks([item.track for item in objects])
         # What is longer than a wave follows it less.
-        self._follow = np.array([item.sway * min(1.0, _STEEP_M / float(item.size_m[0])) for item in objects])
+        self._follow = np.array([item.wave_response * min(1.0, _STEEP_M / float(item.size_m[0])) for item in objects])
 
     def placed(self, moment: Moment, ride: Ride, lidar: Lidar, start_s: float) -> list[Placed]:
         """Return where each is in the turn that starts at a time."""

@@ -56,7 +56,7 @@ class Ground:
     hulls : sequence
         Leave no wake here.
     own_length_m : float
-        Bumps of any length tilt the vehicle, as far as its `sway` lets them.
+        Bumps of any length tilt the vehicle, as far as its `wave_response` lets them.
     seed : int
         What all chance comes from.
     """

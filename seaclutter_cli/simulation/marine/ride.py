@@ -24,7 +24,7 @@ class Ride:
     """
 
     def __init__(self, vessel: VesselParams, terrain: Terrain) -> None:
-        self._track, self._sway, self._terrain = vessel.track, vessel.sway, terrain
+        self._track, self._sway, self._terrain = vessel.track, vessel.wave_response, terrain
         self._mast = np.array([vessel.lidar_forward_m, 0.0, vessel.lidar_height_m])
 
     def at(self, times_s: Floats) -> tuple[Floats, Floats]:

@@ -23,6 +23,7 @@ from seaclutter_cli.validation import (
     find_file,
     raise_problems,
     read_yaml,
+    renamed,
 )
 
 _SECTIONS = ("recording", *TERRAINS, "vessel", "noise", "objects")
@@ -35,7 +36,7 @@ class RecordingParams:
 
     Parameters
     ----------
-    about : str
+    description : str
         What the scene shows.
     lidar : str
         A lidar by name.
@@ -47,7 +48,7 @@ class RecordingParams:
         Share of echoes that get lost.
     """
 
-    about: str = ""
+    description: str = renamed("", formerly="about")
     lidar: str = "RS-LiDAR-32"
     frames: Annotated[int, Interval(ge=1, le=10**6)] = 100
     seed: Annotated[int, Ge(0)] = 1
@@ -98,7 +99,7 @@ class VesselParams(MovingParams):
         Height of the lidar above the waterline or the ground.
     lidar_forward_m : float
         How far ahead of the vessel's middle the lidar stands.
-    sway : float
+    wave_response : float
         How much of the height and slope of waves or ground the vessel follows, 0 to 1.
     """
 
@@ -106,7 +107,7 @@ class VesselParams(MovingParams):
     width_m: Annotated[float, Gt(0)] = 2.5
     lidar_height_m: Annotated[float, Gt(0)] = 2.5
     lidar_forward_m: float = 2.5
-    sway: Annotated[float, Interval(ge=0, le=1)] = 0.6
+    wave_response: Annotated[float, Interval(ge=0, le=1)] = renamed(0.6, formerly="sway")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +126,7 @@ class SceneObjectParams(MovingParams):
         Length, width and height above the waterline or the ground.
     reflectivity : float
         Of its brightest parts, met head on.
-    sway : float
+    wave_response : float
         How much of the waves' height it follows, 0 to 1.
     ignore : bool
         Whether it is an area to ignore (land, a pier) instead of a target.
@@ -136,7 +137,7 @@ class SceneObjectParams(MovingParams):
     shape: str
     size_m: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3)]
     reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.5
-    sway: Annotated[float, Interval(ge=0, le=1)] = 1.0
+    wave_response: Annotated[float, Interval(ge=0, le=1)] = renamed(1.0, formerly="sway")
     ignore: bool = False
 
     def __post_init__(self) -> None:

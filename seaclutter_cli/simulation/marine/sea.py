@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from seaclutter_cli.simulation.marine.air import extinction
+from seaclutter_cli.validation import renamed
 
 GRAVITY = 9.81
 _CELLS = 256
@@ -38,7 +39,7 @@ class SeaParams:
         Shape of the texture that makes few facets bright and most dark; the smaller, the spikier.
     foam_reflectivity : float
         Reflectivity of foam and spray, met head on.
-    foam_life_s : float
+    foam_lifetime_s : float
         Time after which a wake's foam is down to 1/e.
     visibility_km : float
         Meteorological visibility, from which the extinction in air follows.
@@ -51,7 +52,7 @@ class SeaParams:
     reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.002
     spikiness: Annotated[float, Gt(0)] = 0.2
     foam_reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.22
-    foam_life_s: Annotated[float, Gt(0)] = 8.0
+    foam_lifetime_s: Annotated[float, Gt(0)] = renamed(8.0, formerly="foam_life_s")
     visibility_km: Annotated[float, Gt(0)] = 10.0
 
     @property

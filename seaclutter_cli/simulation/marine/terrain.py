@@ -86,7 +86,7 @@ class SeaTerrain:
         self._params, self._seed = params, seed
         self._sea = Sea(params, np.random.default_rng([seed, 0]))
         self._swell = self._sea.swell(2 * own_length_m)
-        self._wakes = [Wake(track, length, width, params.foam_life_s) for track, length, width in hulls]
+        self._wakes = [Wake(track, length, width, params.foam_lifetime_s) for track, length, width in hulls]
 
     def move(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
         """Return height in metres and slopes along x and y of the long waves, shape (3, T)."""

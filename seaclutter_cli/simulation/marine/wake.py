@@ -35,7 +35,7 @@ class Wake:
         Where it goes.
     length_m, width_m : float
         Of its waterline.
-    foam_life_s : float
+    foam_lifetime_s : float
         Time after which foam is down to 1/e.
 
     Notes
@@ -62,7 +62,7 @@ class Wake:
     track: Track
     length_m: float
     width_m: float
-    foam_life_s: float
+    foam_lifetime_s: float
 
     def foam(self, x: Floats, y: Floats, time_s: float) -> Floats:
         """Return the share of the water under foam at some places, shape (N,), from 0 to 1."""
@@ -71,7 +71,7 @@ class Wake:
             inside, behind, aside, age = self._behind(leg, x, y, time_s)
             fresh = min(1.0, (leg.speed_ms / _FOAM_SPEED_MS) ** 2) * _FOAM_COVER
             half = self.width_m / 2 * np.maximum(1.0, behind / self.length_m) ** 0.2
-            churned = np.exp(-((aside / half) ** 4)) * np.exp(-age / self.foam_life_s)
+            churned = np.exp(-((aside / half) ** 4)) * np.exp(-age / self.foam_lifetime_s)
             arm = np.exp(-(((aside - self._arm(behind)) / (0.4 + 0.05 * behind)) ** 2))
             breaking = arm * np.exp(-behind / (2 * self.length_m + leg.speed_ms))
             cover[inside] = np.maximum(cover[inside], fresh * np.maximum(churned, breaking))

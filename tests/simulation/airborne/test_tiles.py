@@ -34,7 +34,7 @@ def test_scenes_that_come_with_the_program(name):
     things = one.things()
     assert len(things) == len(one.objects) > 0
     assert parse_tile_scene(one.as_dict(), "again") == one
-    assert one.tile.about
+    assert one.tile.description
 
 
 def test_what_the_papers_tiles_are_like():
@@ -51,7 +51,9 @@ def test_every_object_is_where_the_scene_has_it(small):
         own = points[points["object_id"] == thing.number]
         assert len(own) > 50, thing
         assert set(own["object_class"]) == {thing.code}
-        x, y = (own[axis] - origin - at for axis, origin, at in zip("xy", one.tile.origin_m, thing.at_m, strict=True))
+        x, y = (
+            own[axis] - origin - at for axis, origin, at in zip("xy", one.tile.origin_m, thing.position_m, strict=True)
+        )
         c, s = np.cos(thing.heading), np.sin(thing.heading)
         for along, side in zip((c * x + s * y, c * y - s * x), thing.size_m, strict=False):
             assert np.abs(along).max() < side / 2 + 1.5
@@ -61,7 +63,7 @@ def test_every_object_is_where_the_scene_has_it(small):
 
 def test_the_file_keeps_to_the_format(tmp_path):
     laspy = pytest.importorskip("laspy")
-    record_tile(scene([{"kind": "reef", "at_m": [60, 50]}]), tmp_path / "t.laz")
+    record_tile(scene([{"kind": "reef", "position_m": [60, 50]}]), tmp_path / "t.laz")
     header = laspy.read(tmp_path / "t.laz").header
     assert (header.point_format.id, str(header.version), header.global_encoding.wkt) == (6, "1.4", True)
 
@@ -90,13 +92,13 @@ def test_echoes_are_numbered(small):
 
 
 def test_one_return_means_one():
-    island = {"kind": "island", "at_m": [60, 50], "size_m": [60, 50, 12]}
+    island = {"kind": "island", "position_m": [60, 50], "size_m": [60, 50, 12]}
     points = points_of(scene([island], lidar={"max_returns": 1}))
     assert set(points["number_of_returns"]) == {1}
 
 
 def test_swell_has_its_height():
-    water = {"wave_m": 0.0, "swell_m": 1.2, "stray": 0}
+    water = {"wave_m": 0.0, "swell_m": 1.2, "stray_echo_share": 0}
     z = points_of(scene(water=water, size=(400, 300)))["z"]
     assert 4 * z.std() == pytest.approx(1.2, rel=0.3)
     assert 4 * points_of(scene(water={**water, "swell_m": 0.0}))["z"].std() < 0.2
@@ -112,7 +114,7 @@ def test_calm_water_is_dark_and_often_silent_askance():
 
 
 def test_a_tall_ship_hides_water_from_a_lidar_that_looks_askance():
-    ship = {"kind": "ship", "at_m": [100, 190], "heading_deg": 0, "size_m": [90, 14, 20], "reflectivity": 0.4}
+    ship = {"kind": "ship", "position_m": [100, 190], "heading_deg": 0, "size_m": [90, 14, 20], "reflectivity": 0.4}
     lidar = {"height_m": 200, "scan_angle_deg": 60, "overlap": 0}
     points = points_of(scene([ship], size=(200, 230), lidar=lidar))
     sea = points[points["object_id"] == 0]
@@ -143,7 +145,7 @@ def test_objects_keep_apart():
     things = one.things()
     for i, here in enumerate(things):
         for there in things[:i]:
-            gap = np.hypot(here.at_m[0] - there.at_m[0], here.at_m[1] - there.at_m[1])
+            gap = np.hypot(here.position_m[0] - there.position_m[0], here.position_m[1] - there.position_m[1])
             assert gap > 0.5 * (here.size_m[1] + there.size_m[1]) + 25
 
 
@@ -212,7 +214,8 @@ def test_no_room():
 
 def test_placed_objects_come_first_and_keep_their_place():
     one = scene(
-        [{"kind": "reef"}, {"kind": "ship", "at_m": [60, 50], "heading_deg": 90, "size_m": [40, 8, 9]}], (300, 300)
+        [{"kind": "reef"}, {"kind": "ship", "position_m": [60, 50], "heading_deg": 90, "size_m": [40, 8, 9]}],
+        (300, 300),
     )
     ship = replace(one, tile=replace(one.tile, seed=9)).things()[1]
-    assert (ship.at_m, ship.number, round(ship.heading, 3)) == ((60, 50), 2, 1.571)
+    assert (ship.position_m, ship.number, round(ship.heading, 3)) == ((60, 50), 2, 1.571)

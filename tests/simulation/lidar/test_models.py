@@ -66,4 +66,6 @@ def test_ce30_d_is_that_of_its_datasheet():
     np.testing.assert_allclose(elevation[5], np.arange(1.9, -2, -0.2), atol=1e-9)  # table 2
     np.testing.assert_allclose(azimuth, azimuth[:, :1] * np.ones(20), atol=1e-9)
     assert (lidar.min_range_m, lidar.max_range_m, lidar.rate_hz) == (0.4, 28.0, 30.0)
-    assert [name for name, one in LIDARS.items() if one.noise.lost_share or one.noise.edge_share] == ["CE30-D"]
+    assert [name for name, one in LIDARS.items() if one.noise.false_return_share or one.noise.mixed_pixel_share] == [
+        "CE30-D"
+    ]

@@ -8,15 +8,22 @@ from seaclutter_cli.simulation.marine.render import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 
 LIDAR = LIDARS["CE30-D"]
-POST = {"track_id": 1, "shape": "pile", "size_m": [0.6, 0.6, 4], "path": [[8, 0]], "sway": 0}
-WALL = {"track_id": 2, "shape": "quay_wall", "size_m": [1, 60, 6], "path": [[14.5, 0]], "reflectivity": 0.9, "sway": 0}
+POST = {"track_id": 1, "shape": "pile", "size_m": [0.6, 0.6, 4], "path": [[8, 0]], "wave_response": 0}
+WALL = {
+    "track_id": 2,
+    "shape": "quay_wall",
+    "size_m": [1, 60, 6],
+    "path": [[14.5, 0]],
+    "reflectivity": 0.9,
+    "wave_response": 0,
+}
 
 
 def points(noise, *objects):
     raw = {
         "recording": {"lidar": "CE30-D", "dropout": 0},
         "ground": {"roughness_m": 0.0},
-        "vessel": {"sway": 0.0, "lidar_height_m": 1.0, "lidar_forward_m": 4.0},
+        "vessel": {"wave_response": 0.0, "lidar_height_m": 1.0, "lidar_forward_m": 4.0},
         "noise": noise,
         "objects": list(objects),
     }
@@ -36,7 +43,7 @@ def edge(first, second, reflectances=(0.5, 0.5), count=4000):
 
 def test_escape_values_lie_between_the_surfaces_and_are_clutter():
     echoes = edge(5.0, 9.0)
-    mix_edges(echoes, 12000, NoiseParams(edge_share=1.0), np.random.default_rng(1))
+    mix_edges(echoes, 12000, NoiseParams(mixed_pixel_share=1.0), np.random.default_rng(1))
     mixed = np.flatnonzero(echoes.label[np.arange(12000) % 3 < 2] == 0)
     found = echoes.range_m[(echoes.label == 0) & np.isfinite(echoes.range_m)]
     assert 2000 < len(mixed) == len(found) <= 4000  # one for each edge, where it is far enough from both
@@ -47,7 +54,7 @@ def test_escape_values_lie_between_the_surfaces_and_are_clutter():
 
 def test_escape_values_have_the_light_of_both_parts():
     echoes = edge(5.0, 9.0, (0.2, 0.8))
-    mix_edges(echoes, 12000, NoiseParams(edge_share=1.0), np.random.default_rng(1))
+    mix_edges(echoes, 12000, NoiseParams(mixed_pixel_share=1.0), np.random.default_rng(1))
     mixed = (echoes.label == 0) & np.isfinite(echoes.range_m)
     power = echoes.reflectance[mixed] / echoes.range_m[mixed] ** 2
     near, far = 0.2 / 25, 0.8 / 81
@@ -59,7 +66,7 @@ def test_escape_values_have_the_light_of_both_parts():
 @pytest.mark.parametrize("share", [0.0, 0.3])
 def test_as_many_edges_are_mixed_as_asked_for(share):
     echoes = edge(5.0, 20.0, (0.1, 0.9))
-    mix_edges(echoes, 12000, NoiseParams(edge_share=share), np.random.default_rng(1))
+    mix_edges(echoes, 12000, NoiseParams(mixed_pixel_share=share), np.random.default_rng(1))
     mixed = ((echoes.label == 0) & np.isfinite(echoes.range_m)).sum()
     assert mixed == 0 if share == 0 else 0.9 * share < mixed / 4000 < 1.05 * share
 
@@ -69,13 +76,13 @@ def test_a_slope_or_the_sky_behind_is_no_edge():
     sky = Echoes(np.tile([5.0, np.inf], 100), np.tile([0.5, 0.0], 100), np.ones(200, np.uint16))
     for echoes in (slope, sky):
         before = echoes.range_m.copy()
-        mix_edges(echoes, 200, NoiseParams(edge_share=1.0), np.random.default_rng(1))
+        mix_edges(echoes, 200, NoiseParams(mixed_pixel_share=1.0), np.random.default_rng(1))
         np.testing.assert_array_equal(echoes.range_m, before)
 
 
 def test_lost_information_is_near_and_as_much_as_asked_for():
     silent = np.arange(7, 50_007)
-    noise = NoiseParams(lost_share=0.2, lost_reach_m=0.6)
+    noise = NoiseParams(false_return_share=0.2, false_return_reach_m=0.6)
     lost, range_m, intensity = lost_ranges(silent, 0.4, noise, np.random.default_rng(1))
     assert len(lost) / len(silent) == pytest.approx(0.2, rel=0.05)
     assert set(lost.tolist()) <= set(silent.tolist())
@@ -86,7 +93,7 @@ def test_lost_information_is_near_and_as_much_as_asked_for():
 
 
 def test_a_frame_has_escape_values_on_the_rays_beside_a_post_only():
-    clean, noisy = points({}, POST, WALL), points({"edge_share": 1.0}, POST, WALL)
+    clean, noisy = points({}, POST, WALL), points({"mixed_pixel_share": 1.0}, POST, WALL)
     assert not (clean["label"] == 0).any()
     escaped = noisy[noisy["label"] == 0]
     assert len(escaped) >= 20
@@ -98,7 +105,7 @@ def test_a_frame_has_escape_values_on_the_rays_beside_a_post_only():
 
 
 def test_a_frame_has_lost_information_where_there_is_nothing_to_see():
-    clean, noisy = points({}, POST), points({"lost_share": 0.5}, POST)
+    clean, noisy = points({}, POST), points({"false_return_share": 0.5}, POST)
     post = (noisy["label"] == 1).sum()
     assert post == pytest.approx((clean["label"] == 1).sum(), abs=3)
     lost = noisy[noisy["label"] == 0]

@@ -9,7 +9,14 @@ from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.truth import IGNORED
 
 FLAT = {"sea_state": 0, "reflectivity": 0, "visibility_km": 1000}
-WALL = {"track_id": 1, "shape": "quay_wall", "size_m": [2, 60, 8], "path": [[31, 0]], "reflectivity": 0.4, "sway": 0}
+WALL = {
+    "track_id": 1,
+    "shape": "quay_wall",
+    "size_m": [2, 60, 8],
+    "path": [[31, 0]],
+    "reflectivity": 0.4,
+    "wave_response": 0,
+}
 
 
 def scene(*objects, sea=FLAT, vessel=None, **recording):
@@ -119,7 +126,7 @@ def test_waves_hide_what_floats_low():
         "size_m": [5, 0.8, 0.5],
         "path": [[45, 0]],
         "reflectivity": 0.9,
-        "sway": 0,
+        "wave_response": 0,
     }
     rough = FLAT | {"sea_state": 4}
     calm = sum((Renderer(scene(kayak)).turn(k).points["label"] == 2).sum() for k in (0, 9, 18))
@@ -132,7 +139,7 @@ def test_a_flat_black_sea_gives_no_clutter():
 
 
 def test_clutter_lies_on_the_water():
-    points = Renderer(scene(sea={"sea_state": 0}, vessel={"sway": 0.0})).turn(0).points
+    points = Renderer(scene(sea={"sea_state": 0}, vessel={"wave_response": 0.0})).turn(0).points
     clutter = points[points["label"] == 0]
     assert len(clutter) > 500
     np.testing.assert_allclose(clutter["z"], -2.5, atol=0.12)
@@ -151,7 +158,7 @@ def test_clutter_gets_sparser_and_weaker_with_range():
 
 
 def test_own_vessel_rolls_with_the_sea():
-    vessel = {"sway": 1.0, "length_m": 2.0}
+    vessel = {"wave_response": 1.0, "length_m": 2.0}
     still = Renderer(scene(WALL, vessel=vessel)).turn(0)
     rolling = [Renderer(scene(WALL, sea=FLAT | {"sea_state": 3}, vessel=vessel)).turn(k) for k in (0, 7, 14)]
     heights = [turn.boxes.centers[1, 2] for turn in rolling]

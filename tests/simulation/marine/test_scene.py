@@ -10,7 +10,7 @@ BUOY = {"track_id": 1, "shape": "buoy", "size_m": [1, 1, 1]}
 @pytest.mark.parametrize("name", builtin_scenes())
 def test_every_built_in_scene_loads_and_says_what_it_is(name):
     scene = load_scene(name)
-    assert len(scene.recording.about) > 20
+    assert len(scene.recording.description) > 20
     assert parse_scene(yaml.safe_load(yaml.safe_dump(scene.as_dict())), "again") == scene
 
 
@@ -34,7 +34,7 @@ def test_the_scenes_that_are_promised():
         ({"vessel": {"path": []}}, "vessel.path"),
         ({"sea": {}, "ground": {}}, "sea and ground: a scene has one of them"),
         ({"ground": {"sea_state": 2}}, "ground.sea_state: unknown key"),
-        ({"noise": {"lost_share": 2}}, "noise.lost_share"),
+        ({"noise": {"false_return_share": 2}}, "noise.false_return_share"),
         ({"noise": {"lost": 2}}, "noise.lost: unknown key"),
         ({"objects": {"buoy": 1}}, "objects: must be a list, is a section"),
         ({"objects": [3]}, "objects.0: must be a section with keys"),
