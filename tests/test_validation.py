@@ -1,5 +1,6 @@
 """Keys that had another name: they load as before, with a warning that names the new one."""
 
+import warnings
 from dataclasses import dataclass, fields
 
 import pytest
@@ -9,7 +10,7 @@ from click.testing import CliRunner
 from seaclutter_cli.airborne.settings import load_settings
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import RenamedKeyWarning
-from seaclutter_cli.simulation.airborne.scene import parse_tile_scene
+from seaclutter_cli.simulation.airborne.scene import builtin_tiles, load_tile_scene, parse_tile_scene
 from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
 from seaclutter_cli.validation import build, renamed
 
@@ -45,6 +46,13 @@ def test_scenes_of_the_first_release_load():
     with pytest.warns(RenamedKeyWarning):
         scene = parse_scene(yaml.safe_load(text), "old")
     assert scene == load_scene("apple")
+
+
+@pytest.mark.parametrize("name", [*builtin_scenes(), *builtin_tiles()])
+def test_nothing_built_in_has_a_former_name(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RenamedKeyWarning)
+        load_scene(name) if name in builtin_scenes() else load_tile_scene(name)
 
 
 def _parts(scene):
