@@ -1,11 +1,11 @@
-"""The notebook runs on the sample and shows what it says."""
+"""The notebook runs on the sample and gives the documented results."""
 
 import nbformat
 from nbclient import NotebookClient
 
 from tests.paths import ROOT
 
-NOTEBOOK = ROOT / "examples" / "first_steps.ipynb"
+NOTEBOOK = ROOT / "docs" / "first_steps.ipynb"
 
 
 def test_the_notebook_runs():

@@ -1,0 +1,21 @@
+# As a command:        docker run --rm -v "$PWD:/data" seaclutter filter trial.mcap -o filtered.mcap
+# As a cluster worker: docker run --rm -v /mnt/nas:/data --entrypoint dask seaclutter worker tcp://scheduler:8786 --nthreads 1
+FROM python:3.13-slim AS build
+WORKDIR /src
+COPY pyproject.toml README.md LICENSE ./
+COPY seaclutter_cli seaclutter_cli
+COPY seaclutter seaclutter
+COPY configs configs
+RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels .
+
+FROM python:3.13-slim
+ARG EXTRAS=all,cluster
+# OpenMP for the neighbour search
+RUN apt-get update && apt-get install --yes --no-install-recommends libgomp1 && rm -rf /var/lib/apt/lists/*
+COPY --from=build /wheels /wheels
+RUN pip install --no-cache-dir "$(ls /wheels/*.whl)[${EXTRAS}]" && rm -rf /wheels
+RUN useradd --create-home --uid 1000 seaclutter
+USER seaclutter
+WORKDIR /data
+ENTRYPOINT ["seaclutter"]
+CMD ["--help"]
