@@ -1,4 +1,4 @@
-"""Surroundings of the examples in docstrings: the samples at hand, and a folder for what they write."""
+"""Environment of the doctests: they run in the repository, with a temporary folder for output."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from _pytest.doctest import DoctestItem
 
 
 @pytest.fixture(autouse=True)
-def _surroundings(request, doctest_namespace, monkeypatch, tmp_path_factory):
+def _doctest_environment(request, doctest_namespace, monkeypatch, tmp_path_factory):
     if isinstance(request.node, DoctestItem):
         monkeypatch.chdir(Path(__file__).parent)
         doctest_namespace["folder"] = tmp_path_factory.mktemp("example")

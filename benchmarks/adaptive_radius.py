@@ -1,7 +1,7 @@
-"""One frame: the adaptive radius filter beside statistical outlier removal and DROR, in turns in one run.
+"""Speed of the adaptive radius filter on one frame, compared with statistical outlier removal and DROR.
 
-Run as ``python benchmarks/adaptive_radius.py``. Times are those of the whole step, from a frame that has not been
-looked at before.
+Run as ``python benchmarks/adaptive_radius.py``. The methods alternate within one run. Each time is for the whole step
+on a frame whose coordinates and ranges are not yet computed.
 """
 
 import statistics
@@ -23,7 +23,7 @@ RUNS = 15
 
 
 def harbour_walls() -> np.ndarray:
-    """Return the points of a frame in which every beam meets something."""
+    """Return the points of a frame in which every beam has a return."""
     points = np.zeros(57_600, [(axis, "<f4") for axis in "xyz"])
     for axis, values in zip("xyz", basin(), strict=True):
         points[axis] = values

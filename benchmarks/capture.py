@@ -1,7 +1,7 @@
-"""RS-LiDAR-32 captures: decoding on one core, and the whole of ``seaclutter filter``.
+"""Speed on RS-LiDAR-32 captures: decoding on one core, and ``seaclutter filter`` as a whole process.
 
-Run as ``python benchmarks/capture.py FOLDER``, on Linux or macOS. What is timed of decoding is all from the file to
-structured frames: finding the sensor and its calibration in the whole capture, then decoding every packet of it.
+Run as ``python benchmarks/capture.py FOLDER`` on Linux or macOS. Decoding is timed from the file to structured frames:
+it searches the whole capture for the sensor and its calibration, then decodes every packet.
 """
 
 import resource
@@ -22,31 +22,31 @@ from seaclutter_cli.sensors.robosense.packets import Columns, write_data, write_
 from seaclutter_cli.sinks.pcap import Endpoints, ethernet_udp, pcap_header, pcap_record
 from seaclutter_cli.sources import open_source
 
-PACKETS_A_TURN = 150
-COLUMNS = 12 * PACKETS_A_TURN
+PACKETS_PER_REVOLUTION = 150
+COLUMNS = 12 * PACKETS_PER_REVOLUTION
 START_NS = 1_700_000_000_000_000_000
 MODEL = MODELS["RS-LiDAR-32"]
 INFO = Endpoints(source_port=7788, target_port=7788)
 RUNS = 5
 SCENES = ("calm", "buoy_speedboat", "departure", "rough", "harbour")
-TURNS = 200
+REVOLUTIONS = 200
 
 
-def packets(turns: int, returns: float) -> Iterator[tuple[int, Endpoints, bytes]]:
+def packets(revolutions: int, returns: float) -> Iterator[tuple[int, Endpoints, bytes]]:
     random = np.random.default_rng(0)
     angles = make_angles(np.arange(32) * 125 - 2500, np.arange(32) % 4 * 300 - 450)
-    for turn in range(turns):
+    for revolution in range(revolutions):
         distance = random.uniform(1, 200, (COLUMNS, 32)) * (random.random((COLUMNS, 32)) < returns)
-        times = START_NS + (turn * PACKETS_A_TURN + np.arange(PACKETS_A_TURN)) * MODEL.packet_ns
+        times = START_NS + (revolution * PACKETS_PER_REVOLUTION + np.arange(PACKETS_PER_REVOLUTION)) * MODEL.packet_ns
         columns = Columns(np.arange(COLUMNS) * 20, distance, random.integers(0, 256, distance.shape), times)
         for time_ns, payload in zip(times.tolist(), write_data(MODEL, columns), strict=True):
             yield time_ns + MODEL.packet_ns, Endpoints(), payload.tobytes()
-        if turn % 10 == turns % 10:
+        if revolution % 10 == revolutions % 10:
             yield int(times[-1]) + MODEL.packet_ns, INFO, write_info(MODEL, angles).tobytes()
 
 
 def decode(path: Path) -> tuple[int, int]:
-    """Return frames and points of a capture."""
+    """Return the number of frames and points of a capture."""
     frames = points = 0
     with closing(open_source(path)) as source:
         for message in source.records():
@@ -61,37 +61,38 @@ def peak_mb() -> float:
 
 
 def filter_scenes(folder: Path) -> None:
-    """Time the whole process on captures of simulated scenes; the sensor makes ten turns a second."""
-    print(f"\n{'scene':<16}{'turns':>7}{'seconds':>9}{'turns/s':>9}")
+    """Print times of the whole process on captures of simulated scenes; the sensor makes ten revolutions per second."""
+    print(f"\n{'scene':<16}{'revolutions':>13}{'seconds':>9}{'revolutions/s':>15}")
     for scene in SCENES:
         path = folder / f"{scene}.pcap"
         tool = [sys.executable, "-m", "seaclutter_cli"]
         if not path.exists():
-            subprocess.run([*tool, "simulate", scene, "-n", str(TURNS), "-o", str(path), "-q"], check=True)
+            subprocess.run([*tool, "simulate", scene, "-n", str(REVOLUTIONS), "-o", str(path), "-q"], check=True)
         seconds = []
         for _ in range(RUNS):
             started = time.perf_counter()
             subprocess.run([*tool, "filter", str(path), "-o", str(folder / "out.mcap"), "--force", "-q"], check=True)
             seconds.append(time.perf_counter() - started)
         middle = statistics.median(seconds)
-        print(f"{scene:<16}{TURNS:>7}{middle:>9.2f}{TURNS / middle:>9.0f}", flush=True)
+        print(f"{scene:<16}{REVOLUTIONS:>13}{middle:>9.2f}{REVOLUTIONS / middle:>15.0f}", flush=True)
 
 
 def decode_captures(folder: Path) -> None:
-    print(f"{'returns':<10}{'turns':>7}{'frames/s':>10}{'packets/s':>11}{'points/s':>12}{'peak MB':>9}")
-    for turns, returns in ((300, 1.0), (300, 0.5), (1200, 0.5)):
-        path = folder / f"rs-lidar-32-{turns}-{returns}.pcap"
+    print(f"{'returns':<10}{'revolutions':>13}{'frames/s':>10}{'packets/s':>11}{'points/s':>12}{'peak MB':>9}")
+    for revolutions, returns in ((300, 1.0), (300, 0.5), (1200, 0.5)):
+        path = folder / f"rs-lidar-32-{revolutions}-{returns}.pcap"
         with path.open("wb") as file:
             file.write(pcap_header())
-            for time_ns, ends, payload in packets(turns, returns):
-                file.write(pcap_record(time_ns, ethernet_udp(ends, payload)))
+            for time_ns, endpoints, payload in packets(revolutions, returns):
+                file.write(pcap_record(time_ns, ethernet_udp(endpoints, payload)))
         seconds = []
         for _ in range(RUNS):
             started = time.perf_counter()
             frames, points = decode(path)
             seconds.append(time.perf_counter() - started)
         middle = statistics.median(seconds)
-        print(f"{returns:<10.0%}{turns:>7}{frames / middle:>10.0f}{frames * PACKETS_A_TURN / middle:>11.0f}", end="")
+        rates = frames / middle, frames * PACKETS_PER_REVOLUTION / middle
+        print(f"{returns:<10.0%}{revolutions:>13}{rates[0]:>10.0f}{rates[1]:>11.0f}", end="")
         print(f"{points / middle:>12.3g}{peak_mb():>9.0f}", flush=True)
 
 

@@ -1,7 +1,7 @@
-"""Clusters of one frame, in turns in one run: Euclidean ones beside scipy's tree, DBSCAN's beside scikit-learn's.
+"""Speed of clustering on one frame: Euclidean compared with a scipy tree, DBSCAN compared with scikit-learn.
 
-The tree only counts neighbours, at the same distance. Run as ``python benchmarks/clustering.py``; without scikit-learn
-its column is nan.
+The tree only counts neighbours within the same distance. The implementations alternate within one run. Run as
+``python benchmarks/clustering.py``; without scikit-learn others column is nan.
 """
 
 import statistics
@@ -27,36 +27,36 @@ MIN_POINTS = 5
 
 
 def rays() -> NDArray[np.float64]:
-    """Return the directions of a frame's beams, shape (3, 57600)."""
+    """Return the directions of the shots of a frame, shape (3, 57600)."""
     azimuth = np.repeat(np.arange(COLUMNS) * np.radians(0.2), BEAMS)
     elevation = np.tile(np.radians(np.linspace(-16, 15, BEAMS)), COLUMNS)
     return np.stack((np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)))
 
 
 def basin() -> NDArray[np.float64]:
-    """Return a harbour in which every beam meets something: four quay walls, moored boats, the water."""
-    way = rays()
+    """Return the points of a harbour with a return for every shot: four quay walls, moored boats, the water."""
+    direction = rays()
     with np.errstate(divide="ignore"):
-        walls = np.min([np.where(s * way[a] > 0, d / (s * way[a]), 200) for a, s, d in WALLS], axis=0)
-        water = np.where(way[2] < 0, -3 / way[2], 200)
-    sector = np.arctan2(way[1], way[0]) // 0.1
+        walls = [np.where(s * direction[a] > 0, d / (s * direction[a]), 200) for a, s, d in WALLS]
+        water = np.where(direction[2] < 0, -3 / direction[2], 200)
+    sector = np.arctan2(direction[1], direction[0]) // 0.1
     boats = np.where(sector % 3 > 0, 15 + sector * 7 % 11, 200)
-    range_m = np.minimum(np.minimum(walls, boats), water)
-    return way * (range_m + np.random.default_rng(0).normal(0, 0.03, POINTS))
+    range_m = np.min([*walls, boats, water], axis=0)
+    return direction * (range_m + np.random.default_rng(0).normal(0, 0.03, POINTS))
 
 
 WALLS = ((0, 1, 40.0), (0, -1, 25.0), (1, 1, 18.0), (1, -1, 30.0))
 
 
 def cloud(share: float, *, bright: bool = False) -> NDArray[np.float64]:
-    """Return the points of a synthetic frame; if bright, those that an intensity filter leaves."""
+    """Return the points of a synthetic frame; with ``bright``, only those above an intensity threshold."""
     points = frame(1, share)
     points = points[np.isfinite(points["x"]) & ((points["intensity"] > 30) | (not bright))]
     return np.stack([points[axis] for axis in "xyz"]).astype(np.float64)
 
 
 def open_sea() -> NDArray[np.float64]:
-    """Return a few thousand points of waves and two boats."""
+    """Return 3,800 points of waves and two boats."""
     rng = np.random.default_rng(0)
     waves = rng.normal(0, 1, (3, 3000)) * np.array([[25], [25], [0.5]])
     boats = [rng.normal(0, 1, (3, 400)) + np.array([[x], [20], [1]]) for x in (-30, 45)]
@@ -78,18 +78,18 @@ def dbscan_of_sklearn(points: NDArray[np.float64]) -> object:
 
 
 def show(title: str, other: str, frames: dict, cluster: Callable, peer: Callable | None) -> None:
-    """Print the times of a way to cluster, and of what it is compared with."""
+    """Print the times of a clustering method and of the implementation it is compared with."""
     print(f"{title:<20}{'points':>8}{'clusters':>10}{'ms':>8}{other:>12}{'ratio':>7}")
     for name, xyz in frames.items():
         points = np.ascontiguousarray(xyz.T)
         found = int(cluster(xyz, TOLERANCE_M, MIN_POINTS).max()) + 1
         rows = []
         for _ in range(RUNS):
-            mine = timed(lambda xyz=xyz: cluster(xyz, TOLERANCE_M, MIN_POINTS))
-            rows.append((mine, timed(lambda points=points: peer(points)) if peer else np.nan))
-        mine, its = (statistics.median(column) for column in zip(*rows, strict=True))
+            own = timed(lambda xyz=xyz: cluster(xyz, TOLERANCE_M, MIN_POINTS))
+            rows.append((own, timed(lambda points=points: peer(points)) if peer else np.nan))
+        own, others = (statistics.median(column) for column in zip(*rows, strict=True))
         ratio = statistics.median(row[0] / row[1] for row in rows)
-        print(f"{name:<20}{len(points):>8}{found:>10}{mine:>8.1f}{its:>12.1f}{ratio:>7.2f}")
+        print(f"{name:<20}{len(points):>8}{found:>10}{own:>8.1f}{others:>12.1f}{ratio:>7.2f}")
 
 
 def main() -> None:

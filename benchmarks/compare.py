@@ -1,7 +1,7 @@
-"""Whole process: ``seaclutter evaluate --compare paper`` against ``seaclutter filter`` on the same log, in turns.
+"""Whole process: ``seaclutter evaluate --compare paper`` and ``seaclutter filter`` on the same log, alternating.
 
-Run as ``python benchmarks/compare.py LOG LABELS`` on a log of your own, or ``python benchmarks/compare.py FOLDER`` on
-synthetic logs of 196 frames that are made there; on Linux or macOS.
+Run as ``python benchmarks/compare.py LOG LABELS`` on a log of your own, or as ``python benchmarks/compare.py FOLDER``,
+which creates synthetic logs of 196 frames there; on Linux or macOS.
 """
 
 import statistics
@@ -17,7 +17,7 @@ BOXES = ((20, 10), (-30, 5), (60, -20), (90, 10), (0, 45))
 
 
 def write_labels(path: Path) -> None:
-    """Write five boxes a frame, wherever they lie: what counts here is the work."""
+    """Write five boxes per frame; their positions are arbitrary, since only the time matters."""
     rows = [
         f"{number},{track},boat,{x},{y},0,8,3,4,0.3" for number in range(FRAMES) for track, (x, y) in enumerate(BOXES)
     ]
@@ -30,7 +30,7 @@ def evaluate_command(log: Path, labels: Path) -> list[str]:
 
 
 def compare(name: str, log: Path, labels: Path) -> None:
-    """Print how long both take, after a run of each that does not count."""
+    """Print the times of both commands, after one untimed run of each."""
     pairs = [(measure(evaluate_command(log, labels)), measure(filter_command(log))) for _ in range(RUNS + 1)][1:]
     ratios = [ours[0] / once[0] for ours, once in pairs]
     ours, once = (statistics.median(pair[side][0] for pair in pairs) for side in (0, 1))

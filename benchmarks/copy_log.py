@@ -1,4 +1,4 @@
-"""Copy a log with the ``mcap`` library: read raw, write raw, same compression. What a filter run is compared with."""
+"""Copy a log with the ``mcap`` library, without decoding, same compression; the reference of filter runs."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The picture of docs/density.md: spacing over range for the lidars that we know.
+"""The figure of docs/density.md: spacing over range for the built-in lidars.
 
 Run as ``python benchmarks/density.py docs/density.svg``.
 """
@@ -17,7 +17,7 @@ FARTHEST_M = {"CE30-D": 28.0}
 
 
 def steps_by_names() -> dict[str, tuple[float, float]]:
-    """Return the steps in radians; lidars of equal steps share a name."""
+    """Return the steps between beams in radians by lidar; lidars with equal steps share an entry."""
     names: dict[tuple[float, float], list[str]] = {}
     for name, steps in STEPS_DEG.items():
         names.setdefault(steps, []).append(name)

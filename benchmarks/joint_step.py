@@ -1,6 +1,6 @@
-"""One frame: the joint method against statistical outlier removal of the whole frame, by scipy and, if there, Open3D.
+"""Speed of the joint method on one frame, compared with statistical outlier removal by scipy and Open3D.
 
-Run as ``python benchmarks/joint_step.py``.
+Outlier removal uses the whole frame. Run as ``python benchmarks/joint_step.py``; without Open3D its columns are nan.
 """
 
 import statistics
@@ -44,10 +44,10 @@ def timed(function: Callable[[], object]) -> float:
 
 
 def compare(points: np.ndarray, other: Callable[[np.ndarray], object] | None) -> list[tuple[float, float, float]]:
-    """Return milliseconds of the joint method, scipy's SOR and Open3D's, run by run."""
+    """Return the milliseconds of the joint method, of scipy and of Open3D, run by run."""
     cloud = from_array(points)
     method = FILTERS["ring_intensity_outlier"]
-    joint = method(method.Params())  # the joint method's work on a first frame, the same in every run
+    joint = method(method.Params())  # the work of the joint method on a first frame, in every run
     xyz = np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64)
     xyz = xyz[np.isfinite(xyz).all(axis=1)]
     rows = []

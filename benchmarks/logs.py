@@ -1,7 +1,7 @@
-"""Synthetic logs to measure with: RS-LiDAR-32 frames of 57,600 points of 26 bytes, an IMU and transforms.
+"""Synthetic logs for speed measurements: RS-LiDAR-32 frames of 57,600 points of 26 bytes, and an IMU.
 
-They are written with the ``mcap`` library and are not meant to look like the sea: what counts for speed is how many
-points there are, how well their bytes compress, and how many of them come through the intensity thresholds.
+The ``mcap`` library writes them. They do not resemble the sea: speed depends on the number of points, on how well
+their bytes compress, and on the share that passes the intensity thresholds.
 """
 
 import struct
@@ -30,14 +30,14 @@ POINT = np.dtype(
     }
 )
 SHARES = {"sea": 0.03, "harbour": 0.40}
-"""Share of a frame's points that lie in the rings above threshold: a day at sea, a harbour."""
+"""Share of the points that are in the range rings and above the thresholds, for a day at sea and a harbour."""
 
 EXTENTS = (((1.0, 70.5), 10.5), ((9.5, 150.0), 69.5))
-"""Least and greatest range of points near and far, and of those in the rings, in metres."""
+"""Minimum and maximum ranges in metres, each of near points, far points, and points in the range rings."""
 
 
 def frame(number: int, share: float) -> NDArray[np.void]:
-    """Return a frame: 10 % no return, 5 % own vessel, 15 % beyond the rings, the rest in them, ``share`` bright."""
+    """Return a frame: 10 % no return, 5 % own ship, 15 % beyond the range rings, the rest inside, ``share`` bright."""
     rng = np.random.default_rng(number)
     azimuth = np.repeat(np.arange(COLUMNS) * np.radians(0.2), BEAMS)
     elevation = np.tile(np.radians(np.linspace(-16, 15, BEAMS)), COLUMNS)
@@ -57,7 +57,7 @@ def frame(number: int, share: float) -> NDArray[np.void]:
 
 
 def write_log(path: Path, frames: int, share: float) -> None:
-    """Write a log, unless it is there already."""
+    """Write a log unless it exists."""
     if path.exists():
         return
     codec = CODECS["sensor_msgs/msg/PointCloud2", "cdr"]
@@ -83,7 +83,7 @@ def write_log(path: Path, frames: int, share: float) -> None:
 
 
 def share_above_threshold(share: float) -> float:
-    """Return the share that the ring thresholds really let through in the first frame's rings."""
+    """Return the share of the points of the first frame that pass the ring thresholds."""
     from seaclutter_cli.frame import Frame
 
     method = FILTERS["ring_intensity"]

@@ -1,9 +1,9 @@
-"""Digests of what every command writes, to show that a change of the code left its outputs as they were.
+"""Digests of the outputs of every command, to verify that a change of the code does not change them.
 
 Run as ``python benchmarks/outputs.py FOLDER TABLE.csv [RECORDINGS]`` before and after a change and compare the tables.
-Logs in every format are made in FOLDER once and used again; RECORDINGS is a folder of real ones. ``SEACLUTTER_PYTHON``
-names the interpreter of another checkout to run. Times are left out of JSON; an MCAP file has a second digest of its
-messages alone, which a new version or another wording of the configuration leaves as it is.
+Logs in every format are written to FOLDER once and reused; RECORDINGS is a folder of real recordings. Set
+``SEACLUTTER_PYTHON`` to the interpreter of another checkout to run that one. Times in JSON are ignored. An MCAP file
+has a second digest of its messages only, which does not depend on the version or the text of the configuration.
 """
 
 import csv
@@ -68,11 +68,11 @@ predict-plot: classify predict tile.laz --model ../model.skops -o OUT/t.laz --pl
 config-show: config show --json
 config-sensors: config sensors --json
 """
-"""Name and arguments of each run; OUT stands for its folder."""
+"""Name and arguments of each run; OUT is replaced by its output folder."""
 
 
 def make_inputs(folder: Path) -> None:
-    """Write logs in every format and layout that the tests know."""
+    """Write logs in every format and layout of the tests."""
     if folder.exists():
         return
     sys.path.insert(0, str(ROOT))
@@ -123,7 +123,7 @@ def cases(inputs: Path, recordings: Path | None) -> Iterator[tuple[str, list[str
 
 
 def log_cases(inputs: Path) -> Iterator[tuple[str, list[str]]]:
-    """Yield the runs on logs of every format and layout, whole and in part."""
+    """Yield the runs on complete and partial logs of every format and layout."""
     samples = [inputs / name for name in ("sea.mcap", "snow.mcap", "rs-lidar-32.pcap")]
     for path in (*sorted(inputs.glob("[fld][oa]*/*")), *samples):
         if path.parent.name == "formats":
@@ -139,8 +139,8 @@ def log_cases(inputs: Path) -> Iterator[tuple[str, list[str]]]:
 def recording_cases(folder: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield the runs on real recordings."""
     for path in sorted((*folder.glob("ouster/*.pcap"), *folder.glob("nebula/*/"), *folder.glob("wads-36"))):
-        beside = path.with_name("windowed_frame1_0.json")
-        given = ["--calibration", str(beside)] if path.name.startswith("windowed") else []
+        metadata = path.with_name("windowed_frame1_0.json")
+        given = ["--calibration", str(metadata)] if path.name.startswith("windowed") else []
         yield f"info-{path.name}", ["info", str(path), *given, "--json"]
         yield f"filter-{path.name}", ["filter", str(path), *given, *TABLE.split()]
     for path in sorted((*folder.glob("las/*.laz"), *folder.glob("airborne/*.laz"))):
@@ -164,7 +164,7 @@ def digest(data: bytes) -> str:
 
 
 def messages_digest(path: Path) -> str:
-    """Return a digest of topics, times and data of an MCAP file's messages."""
+    """Return a digest of the topics, times and data of the messages of an MCAP file."""
     from mcap.reader import NonSeekingReader
 
     found = hashlib.sha256()
@@ -177,7 +177,7 @@ def messages_digest(path: Path) -> str:
 
 
 def digests(name: str, arguments: list[str], inputs: Path, out: Path) -> Iterator[tuple[str, str]]:
-    """Run a case; yield what it wrote, and the digest of each part."""
+    """Run a case; yield the name and digest of each output."""
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir()
     done = run([argument.replace("OUT", str(out)) for argument in arguments], inputs)

@@ -1,11 +1,11 @@
-"""Tables as in Bi and Wang (S3, Table 2): three filters at their best parameters, objects found by DBSCAN.
+"""Tables as in [Bi], Table 2: three filters with their best parameters, objects found by DBSCAN.
 
 Run as ``python benchmarks/plantations.py [-n FRAMES] [-s KEY=VALUE] SCENE_OR_LOG…``, for plantations with
 ``-s evaluation.cluster_tolerance_m=0.5 -s evaluation.box_margin_m=0.3 poplar willow``.
 
-A scene is simulated twice, with one seed to tune on and one to test on. A log (with its labels beside it, as
-``simulate`` writes them) is divided: the first two fifths of its time are to tune on. Each filter's parameters are
-those of the grid below for which ``tune`` finds the best F1 over objects.
+A scene is simulated twice, with one seed for tuning and one for testing. A log is divided: the first two fifths of its
+duration are for tuning; its labels must be in the file that ``simulate`` writes next to it. The parameters of each
+filter are those of the grid below for which ``tune`` finds the best F1 over objects.
 """
 
 import argparse
@@ -36,7 +36,7 @@ def seaclutter(*arguments: object) -> str:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a recording: its log, and what selects the part."""
+    """A part of a recording: the log and the options that select the part."""
 
     log: Path
     selection: tuple[object, ...]
@@ -47,7 +47,7 @@ class Part:
 
 
 def parts(name: str, folder: Path, frames: int | None) -> tuple[Part, Part]:
-    """Return what to tune on and what to test on."""
+    """Return the parts for tuning and for testing."""
     some = ("-n", frames) if frames else ()
     if Path(name).suffix == ".mcap":
         (info,) = json.loads(seaclutter("info", name, "--json"))
@@ -61,7 +61,7 @@ def parts(name: str, folder: Path, frames: int | None) -> tuple[Part, Part]:
 
 
 def measured(method: str, scene: str, training: Part, test: Part, overrides: Sequence[str]) -> dict[str, object]:
-    """Return the figures of a filter at the parameters that are best on the training part."""
+    """Return the scores of a filter with the parameters that are best on the training part."""
     settings = [item for override in overrides for item in ("-s", override)]
     swept = [item.format(scene=scene) for item in GRIDS[method]]
     sweeps = [item for sweep in swept for item in ("--sweep", sweep)]
@@ -89,10 +89,10 @@ def show(method: str, found: dict) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("-n", "--frames", type=int, help="of each part; all by default")
+    parser.add_argument("-n", "--frames", type=int, help="frames of each part (default: all)")
     parser.add_argument("-s", "--set", dest="overrides", action="append", default=[])
-    parser.add_argument("--scene", default="open", help="preset of the adaptive radius filter that is tuned")
-    parser.add_argument("--folder", type=Path, help="for simulated logs, to use them again")
+    parser.add_argument("--scene", default="open", help="preset of the adaptive radius filter to tune")
+    parser.add_argument("--folder", type=Path, help="folder for simulated logs, to reuse them")
     parser.add_argument("names", nargs="+", metavar="SCENE_OR_LOG")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:

@@ -1,8 +1,8 @@
-"""``seaclutter report`` on a filtered log against reading that log once.
+"""Speed of ``seaclutter report`` on a filtered log, compared with reading that log once.
 
-Run as ``python benchmarks/report.py FOLDER``; the logs made there take some gigabytes. "Read once" is the time in which
-``mcap`` yields every message of the log, not decoded; beside it, that of our own reader. Processor time counts both
-cores, and is what to compare where other work runs.
+Run as ``python benchmarks/report.py FOLDER``; the logs written there take some gigabytes. Reading means that ``mcap``,
+or the reader of seaclutter, yields every message without decoding it. Processor time adds both cores; compare it if
+the machine is busy with other work.
 """
 
 import os
@@ -34,7 +34,7 @@ with closing(open_source(Path(sys.argv[1]))) as source:
 
 
 def filtered_log(folder: Path, name: str) -> Path:
-    """Return a filtered log with all that a report needs, made unless it is there."""
+    """Return a filtered log with all data for a report, written unless it exists."""
     raw, filtered = folder / f"{name}-{FRAMES}.mcap", folder / f"{name}-{FRAMES}.filtered.mcap"
     if not filtered.exists():
         write_log(raw, FRAMES, SHARES[name])
@@ -55,7 +55,7 @@ def timed(command: list[str]) -> tuple[float, float, float]:
 def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     page = folder / "report.html"
-    print(f"{'log':<10}{'':<10}{'report s':>10}{'mcap s':>10}{'ours s':>10}{'ratio':>8}{'MB':>7}{'page MB':>9}")
+    print(f"{'log':<10}{'time':<10}{'report s':>10}{'mcap s':>10}{'own s':>10}{'ratio':>8}{'MB':>7}{'page MB':>9}")
     for name in SHARES:
         log = str(filtered_log(folder, name))
         report = [sys.executable, "-m", "seaclutter_cli", "report", log, "-o", str(page), "--force", "-q"]
@@ -63,9 +63,9 @@ def main(folder: Path) -> None:
         commands = (report, *reads)
         rounds = [[timed(command) for command in commands] for _ in range(RUNS + 1)][1:]
         peak = max(one[0][2] for one in rounds)
-        for which, kind in enumerate(("elapsed", "processor")):
-            times = [statistics.median(one[place][which] for one in rounds) for place in range(3)]
-            ratio = statistics.median(one[0][which] / one[1][which] for one in rounds)
+        for column, kind in enumerate(("elapsed", "processor")):
+            times = [statistics.median(one[index][column] for one in rounds) for index in range(3)]
+            ratio = statistics.median(one[0][column] / one[1][column] for one in rounds)
             print(f"{name:<10}{kind:<10}{times[0]:>10.2f}{times[1]:>10.2f}{times[2]:>10.2f}{ratio:>8.2f}", end="")
             print(f"{peak:>7.0f}{page.stat().st_size / 1e6:>9.1f}")
 

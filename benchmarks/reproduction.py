@@ -1,6 +1,6 @@
-"""The tables of docs/reproduction.md: Tables 3, 4 and 5 of Li et al. 2023 on simulated counterparts, several seeds.
+"""The tables of docs/reproduction.md: Tables 3, 4 and 5 of [Li2023] on simulated scenes with several seeds.
 
-Run as ``python benchmarks/reproduction.py [SEEDS]``; it works in a temporary folder and takes some minutes.
+Run as ``python benchmarks/reproduction.py [SEEDS]``; it uses a temporary folder and takes some minutes.
 """
 
 import json
@@ -45,12 +45,12 @@ def row(cells: Iterable[object]) -> None:
 
 
 class Stages:
-    """Counts the points of buoy, speedboat and clutter after each stage, shape (stages, 3)."""
+    """Counts of buoy, speedboat and clutter points after each stage, shape (stages, 3)."""
 
     def __init__(self) -> None:
         self.counts = np.zeros((len(STAGES), 3))
 
-    def see(self, frame: Frame, results: Sequence[FilterResult | None], _: Sequence[float]) -> None:
+    def add(self, frame: Frame, results: Sequence[FilterResult | None], _: Sequence[float]) -> None:
         if frame.index in FRAMES:
             label = frame.cloud.points["label"]
             for stage, result in enumerate(results):
@@ -59,13 +59,13 @@ class Stages:
 
 
 def table_3(logs: Sequence[Path]) -> None:
-    """Points of each target and of clutter after each stage, a frame."""
+    """Print the points of each target and of clutter per frame after each stage."""
     rows: dict[str, list[tuple[float, ...]]] = defaultdict(list)
     for log in logs:
         stages = Stages()
         filters = [load_config(method=method).make_filter() for method in STAGES.values()]
         with closing(find_recordings([str(log)])[0].open(rate_hz=10.0)) as source:
-            run_each(source, filters, Selection(), stages.see)
+            run_each(source, filters, Selection(), stages.add)
         for stage, found in zip(STAGES, stages.counts / len(FRAMES), strict=True):
             rows[stage].append((*found, 100 * found[2] / found.sum()))
     print("\nTable 3\n")

@@ -1,7 +1,7 @@
-"""The scene classifier: rules of one feature beside it, its time, and what looking at fewer frames costs.
+"""The scene classifier: comparison with rules of one feature, speed, and accuracy at fewer classified frames.
 
-Run as ``python benchmarks/scene_classifier.py rules FOLDER`` on the recordings of ``scene_data.py``, ``speed``, or
-``every [SEQUENCES]``.
+Run as ``python benchmarks/scene_classifier.py rules FOLDER`` on the recordings of ``scene_data.py``, or with ``speed``
+or ``every [SEQUENCES]``.
 """
 
 import itertools
@@ -39,7 +39,7 @@ FEATURES: dict[str, Callable[[Floats, NDArray[np.uint8]], float]] = {
 
 
 def closed_bearings(xyz: Floats) -> float:
-    """Return how many of 120 bearings hold ten points or more beyond 4 m and within 60 m."""
+    """Return how many of 120 sectors contain at least ten points between 4 and 60 m."""
     away = np.hypot(xyz[0], xyz[1])
     near = (away > 4) & (away < 60)
     bearing = ((np.arctan2(xyz[1, near], xyz[0, near]) / np.pi + 1) * 60).astype(int)
@@ -56,15 +56,15 @@ def read(folder: Path) -> Iterator[tuple[int, str, Floats]]:
 
 
 def rules(folder: Path) -> None:
-    """Print the share of frames told right by the network, and by the best threshold of each feature alone."""
+    """Print the share of frames classified correctly by the network and by the best threshold of each feature."""
     model = SceneModel("open_confined")
     found = {}
     for part in (name for name in PARTS if name != "plantation"):
         rows = []
         for kind, _, xyz in read(folder / part):
             image = top_view(xyz, model.extent_m)
-            told = float(np.argmax(model.probabilities(image)))
-            rows.append((kind, told, *(feature(xyz, image) for feature in FEATURES.values())))
+            predicted = float(np.argmax(model.probabilities(image)))
+            rows.append((kind, predicted, *(feature(xyz, image) for feature in FEATURES.values())))
         found[part] = np.array(rows)
     print(f"{'':<24}" + "".join(f"{part.removeprefix('test/'):>10}" for part in found))
     shares = (float((rows[:, 1] == rows[:, 0]).mean()) for rows in found.values())
@@ -93,7 +93,7 @@ def frame_of(points: NDArray[np.void], index: int = 0) -> Frame:
 
 
 def speed() -> None:
-    """Print the times of a frame of 57,600 points; all of it runs on one thread."""
+    """Print the times for a frame of 57,600 points on one thread."""
     model = SceneModel("open_confined")
     full = frame_of(frame(1, 0.4))
     _ = full.coordinates
@@ -101,37 +101,37 @@ def speed() -> None:
     print(f"image      {timed(lambda: top_view(full.coordinates, model.extent_m)):.3f} ms, {full.size} points")
     print(f"inference  {timed(lambda: model.probabilities(image)):.3f} ms")
     for step in (1, 10):
-        judge = SceneTracker(model, every=step, hold=3)
+        tracker = SceneTracker(model, every=step, hold=3)
         started = time.thread_time()
         for _ in range(RUNS):
-            judge.scene(full)
-        print(f"every {step:<4} {1000 * (time.thread_time() - started) / RUNS:.3f} ms a frame")
+            tracker.scene(full)
+        print(f"every {step:<4} {1000 * (time.thread_time() - started) / RUNS:.3f} ms per frame")
 
 
 def every(sequences: int) -> None:
-    """Print the share of frames right on sequences of held-out layouts, and how often the scene changed.
+    """Print the share of correctly classified frames of held-out layouts, and the number of changes of the class.
 
-    Every second frame of a sequence is simulated; what is printed counts all of them.
+    Only every second frame of a sequence is simulated; the printed intervals count all frames.
     """
     model = SceneModel("open_confined")
     part = Part(16, 1.0, True, None, None)
-    looks = []
+    simulated = []
     for kind in CLASSES:
         for _, scene, _ in scenes(part, kind, sequences):
             renderer = Renderer(scene)
-            turns = range(0, scene.recording.frames, STRIDE)
-            looks.append((kind, [frame_of(renderer.turn(index).points, index) for index in turns]))
-    print(f"{'every':>6}{'hold':>6}{'right':>9}{'changes':>9}   of {sum(len(turns) for _, turns in looks)} frames")
+            indices = range(0, scene.recording.frames, STRIDE)
+            simulated.append((kind, [frame_of(renderer.turn(index).points, index) for index in indices]))
+    total = sum(len(frames) for _, frames in simulated)
+    print(f"{'every':>6}{'hold':>6}{'correct':>9}{'changes':>9}   of {total} frames")
     for step in (2, 4, 10, 20, 50):
         for hold in (1, 2, 3):
-            right, changes, frames = 0, 0, 0
-            for kind, turns in looks:
-                judge = SceneTracker(model, every=step // STRIDE, hold=hold)
-                told = [judge.scene(turn).name for turn in turns]
-                right += told.count(kind)
-                changes += sum(one != other for one, other in itertools.pairwise(told))
-                frames += len(told)
-            print(f"{step:>6}{hold:>6}{right / frames:>9.4f}{changes:>9}", flush=True)
+            correct = changes = 0
+            for kind, frames in simulated:
+                tracker = SceneTracker(model, every=step // STRIDE, hold=hold)
+                predicted = [tracker.scene(frame).name for frame in frames]
+                correct += predicted.count(kind)
+                changes += sum(one != other for one, other in itertools.pairwise(predicted))
+            print(f"{step:>6}{hold:>6}{correct / total:>9.4f}{changes:>9}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
-"""Recordings to train and test the scene classifier on: random scenes of every layout, a folder of frames each.
+"""Recordings for training and testing the scene classifier: random scenes of every layout, a folder of frames each.
 
-Run as ``python benchmarks/scene_data.py FOLDER [RECORDINGS]``. Makes FOLDER/train and FOLDER/test/NAME for what the
-network never sees in training: layouts, lidars, rough seas, all of these together; and, of a quarter as many
-recordings, FOLDER/plantation for the case of the paper. In each, a folder for each scene.
-In a quarter of the recordings the vessel lies exactly parallel to the longest thing about it, as if moored alongside.
-What is there already is kept, so an interrupted run can be taken up again.
+Run as ``python benchmarks/scene_data.py FOLDER [RECORDINGS]``. FOLDER/train is for training. FOLDER/test/NAME contains
+layouts, lidars, rough seas, and all of these together that the network does not see in training. FOLDER/plantation has
+a quarter as many recordings, for the case of [Bi]. Each contains a folder for each scene.
+
+In a quarter of the recordings own ship is exactly parallel to the longest object around it, as if moored alongside.
+Existing recordings are kept, so an interrupted run can be continued.
 """
 
 import sys
@@ -23,12 +24,12 @@ PLANTATIONS = ("dense", "sparse")
 HELD_LAYOUTS = {"regatta", "pile_field", "lock_chamber", "river"}
 HELD_LIDARS = {"VLP-16", "OS1-64"}
 ROUGH = 3.8
-"""Sea state from which on seas are left to the test."""
+"""Minimum sea state of the rough seas, which are only used for testing."""
 FRAMES = 3
 
 
 class Part(NamedTuple):
-    """Recordings by what of them is held out: True only what is, False only what is not, None both."""
+    """A set of recordings; a property is held out (True), not held out (False), or either (None)."""
 
     seed: int
     share: float
@@ -56,7 +57,7 @@ PARTS = {
 
 
 def scenes(part: Part, kind: str, number: int) -> Iterator[tuple[str, Scene, bool]]:
-    """Yield random scenes of a class, layout by layout in turn, and whether the vessel is to lie parallel."""
+    """Yield layout, random scene, and whether own ship is parallel, alternating between the layouts of a class."""
     names = [name for name, layout in LAYOUTS.items() if layout.scene_class == kind]
     names = [name for name in names if part.layout is None or (name in HELD_LAYOUTS) == part.layout]
     for index in range(number):
@@ -68,8 +69,8 @@ def scenes(part: Part, kind: str, number: int) -> Iterator[tuple[str, Scene, boo
         yield name, scene, index // len(names) % 4 == 3
 
 
-def turned(scene: Scene, time_s: float) -> float:
-    """Return by how many radians the longest thing is turned against the vessel."""
+def relative_heading(scene: Scene, time_s: float) -> float:
+    """Return the heading of the longest object relative to own ship in radians."""
     item = max(scene.objects, key=lambda one: one.size_m[0], default=None)
     if item is None:
         return 0.0
@@ -78,12 +79,12 @@ def turned(scene: Scene, time_s: float) -> float:
 
 
 def write(scene: Scene, folder: Path, *, parallel: bool) -> None:
-    """Write a few turns of a scene, seconds apart."""
+    """Write a few frames of a scene, seconds apart."""
     renderer = Renderer(scene)
     folder.mkdir(parents=True, exist_ok=True)
     for index in np.linspace(0, scene.recording.frames - 1, FRAMES).astype(int).tolist():
         points = renderer.turn(index).points
-        angle = turned(scene, index / 10) if parallel else 0.0
+        angle = relative_heading(scene, index / 10) if parallel else 0.0
         kept = np.empty(len(points), [(axis, "<f4") for axis in "xyz"])
         kept["x"] = np.cos(angle) * points["x"] + np.sin(angle) * points["y"]
         kept["y"] = np.cos(angle) * points["y"] - np.sin(angle) * points["x"]

@@ -1,8 +1,8 @@
-"""Times of the classification of tiles: python benchmarks/tile_speed.py FOLDER MODEL [PDAL].
+"""Speed of the classification of tiles as whole processes, from file to file.
 
-Whole processes, file to file: `classify separate` of one million points, LAS and LAZ, in turns with PDAL's ground
-filters if PDAL is its program; `classify predict` of a tile with 100,000 points that are no sea. MODEL is one that
-benchmarks/tiles.py has written.
+Run as ``python benchmarks/tile_speed.py FOLDER MODEL [PDAL]``. It times ``classify separate`` on one million points,
+LAS and LAZ, alternating with the ground filters of PDAL if its command is given, and ``classify predict`` on a tile
+with 100,000 non-sea points. MODEL is a model written by ``benchmarks/tiles.py``.
 """
 
 import os
@@ -21,7 +21,7 @@ from seaclutter_cli.simulation.airborne.scene import load_tile_scene
 
 
 def tiles(folder: Path) -> dict[str, Path]:
-    """Return one million points as LAS and LAZ, and a tile with many points that are no sea."""
+    """Return paths of one million points as LAS and LAZ, and of a tile with many non-sea points."""
     whole, dense = folder / "whole.laz", folder / "dense.laz"
     if not whole.exists():
         record_tile(load_tile_scene("fig3"), whole)
@@ -40,7 +40,7 @@ def classify(*arguments: str) -> list[str]:
 
 
 def run(command: Sequence[str]) -> tuple[float, float, float]:
-    """Return seconds by the clock, seconds of both cores together, and peak memory in MB."""
+    """Return elapsed seconds, processor seconds of both cores, and peak memory in MB."""
     started = perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     if process.stdout:
@@ -61,13 +61,13 @@ def main() -> None:
         separate = {f"separate, {suffix}": classify("separate", tile, "-o", out + suffix)}
         names = ("pmf", "smrf") if pdal else ()
         filters = {f"PDAL {name}, {suffix}": [*pdal, "translate", tile, f"{out}.p{suffix}", name] for name in names}
-        tell({**separate, **filters})
+        report({**separate, **filters})
     named = classify("predict", dense, "--model", model, "-o", f"{out}.d.laz")
-    tell({"separate, dense tile": classify("separate", dense, "-o", f"{out}.d.laz"), "predict, dense tile": named})
+    report({"separate, dense tile": classify("separate", dense, "-o", f"{out}.d.laz"), "predict, dense tile": named})
 
 
-def tell(commands: Mapping[str, Sequence[str]], runs: int = 5) -> None:
-    """Run commands in turns and print the medians, and the first one's time as a share of each."""
+def report(commands: Mapping[str, Sequence[str]], runs: int = 5) -> None:
+    """Run commands alternately; print medians and the ratio of the time of the first command to each."""
     found: dict[str, list[tuple[float, float, float]]] = {name: [] for name in commands}
     for _ in range(runs):
         for name, command in commands.items():

@@ -1,6 +1,7 @@
-"""Tables and figures of Shi et al. 2022 on simulated tiles: python benchmarks/tiles.py FOLDER [SEEDS].
+"""Tables and figures of [Shi2022] on simulated tiles.
 
-Tiles go to FOLDER as features (.npz), made once; tables go to standard output, pictures and a model to FOLDER.
+Run as ``python benchmarks/tiles.py FOLDER [SEEDS]``. Tables go to standard output, figures and a model to FOLDER. The
+features of the tiles are computed once and stored in FOLDER (.npz).
 """
 
 import sys
@@ -42,7 +43,7 @@ def points_of(scene: TileScene) -> tuple[Any, Any]:
 
 
 def head(title: str, *columns: str) -> None:
-    """Print the head of a table."""
+    """Print the title and the head of a table."""
     print(f"\n## {title}\n\n| {' | '.join(columns)} |\n|{' --- |' * len(columns)}")
 
 
@@ -51,12 +52,12 @@ def kappa(points: Any, classification: Any) -> float:
 
 
 def windows() -> None:
-    """Table 1: kappa over the window, by the method of the paper, without echoes from below, and with islands told."""
+    """Print Table 1, kappa over the window: method of the paper, without echoes from below, with islands detected."""
     head("Table 1: kappa over the window (m)", "tile", "method", *map(str, WINDOWS_M))
     methods = {
-        "the paper's": SurfaceParams(),
-        "no echoes from below": SeparationParams(island_m=None),
-        "ours": TileSettings().separation,
+        "as published": SurfaceParams(),
+        "without echoes from below": SeparationParams(island_m=None),
+        "with islands detected": TileSettings().separation,
     }
     scenes = {name: load_tile_scene(name) for name in TABLE_1}
     farms = scenes["farms"]
@@ -70,7 +71,7 @@ def windows() -> None:
 
 
 def rough() -> None:
-    """Tell how the threshold fares in rougher water, on a tile that nothing was set on."""
+    """Print kappa over the threshold in rougher water, on a tile that was not used to choose parameters."""
     head("Kappa over the threshold (m)", "swell, wind sea (m)", *map(str, THRESHOLDS_M))
     scene = load_tile_scene("mixed").with_tile(seed=21)
     for swell_m, wave_m in ((0.25, 0.1), (0.4, 0.12), (0.6, 0.2), (1.0, 0.3)):
@@ -80,18 +81,19 @@ def rough() -> None:
         print(f"| {swell_m:g}, {wave_m:g} |", " | ".join(row), "|", flush=True)
 
 
-def standing(points: Any, xyz: Any) -> tuple[Separation, NonSeaPoints, Any]:
+def non_sea(points: Any, xyz: Any) -> tuple[Separation, NonSeaPoints, Any]:
+    """Return the separation of a tile, its non-sea points, and their records."""
     found = separate([xyz], TileSettings().separation)
     other = found.other
     part = points[other]
-    stood = NonSeaPoints(
+    remaining = NonSeaPoints(
         xyz[:2, other], found.height_m[other].astype(float), part["intensity"].astype(float), found.points_per_cell
     )
-    return found, stood, part
+    return found, remaining, part
 
 
 def mixed(folder: Path, number: int) -> dict[str, Any]:
-    """Return the samples of a tile of its own height, density and gain, and the kappa of its separation."""
+    """Return the samples of a tile with individual height, density and gain, and the kappa of its separation."""
     path = folder / f"mixed{number}.npz"
     if not path.exists():
         scene = load_tile_scene("mixed").with_tile(seed=number + 1)
@@ -99,8 +101,8 @@ def mixed(folder: Path, number: int) -> dict[str, Any]:
         gain = 7000.0 + 200 * (3 * number % 10)
         lidar = replace(scene.lidar, height_m=float(HEIGHTS_M[at]), pulses_m2=PULSES_M2[at], gain=gain)
         points, xyz = points_of(replace(scene, lidar=lidar))
-        found, stood, part = standing(points, xyz)
-        features = features_of(stood, TileSettings().features)
+        found, remaining, part = non_sea(points, xyz)
+        features = features_of(remaining, TileSettings().features)
         np.savez(
             path,
             features=features,
@@ -130,16 +132,16 @@ def spread(values: Sequence[float]) -> str:
 
 
 def classes(folder: Path, seeds: int) -> tuple[Samples, ObjectModel]:
-    """Train on some tiles and test on the others, with texture alone and with all features."""
+    """Print scores of models trained on some tiles and tested on others, with texture only and with all features."""
     tiles = [mixed(folder, number) for number in range(len(HEIGHTS_M))]
-    head("Tiles `mixed`", "seed", "height (m)", "points", "not sea", "kappa, 20 m")
+    head("Tiles `mixed`", "seed", "height (m)", "points", "non-sea points", "kappa, 20 m")
     for number, tile in enumerate(tiles):
         print(f"| {number + 1} | {tile['height']} | {tile['size']:,} | {len(tile['code']):,} | {tile['kappa']:.3f} |")
     samples = samples_of(tiles)
     for name in ("texture", "full"):
         chosen = only(samples, FEATURES[name])
         runs = [fit(chosen, settings_of(name, seed)) for seed in range(1, seeds + 1)]
-        tell(folder, name, [report for _, report in runs])
+        print_scores(folder, name, [report for _, report in runs])
     first = runs[0][0]
     (folder / "model.skops").write_bytes(first.to_bytes())
     alone = {name: of_one(only(samples, [name])) for name in FEATURES["full"]}
@@ -153,8 +155,8 @@ def settings_of(features: str, seed: int) -> TileSettings:
     return replace(base, features=replace(base.features, features=chosen), forest=replace(base.forest, seed=seed))
 
 
-def tell(folder: Path, name: str, reports: Sequence[TrainingReport]) -> None:
-    """Print the scores of several divisions, and draw what is mistaken for what in all of them."""
+def print_scores(folder: Path, name: str, reports: Sequence[TrainingReport]) -> None:
+    """Print the scores of several divisions and draw the confusion matrix of all of them."""
     seeds = f"{name}: {len(reports)} divisions of the tiles"
     head(seeds, "macro F1, points", "macro F1, objects", "accuracy", "kappa")
     columns = [(r.points.macro_f1, r.objects.macro_f1, r.points.accuracy, r.points.kappa) for r in reports]
@@ -169,25 +171,25 @@ def tell(folder: Path, name: str, reports: Sequence[TrainingReport]) -> None:
 
 
 def of_one(samples: Samples) -> float:
-    """Return the macro F1 of a forest that is told a single feature."""
+    """Return the macro F1 of a forest with a single feature."""
     params = replace(TileSettings().forest, trees=30)
     test, _ = hold_out(samples, params)
     columns = ("features", "code", "tile", "number")
     seen, unseen = (Samples(*(getattr(samples, name)[part] for name in columns)) for part in (~test, test))
     forest = train(seen, params)
-    called = forest.classes_[predict(forest, unseen.features).argmax(axis=1)]
-    return Confusion.of(unseen.code, called, range(1, len(OBJECT_CLASSES) + 1)).macro_f1
+    predicted = forest.classes_[predict(forest, unseen.features).argmax(axis=1)]
+    return Confusion.of(unseen.code, predicted, range(1, len(OBJECT_CLASSES) + 1)).macro_f1
 
 
 def fresh(folder: Path, model: ObjectModel) -> None:
-    """Try the model on tiles that nothing was set, trained or chosen on."""
+    """Print the scores of the model on tiles that were not used for training or for choosing parameters."""
     tiles = [mixed(folder, number) for number in FRESH]
     samples = samples_of(tiles)
-    called = model.forest.classes_[predict(model.forest, samples.features).argmax(axis=1)]
-    points = Confusion.of(samples.code, called, range(1, len(OBJECT_CLASSES) + 1))
+    predicted = model.forest.classes_[predict(model.forest, samples.features).argmax(axis=1)]
+    points = Confusion.of(samples.code, predicted, range(1, len(OBJECT_CLASSES) + 1))
     objects, which = samples.objects
     votes = np.zeros((objects.shape[1], len(OBJECT_CLASSES) + 1), np.int64)
-    np.add.at(votes, (which, called), 1)
+    np.add.at(votes, (which, predicted), 1)
     by_object = Confusion.of(objects[2], votes.argmax(axis=1), range(1, len(OBJECT_CLASSES) + 1))
     head("Fresh tiles", "macro F1, points", "macro F1, objects", "accuracy", "kappa", "kappa of the separation")
     values = (points.macro_f1, by_object.macro_f1, points.accuracy, points.kappa)
@@ -196,7 +198,7 @@ def fresh(folder: Path, model: ObjectModel) -> None:
 
 
 def textures(folder: Path, samples: Samples) -> None:
-    """Fig. 2: how texture is distributed in each class."""
+    """Print and draw Fig. 2, the distribution of texture in each class."""
     head("Fig. 2: texture by class, quartiles", "class", "homogeneity", "dissimilarity", "second moment")
     groups = [samples.features[samples.code == code, :3] for code in range(1, len(OBJECT_CLASSES) + 1)]
     for name, values in zip(OBJECT_CLASSES, groups, strict=True):
@@ -219,38 +221,39 @@ def textures(folder: Path, samples: Samples) -> None:
 
 
 def figure_3(folder: Path, model: ObjectModel, seeds: int) -> None:
-    """Fig. 3: is every object found and rightly named?"""
-    head("Fig. 3: 4 ships, 2 farms, 1 garbage patch", "seed", "found and rightly named", "other objects", "probability")
+    """Print and draw Fig. 3, the objects that are found and correctly classified."""
+    head("Fig. 3: 4 ships, 2 farms, 1 garbage patch", "seed", "correctly classified", "other objects", "probability")
     for seed in range(77, 77 + seeds):
         points, xyz = points_of(load_tile_scene("fig3").with_tile(seed=seed))
-        found, stood, part = standing(points, xyz)
-        probability = predict(model.forest, features_of(stood, model.settings.features))
+        found, remaining, part = non_sea(points, xyz)
+        probability = predict(model.forest, features_of(remaining, model.settings.features))
         objects, number, left_out = find_objects(
-            stood, probability, model.forest.classes_.tolist(), model.settings.objects
+            remaining, probability, model.forest.classes_.tolist(), model.settings.objects
         )
-        right, other, sure = Counter(), Counter(), []
+        correct, other, probabilities = Counter(), Counter(), []
         for one in objects:
             own = part[number == one.number]
             pairs = Counter(zip(own["object_id"].tolist(), own["object_class"].tolist(), strict=True))
             truth = pairs.most_common(1)[0][0]
             if truth[1] == one.code:
-                right[truth] += 1
-                sure.append(one.probability)
+                correct[truth] += 1
+                probabilities.append(one.probability)
             else:
                 other[f"{one.name} ({class_name(truth[1]) if truth[1] else 'sea'})"] += 1
-        named = Counter(class_name(code) for _, code in right)
-        shown = ", ".join(f"{many} {name}" for name, many in sorted(named.items()))
-        print(f"| {seed} | {shown} | {dict(other) or 'none'} | {min(sure):.2f} to {max(sure):.2f} |", flush=True)
+        named = Counter(class_name(code) for _, code in correct)
+        shown = ", ".join(f"{number} {name}" for name, number in sorted(named.items()))
+        extent = f"{min(probabilities):.2f} to {max(probabilities):.2f}"
+        print(f"| {seed} | {shown} | {dict(other) or 'none'} | {extent} |", flush=True)
         if seed == 77:
-            sea, gone = xyz[:2, found.classification == WATER], stood.xy[:, left_out > 0]
-            _draw(folder, sea, gone, stood, number, objects)
+            sea, removed = xyz[:2, found.classification == WATER], remaining.xy[:, left_out > 0]
+            _draw(folder, sea, removed, remaining.xy, number, objects)
 
 
-def _draw(folder: Path, sea: Any, gone: Any, stood: NonSeaPoints, number: Any, objects: list[FoundObject]) -> None:
+def _draw(folder: Path, sea: Any, removed: Any, points_xy: Any, number: Any, objects: list[FoundObject]) -> None:
     code = np.array([0, *(one.code for one in objects)])[number]
-    points = {class_name(one): stood.xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
-    if gone.size:
-        points[LEFT_OUT] = gone
+    points = {class_name(one): points_xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
+    if removed.size:
+        points[LEFT_OUT] = removed
     boxes = [(one.name, one.corners) for one in objects]
     (folder / "fig3.png").write_bytes(render(lambda figure: draw_tile(figure, sea, points, boxes), ".png", aspect=0.92))
 

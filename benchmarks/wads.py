@@ -1,6 +1,6 @@
 """The point-level table of docs/reproduction.md: every method on frames of WADS, with and without duplicate points.
 
-Run as ``python benchmarks/wads.py FOLDER``; FOLDER holds ``velodyne/*.bin`` and ``labels/*.label`` of a sequence.
+Run as ``python benchmarks/wads.py FOLDER``; FOLDER contains ``velodyne/*.bin`` and ``labels/*.label`` of a sequence.
 """
 
 import json
@@ -13,7 +13,7 @@ import numpy as np
 
 
 def without_duplicates(folder: Path, target: Path) -> None:
-    """Write the frames with each point once, the first of those that are equal."""
+    """Write the frames with only the first of equal points."""
     for name in ("velodyne", "labels"):
         (target / name).mkdir(parents=True)
     for file in sorted((folder / "velodyne").glob("*.bin")):

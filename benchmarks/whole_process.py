@@ -1,6 +1,6 @@
-"""Whole process: ``seaclutter filter`` against a copy of the same log, and memory over the length of a log.
+"""Whole process: ``seaclutter filter`` compared with a copy of the same log, and memory over the length of a log.
 
-Run as ``python benchmarks/whole_process.py FOLDER``, on Linux or macOS; the logs made there take some gigabytes.
+Run as ``python benchmarks/whole_process.py FOLDER`` on Linux or macOS; the logs written there take some gigabytes.
 """
 
 import os
@@ -17,7 +17,7 @@ RUNS = 5
 
 
 def measure(command: list[str]) -> tuple[float, float]:
-    """Return seconds and peak megabytes of a process."""
+    """Return elapsed seconds and peak memory in MB of a process."""
     started = time.perf_counter()
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         _, status, usage = os.wait4(process.pid, 0)
@@ -38,7 +38,7 @@ def copy_command(log: Path) -> list[str]:
 
 
 def compare(name: str, log: Path, frames: int) -> None:
-    """Print how long a filter run takes beside a copy, in turns after a run of each that does not count."""
+    """Print the times of a filter run and of a copy, alternating, after one untimed run of each."""
     pairs = [(measure(filter_command(log)), measure(copy_command(log))) for _ in range(RUNS + 1)][1:]
     ratios = [ours[0] / copy[0] for ours, copy in pairs]
     ours, copy = (statistics.median(pair[side][0] for pair in pairs) for side in (0, 1))

@@ -1,7 +1,7 @@
 """Filter sea clutter out of recorded marine lidar logs.
 
-``import seaclutter`` gives the same names as this package: those of the stub beside this file, which are imported when
-they are first used.
+The package exports the names in the stub file next to this one, as does ``import seaclutter``. Each name is imported
+when it is first used.
 """
 
 import lazy_loader

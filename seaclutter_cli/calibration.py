@@ -1,6 +1,6 @@
-"""Initial thresholds and the far limit, from recordings that hold clutter (S0, section 4.1).
+"""Thresholds and far limit from recordings that contain clutter ([Li2023], section 4.1).
 
-One pass and constant memory: a histogram for each ring, and the ends of the clutter in bins of half a metre.
+One pass in constant memory: a histogram for each range ring, and the extent of the clutter in bins of half a metre.
 """
 
 import math
@@ -27,13 +27,13 @@ _FEW_ABOVE = 20
 
 
 class FarLimit:
-    """Finds the first range past which all consecutive sorted ranges differ by more than 1 m.
+    """Search for the first range past which all consecutive sorted ranges differ by more than 1 m.
 
-    So the paper has it: past 61.65 m, all differences of the points that follow are greater than 1 m. Gaps before, as
-    between the circles that the beams of a lidar draw on a calm sea, do not count.
+    This is the rule of [Li2023], which finds 61.65 m. Gaps at shorter ranges, as between the circles that the beams of
+    a lidar draw on a calm sea, do not count.
 
-    Only count, least and greatest range in each bin of half a metre are kept. That is exact: two points in a bin differ
-    by less than a metre, so only the bin's ends can have a gap beside them. Ranges from 10 km on are left out.
+    Each bin of half a metre keeps only its count, minimum and maximum. The result is exact: two ranges in a bin differ
+    by less than a metre, so a gap can only be next to the minimum or maximum. Ranges of 10 km or more are left out.
     """
 
     def __init__(self) -> None:
@@ -42,44 +42,44 @@ class FarLimit:
         self._least, self._most = np.full(bins, np.inf), np.full(bins, -np.inf)
 
     def add(self, range_m: NDArray[np.float64]) -> None:
-        """Take ranges, shape (N,), in metres."""
+        """Add ranges in metres, shape (N,)."""
         near = range_m[range_m < MAX_RANGE_M]
-        place = (near / _BIN_M).astype(np.intp)
-        np.add.at(self._counts, place, 1)
-        np.minimum.at(self._least, place, near)
-        np.maximum.at(self._most, place, near)
+        bin_index = (near / _BIN_M).astype(np.intp)
+        np.add.at(self._counts, bin_index, 1)
+        np.minimum.at(self._least, bin_index, near)
+        np.maximum.at(self._most, bin_index, near)
 
     @property
     def last_m(self) -> float | None:
-        """The range that is sought; None without ranges."""
+        """The range found, in metres; None without ranges."""
         occupied = np.flatnonzero(self._counts)
         if not len(occupied):
             return None
         least, most = self._least[occupied], self._most[occupied]
         joined = np.append(False, least[1:] - most[:-1] <= GAP_M)
-        # Last range in each bin that has another one at most a metre before it.
+        # The last range in each bin that has a predecessor at most a metre before it.
         close = np.where(self._counts[occupied] > 1, most, np.where(joined, least, least[0]))
         return float(close.max())
 
 
 @dataclass(frozen=True)
 class RingCalibration:
-    """What was found in one ring.
+    """The calibration of one range ring.
 
     Parameters
     ----------
     start_m, end_m : float
-        Its ranges, the end not included.
+        Its limits; the end is exclusive.
     points : int
-        Clutter points in it.
+        Number of clutter points.
     threshold : float
         Initial threshold, :math:`I_0`.
     below : int
-        Clutter points whose intensity is below the threshold.
+        Number of clutter points whose intensity is below the threshold.
     few : bool
-        Whether the points are too few to rely on.
+        Whether there are too few points for a reliable threshold.
     taken_from : int or None
-        Number, from 1, of the ring that lent its threshold, for want of points here.
+        Number, from 1, of the range ring whose threshold is used because this one has no points.
     """
 
     start_m: float
@@ -92,24 +92,24 @@ class RingCalibration:
 
     @property
     def filter_rate(self) -> float | None:
-        """Share of the clutter points that are below the threshold."""
+        """Share of the clutter points below the threshold; None without points."""
         return self.below / self.points if self.points else None
 
 
 @dataclass(frozen=True)
 class Thresholds:
-    """What a calibration comes to.
+    """The result of a calibration.
 
     Parameters
     ----------
     rings : tuple of RingCalibration
-        All rings, from ``start_m`` to the far limit.
+        Range rings from ``start_m`` to the far limit.
     end_m : float
         Far limit, :math:`d_e`.
     last_m : float or None
         First range past which all consecutive clutter ranges differ by more than 1 m; None without clutter points.
     beyond : int
-        Clutter points at ``end_m`` or farther.
+        Number of clutter points at ``end_m`` or beyond.
     """
 
     rings: tuple[RingCalibration, ...]
@@ -119,25 +119,25 @@ class Thresholds:
 
     @property
     def initial_thresholds(self) -> tuple[float, ...]:
-        """One threshold a ring; whole numbers as such."""
+        """Threshold of each range ring; whole numbers are integers."""
         values = (ring.threshold for ring in self.rings)
         return tuple(int(value) if value.is_integer() and abs(value) < 2**53 else value for value in values)
 
 
 class Calibration:
-    """Collects clutter points and derives thresholds from them.
+    """Clutter points of several recordings, from which thresholds are derived.
 
-    Rings come into being as points appear in them, 250 at most and not beyond 10 km. Each takes 1 MB
-    or less for whole-number intensities, 5 MB at most for others.
+    A histogram is created when the first point appears in a range ring, for at most 250 range rings and up to 10 km.
+    A histogram takes at most 1 MB for whole-number intensities and at most 5 MB for others.
 
     Parameters
     ----------
     params : RingIntensityParams
-        ``start_m``, ``ring_width_m`` and, if it is kept, ``end_m``.
+        Provides ``start_m``, ``ring_width_m`` and, with ``keep_end``, ``end_m``.
     filter_rate : float, optional
-        Share of the clutter points of each ring that are to be below its threshold.
+        Share of the clutter points of each range ring to remove.
     keep_end : bool, optional
-        Take ``end_m`` as it is instead of deriving it.
+        Keep ``end_m`` instead of deriving it.
     """
 
     def __init__(
@@ -151,10 +151,10 @@ class Calibration:
         self._rings: dict[int, IntensityHistogram] = {}
         self.points = 0
         self.intensity = [math.inf, -math.inf]
-        """Extent of the intensities of all clutter points."""
+        """Minimum and maximum intensity of all clutter points."""
 
     def add(self, range_m: NDArray[np.float64], intensity: NDArray[np.float64]) -> None:
-        """Take clutter points from ``start_m`` on: ranges in metres and intensities, both of shape (N,)."""
+        """Add clutter points at ``start_m`` or beyond: ranges in metres and intensities, both of shape (N,)."""
         self.points += len(range_m)
         least, most = self.intensity
         self.intensity = [float(intensity.min(initial=least)), float(intensity.max(initial=most))]
@@ -164,42 +164,42 @@ class Calibration:
             self._rings.setdefault(number, IntensityHistogram()).add(intensity[ring == number])
 
     def thresholds(self) -> Thresholds:
-        """Return what comes of the points so far.
+        """Return the thresholds and the far limit of the points added so far.
 
         Raises
         ------
         InputError
-            If there are none, or if they reach farther than rings of this width can.
+            If there are no points, or if they are farther than the maximum number of range rings of this width.
         """
         last_m = self._limit.last_m
         edges = self._edges if self.keep_end else self._up_to(last_m)
         count = len(edges) - 1
         if not any(number < count for number in self._rings):
             span = f"between {edges[0]:g} and {edges[-1]:g} m" if self.keep_end else f"from {edges[0]:g} m on"
-            raise InputError(f"no clutter point {span}: there is nothing to derive thresholds from")
+            raise InputError(f"no clutter point {span}; thresholds need recordings with clutter there")
         rings = tuple(self._ring(number, edges) for number in range(count))
         return Thresholds(rings, float(edges[-1]), last_m, self.points - sum(ring.points for ring in rings))
 
     def _up_to(self, last_m: float | None) -> NDArray[np.float64]:
-        """Return the edges of as many whole rings as reach a range, one at least."""
+        """Return the edges of the range rings up to a range, at least one."""
         start_m, width_m = self.params.start_m, self.params.ring_width_m
         count = max(1, math.ceil((last_m - start_m) / width_m - 1e-9)) if last_m is not None else 1
         if count >= len(self._edges):
             raise InputError(
-                f"clutter reaches to {last_m:.2f} m, and {len(self._edges) - 1} rings of {width_m:g} m only to "
-                f"{self._edges[-1]:g} m: choose a greater ring_width_m, or fix end_m"
+                f"clutter reaches {last_m:.2f} m, but {len(self._edges) - 1} range rings of {width_m:g} m only reach "
+                f"{self._edges[-1]:g} m; increase ring_width_m or keep end_m"
             )
         return np.append(self._edges[:count], round(float(self._edges[count]), 9))
 
     def _ring(self, number: int, edges: NDArray[np.float64]) -> RingCalibration:
-        # An empty ring gets the threshold of the nearest one inside; if there is none, of the nearest outside.
+        # An empty range ring gets the threshold of the nearest filled one towards the lidar, otherwise away from it.
         filled = sorted(ring for ring in self._rings if ring < len(edges) - 1)
-        lender = max((ring for ring in filled if ring <= number), default=filled[0])
-        histogram = self._rings[lender]
+        nearest = max((ring for ring in filled if ring <= number), default=filled[0])
+        histogram = self._rings[nearest]
         threshold = self._threshold(histogram)
         span = float(edges[number]), float(edges[number + 1])
-        if lender != number:
-            return RingCalibration(*span, 0, threshold, 0, few=True, taken_from=lender + 1)
+        if nearest != number:
+            return RingCalibration(*span, 0, threshold, 0, few=True, taken_from=nearest + 1)
         values, counts = histogram.distribution()
         points, below = int(counts.sum()), int(counts[values < threshold].sum())
         return RingCalibration(*span, points, threshold, below, few=points < few_points(self.filter_rate))
@@ -212,10 +212,11 @@ class Calibration:
 
 
 def few_points(filter_rate: float) -> int:
-    r"""Return how many points a ring needs to be relied on.
+    r"""Return the number of points that a range ring needs for a reliable threshold.
 
-    The share that a threshold filters in other recordings scatters by :math:`\sqrt{p (1 - p) / n}`: with 100 points,
-    by 4 % at p = 0.8. And where less than 20 points are above it, or below, a few bright points of one wave decide.
+    The share that a threshold removes in other recordings has a standard deviation of :math:`\sqrt{p (1 - p) / n}`:
+    4 % for 100 points and p = 0.8. With fewer than 20 points above or below the threshold, a few bright points of one
+    wave determine it.
 
     Examples
     --------
@@ -227,7 +228,7 @@ def few_points(filter_rate: float) -> int:
 
 
 def _shortened(threshold: float, limit: float) -> float:
-    """Return the shortest decimal from a threshold to a limit, both included: it parts the same points.
+    """Return the shortest decimal from a threshold to a limit, both inclusive; it separates the same points.
 
     Examples
     --------
@@ -242,34 +243,34 @@ def _shortened(threshold: float, limit: float) -> float:
 
 
 class ClutterSelector:
-    """Selects the clutter points of one recording.
+    """Selection of the clutter points of one recording.
 
-    Clutter is every valid point from ``start_m`` on that lies in no excluded box and, where there are labels, in no box
-    of a target or an ignored area, grown by a margin, and bears no label of one.
+    Clutter is every valid point at ``start_m`` or beyond outside the excluded boxes. With labels, points in the
+    inflated boxes of targets and ignored areas, and points labelled as such, are not clutter either.
 
     Parameters
     ----------
     params : RingIntensityParams
-        ``start_m`` and ``exclude_boxes``.
+        Provides ``start_m`` and ``exclude_boxes``.
     labels : Labels or None
-        Truth of the recording; frames without are left out.
+        Ground truth of the recording; frames without are left out.
     margin_m : float
-        Growth of the boxes on every side.
+        Margin by which boxes are inflated on every side.
     """
 
     def __init__(self, params: RingIntensityParams, labels: Labels | None = None, margin_m: float = 0.0) -> None:
         self._zones = Zones(params)
         self._labels, self._margin_m = labels, margin_m
         self.frames = self.unlabelled = self.marked = 0
-        """Frames used; frames left out for want of labels; points left out because of them."""
+        """Frames used; frames left out because they have no labels; points left out because of their labels."""
 
     def clutter(self, frame: Frame) -> NDArray[np.intp]:
-        """Return the indices of a frame's clutter points; none if it is not labelled where others are.
+        """Return the indices of the clutter points of a frame; empty if labels exist but not for this frame.
 
         Raises
         ------
         FieldError
-            If the frame has no intensity.
+            If the frame has no intensities.
         """
         _ = frame.intensity
         truth = self._labels.truth(frame) if self._labels else None
@@ -278,7 +279,7 @@ class ClutterSelector:
             return np.empty(0, np.intp)
         self.frames += 1
         zone, _ = self._zones.divide(frame)
-        clutter = np.flatnonzero((zone >= 1) & (zone <= self._zones.count + 1))  # the rings and beyond
+        clutter = np.flatnonzero((zone >= 1) & (zone <= self._zones.count + 1))  # range rings and beyond
         if truth is not None:
             marked = _marked(truth, frame.coordinates, clutter, self._margin_m)
             self.marked += int(np.count_nonzero(marked))
@@ -287,11 +288,11 @@ class ClutterSelector:
 
 
 def _marked(truth: Truth, xyz: NDArray[np.float64], chosen: NDArray[np.intp], margin_m: float) -> NDArray[np.bool_]:
-    """Tell which of the chosen points belong to a target or an ignored area."""
-    places = xyz[:, chosen]
-    marked = truth.ignored.contains(places, margin_m).any(axis=0)
+    """Return whether each chosen point belongs to a target or an ignored area."""
+    positions = xyz[:, chosen]
+    marked = truth.ignored.contains(positions, margin_m).any(axis=0)
     if truth.targets is not None:
-        marked |= truth.targets.contains(places, margin_m).any(axis=0)
+        marked |= truth.targets.contains(positions, margin_m).any(axis=0)
     if truth.points is not None:
         marked |= truth.points[chosen] != CLUTTER
     return np.asarray(marked)

@@ -1,4 +1,4 @@
-"""A point cloud as a view on message bytes, and what can be done with it without decoding it."""
+"""Point clouds as views of message bytes, with operations that need no decoding."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from seaclutter_cli.errors import CloudError, FieldError
 from seaclutter_cli.records import Buffer
 
 FIELD_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
-"""Point field types that every supported message encoding knows, as numpy codes."""
+"""Types of point fields that every supported message encoding has, as numpy codes."""
 
 _MAX_POINT_BYTES = 10_000_000
 _FALLBACK = {"b1": "u1", "f2": "f4", "i8": "f8", "u8": "f8"}
@@ -20,7 +20,7 @@ _FALLBACK = {"b1": "u1", "f2": "f4", "i8": "f8", "u8": "f8"}
 
 @dataclass(frozen=True, slots=True)
 class PointField:
-    """One field of a point: its place and type; ``type`` is one of `FIELD_TYPES`."""
+    """A field of a point: its offset in bytes and its type, one of `FIELD_TYPES`."""
 
     name: str
     offset: int
@@ -29,7 +29,7 @@ class PointField:
 
     @property
     def end(self) -> int:
-        """Byte behind the field; a count of 0, as old drivers write it, means one value."""
+        """Offset of the first byte after the field; a count of 0, which old drivers write, means one value."""
         return self.offset + int(self.type[1]) * max(self.count, 1)
 
 
@@ -37,12 +37,12 @@ class PointField:
 def point_dtype(fields: tuple[PointField, ...], point_step: int, big_endian: bool) -> np.dtype[np.void]:
     """Return the structured dtype of one point.
 
-    A name that occurs twice gets an underscore, since a dtype needs distinct ones.
+    A repeated name gets an underscore, since a dtype needs distinct names.
 
     Raises
     ------
     CloudError
-        If a field does not fit into the point, or the point is beyond all measure.
+        If a field does not fit into the point, or the size of a point is negative or greater than 10 MB.
 
     Examples
     --------
@@ -51,12 +51,12 @@ def point_dtype(fields: tuple[PointField, ...], point_step: int, big_endian: boo
     """
     order = ">" if big_endian else "<"
     if not 0 <= point_step <= _MAX_POINT_BYTES:
-        raise CloudError(f"points of {point_step} bytes are none that can be read")
+        raise CloudError(f"a point must have 0 to {_MAX_POINT_BYTES} bytes, got {point_step}")
     names: dict[str, None] = {}
     formats: list[Any] = []
     for field in fields:
         if not 0 <= field.offset < field.end <= point_step:
-            raise CloudError(f"field {field.name!r} ends beyond the point of {point_step} bytes")
+            raise CloudError(f"field {field.name!r} does not fit into a point of {point_step} bytes")
         names[_free_name(field.name or "unnamed", names)] = None
         formats.append((order + field.type, (field.count,)) if field.count > 1 else order + field.type)
     offsets = [field.offset for field in fields]
@@ -71,26 +71,26 @@ def _free_name(name: str, taken: Collection[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """A point cloud, its points still in the bytes of the message.
+    """A point cloud whose points remain in the bytes of the message.
 
     Parameters
     ----------
     stamp_ns : int
-        Stamp of the header; 0 where nothing is known.
+        Stamp of the header; 0 if unknown.
     frame_id : str
         Coordinate frame.
     height, width : int
-        Rows and points per row. An unorganised cloud has one row.
+        Number of rows and of points per row. An unorganised cloud has one row.
     fields : tuple of PointField
         Layout of a point.
     point_step, row_step : int
         Bytes from point to point and from row to row.
     big_endian, dense : bool
-        Byte order of the points; whether none of them is declared invalid.
+        Byte order of the points; whether the message declares all points valid.
     data : bytes or memoryview
-        The points' bytes.
+        The bytes of the points.
     extra : object
-        What only the message encoding knows and needs again to write the cloud.
+        Data that only the message encoding uses, needed to write the cloud again.
     """
 
     stamp_ns: int
@@ -108,14 +108,14 @@ class Cloud:
     def __post_init__(self) -> None:
         """Check that the layout fits the data."""
         if self.size and self.point_step <= 0:
-            raise CloudError(f"a cloud of {self.size} points has a point step of {self.point_step}")
+            raise CloudError(f"point_step must be positive for {self.size} points, got {self.point_step}")
         if self._pitch < self.width * self.point_step:
             raise CloudError(
-                f"a row of {self.row_step} bytes cannot hold {self.width} points of {self.point_step} bytes"
+                f"a row of {self.row_step} bytes cannot contain {self.width} points of {self.point_step} bytes"
             )
         needed = (self.height - 1) * self._pitch + self.width * self.point_step if self.size else 0
         if len(self.data) < needed:
-            raise CloudError(f"{self.size} points need {needed} bytes, the message has {len(self.data)}")
+            raise CloudError(f"{self.size} points need {needed} bytes; the message has {len(self.data)}")
         _ = self.dtype
 
     @property
@@ -125,18 +125,18 @@ class Cloud:
 
     @property
     def dtype(self) -> np.dtype[np.void]:
-        """Structured dtype of one point. Clouds without points may have no point step, but fields all the same."""
+        """Structured dtype of one point; a cloud without points may have fields but no point step."""
         step = self.point_step if self.size else max((self.point_step, *(field.end for field in self.fields)))
         return point_dtype(self.fields, step, self.big_endian)
 
     @property
     def _pitch(self) -> int:
-        """Bytes from row to row; a row step of a single row, or one that was left out, says nothing."""
+        """Bytes from row to row; computed from the width for a single row or if the row step is missing."""
         return self.row_step if self.height > 1 and self.row_step else self.width * self.point_step
 
     @property
     def points(self) -> NDArray[Any]:
-        """Points as a structured array, shape (N,): a view, but for padded rows of an organised cloud."""
+        """Points as a structured array, shape (N,): a view, or a copy if the rows are padded."""
         return self._as(self.dtype)
 
     def _as(self, dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -151,24 +151,24 @@ class Cloud:
 
     @property
     def _opaque(self) -> np.dtype[np.void]:
-        """Dtype of a point as so many bytes, which copies several times faster than a structured one."""
+        """Dtype of a point as plain bytes, which copies several times faster than a structured dtype."""
         return np.dtype((np.void, self.dtype.itemsize))
 
     def select(self, keep: NDArray[np.bool_]) -> "Cloud":
-        """Return an unorganised cloud of the points where ``keep``, shape (N,), is true, in their order."""
+        """Return an unorganised cloud of the points for which ``keep``, shape (N,), is true, in the same order."""
         return self._unorganised(np.take(self._as(self._opaque), np.flatnonzero(keep)), self.fields)
 
     def blank(self, removed: NDArray[np.bool_]) -> "Cloud":
-        """Return the cloud with its shape kept and NaN coordinates where ``removed``, shape (N,), is true.
+        """Return a cloud of the same shape with NaN coordinates where ``removed``, shape (N,), is true.
 
         Raises
         ------
         FieldError
-            If the cloud lacks a coordinate, or one is no floating-point number.
+            If a coordinate is missing or is not a floating-point number.
         """
         for axis in "xyz":
             if axis not in _names(self.dtype) or self.dtype[axis].kind != "f":
-                raise FieldError(f"field {axis!r} is no floating-point number, so an organised cloud cannot hold NaN")
+                raise FieldError(f"field {axis!r} is not a floating-point number, so removed points cannot become NaN")
         data = bytearray(self.data)
         if self.size:
             points = self._rows(self.dtype, data)
@@ -177,9 +177,9 @@ class Cloud:
         return replace(self, data=memoryview(data), dense=False)
 
     def with_field(self, name: str, values: NDArray[Any]) -> "Cloud":
-        """Return an unorganised cloud with one more field behind the others; values of shape (N,).
+        """Return an unorganised cloud with an additional last field; ``values`` has shape (N,).
 
-        A name that is taken gets an underscore.
+        A name that already exists gets an underscore.
         """
         kind, opaque = _field_type(values.dtype), self._opaque
         field = PointField(_free_name(name, [field.name for field in self.fields]), opaque.itemsize, kind)
@@ -197,23 +197,24 @@ class Cloud:
 def _field_type(dtype: np.dtype[Any]) -> str:
     code = dtype.str[1:]
     if _FALLBACK.get(code, code) not in FIELD_TYPES:
-        raise FieldError(f"a point field cannot be of type {dtype}")
+        raise FieldError(f"a point field cannot have the type {dtype}")
     return _FALLBACK.get(code, code)
 
 
 def from_array(points: NDArray[Any], *, stamp_ns: int = 0, frame_id: str = "lidar", height: int = 1) -> Cloud:
-    """Return a cloud over a structured array.
+    """Return a cloud made from a structured array.
 
     Parameters
     ----------
     points : ndarray, shape (N,)
-        Structured. 64-bit integers, which no point field can hold, become float64, booleans uint8, float16 float32.
+        Structured array. Types that point fields lack are converted: 64-bit integers to float64, booleans to uint8,
+        float16 to float32.
     stamp_ns : int, optional
         Stamp of the header.
     frame_id : str, optional
         Coordinate frame.
     height : int, optional
-        Rows; must divide N.
+        Number of rows; must divide N.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Configuration: defaults < file < command line, checked as a whole, unknown keys refused.
+"""Configuration from defaults, file and command line, in ascending precedence, validated as a whole.
 
-A method's keys are the fields of its ``Params`` dataclass: their types, limits and defaults are declared there and
-nowhere else, and the comments in written configs are its docstring.
+The keys of a method are the fields of its ``Params`` dataclass. Their types, limits and defaults are declared only
+there, and its docstring provides the comments of written configurations. Unknown keys are errors.
 """
 
 import re
@@ -27,14 +27,14 @@ _SECTIONS = ("filter", "evaluation", "sensor")
 
 @dataclass(frozen=True, kw_only=True)
 class SensorParams:
-    """The sensor that the thresholds are for, as far as its packets tell; `calibrate` notes it.
+    """The sensor that the thresholds are for, recorded by `calibrate` if the packets identify it.
 
     Parameters
     ----------
     model : str or None
         Name of the sensor.
     intensity : str or None
-        Mode in which it gives intensities; thresholds do not carry over from one to another.
+        Intensity mode of the sensor; thresholds are valid for one mode only.
     """
 
     model: str | None = None
@@ -48,13 +48,13 @@ class Config:
     Parameters
     ----------
     method : str
-        Key of `FILTERS`.
+        Name of the method, a key of `FILTERS`.
     filter : object
-        The method's ``Params``.
+        Parameters of the method, an instance of its ``Params``.
     evaluation : EvaluationParams
-        Clustering and matching.
+        Parameters of clustering and matching.
     sensor : SensorParams
-        What the thresholds are for; unknown by default.
+        Sensor that the thresholds are for; unknown by default.
 
     Examples
     --------
@@ -72,43 +72,43 @@ class Config:
     sensor: SensorParams = field(default_factory=SensorParams)
 
     def make_filter(self) -> Filter:
-        """Return a filter of the method, without state."""
+        """Return a new filter of the method."""
         make: Any = FILTERS[self.method]
         method: Filter = make(self.filter)
         return method
 
     @property
     def ring_edges(self) -> list[float]:
-        """Edges of the method's rings in metres; empty for methods without."""
+        """Edges of the range rings in metres; empty for methods without range rings."""
         return [float(edge) for edge in self.filter.edges] if isinstance(self.filter, ZoneParams) else []
 
     @property
     def has_scenes(self) -> bool:
-        """Whether the method's parameters go by the scene."""
+        """Whether the method has presets for classes of scene."""
         return isinstance(self.filter, PresetParams)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
-        """Return the configuration as it stands in a file."""
+        """Return the configuration as the sections of a file."""
         sections = {"filter": {"method": self.method, **plain(self.filter)}, "evaluation": plain(self.evaluation)}
         return sections if self.sensor == SensorParams() else {**sections, "sensor": plain(self.sensor)}
 
     def to_yaml(self, *, comments: bool = False) -> str:
-        """Return the configuration as a file's text, with a comment for every key if asked for."""
+        """Return the configuration as YAML, optionally with a comment for every key."""
         lines: list[str] = []
         for section, values in self.as_dict().items():
-            said = {"method": f"one of {', '.join(FILTERS)}", **_descriptions(getattr(self, section))}
+            descriptions = {"method": f"one of {', '.join(FILTERS)}", **_descriptions(getattr(self, section))}
             lines.append(f"{section}:")
             for key, value in values.items():
-                section_of_its_own = isinstance(value, dict)
-                line = f"  {key}:" if section_of_its_own else f"  {key}: {_yaml_value(value)}"
-                lines.append(f"{line:<40} # {said[key]}" if comments and key in said else line)
-                entries = value.items() if section_of_its_own else ()
+                nested = isinstance(value, dict)
+                line = f"  {key}:" if nested else f"  {key}: {_yaml_value(value)}"
+                lines.append(f"{line:<40} # {descriptions[key]}" if comments and key in descriptions else line)
+                entries = value.items() if nested else ()
                 lines += [f"    {_yaml_value(name)}: {_yaml_value(entry)}" for name, entry in entries]
         return "\n".join(lines) + "\n"
 
 
 ConfigSource = Path | Mapping[str, Any] | Config
-"""A configuration file or the name of a built-in one, its content, or a configuration."""
+"""A configuration file or the name of a built-in one, the content of a file, or a configuration."""
 
 
 def load_config(
@@ -123,18 +123,18 @@ def load_config(
     Parameters
     ----------
     source : Path, mapping or Config, optional
-        YAML file, or the name of a built-in one; its content; or a configuration. None: defaults.
+        YAML file or the name of a built-in one, the content of a file, or a configuration. None selects the defaults.
     method : str or None
-        Method from the command line. Of the file's keys, it takes those that it has too.
+        Method from the command line. Keys of the file that this method does not have are ignored.
     overrides : sequence of str
         ``section.key=value`` from the command line; values are YAML.
     open_thresholds : bool, optional
-        Ring thresholds are still to be found: they are 0, as many as there are rings, whatever else is said.
+        Set the threshold of every range ring to 0, regardless of the other settings, because it is not yet known.
 
     Raises
     ------
     ConfigError
-        If anything is wrong, with everything that is.
+        If the configuration is not valid; the message lists all problems.
     """
     prepare = _with_open_thresholds if open_thresholds else dict
     where, raw = _read(source)
@@ -153,7 +153,7 @@ def load_config(
 
 
 def _read(source: ConfigSource | None) -> tuple[str, Mapping[str, Any]]:
-    """Return where settings come from, for messages, and the settings as they stand in a file."""
+    """Return the origin of the settings, for messages, and the settings as the sections of a file."""
     if source is None:
         return "command line", {}
     if isinstance(source, Path):
@@ -162,12 +162,12 @@ def _read(source: ConfigSource | None) -> tuple[str, Mapping[str, Any]]:
 
 
 def parse_config(text: str, where: str) -> Config:
-    """Return a configuration from the text of a file, as `Config.to_yaml` writes it; ``where`` is for messages."""
+    """Return the configuration in a text written by `Config.to_yaml`; ``where`` names it in messages."""
     return _validate(parse_yaml(text, where, _SECTIONS), where)
 
 
 def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings with a threshold of 0 for each ring, where the method has such and there is nothing wrong."""
+    """Return settings with a threshold of 0 for each range ring; unchanged if not valid or without range rings."""
     section = raw.get("filter") or {}
     kind = FILTERS.get(str(section.get("method", DEFAULT_METHOD))) if isinstance(section, dict) else None
     if kind is None or not issubclass(kind.Params, RingIntensityParams):
@@ -181,7 +181,7 @@ def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _parse_override(text: str) -> dict[str, Any]:
-    """Return what ``section.key=value`` sets, as it would stand in a file; keys of keys go on with a dot."""
+    """Return ``section.key=value`` as the section of a file; dots separate nested keys."""
     name, equals, value = text.partition("=")
     section, *keys = name.strip().split(".")
     if not (equals and all(keys) and keys and section in _SECTIONS):
@@ -189,7 +189,7 @@ def _parse_override(text: str) -> dict[str, Any]:
     try:
         settings = yaml.safe_load(value)
     except yaml.YAMLError as error:
-        raise ConfigError(f"--set {text}: the value is no YAML") from error
+        raise ConfigError(f"--set {text}: the value is not valid YAML") from error
     for key in reversed((section, *keys)):
         settings = {key: settings}
     return dict(settings)
@@ -202,7 +202,7 @@ def _validate(raw: Mapping[str, Any], where: str) -> Config:
         value = raw.get(name)
         sections[name] = dict(value) if isinstance(value, dict) else {}
         if value is not None and not isinstance(value, dict):
-            problems.append(f"{name}: must be a section with keys, is {kind_of(value)}")
+            problems.append(f"{name}: must be a section with keys, got {kind_of(value)}")
     method = sections["filter"].pop("method", DEFAULT_METHOD)
     if not isinstance(method, str) or method not in FILTERS:
         problems.append(f"filter.method: unknown method {method!r}; allowed: {', '.join(FILTERS)}")
@@ -225,11 +225,11 @@ def _yaml_value(value: Any) -> str:
 
 
 def _descriptions(params: Any) -> dict[str, str]:
-    """Return what the docstrings of a parameter class and its bases say of each key."""
-    said: dict[str, str] = {}
+    """Return the description of each key from the docstrings of a parameter class and its bases."""
+    found: dict[str, str] = {}
     for base in reversed(type(params).__mro__):
-        said |= _documented(base.__doc__ or "")
-    return said
+        found |= _documented(base.__doc__ or "")
+    return found
 
 
 def _documented(docstring: str) -> Iterable[tuple[str, str]]:

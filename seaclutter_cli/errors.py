@@ -1,28 +1,28 @@
-"""Every error that the program raises on purpose.
+"""Errors that the program raises deliberately.
 
 ::
 
     SeaclutterError            exit status 1, one line for the user
-    ├── InputError             nothing readable, no cloud, not a log
-    │   ├── CloudError         one message is no valid point cloud
-    │   └── FieldError         the cloud has no such field, or of a wrong type
-    ├── LabelError             labels cannot be read, or do not fit the recording
-    ├── ModelError             a trained model cannot be read, or is none for this
-    ├── OutputError            the target cannot be written
+    ├── InputError             the input cannot be read or contains no data
+    │   ├── CloudError         a message is not a valid point cloud
+    │   └── FieldError         a field is missing or has the wrong type
+    ├── LabelError             labels cannot be read or do not match the recording
+    ├── ModelError             a trained model cannot be read or does not match the task
+    ├── OutputError            the output cannot be written
     ├── MissingExtraError      an optional dependency is not installed
     └── UsageError             exit status 2
         └── ConfigError        a config file or value is not valid
 
-A message says what was found and what to do about it.
+A message says what is wrong, where, and what to do.
 """
 
 
 class RenamedKeyWarning(FutureWarning):
-    """A configuration or scene has a key by its former name; a later major release will not know it any more."""
+    """A configuration or scene uses the former name of a key; a later major release will reject it."""
 
 
 class SeaclutterError(Exception):
-    """An error in the data or the run; its text is shown to the user as it is.
+    """An error in the data or during the run; its text is shown to the user unchanged.
 
     Examples
     --------
@@ -31,26 +31,26 @@ class SeaclutterError(Exception):
     ...     seaclutter.open_log("samples/README.md")
     ... except seaclutter.SeaclutterError as error:
     ...     print(error)
-    samples/README.md: the format is not known ...
+    samples/README.md: ...
     """
 
     exit_code = 1
 
 
 class InputError(SeaclutterError):
-    """The input cannot be read at all, or holds nothing to work on.
+    """The input cannot be read or contains no data to process.
 
     Examples
     --------
     >>> import seaclutter
     >>> seaclutter.open_log("samples/README.md")
     Traceback (most recent call last):
-    seaclutter_cli.errors.InputError: samples/README.md: the format is not known ...
+    seaclutter_cli.errors.InputError: samples/README.md: ...
     """
 
 
 class CloudError(InputError):
-    """One message is no valid point cloud; the rest of the log may be sound.
+    """A message is not a valid point cloud; the rest of the log may be intact.
 
     Examples
     --------
@@ -61,7 +61,7 @@ class CloudError(InputError):
 
 
 class FieldError(InputError):
-    """A point cloud lacks a field that is needed, or has it in a wrong type.
+    """A point cloud lacks a required field, or the field has the wrong type.
 
     Examples
     --------
@@ -74,7 +74,7 @@ class FieldError(InputError):
 
 
 class LabelError(SeaclutterError):
-    """Labels cannot be read, or belong to another recording.
+    """Labels cannot be read or belong to another recording.
 
     Examples
     --------
@@ -86,7 +86,7 @@ class LabelError(SeaclutterError):
 
 
 class ModelError(SeaclutterError):
-    """A trained model cannot be read, or is made for something else.
+    """A trained model cannot be read or was made for another task.
 
     Examples
     --------
@@ -104,34 +104,34 @@ class OutputError(SeaclutterError):
     >>> import seaclutter
     >>> seaclutter.filter_log("samples/sea.mcap", "samples/README.md/filtered.mcap")
     Traceback (most recent call last):
-    seaclutter_cli.errors.OutputError: samples/README.md/filtered.mcap: cannot be written ...
+    seaclutter_cli.errors.OutputError: samples/README.md/filtered.mcap: ...
     """
 
 
 class MissingExtraError(SeaclutterError):
-    """An optional dependency is needed and not installed.
+    """A required optional dependency is not installed.
 
     Examples
     --------
     >>> import seaclutter
     >>> print(seaclutter.MissingExtraError("the viewer", "view"))
-    the viewer needs an optional part: pip install 'seaclutter[view]'
+    the viewer requires an optional dependency: pip install 'seaclutter[view]'
     """
 
     def __init__(self, what: str, extra: str) -> None:
-        """Name what is needed and the extra that brings it."""
-        super().__init__(f"{what} needs an optional part: pip install 'seaclutter[{extra}]'")
+        """Name the feature and the extra that provides it."""
+        super().__init__(f"{what} requires an optional dependency: pip install 'seaclutter[{extra}]'")
 
 
 class UsageError(SeaclutterError):
-    """The command line asks for something impossible.
+    """The command line or call asks for something impossible.
 
     Examples
     --------
     >>> import seaclutter
     >>> seaclutter.open_log("samples")
     Traceback (most recent call last):
-    seaclutter_cli.errors.UsageError: samples: stands for ...
+    seaclutter_cli.errors.UsageError: samples: ...
     """
 
     exit_code = 2

@@ -1,4 +1,4 @@
-"""One lidar frame, and what a filter says about its points."""
+"""Lidar frames and the results of filtering them."""
 
 from dataclasses import dataclass, fields
 from enum import IntEnum
@@ -23,11 +23,11 @@ INTENSITY_NAMES = (
     "reflectance",
     "scalar_intensity",
 )
-"""Usual names of the intensity field, the likeliest first; upper and lower case are the same."""
+"""Usual names of the intensity field, most likely first; case is ignored."""
 
 
 class Reason(IntEnum):
-    """Why a point was removed; `KEPT` if it was not.
+    """Reason why a point was removed; `KEPT` if it was not.
 
     Examples
     --------
@@ -47,7 +47,7 @@ class Reason(IntEnum):
 
 @dataclass(frozen=True)
 class Frame:
-    """A point cloud with its place in a recording. What filters compute with is derived once, when first used.
+    """A point cloud and its position in a recording; derived arrays are computed once, when first used.
 
     Parameters
     ----------
@@ -56,13 +56,13 @@ class Frame:
     topic : str, optional
         Topic that the frame belongs to.
     stamp_ns : int, optional
-        Time of the frame in nanoseconds: the stamp of its header, else its log time.
+        Time of the frame in nanoseconds: the stamp of its header, otherwise its log time.
     index : int, optional
-        Number of the frame within its topic, from 0.
+        Index of the frame within its topic, from 0.
     intensity_field : str, optional
-        Name of the intensity field; None looks for one of `INTENSITY_NAMES`.
+        Name of the intensity field; None selects one of `INTENSITY_NAMES`.
     message : Message, optional
-        Record that the frame was read from; None for a frame made from arrays.
+        Message that the frame was read from; None for a frame made from arrays.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class Frame:
 
     @classmethod
     def of_message(cls, message: Message, cloud: Cloud, index: int, intensity_field: str | None = None) -> Self:
-        """Return the frame of a log record and the cloud decoded from it."""
+        """Return the frame of a message and the cloud decoded from it."""
         return cls(cloud, message.channel.topic, cloud.stamp_ns or message.log_time_ns, index, intensity_field, message)
 
     @classmethod
@@ -95,39 +95,39 @@ class Frame:
         stamp_ns: int = 0,
         index: int = 0,
     ) -> Self:
-        """Return a frame of bare arrays.
+        """Return a frame made from arrays.
 
         Parameters
         ----------
         xyz : ndarray, shape (N, 3), float32 or float64
-            Coordinates in metres in the frame of the lidar.
+            Coordinates in metres in the coordinate frame of the lidar.
         intensity : ndarray, shape (N,), optional
-            Intensity in the sensor's unit; methods that need it raise `FieldError` where it is missing.
+            Intensity in the sensor's unit. If it is missing, methods that need it raise `FieldError`.
         topic, stamp_ns, index : optional
             As for `Frame`.
 
         Raises
         ------
         ValueError
-            If the shapes do not fit, or an array does not hold numbers.
+            If the shapes do not match or an array does not contain numbers.
 
         Examples
         --------
         >>> Frame.of_arrays(np.array([[3.0, 4.0, 0.0]]), np.array([12])).range_m
         array([5.])
         """
-        places = np.asarray(xyz)
-        if places.ndim != 2 or places.shape[1] != 3:
-            raise ValueError(f"xyz must have the shape (N, 3), got {places.shape}")
-        columns = dict(zip("xyz", places.T, strict=True))
+        points_xyz = np.asarray(xyz)
+        if points_xyz.ndim != 2 or points_xyz.shape[1] != 3:
+            raise ValueError(f"xyz must have the shape (N, 3), got {points_xyz.shape}")
+        columns = dict(zip("xyz", points_xyz.T, strict=True))
         if intensity is not None:
             columns["intensity"] = np.asarray(intensity)
         for name, values in columns.items():
-            if values.shape != (len(places),):
-                raise ValueError(f"{name} must have the shape ({len(places)},), got {values.shape}")
+            if values.shape != (len(points_xyz),):
+                raise ValueError(f"{name} must have the shape ({len(points_xyz)},), got {values.shape}")
             if values.dtype.kind not in "fiu":
-                raise ValueError(f"{name} must hold numbers, got {values.dtype}")
-        points = np.empty(len(places), [(name, values.dtype) for name, values in columns.items()])
+                raise ValueError(f"{name} must contain numbers, got {values.dtype}")
+        points = np.empty(len(points_xyz), [(name, values.dtype) for name, values in columns.items()])
         for name, values in columns.items():
             points[name] = values
         return cls(from_array(points, stamp_ns=stamp_ns), topic, stamp_ns, index)
@@ -139,31 +139,31 @@ class Frame:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the message that the frame was read from, else of its points."""
+        """Size in bytes of the message that the frame was read from, otherwise of its points."""
         return len(self.cloud.data if self.message is None else self.message.data)
 
     @property
     def log_time_ns(self) -> int:
-        """Log time of the message in nanoseconds, else the stamp."""
+        """Log time of the message in nanoseconds, otherwise the stamp."""
         return self.stamp_ns if self.message is None else self.message.log_time_ns
 
     @property
     def xyz(self) -> NDArray[np.float64]:
-        """Coordinates in metres, shape (N, 3), a view; see `coordinates` for errors."""
+        """Coordinates in metres, shape (N, 3), as a view; raises the errors of `coordinates`."""
         return self.coordinates.T
 
     @cached_property
     def coordinates(self) -> NDArray[np.float64]:
-        """Coordinates in metres as computations want them, shape (3, N): a row for each axis.
+        """Coordinates in metres, shape (3, N), one contiguous row for each axis.
 
         Raises
         ------
         FieldError
-            If the cloud has no x, y or z, or one that is no number.
+            If x, y or z is missing or is not a single number.
         """
         points = self.cloud.points
         xyz = np.empty((3, len(points)))
-        with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+        with np.errstate(invalid="ignore"):  # converting a signalling NaN warns
             for row, axis in enumerate("xyz"):
                 xyz[row] = _column(points, axis)
         return xyz
@@ -177,7 +177,7 @@ class Frame:
 
     @cached_property
     def intensity_name(self) -> str | None:
-        """Name of the intensity field; None if there is none and none was asked for."""
+        """Name of the intensity field; None if the cloud has none and `intensity_field` is None."""
         names = self.cloud.dtype.names or ()
         if self.intensity_field is not None:
             if self.intensity_field not in names:
@@ -193,21 +193,21 @@ class Frame:
         Raises
         ------
         FieldError
-            If the cloud has no intensity field, or one that is no number.
+            If the intensity field is missing or is not a single number.
         """
         if self.intensity_name is None:
             names = _listed(self.cloud.dtype.names)
-            raise FieldError(f"no intensity field; the cloud has {names}: name one with --intensity-field")
+            raise FieldError(f"no intensity field; the cloud has {names}; name one with --intensity-field")
         with np.errstate(invalid="ignore"):
             return _column(self.cloud.points, self.intensity_name).astype(np.float64)
 
     @cached_property
     def valid(self) -> NDArray[np.bool_]:
-        """Whether a point is a return, shape (N,): finite coordinates and intensity, not exactly at the origin."""
+        """Whether each point is a return, shape (N,): finite coordinates and intensity, not at the origin."""
         range_m = self.range_m
         valid = range_m > 0
         near_zero = np.flatnonzero(range_m == 0)
-        valid[near_zero] = self.coordinates[:, near_zero].any(axis=0)  # a square can be 0 where a coordinate is not
+        valid[near_zero] = self.coordinates[:, near_zero].any(axis=0)  # squares can underflow to 0
         if not np.isfinite(range_m).all():
             valid &= np.isfinite(self.coordinates).all(axis=0)
         if self.intensity_name is not None:
@@ -223,22 +223,22 @@ def _column(points: NDArray[Any], name: str) -> NDArray[Any]:
     if name not in (points.dtype.names or ()):
         raise FieldError(f"no field {name!r}; the cloud has {_listed(points.dtype.names)}")
     if points.dtype[name].shape:
-        raise FieldError(f"field {name!r} holds {points.dtype[name].shape[0]} values a point, one is needed")
+        raise FieldError(f"field {name!r} has {points.dtype[name].shape[0]} values per point; it must have one")
     return points[name]
 
 
 @dataclass(frozen=True)
 class Rings:
-    """What a ring filter did in one frame; every array has shape (K,), one value a ring.
+    """Thresholds and counts of a frame by range ring; every array has shape (K,).
 
     Parameters
     ----------
     thresholds : ndarray, float64
-        Intensity thresholds used, :math:`I`.
+        Intensity thresholds, :math:`I`.
     corrections : ndarray, float64
-        Corrections used, :math:`I_m`; 0 where none applied.
+        Corrections, :math:`I_m`; 0 where none applies.
     points, low_intensity, outliers : ndarray, int64
-        Points in the ring before the filter, and those removed for each reason.
+        Points in the range ring before filtering, and points removed for each of the two reasons.
 
     Examples
     --------
@@ -257,24 +257,24 @@ class Rings:
     outliers: NDArray[np.int64]
 
     def __add__(self, other: "Rings") -> "Rings":
-        """Return the sums, for means over frames."""
+        """Return element-wise sums, from which means over frames are computed."""
         return Rings(*(getattr(self, item.name) + getattr(other, item.name) for item in fields(self)))
 
 
 @dataclass(frozen=True)
 class FilterResult:
-    """A frame and one `Reason` a point, so that all who come after the filter see the same N points.
+    """A frame and the `Reason` of each of its N points.
 
     Parameters
     ----------
     frame : Frame
-        The frame as it was read.
+        The unfiltered frame.
     reason : ndarray, shape (N,), uint8
         `Reason` of each point; 0 means kept.
     rings : Rings, optional
-        Present for filters that work in rings.
+        Thresholds and counts, for filters that use range rings.
     scene : str, optional
-        Class of scene whose parameters went; present for filters that know scenes.
+        Class of scene whose preset was used, for filters with presets.
 
     Examples
     --------
@@ -292,10 +292,10 @@ class FilterResult:
 
     @cached_property
     def keep(self) -> NDArray[np.bool_]:
-        """Whether a point is kept, shape (N,)."""
+        """Whether each point is kept, shape (N,)."""
         return np.equal(self.reason, Reason.KEPT)
 
     @cached_property
     def counts(self) -> NDArray[np.int64]:
-        """Number of points for each `Reason`, shape (7,); the first entry counts those kept."""
+        """Number of points for each `Reason`, shape (7,); the first entry counts the points kept."""
         return np.bincount(self.reason, minlength=len(Reason))

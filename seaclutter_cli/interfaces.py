@@ -1,7 +1,8 @@
-"""The map of the program: source -> frame -> filter -> sink.
+"""Interfaces between the parts of the program: source -> frame -> filter -> sink.
 
-A source yields the records of a log. The pipeline decodes the point clouds among them into frames, a filter gives every
-point of a frame a reason, and sinks write what comes out.
+A `Source` yields the records of a log. The pipeline decodes the point clouds among them into frames with a
+`CloudCodec`, a `Filter` assigns a reason to every point of a frame, and each `Sink` consumes the results. `Labels`
+provide the ground truth of a recording.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,146 +18,178 @@ from seaclutter_cli.truth import Truth
 
 
 class Source(Protocol):
-    """A recording: one file, or several that are one stream."""
+    """A recording: one file, or several files that form one stream."""
 
     name: str
-    """Name of the recording, as it appears in tables and file names."""
+    """Name of the recording in tables and file names."""
     format: str
-    """What the recording is, for people: ``MCAP``, ``ROS 1 bag``."""
+    """Format of the recording, for display: ``MCAP``, ``ROS 1 bag``."""
     profile: str
-    """MCAP profile of what comes out: ``ros2``, ``ros1`` or empty."""
+    """MCAP profile of the records: ``ros2``, ``ros1`` or empty."""
     compression: str | None
-    """Compression of the recording as MCAP names it (``zstd``, ``lz4``, empty for none); None if it has no say."""
+    """Compression by its MCAP name (``zstd``, ``lz4``, empty for none); None if the recording does not determine it."""
     damage: list[Damage]
-    """What could not be read; grows while the records are read."""
+    """Parts that cannot be read; grows while the records are read."""
     warnings: list[str]
-    """What the user should know besides; nothing is lost."""
+    """Warnings for the user about conditions that lose no data."""
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """Channels known before reading, those without messages too."""
+        """Channels known before reading, including those without messages."""
         ...
 
     @property
     def counts(self) -> dict[int, int]:
-        """Messages per channel id as far as known before reading."""
+        """Number of messages for each channel id, where known before reading."""
         ...
 
     @property
     def facts(self) -> Mapping[str, SensorFacts]:
-        """What packets reveal of the sensor behind each cloud topic; complete once the records have been read."""
+        """Facts about the sensor of each cloud topic, from its packets; complete when all records have been read."""
         ...
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield attachments, metadata, and messages in the order of their log time; can be called again.
+        """Yield attachments, metadata, and messages in the order of their log time.
 
-        Messages outside of ``[start_ns, end_ns)`` may be left out where that saves reading them.
+        Parameters
+        ----------
+        start_ns, end_ns : int, optional
+            Log times. Messages outside ``[start_ns, end_ns)`` may be omitted to save reading them.
+
+        Yields
+        ------
+        Message, Attachment or Metadata
+            The next record. Each call starts again at the first.
         """
         ...
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return how many messages per channel id `records` leaves out at the beginning, given this start."""
+        """Return the number of messages that `records` omits before ``start_ns``, by channel id."""
         ...
 
     def close(self) -> None:
-        """Free what is held open."""
+        """Close files and free other resources."""
         ...
 
 
 class CloudCodec(Protocol):
-    """Point clouds in one message encoding."""
+    """Decoder and encoder for point clouds in one message encoding."""
 
     def decode(self, data: Buffer) -> Cloud:
-        """Return a view on the message's points; `CloudError` if it is no valid cloud."""
+        """Return a cloud whose points are a view of the message.
+
+        Raises
+        ------
+        CloudError
+            If the message is not a valid point cloud.
+        """
         ...
 
     def encode(self, cloud: Cloud) -> bytes:
-        """Return the message of a cloud."""
+        """Return a cloud as the bytes of a message."""
         ...
 
 
 class Filter(Protocol):
-    """A method that tells sea clutter from targets. Keeps state from frame to frame of one topic of one recording."""
+    """A method that separates sea clutter from targets.
+
+    A filter keeps state from frame to frame, so each topic of each recording needs a filter of its own, or a `reset`.
+    """
 
     Params: ClassVar[type[Any]]
-    """Dataclass of the method's config keys; the filter is made from one."""
+    """Dataclass of the method's configuration keys; the constructor takes an instance."""
 
     def observe(self, frame: Frame) -> None:
-        """Look at a frame in a pass before the first `step`; called only where ``needs_first_pass``."""
+        """Receive a frame of the first pass; called only if `needs_first_pass` is true."""
         ...
 
     @property
     def needs_first_pass(self) -> bool:
-        """Whether all frames must be observed before the first `step`."""
+        """Whether the filter must `observe` all frames before the first `step`."""
         ...
 
     def step(self, frame: Frame) -> FilterResult:
-        """Return a reason for every point; called once a frame, in order."""
+        """Return the `Reason` of every point of a frame; called once for each frame, in order."""
         ...
 
     def reset(self) -> None:
-        """Forget all state: a recording starts."""
+        """Discard all state before another recording."""
         ...
 
 
 class NamedScene(Protocol):
-    """A decision on the class of scene that a frame shows."""
+    """The class of scene of a frame."""
 
     @property
     def name(self) -> str:
-        """Name of the class."""
+        """Name of the class of scene."""
         ...
 
 
 class SceneSource(Protocol):
-    """Whatever tells the class of scene. Keeps state from frame to frame of one topic of one recording."""
+    """A classifier of scenes, with state from frame to frame of one topic of one recording."""
 
     def scene(self, frame: Frame) -> NamedScene:
-        """Return the scene; called once a frame, in order."""
+        """Return the class of scene of a frame; called once for each frame, in order."""
         ...
 
     def reset(self) -> None:
-        """Forget all state: a recording starts."""
+        """Discard all state before another recording."""
         ...
 
 
 class Labels(Protocol):
-    """The truth of one recording, in whatever form it was labelled."""
+    """Ground truth of one recording, independent of the format of its labels."""
 
     def truth(self, frame: Frame) -> Truth | None:
-        """Return what is truly in a frame, None where it is not labelled; `LabelError` if the labels do not fit."""
+        """Return the ground truth of a frame; None if the frame is not labelled.
+
+        Raises
+        ------
+        LabelError
+            If the labels do not match the frame.
+        """
         ...
 
     def finish(self) -> None:
-        """Check, after the last frame, that there are no labels left of frames that were not there; `LabelError`."""
+        """Check, after the last frame, that no label refers to a frame that does not exist.
+
+        Raises
+        ------
+        LabelError
+            If one does.
+        """
         ...
 
 
 class TilePoints(Protocol):
-    """The points of an airborne tile, N of them, in an order that stays."""
+    """The N points of an airborne tile, in a fixed order."""
 
     def __iter__(self) -> Iterator[NDArray[np.float64]]:
-        """Yield coordinates in metres, shape (3, n) for each part of the tile; can be gone through again."""
+        """Yield coordinates in metres, shape (3, n), for each part of the tile; can be iterated repeatedly."""
         ...
 
     def intensity(self) -> NDArray[Any] | None:
-        """Return the intensity of all points, shape (N,); None if the tile has none."""
+        """Return the intensities of all points, shape (N,); None if the tile has none."""
         ...
 
 
 class Sink(Protocol):
-    """A consumer of what comes out of the filter."""
+    """A consumer of filtered frames and of the records that filters do not change.
+
+    The pipeline calls `begin`, then `copy` and `write` in the order of log time, then `end`.
+    """
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
-        """Start a recording of which ``clouds`` are filtered."""
+        """Start a recording; ``clouds`` are its filtered channels."""
         ...
 
     def copy(self, record: Message | Attachment | Metadata) -> None:
-        """Take a record that no filter touches."""
+        """Receive a record that is not filtered."""
         ...
 
     def write(self, result: FilterResult) -> None:
-        """Take a filtered frame."""
+        """Receive a filtered frame."""
         ...
 
     def end(self) -> None:

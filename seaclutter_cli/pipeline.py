@@ -1,4 +1,4 @@
-"""The loop: for each frame of a source, filter it and hand the result to the sinks."""
+"""Processing of a recording: read frames from a source, filter them, pass the results to sinks."""
 
 import math
 from collections import Counter
@@ -19,25 +19,25 @@ from seaclutter_cli.messages import diagnostics, find_codec
 from seaclutter_cli.records import Channel, Damage, Message, Record
 
 _NANO = 1_000_000_000
-_HOPELESS = 5
+_MAX_UNFIT = 5
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """Which part of a recording is worked on.
+    """The part of a recording to process.
 
     Parameters
     ----------
     topics : collection of str
-        Cloud topics; empty means the only one.
+        Topics of clouds; empty selects the only one.
     start_s, end_s : float or None
-        Seconds from the recording's start; the end is not included.
+        Seconds from the start of the recording; the end is exclusive.
     frames : int or None
-        Frames per topic, counted from the start of the selection.
+        Maximum number of frames per topic, from the start of the selection.
     intensity_field : str or None
-        Name of the intensity field; None looks for a usual one.
+        Name of the intensity field; None selects a usual one.
     """
 
     topics: Collection[str] = ()
@@ -48,24 +48,24 @@ class Selection:
 
     @property
     def is_whole(self) -> bool:
-        """Whether the chosen topics are read from the first frame to the last."""
+        """Whether the selected topics are read from the first frame to the last."""
         return self.start_s is None and self.end_s is None and self.frames is None
 
 
 def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel]:
-    """Return the cloud channels of the chosen topics.
+    """Return the channels of the selected cloud topics.
 
     Raises
     ------
     InputError
-        If the recording holds no point clouds.
+        If the recording contains no point clouds.
     UsageError
-        If a topic is not there or holds no clouds, or if there are several and none was chosen.
+        If a topic is missing or has no clouds, or if there are several cloud topics and none was selected.
     """
     clouds = [channel for channel in source.channels if find_codec(channel)]
     names = list(dict.fromkeys(channel.topic for channel in clouds))
     if not names:
-        found = ", ".join(sorted({_describe(channel) for channel in source.channels})) or "no topics at all"
+        found = ", ".join(sorted({_describe(channel) for channel in source.channels})) or "no topics"
         raise InputError(f"{source.name}: no point clouds that can be read; the log has {found}")
     if not topics and len(names) > 1:
         choices = " ".join(f"-t {name}" for name in names)
@@ -78,7 +78,7 @@ def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel
 
 
 def was_filtered(source: Source, topics: Collection[str] = ()) -> bool:
-    """Tell whether the chosen cloud topics, or all, hold what an earlier run has left, and none the raw cloud."""
+    """Return whether the selected cloud topics, by default all, contain only filtered clouds of an earlier run."""
     names = {channel.topic for channel in source.channels}
     clouds = topics or [channel.topic for channel in source.channels if find_codec(channel)]
     return diagnostics.TOPIC in names and not any(f"{topic}/filtered" in names for topic in clouds)
@@ -90,39 +90,39 @@ def _describe(channel: Channel) -> str:
 
 
 def frames(source: Source, selection: Selection) -> Iterator[Frame]:
-    """Yield the selected frames of the chosen cloud topics; see `read`, and `cloud_channels` for its errors."""
+    """Yield the selected frames; see `read`, and `cloud_channels` for its errors."""
     clouds = cloud_channels(source, selection.topics)
     return (frame for _, frame in read(source, clouds, selection) if frame is not None)
 
 
 def map_frames(source: Source, selection: Selection, use: Callable[[Frame], T]) -> Iterator[tuple[Frame, T]]:
-    """Yield the selected frames, each with what a function makes of it.
+    """Yield the selected frames, each with the result of a function.
 
     Raises
     ------
     FieldError
-        If the frames of a topic lack a field that the function needs. Where only some do, those are damage.
+        If all frames of a topic lack a field that the function needs. If only some do, they are damage.
     """
     tallies: dict[str, TopicTally] = {}
     for frame in frames(source, selection):
         tally = tallies.setdefault(frame.topic, TopicTally())
         try:
-            made = use(frame)
+            value = use(frame)
         except FieldError as error:
-            _note_unfit(error, frame, tally, source)
-            _lost(source, frame.topic, frame.index, frame.nbytes, error)
+            _record_unfit(error, frame, tally, source)
+            _report_lost(source, frame.topic, frame.index, frame.nbytes, error)
             continue
         tally.frames += 1
-        yield frame, made
+        yield frame, value
     for topic, tally in tallies.items():
         _require_fields(source, topic, tally)
 
 
 def read(source: Source, clouds: Sequence[Channel], selection: Selection) -> Iterator[tuple[Record, Frame | None]]:
-    """Yield the selected records of a source, each of the chosen clouds with its frame.
+    """Yield the selected records of a source, clouds together with their frames.
 
-    A message that is no valid cloud is left out and added to the source's damage. Frames count from 0 within their
-    topic, from the start of the recording whatever is selected.
+    A message that is not a valid cloud is left out and added to the damage of the source. The index of a frame counts
+    from the start of the recording, within its topic, even if the selection starts later.
     """
     codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
     window = _Window(source, clouds, selection)
@@ -139,7 +139,7 @@ def read(source: Source, clouds: Sequence[Channel], selection: Selection) -> Ite
         if codec is None:
             yield record, None
         elif frame := _decode(codec, record, index, source, selection.intensity_field):
-            window.taken(record)
+            window.count_selected(record)
             yield record, frame
 
 
@@ -147,19 +147,19 @@ def _decode(codec: CloudCodec, message: Message, index: int, source: Source, int
     try:
         return Frame.of_message(message, codec.decode(message.data), index, intensity)
     except CloudError as error:
-        _lost(source, message.channel.topic, index, len(message.data), error)
+        _report_lost(source, message.channel.topic, index, len(message.data), error)
         return None
 
 
-def _lost(source: Source, topic: str, index: int, lost_bytes: int, error: Exception) -> None:
-    what = f"frame {index} of {topic} is no valid cloud ({error})"
+def _report_lost(source: Source, topic: str, index: int, lost_bytes: int, error: Exception) -> None:
+    what = f"frame {index} of {topic} is not a valid cloud ({error})"
     source.damage.append(Damage(Path(source.name), None, what, lost_bytes, 1))
 
 
 class _Window:
-    """Keeps count of the frames of a recording and decides which of its records are selected.
+    """Counter of the frames of a recording, which decides which records are selected.
 
-    ``start_ns`` and ``end_ns`` are log times outside of which nothing is selected; None without such a bound.
+    ``start_ns`` and ``end_ns`` are log times outside which nothing is selected; None without a bound.
     """
 
     def __init__(self, source: Source, clouds: Sequence[Channel], selection: Selection) -> None:
@@ -168,12 +168,12 @@ class _Window:
         self.end_ns: int | None = None
         topics = {channel.topic for channel in clouds}
         self._index = dict.fromkeys(topics, -1)
-        self._taken = dict.fromkeys(topics, 0)
+        self._selected = dict.fromkeys(topics, 0)
         if selection.start_s is not None or selection.end_s is not None:
             self._begin(source, clouds)
 
     def _begin(self, source: Source, clouds: Sequence[Channel]) -> None:
-        """Find the bounds in log time, and the numbers of the first frames within them."""
+        """Find the bounds in log time and the index of the first frame of each topic within them."""
         self._first_ns = first_ns = _first_log_time(source)
         # A float of seconds may be off by less than a nanosecond; `contains` decides.
         if self._selection.start_s is not None:
@@ -185,37 +185,37 @@ class _Window:
             self.end_ns = first_ns + math.ceil(self._selection.end_s * _NANO) + 1
 
     def count(self, message: Message) -> int:
-        """Return the number of a cloud message within its topic."""
+        """Return the index of the next cloud message within its topic."""
         self._index[message.channel.topic] += 1
         return self._index[message.channel.topic]
 
-    def taken(self, message: Message) -> None:
-        """Note that a frame was selected."""
-        self._taken[message.channel.topic] += 1
+    def count_selected(self, message: Message) -> None:
+        """Count a selected frame."""
+        self._selected[message.channel.topic] += 1
 
     @property
     def closed(self) -> bool:
-        """Whether all topics have had their frames, so that the next one ends the selection."""
+        """Whether all topics have their maximum number of frames, which ends the selection."""
         frames = self._selection.frames
-        return frames is not None and bool(self._taken) and all(taken >= frames for taken in self._taken.values())
+        return frames is not None and bool(self._selected) and all(count >= frames for count in self._selected.values())
 
     def contains(self, message: Message) -> bool:
-        """Tell whether a message is selected."""
+        """Return whether a message is selected."""
         start, end, frames = self._selection.start_s, self._selection.end_s, self._selection.frames
         if start is not None or end is not None:
             seconds = (message.log_time_ns - self._first_ns) / _NANO
             if (start is not None and seconds < start) or (end is not None and seconds >= end):
                 return False
-        return frames is None or self._taken.get(message.channel.topic, -1) < frames
+        return frames is None or self._selected.get(message.channel.topic, -1) < frames
 
 
 def _first_log_time(source: Source) -> int:
-    """Return the log time of a recording's first message; 0 if there is none."""
+    """Return the log time of the first message of a recording; 0 if there is none."""
     damage = list(source.damage)
     records = source.records()
     first_ns = next((record.log_time_ns for record in records if isinstance(record, Message)), 0)
-    del records  # ends it, and with it what it reports of damage
-    source.damage[:] = damage  # what comes up while reading will come up again
+    del records  # closes the generator, which may report damage
+    source.damage[:] = damage  # reading reports it again
     return first_ns
 
 
@@ -226,17 +226,17 @@ class TopicTally:
     Parameters
     ----------
     frames, points_in : int
-        Frames filtered and points in them.
+        Filtered frames and their points.
     counts : ndarray, shape (7,), int64
-        Points for each `Reason`; the first entry counts those kept.
+        Points for each `Reason`; the first entry counts the points kept.
     rings : Rings or None
-        Sums over the frames, thresholds and corrections too.
+        Sums over the frames, including thresholds and corrections.
     scenes : counter of str
-        Frames by the scene that they were filtered for; empty if the method knows none.
+        Number of frames for each class of scene; empty for methods without presets.
     filter_s : float
-        Seconds in the filter itself.
+        Seconds spent in the filter.
     unfit : list of FieldError
-        Why the first frames could not be filtered, for want of a field.
+        Errors of the first frames, which lack a field.
     """
 
     frames: int = 0
@@ -266,20 +266,20 @@ def run(
     selection: Selection,
     on_frame: Callable[[FilterResult], object] = lambda _: None,
 ) -> dict[str, TopicTally]:
-    """Filter a recording into sinks, each cloud topic with a filter and state of its own.
+    """Filter a recording and return sums for each cloud topic; every topic has a filter of its own.
 
     Parameters
     ----------
     source : Source
         The recording.
     make_filter : callable
-        Makes a filter without state.
+        Returns a new filter.
     sinks : sequence of Sink
-        Get every record or result, in the order of log time.
+        Receive every record or result, in the order of log time.
     selection : Selection
-        What is worked on; the rest does not reach the sinks.
+        Part to process; the rest does not reach the sinks.
     on_frame : callable, optional
-        Is told of each filtered frame.
+        Called with the result of each frame.
 
     Returns
     -------
@@ -289,7 +289,7 @@ def run(
     Raises
     ------
     FieldError
-        If the frames of a topic lack a field that the method needs. Where only some do, those are damage.
+        If all frames of a topic lack a field that the method needs. If only some do, they are damage.
     """
     clouds = cloud_channels(source, selection.topics)
     filters = {channel.topic: make_filter() for channel in clouds}
@@ -304,7 +304,7 @@ def run(
             continue
         result = _step(filters[frame.topic], frame, tallies[frame.topic], source)
         if isinstance(result, FieldError):
-            _lost(source, frame.topic, frame.index, frame.nbytes, result)
+            _report_lost(source, frame.topic, frame.index, frame.nbytes, result)
             continue
         for sink in sinks:
             sink.write(result)
@@ -322,25 +322,25 @@ def run_each(
     selection: Selection,
     on_frame: Callable[[Frame, Sequence[FilterResult | None], Sequence[float]], object],
 ) -> None:
-    """Filter one cloud topic by several methods in one pass, each frame decoded once.
+    """Filter one cloud topic with several methods in one pass; each frame is decoded once.
 
     Parameters
     ----------
     source : Source
         The recording.
     filters : sequence of Filter
-        Without state. Those that need a first pass share one.
+        New filters. Those that need a first pass share it.
     selection : Selection
-        What is worked on.
+        Part to process.
     on_frame : callable
-        Is told of each frame, the result of each filter, None where it cannot use the frame, and the seconds that each
-        took. What all of them compute with (coordinates, ranges) is computed before, and in no one's time. Frames
-        without coordinates are damage.
+        Called with each frame, the result of each filter (None if the filter cannot use the frame), and the seconds
+        that each filter took. Coordinates and ranges, which all filters use, are computed before and not timed.
+        Frames without coordinates are damage.
 
     Raises
     ------
     FieldError
-        If the frames lack a field that one of the methods needs. Where only some do, those are damage.
+        If all frames lack a field that one of the methods needs. If only some do, they are damage.
     UsageError
         If there are several cloud topics.
     """
@@ -348,22 +348,22 @@ def run_each(
     topics = list(dict.fromkeys(channel.topic for channel in clouds))
     if len(topics) > 1:
         choices = " or ".join(f"-t {topic}" for topic in topics)
-        raise UsageError(f"{source.name}: one cloud topic at a time: {choices}")
+        raise UsageError(f"{source.name}: several point-cloud topics; choose one: {choices}")
     _observe(source, selection, {topics[0]: filters})
     tallies = [TopicTally() for _ in filters]
     for frame in frames(source, selection):
         try:
             _ = frame.valid
         except FieldError as error:
-            _lost(source, frame.topic, frame.index, frame.nbytes, error)
+            _report_lost(source, frame.topic, frame.index, frame.nbytes, error)
             continue
-        with suppress(FieldError):  # not every method needs it
+        with suppress(FieldError):  # not every method needs intensities
             _ = frame.intensity
         before = [tally.filter_s for tally in tallies]
         results = [_step(method, frame, tally, source) for method, tally in zip(filters, tallies, strict=True)]
         unusable = next((result for result in results if isinstance(result, FieldError)), None)
         if unusable is not None:
-            _lost(source, frame.topic, frame.index, frame.nbytes, unusable)
+            _report_lost(source, frame.topic, frame.index, frame.nbytes, unusable)
         seconds = [tally.filter_s - start for tally, start in zip(tallies, before, strict=True)]
         on_frame(frame, [None if isinstance(result, FieldError) else result for result in results], seconds)
     for tally in tallies:
@@ -371,22 +371,22 @@ def run_each(
 
 
 def _require_fields(source: Source, topic: str, tally: TopicTally) -> None:
-    """Raise `FieldError` if not one frame had the fields that the method needs."""
+    """Raise `FieldError` if no frame had the fields that the method needs."""
     if tally.unfit and not tally.frames:
         raise FieldError(f"{source.name}, {topic}: {tally.unfit[0]}") from tally.unfit[0]
 
 
 def _observe(source: Source, selection: Selection, filters: Mapping[str, Sequence[Filter]]) -> None:
-    """Show all frames to those filters that want to see them before they start."""
+    """Pass all frames to the filters that need a first pass."""
     waiting = {topic: [method for method in methods if method.needs_first_pass] for topic, methods in filters.items()}
     if not any(waiting.values()):
         return
     damage = list(source.damage)
     for frame in frames(source, selection):
         for method in waiting[frame.topic]:
-            with suppress(FieldError):  # `step` will say so
+            with suppress(FieldError):  # `step` reports it
                 method.observe(frame)
-    source.damage[:] = damage  # what comes up while reading will come up again
+    source.damage[:] = damage  # reading reports it again
 
 
 def _step(method: Filter, frame: Frame, tally: TopicTally, source: Source) -> FilterResult | FieldError:
@@ -394,15 +394,15 @@ def _step(method: Filter, frame: Frame, tally: TopicTally, source: Source) -> Fi
     try:
         result = method.step(frame)
     except FieldError as error:
-        _note_unfit(error, frame, tally, source)
+        _record_unfit(error, frame, tally, source)
         return error
     tally.add(result, perf_counter() - started)
     return result
 
 
-def _note_unfit(error: FieldError, frame: Frame, tally: TopicTally, source: Source) -> None:
-    """Note that a frame lacks a field; give up if none of the first few frames has it."""
+def _record_unfit(error: FieldError, frame: Frame, tally: TopicTally, source: Source) -> None:
+    """Record that a frame lacks a field; raise `FieldError` if none of the first frames has it."""
     if not tally.frames:
         tally.unfit.append(error)
-    if len(tally.unfit) == _HOPELESS:
+    if len(tally.unfit) == _MAX_UNFIT:
         _require_fields(source, frame.topic, tally)

@@ -1,7 +1,7 @@
-"""What a log consists of, whatever its format: channels, messages, attachments, metadata.
+"""Records of a log, independent of its format: channels, messages, attachments, metadata.
 
-Times are integer nanoseconds. ``Buffer`` data are views where possible: a message of an MCAP file points into its
-decompressed chunk.
+Times are integer nanoseconds. Data of type ``Buffer`` are views where possible: a message of an MCAP file refers to
+its decompressed chunk.
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ class Schema:
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """A topic as one publisher fills it. ``id`` tells channels of one log apart."""
+    """A topic as filled by one publisher; ``id`` is unique within the log."""
 
     id: int
     topic: str
@@ -67,18 +67,18 @@ Record = Message | Attachment | Metadata
 
 @dataclass
 class SensorFacts:
-    """What is known of a sensor and its packets; grows while packets are decoded.
+    """Facts about a sensor and its packets, updated while packets are decoded.
 
     Parameters
     ----------
     model : str
         Name of the sensor model.
     details : dict of str to str
-        Firmware, return mode, intensity mode and the like, for people.
+        Firmware, return mode, intensity mode and similar facts, for display.
     lost_packets, bad_packets : int
-        Packets that never arrived, as far as gaps show, and those that cannot be decoded.
+        Packets missing according to gaps in the sequence, and packets that cannot be decoded.
     warnings : list of str
-        What the user should know.
+        Warnings for the user.
     """
 
     model: str
@@ -90,7 +90,7 @@ class SensorFacts:
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A part of the input that could not be used: where, what, and how much was left out."""
+    """An unusable part of the input: its position, the problem, and how much was left out."""
 
     path: Path
     offset: int | None
@@ -99,11 +99,11 @@ class Damage:
     lost_messages: int | None = None
 
     def __str__(self) -> str:
-        """Return the one line that the user reads."""
-        place = f"{self.path}" if self.offset is None else f"{self.path}: byte {self.offset}"
+        """Return one line for the user."""
+        position = f"{self.path}" if self.offset is None else f"{self.path}: byte {self.offset}"
         amounts = []
         if self.lost_messages is not None:
             amounts.append(f"{self.lost_messages} message{'' if self.lost_messages == 1 else 's'}")
         if self.lost_bytes:
             amounts.append(f"{self.lost_bytes} bytes")
-        return printable(f"{place}: {self.what}; left out: {', '.join(amounts) or 'nothing'}")
+        return printable(f"{position}: {self.what}; left out: {', '.join(amounts) or 'nothing'}")

@@ -1,4 +1,4 @@
-"""What a cloud topic holds: sizes, fields, extents of intensity and range, and what sensor it may come from."""
+"""Statistics of a cloud topic: sizes, fields, extents of intensity and range, and possible sensors."""
 
 from array import array
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ _NANO = 1_000_000_000
 
 @dataclass
 class TopicSurvey:
-    """Sums over the frames of one topic; grows by four bytes a frame."""
+    """Statistics over the frames of one topic; grows by a few bytes per frame."""
 
     frames: int = 0
     invalid: int = 0
@@ -35,7 +35,7 @@ class TopicSurvey:
     _rings: set[int] = field(default_factory=set)
 
     def add(self, frame: Frame) -> None:
-        """Add a frame."""
+        """Add a frame to the statistics."""
         cloud = frame.cloud
         self.frames += 1
         self._sizes.append(frame.size)
@@ -56,28 +56,28 @@ class TopicSurvey:
 
     @property
     def points(self) -> int:
-        """Points in all frames."""
+        """Total number of points."""
         return sum(self._sizes)
 
     def sizes(self) -> tuple[int, float, int]:
-        """Return the least, median and greatest number of points in a frame."""
+        """Return the minimum, median and maximum number of points in a frame."""
         return (min(self._sizes), median(self._sizes), max(self._sizes)) if self._sizes else (0, 0, 0)
 
     @property
     def rate_hz(self) -> float | None:
-        """Frames per second by their stamps; None for less than two."""
+        """Frames per second according to their stamps; None for fewer than two frames."""
         if self.frames < 2 or self.stamps_ns[1] <= self.stamps_ns[0]:
             return None
         return (self.frames - 1) * _NANO / (self.stamps_ns[1] - self.stamps_ns[0])
 
     @property
     def sensors(self) -> list[str]:
-        """Sensors that the topic could come from."""
+        """Sensors that may have recorded the topic."""
         names = [item.name for item in self.fields]
         return guess_sensors(names, len(self._rings) or None, round(self.sizes()[1]))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the survey as JSON holds it."""
+        """Return the statistics as values for JSON."""
         least, middle, most = self.sizes()
         return {
             "frames": self.frames,

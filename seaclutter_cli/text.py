@@ -1,10 +1,10 @@
-"""Text for people: names from files made safe to print, tables, counts and shares."""
+"""Text output: printable names, tables, counts and percentages."""
 
 from collections.abc import Sequence
 
 
 def printable(text: str) -> str:
-    r"""Return a text from a file as one line that a terminal can show, control characters escaped.
+    r"""Return text as one printable line, with control characters escaped.
 
     Examples
     --------
@@ -15,12 +15,12 @@ def printable(text: str) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a table with the first column aligned to the left and all others to the right.
+    """Return a table with a left-aligned first column and right-aligned other columns.
 
     Examples
     --------
-    >>> print(table(("ring", "points"), [("10-25 m", 1200), ("25-40 m", 7)]))
-    ring     points
+    >>> print(table(("range", "points"), [("10-25 m", 1200), ("25-40 m", 7)]))
+    range    points
     10-25 m    1200
     25-40 m       7
     """
@@ -34,23 +34,23 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 
 def indented(text: str) -> str:
-    """Return a text with every line moved right by two characters."""
+    """Return text with every line indented by two spaces."""
     return "\n".join("  " + line for line in text.splitlines())
 
 
-def count(number: int, thing: str) -> str:
-    """Return a number of things in words.
+def count(number: int, noun: str) -> str:
+    """Return a number with its noun in the singular or plural.
 
     Examples
     --------
     >>> count(1, "point"), count(1200, "point")
     ('1 point', '1,200 points')
     """
-    return f"{number:,} {thing}{'' if number == 1 else 's'}"
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def share(part: float, whole: float) -> str:
-    """Return a percentage, or a dash if the whole is nothing.
+    """Return a percentage, or a dash if the whole is 0.
 
     Examples
     --------

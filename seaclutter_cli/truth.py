@@ -1,4 +1,4 @@
-"""What is truly in a frame: targets, areas to ignore, and, where labelled, what each point belongs to."""
+"""Ground truth of a frame: boxes of targets, areas to ignore, and labels of points."""
 
 from dataclasses import dataclass, field
 
@@ -18,25 +18,25 @@ OBJECT_CLASSES = (
     "fishing fence",
     "garbage patch",
 )
-"""What lies in the water, seen from the air (S1). In tiles, a class is its place here, from 1; 0 is none."""
+"""Classes of objects in airborne tiles [Shi2022]. Tiles store a class as its index here plus 1; 0 means no class."""
 
 
 @dataclass(frozen=True)
 class Boxes:
-    """Upright boxes in the frame of the cloud, M of them.
+    """M upright boxes in the coordinate frame of the cloud.
 
     Parameters
     ----------
     tracks : tuple of str
-        What tells the objects apart, from frame to frame.
+        Identifiers of the objects, the same from frame to frame.
     classes : tuple of str
-        What they are.
+        Names of their classes.
     centers : ndarray, shape (M, 3), float64
         Metres.
     sizes : ndarray, shape (M, 3), float64
         Length along the box's own x, width along its y, height along z; metres.
     yaws : ndarray, shape (M,), float64
-        Turn about +z in radians.
+        Rotation around +z in radians.
     """
 
     tracks: tuple[str, ...] = ()
@@ -49,14 +49,14 @@ class Boxes:
         return len(self.tracks)
 
     def contains(self, xyz: NDArray[np.float64], margin_m: float) -> NDArray[np.bool_]:
-        """Tell which points lie in which box, grown by a margin on every side; its faces belong to it.
+        """Return which points are inside which box, inflated by a margin on every side; faces count as inside.
 
         Parameters
         ----------
         xyz : ndarray, shape (3, N), float64
-            Points in metres. One with a coordinate that is not finite lies in no box.
+            Points in metres. A point with a non-finite coordinate is in no box.
         margin_m : float
-            Growth on every side in metres.
+            Margin on every side in metres.
 
         Returns
         -------
@@ -80,16 +80,16 @@ class Boxes:
 
 @dataclass(frozen=True)
 class Truth:
-    """What is truly in one frame.
+    """Ground truth of one frame.
 
     Parameters
     ----------
     targets : Boxes or None
-        None where only the points are labelled: then a target is the points that bear its track.
+        None if only points are labelled; a target then consists of the points with its track number.
     ignored : Boxes
-        Areas in which clusters are neither right nor wrong.
+        Areas whose clusters count neither as detections nor as false alarms.
     points : ndarray, shape (N,), int64, optional
-        For each point of the frame `CLUTTER`, `IGNORED`, or the number of its target's track; None where unknown.
+        `CLUTTER`, `IGNORED` or the track number of its target for each point of the frame; None if unknown.
     """
 
     targets: Boxes | None

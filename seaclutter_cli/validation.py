@@ -1,5 +1,6 @@
-"""Settings in YAML files, checked against the dataclasses that declare them; used for configurations and scenes."""
+"""Validation of YAML settings against the dataclasses that declare them, for configurations and scenes."""
 
+import json
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, field, fields, is_dataclass
@@ -10,23 +11,24 @@ from typing import Any, get_args, get_origin, get_type_hints
 import yaml
 
 from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
+from seaclutter_cli.text import count, printable
 
 
 def builtin_files(folder: str = "") -> Mapping[str, Path]:
-    """Return the YAML files that come with the program by name: configurations, or those of a folder beside them."""
+    """Return the built-in YAML files by name: the configurations, or the files of a folder below them."""
     package = Path(__file__).parent
-    places = (package / "configs", package.parent / "configs")  # installed; in a checkout
-    place = next((place for place in places if place.is_dir()), package) / folder
-    return {path.stem: path for path in sorted(place.glob("*.yaml"))}
+    candidates = (package / "configs", package.parent / "configs")  # installed; in a checkout
+    configs = next((path for path in candidates if path.is_dir()), package)
+    return {path.stem: path for path in sorted((configs / folder).glob("*.yaml"))}
 
 
 def find_file(name: str, folder: str, kind: str) -> Path:
-    """Return a file by its path, or a built-in one of `builtin_files` by its name, with or without ``.yaml``.
+    """Return the path of a file, or of a built-in file with this name, with or without ``.yaml``.
 
     Raises
     ------
     ConfigError
-        If there is neither; ``kind`` is what is missing.
+        If there is neither; the message calls the file ``kind``.
     """
     path = Path(name)
     if path.exists():
@@ -34,62 +36,62 @@ def find_file(name: str, folder: str, kind: str) -> Path:
     builtin = builtin_files(folder)
     if name.removesuffix(".yaml") in builtin:
         return builtin[name.removesuffix(".yaml")]
-    raise ConfigError(f"{name}: there is no such {kind}; built in are {', '.join(builtin)}")
+    raise ConfigError(f"{name}: no such {kind}; built-in ones: {', '.join(builtin)}")
 
 
 def read_yaml(path: Path, sections: Sequence[str]) -> dict[str, Any]:
-    """Return the content of a file; `ConfigError` if it is no YAML, or not a mapping."""
+    """Return the content of a file; raise `ConfigError` if it is not a YAML mapping."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or 'no UTF-8 text'})") from error
+        raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or 'not UTF-8 text'})") from error
     return parse_yaml(text, str(path), sections)
 
 
 def parse_yaml(text: str, where: str, sections: Sequence[str]) -> dict[str, Any]:
-    """Return the content of a text; `ConfigError` that names ``where`` if it is no YAML, or not a mapping."""
+    """Return the content of a text; raise `ConfigError` that names ``where`` if it is not a YAML mapping."""
     try:
         raw = yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - a SafeLoader
     except yaml.YAMLError as error:
-        place = getattr(error, "problem_mark", None)
-        line = f", line {place.line + 1}" if place else ""
-        raise ConfigError(f"{where}{line}: no valid YAML ({getattr(error, 'problem', None) or error})") from error
+        mark = getattr(error, "problem_mark", None)
+        line = f", line {mark.line + 1}" if mark else ""
+        raise ConfigError(f"{where}{line}: not valid YAML ({getattr(error, 'problem', None) or error})") from error
     if raw is None:
         return {}
     if not isinstance(raw, dict):
-        raise ConfigError(f"{where}: must hold the sections {' and '.join(sections)}, holds {kind_of(raw)}")
+        raise ConfigError(f"{where}: must contain sections ({', '.join(sections)}), got {kind_of(raw)}")
     return raw
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """Refuses a key that occurs twice instead of taking the last."""
+    """Loader that rejects duplicate keys instead of using the last."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT002
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for number, key in enumerate(keys):
-            if key in keys[:number]:
-                raise yaml.constructor.ConstructorError(None, None, f"key {key!r} occurs twice", node.start_mark)
+        for index, key in enumerate(keys):
+            if key in keys[:index]:
+                raise yaml.constructor.ConstructorError(None, None, f"duplicate key {key!r}", node.start_mark)
         return super().construct_mapping(node, deep)
 
 
 def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, problems: list[str]) -> Any:
-    """Make a parameter object, or add to the problems why not.
+    """Return a parameter object, or None if the values are not valid.
 
     Parameters
     ----------
     kind : type
-        Dataclass whose fields are the allowed keys; their annotations hold types and limits.
+        Dataclass whose fields are the allowed keys; their annotations declare types and limits.
     values : mapping
-        Keys and values as YAML gives them.
+        Keys and values as loaded from YAML.
     section, owner : str
-        Where the keys stand, and what has them, for messages.
+        Path of the keys and name of their owner, for messages.
     problems : list of str
-        Grows by a line for everything that is wrong; then None is returned.
+        A line is appended for every problem.
     """
-    values = _with_present_names(kind, values, section)
+    values = _with_current_names(kind, values, section)
     known = [field.name for field in fields(kind)]
     allowed = ", ".join(known) or "no keys"
-    wrong = [f"{section}.{key}: unknown key; {owner} has: {allowed}" for key in values if key not in known]
+    wrong = [f"{section}.{key}: unknown key; allowed for {owner}: {allowed}" for key in values if key not in known]
     unknown = len(wrong)
     nested = {name: entry for name, hint in get_type_hints(kind).items() if (entry := _entry_kind(hint))}
     given = {key: _tuples(values[key]) for key in known if key in values and key not in nested}
@@ -103,55 +105,55 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
         return None
     try:
         return kind(**given)
-    except ValueError as error:  # the values do not fit together
+    except ValueError as error:  # values that contradict each other
         problems.append(f"{section}.{error}")
         return None
 
 
 def renamed(default: Any, *, formerly: str) -> Any:
-    """Return the dataclass field of a key that had another name, which still loads, with a warning."""
+    """Return a dataclass field for a renamed key; the former name still loads, with a warning."""
     return field(default=default, metadata={"formerly": formerly})
 
 
-def _with_present_names(kind: type[Any], values: Mapping[str, Any], section: str) -> Mapping[str, Any]:
-    """Return values with former names of keys replaced by present ones."""
+def _with_current_names(kind: type[Any], values: Mapping[str, Any], section: str) -> Mapping[str, Any]:
+    """Return values with former names of keys replaced by the current names."""
     names = {former: one.name for one in fields(kind) if (former := one.metadata.get("formerly"))}
-    for former, present in names.items():
-        if former in values and present not in values:
-            text = f"{section}.{former}: this key is now called {present}"
+    for former, current in names.items():
+        if former in values and current not in values:
+            text = f"{section}.{former}: this key is now called {current}"
             warnings.warn(RenamedKeyWarning(text), stacklevel=2)
-            values = {present if key == former else key: value for key, value in values.items()}
+            values = {current if key == former else key: value for key, value in values.items()}
     return values
 
 
 def build_sections(kinds: Mapping[str, type[Any]], raw: Mapping[str, Any], problems: list[str]) -> dict[str, Any]:
-    """Make the parameter object of each section, with defaults for one that is not there; see `build`."""
+    """Return the parameter object of each section, with defaults for missing sections; see `build`."""
     parts = {}
     for section, kind in kinds.items():
         values = raw.get(section) or {}
         if not isinstance(values, dict):
-            problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
+            problems.append(_not_a_section(section, values))
             values = {}
         parts[section] = build(kind, values, section, section, problems)
     return parts
 
 
 def build_list(kind: type[Any], raw: Any, section: str, owner: str, problems: list[str]) -> list[Any]:
-    """Make a parameter object of each entry of a list, as far as nothing is wrong with it; see `build`."""
+    """Return a parameter object for each valid entry of a list; see `build`."""
     if not isinstance(raw, list):
-        problems.append(f"{section}: must be a list, is {kind_of(raw)}")
+        problems.append(f"{section}: must be a list, got {kind_of(raw)}")
         return []
     found = []
-    for number, values in enumerate(raw):
+    for index, values in enumerate(raw):
         if isinstance(values, dict):
-            found.append(build(kind, values, f"{section}.{number}", owner, problems))
+            found.append(build(kind, values, f"{section}.{index}", owner, problems))
         else:
-            problems.append(f"{section}.{number}: must be a section with keys, is {kind_of(values)}")
+            problems.append(_not_a_section(f"{section}.{index}", values))
     return [entry for entry in found if entry is not None]
 
 
 def merged(values: Any, over: Any) -> Any:
-    """Return settings with others laid over them, key by key where both are mappings.
+    """Return settings overridden by others, key by key where both are mappings.
 
     Examples
     --------
@@ -164,54 +166,63 @@ def merged(values: Any, over: Any) -> Any:
 
 
 def _entry_kind(hint: Any) -> type[Any] | None:
-    """Return the dataclass of a mapping's values, None if the type is no mapping of names to such."""
+    """Return the dataclass of the values of a mapping; None if the type is not a mapping to a dataclass."""
     kind = get_args(hint)[1] if get_origin(hint) is Mapping else None
     return kind if isinstance(kind, type) and is_dataclass(kind) else None
 
 
 def _entries(kind: type[Any], values: Any, section: str, problems: list[str]) -> dict[str, Any]:
-    """Return the values of a mapping as the dataclass that they are, or add to the problems why not."""
+    """Return the values of a mapping as parameter objects; problems are appended."""
     if not isinstance(values, Mapping):
-        problems.append(f"{section}: must be a section with keys, is {kind_of(values)}")
+        problems.append(_not_a_section(section, values))
         return {}
     entries = {}
     for name, value in values.items():
-        place = f"{section}.{name}"
+        path = f"{section}.{name}"
         if not isinstance(name, str):
-            problems.append(f"{place}: must be called by a text, is {kind_of(name)}")
+            problems.append(f"{path}: the name must be text, got {kind_of(name)}")
         elif isinstance(value, Mapping):
-            entries[name] = build(kind, value, place, "each of them", problems)
+            entries[name] = build(kind, value, path, "each entry", problems)
         else:
-            problems.append(f"{place}: must be a section with keys, is {kind_of(value)}")
+            problems.append(_not_a_section(path, value))
     return entries
 
 
+def _not_a_section(path: str, value: Any) -> str:
+    return f"{path}: must be a section with keys, got {kind_of(value)}"
+
+
 def _default_of(field: "Field[Any]") -> Any:
-    """Return a field's default; an ellipsis, as pydantic has it, if there is none."""
+    """Return the default of a field; an ellipsis, as pydantic expects, if it has none."""
     if field.default_factory is not MISSING:
         return field.default_factory()
     return ... if field.default is MISSING else field.default
 
 
 def _plain_default(kind: type[Any], key: str) -> Any:
-    """Return the default of a key as it stands in a file."""
+    """Return the default of a key as a YAML value."""
     return plain(next(_default_of(field) for field in fields(kind) if field.name == key))
 
 
 def _type_problems(kind: type[Any], values: Mapping[str, Any], section: str) -> list[str]:
-    """Tell which values are of a wrong type or beyond their limits."""
+    """Return a line for each value of the wrong type or outside its limits."""
     from pydantic import ValidationError
 
     try:
         _model(kind).model_validate(values)  # type: ignore[arg-type] # a class is hashable
     except ValidationError as error:
-        return [_explain(problem, section) for problem in error.errors()]
+        schema = _model(kind).model_json_schema()  # type: ignore[arg-type]
+        found = error.errors()
+        # A list with a wrong value is also reported as too short, since pydantic counts only valid values.
+        inner = {problem["loc"][:end] for problem in found for end in range(1, len(problem["loc"]))}
+        primary = [problem for problem in found if problem["type"] != "too_short" or problem["loc"] not in inner]
+        return [_explain(problem, schema, section) for problem in primary]
     return []
 
 
 @cache
 def _model(kind: type[Any]) -> Any:
-    """Return the pydantic model of a dataclass; a scene has hundreds of one kind."""
+    """Return the pydantic model of a dataclass; cached, since a scene has hundreds of one kind."""
     from pydantic import ConfigDict, create_model
 
     hints = get_type_hints(kind, include_extras=True)
@@ -223,25 +234,75 @@ def _model(kind: type[Any]) -> Any:
     return create_model(kind.__name__, __config__=ConfigDict(strict=True, allow_inf_nan=False), **declared)
 
 
-def _explain(problem: Any, section: str) -> str:
-    place = ".".join((section, *(str(part) for part in problem["loc"])))
+def _explain(problem: Any, schema: Any, section: str) -> str:
+    """Return the message for a problem found by pydantic; the JSON schema describes the valid values."""
+    path = ".".join((section, *(str(part) for part in problem["loc"])))
     if problem["type"] == "missing":
-        return f"{place}: is missing"
-    return f"{place}: {problem['msg'].replace('Input should', 'must')}, is {_shown(problem['input'])}"
+        return f"{path}: is missing"
+    for part in problem["loc"]:
+        options = schema.get("anyOf", (schema,))
+        schema = next(option for option in options if option["type"] != "null")
+        schema = schema["properties"][part] if isinstance(part, str) else _item(schema, part)
+    expected = _expected(schema)
+    if problem["type"] == "finite_number":
+        expected = expected.replace("number", "finite number")
+    return f"{path}: must be {expected}, got {_shown(problem['input'])}"
+
+
+def _item(schema: Any, index: int) -> Any:
+    return schema["items"] if "items" in schema else schema["prefixItems"][index]
+
+
+def _expected(schema: Any) -> str:
+    """Return the values that a JSON schema allows, in words.
+
+    Examples
+    --------
+    >>> _expected({"type": "number", "exclusiveMinimum": 0, "maximum": 1})
+    'a number greater than 0 and less than or equal to 1'
+    >>> _expected({"anyOf": [{"type": "integer", "minimum": 1, "maximum": 9}, {"type": "null"}]})
+    'a whole number from 1 to 9 or null'
+    """
+    if "anyOf" in schema:
+        return " or ".join(_expected(option) for option in schema["anyOf"])
+    if "enum" in schema:
+        return " or ".join(json.dumps(value) for value in schema["enum"])
+    kind, limits = _TYPES[schema["type"]], [f"{words} {schema[key]}" for key, words in _LIMITS.items() if key in schema]
+    if "minimum" in schema and "maximum" in schema:
+        limits = [f"from {schema['minimum']} to {schema['maximum']}"]
+    if "minItems" in schema:
+        limits = [f"of {'' if 'maxItems' in schema else 'at least '}{count(schema['minItems'], 'value')}"]
+    return " ".join((kind, " and ".join(limits))).rstrip()
+
+
+_TYPES = {
+    "array": "a list",
+    "boolean": "true or false",
+    "integer": "a whole number",
+    "null": "null",
+    "number": "a number",
+    "string": "text",
+}
+_LIMITS = {
+    "minimum": "greater than or equal to",
+    "exclusiveMinimum": "greater than",
+    "maximum": "less than or equal to",
+    "exclusiveMaximum": "less than",
+}
 
 
 def _tuples(value: Any) -> Any:
-    """Return YAML's lists as the tuples that frozen parameters hold."""
+    """Return a YAML value with tuples in place of lists, as frozen parameters need it."""
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
 
 
 def as_lists(value: Any) -> Any:
-    """Return the tuples that frozen parameters hold as YAML's lists."""
+    """Return a value of frozen parameters with lists in place of tuples, as YAML needs it."""
     return [as_lists(item) for item in value] if isinstance(value, tuple) else value
 
 
 def plain(value: Any) -> Any:
-    """Return parameters as they stand in a file: parameter objects are sections there, tuples are lists."""
+    """Return parameters as YAML values: parameter objects become sections, tuples become lists."""
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if is_dataclass(value):
@@ -250,18 +311,22 @@ def plain(value: Any) -> Any:
 
 
 def _shown(value: Any) -> str:
-    text = repr(as_lists(value))
+    try:
+        text = json.dumps(value, ensure_ascii=False, default=str)
+    except (TypeError, ValueError):  # a key that JSON does not allow, or a circular reference
+        text = repr(value)
+    text = printable(text)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def kind_of(value: Any) -> str:
-    """Return what a YAML value is, in words."""
-    kinds = {list: "a list", dict: "a section", str: "text", bool: "a truth value", type(None): "empty"}
-    return kinds.get(type(value), "a number")
+    """Return the type of a YAML value in words."""
+    kinds = {list: "a list", dict: "a section", str: "text", bool: "a Boolean", type(None): "nothing"}
+    return "a number" if type(value) in (int, float) else kinds.get(type(value), f"a {type(value).__name__}")
 
 
 def raise_problems(where: str, problems: Sequence[str]) -> None:
-    """Raise `ConfigError` if there are problems, with all of them; a single one on one line."""
+    """Raise `ConfigError` with all problems, if there are any; a single problem on one line."""
     if len(problems) == 1:
         raise ConfigError(f"{where}: {problems[0]}")
     if problems:

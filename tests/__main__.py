@@ -1,4 +1,4 @@
-"""Everything that must hold before a commit: lint, format, types, doctests and tests. Run as ``python -m tests``."""
+"""Checks to pass before a commit: lint, format, types, doctests and tests. Run as ``python -m tests``."""
 
 import subprocess
 import sys
@@ -15,7 +15,7 @@ CHECKS = (
 
 
 def main() -> int:
-    """Run every check, even after one has failed; return 1 if any did."""
+    """Run all checks and return 1 if any failed."""
     failed = []
     for module, *arguments in CHECKS:
         print(f"== {module} {' '.join(arguments)}", flush=True)  # noqa: T201

@@ -4,12 +4,12 @@ import signal
 
 from hypothesis import settings
 
-# A test passes or fails for its code, not for its luck or a busy machine: the same examples each time, and no time
-# limit for one. To look for new examples, run pytest --hypothesis-profile=search.
+# The same examples in every run, without a deadline, so that results do not depend on randomness or machine load.
+# Run pytest --hypothesis-profile=search to search for new examples.
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("search", derandomize=False, deadline=None)
 settings.load_profile("same")
 
-# A shell's background jobs ignore this signal, and so would the programs that tests start in order to interrupt them.
+# Background jobs of a shell ignore SIGINT, and so would the programs that tests start and interrupt.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,7 +1,7 @@
 """Small MCAP logs and point-cloud messages, made by libraries that share no code with the program.
 
-The logs are written by ``mcap``, ROS messages by ``rosbags``, protobuf ones by ``protobuf``. `records_of` and `join`
-take logs apart and put them together again, for those that no writer would write.
+``mcap`` writes the logs, ``rosbags`` the ROS messages, ``protobuf`` the protobuf messages. `records_of` and `join`
+split and assemble logs, for invalid logs that no writer produces.
 """
 
 import base64
@@ -35,7 +35,7 @@ POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")
 
 @dataclass(frozen=True)
 class Layout:
-    """How a log is laid out in the file."""
+    """Layout of a log in its file."""
 
     compression: str = "zstd"
     chunked: bool = True
@@ -46,7 +46,7 @@ class Layout:
     crcs: bool = True
 
     def writer(self, stream: BinaryIO) -> Writer:
-        """Return a writer that has not started."""
+        """Return a writer that is not started."""
         index = IndexType.ATTACHMENT | IndexType.METADATA if self.summary else IndexType.NONE
         index |= IndexType.MESSAGE if self.message_index else IndexType.NONE
         index |= IndexType.CHUNK if self.chunk_index else IndexType.NONE
@@ -81,12 +81,12 @@ LAYOUTS: Mapping[str, Layout] = {
     "unchunked, bare": Layout("", chunked=False, message_index=False, chunk_index=False, summary=False, crcs=False),
     "no checksums": Layout(crcs=False),
 }
-"""Every way in which writers lay out a log."""
+"""The layouts that writers produce."""
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a log; ``schema`` is name, encoding and data."""
+    """A topic of a log; ``schema`` contains name, encoding and data."""
 
     name: str
     encoding: str = "cdr"
@@ -105,7 +105,7 @@ class Entry(NamedTuple):
 
 
 class Extra(NamedTuple):
-    """An attachment if there is data, else a metadata record; goes before the message of this number."""
+    """An attachment if ``data`` is given, otherwise a metadata record; precedes the message with index ``before``."""
 
     name: str
     before: int = 0
@@ -122,14 +122,14 @@ def write_log(
     extras: Sequence[Extra] = (),
     profile: str = "ros2",
 ) -> Path:
-    """Write a log of any messages."""
+    """Write a log of arbitrary messages and return its path."""
     with path.open("wb") as stream:
         _write(layout.writer(stream), topics, entries, extras, profile)
     return path
 
 
 def log_bytes(topics: Sequence[Topic], entries: Iterable[Entry], layout: Layout, extras: Sequence[Extra]) -> bytes:
-    """Return a log of any messages."""
+    """Return a log of arbitrary messages as bytes."""
     stream = BytesIO()
     _write(layout.writer(stream), topics, entries, extras, "ros2")
     return stream.getvalue()
@@ -175,7 +175,7 @@ def cloud_log(
     points: int = 300,
     topics: Sequence[str] = ("/points",),
 ) -> Path:
-    """Write a log of point clouds, with two IMU messages a frame, an attachment and a metadata record."""
+    """Write a log of point clouds with two IMU messages per frame, an attachment and a metadata record."""
     clouds = {name: cloud_messages(kind, frames, points, seed=number) for number, name in enumerate(topics)}
     entries = []
     for number in range(frames):
@@ -194,7 +194,7 @@ def cloud_log(
 
 
 def cloud_topic(name: str, kind: str = "ros2") -> Topic:
-    """Return a topic of point clouds of one of the `CLOUD_KINDS`."""
+    """Return a topic of point clouds in one of the encodings `CLOUD_KINDS`."""
     if kind == "ros2":
         whole = ros2_schema("sensor_msgs/msg/PointCloud2")
         return Topic(name, "cdr", (whole.name, whole.encoding, whole.data))
@@ -209,13 +209,13 @@ def cloud_topic(name: str, kind: str = "ros2") -> Topic:
 
 
 def cloud_messages(kind: str, frames: int, points: int, *, seed: int = 0) -> list[bytes]:
-    """Return the messages of a sea with a few targets in it."""
+    """Return the messages of a sea with a few targets."""
     stamps = [START_NS + number * PERIOD_NS - 5_000_000 for number in range(frames)]
     return [cloud_message(kind, sea_points(points, (seed, number)), ns) for number, ns in enumerate(stamps)]
 
 
 def sea_points(size: int, seed: Sequence[int] = (0,)) -> np.ndarray:
-    """Return points around a vessel: dim clutter that thins out with range, bright targets, a few invalid ones."""
+    """Return points around a vessel: weak clutter that decreases with range, bright targets, a few invalid points."""
     random = np.random.default_rng(seed)
     points = np.zeros(size, POINT)
     range_m = 5 + 30 * random.weibull(1.2, size)
@@ -234,7 +234,7 @@ def sea_points(size: int, seed: Sequence[int] = (0,)) -> np.ndarray:
 
 
 def cloud_message(kind: str, points: np.ndarray, stamp_ns: int, **changes: Any) -> bytes:
-    """Return the message of a structured array; ``changes`` to attributes make it a wrong one (ROS 2 only)."""
+    """Return the message of a structured array; ``changes`` to attributes make it invalid (ROS 2 only)."""
     if kind in ("ros2", "ros1"):
         return _ros_message(kind, points, stamp_ns, changes)
     if kind == "json":
@@ -340,7 +340,7 @@ def _foxglove_files() -> Any:
 
 
 class Piece(NamedTuple):
-    """A record of a file: place, opcode, content."""
+    """A record of a file: offset, opcode, content."""
 
     offset: int
     op: int
@@ -348,12 +348,12 @@ class Piece(NamedTuple):
 
     @property
     def end(self) -> int:
-        """Return the place behind the record."""
+        """Offset of the first byte after the record."""
         return self.offset + 9 + len(self.content)
 
 
 def records_of(data: bytes) -> list[Piece]:
-    """Take a sound file apart."""
+    """Return the records of an intact file."""
     pieces, at = [], len(MAGIC)
     while at < len(data) - len(MAGIC):
         op, size = struct.unpack_from("<BQ", data, at)
@@ -363,7 +363,7 @@ def records_of(data: bytes) -> list[Piece]:
 
 
 def join(*parts: McapRecord | Piece | bytes) -> bytes:
-    """Return a file of records; bytes go in as they are."""
+    """Return a file of records; bytes are inserted unchanged."""
     return MAGIC + b"".join(map(_bytes_of, parts)) + MAGIC
 
 
@@ -378,7 +378,7 @@ def _bytes_of(part: McapRecord | Piece | bytes) -> bytes:
 
 
 def chunk_of(*parts: McapRecord | bytes, compression: str = "zstd", **changes: Any) -> mcap_records.Chunk:
-    """Return a chunk of records; ``changes`` to its attributes make it a wrong one."""
+    """Return a chunk of records; ``changes`` to its attributes make it invalid."""
     records = b"".join(map(_bytes_of, parts))
     compress = {"zstd": zstandard.compress, "lz4": lz4.frame.compress, "": bytes}[compression]
     times = [part.log_time for part in parts if isinstance(part, mcap_records.Message)]

@@ -1,4 +1,4 @@
-"""Where test data lies."""
+"""Paths of test data."""
 
 from pathlib import Path
 
@@ -10,8 +10,8 @@ SHARED_DATA = ROOT.parent / "shared" / "data"
 
 
 def shared(name):
-    """Return a folder of real recordings that lies beside the checkout, or skip the test."""
+    """Return a folder of real recordings next to the checkout, or skip the test."""
     path = SHARED_DATA / name
     if not path.exists():
-        pytest.skip(f"real recordings ({name}) are not beside this checkout")
+        pytest.skip(f"real recordings ({name}) are not next to this checkout")
     return path

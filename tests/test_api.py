@@ -1,4 +1,4 @@
-"""The public names: documented, typed, silent, and the same as what the commands do."""
+"""The public API is documented, typed and silent, and gives the same results as the commands."""
 
 import inspect
 import json
@@ -69,7 +69,7 @@ def test_the_page_runs(tmp_path, monkeypatch, capsys):
     assert {path.name for path in tmp_path.iterdir()} >= {"filtered.mcap"}
 
 
-def test_the_import_costs_nothing():
+def test_import_loads_no_heavy_library():
     code = "import sys, seaclutter; print(*({'numpy', 'scipy', 'mcap', 'pydantic', 'click'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
@@ -90,11 +90,11 @@ seaclutter.filter_log("log.mcap", 5)
     options = ["--strict", "--no-error-summary", "--cache-dir", str(ROOT / ".mypy_cache" / "user")]
     environment = {"PYTHONPATH": str(ROOT), "PATH": "", "MYPY_FORCE_COLOR": "0"}
     check = [sys.executable, "-m", "mypy", *options, str(tmp_path / "user.py")]
-    said = subprocess.run(check, capture_output=True, text=True, check=False, env=environment, cwd=ROOT).stdout
-    assert said.count("ndarray[") >= 2, said
-    assert "Summary" in said
-    assert said.count("error:") == 1, said
-    assert 'incompatible type "int"' in said
+    output = subprocess.run(check, capture_output=True, text=True, check=False, env=environment, cwd=ROOT).stdout
+    assert output.count("ndarray[") >= 2, output
+    assert "Summary" in output
+    assert output.count("error:") == 1, output
+    assert 'incompatible type "int"' in output
 
 
 def test_frames_are_arrays():
@@ -111,7 +111,7 @@ def test_frames_are_arrays():
 
 
 def test_a_log_is_one_recording(tmp_path):
-    with pytest.raises(seaclutter.UsageError, match="stands for"):
+    with pytest.raises(seaclutter.UsageError, match="contains 3 recordings"):
         seaclutter.open_log(ROOT / "samples")
     with pytest.raises(seaclutter.UsageError, match="no such file"):
         seaclutter.open_log(tmp_path / "none.mcap")
@@ -119,7 +119,7 @@ def test_a_log_is_one_recording(tmp_path):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("method", FILTERS)
-def test_points_are_filtered_as_frames_of_a_log_are(method, dtype):
+def test_points_are_filtered_like_frames_of_a_log(method, dtype):
     with seaclutter.open_log(SEA) as log:
         frame = next(log.frames())
     other = seaclutter.make_filter(method)
@@ -134,7 +134,7 @@ def test_points_are_filtered_as_frames_of_a_log_are(method, dtype):
     np.testing.assert_array_equal(intensity, given[1])
 
 
-def test_configurations_of_every_kind(tmp_path):
+def test_every_kind_of_configuration(tmp_path):
     xyz, intensity = np.array([[8.0, 0, 0], [9.0, 0, 0]]), np.array([200, 200])
     (tmp_path / "c.yaml").write_text("filter: {start_m: 5, end_m: 65}")
     calibrated = seaclutter.calibrate(SEA, labels=LABELS).config
@@ -168,12 +168,12 @@ def test_few_points(method, size):
         (np.zeros((4, 3), bool), None),
     ],
 )
-def test_arrays_of_a_wrong_shape_or_type(xyz, intensity):
-    with pytest.raises(ValueError, match=r"must have the shape|must hold numbers"):
+def test_arrays_of_wrong_shape_or_type(xyz, intensity):
+    with pytest.raises(ValueError, match=r"must have the shape|must contain numbers"):
         seaclutter.filter_points(xyz, intensity, method="none")
 
 
-def test_state_goes_from_frame_to_frame():
+def test_state_is_kept_from_frame_to_frame():
     joint = seaclutter.make_filter()
     with seaclutter.open_log(SEA) as log:
         results = [joint.step(frame) for frame in log.frames(limit=5)]
@@ -186,11 +186,11 @@ def test_filter_log_is_the_command(tmp_path, capsys):
     table = tmp_path / "api.csv"
     done = seaclutter.filter_log(SEA, tmp_path / "api" / "f.mcap", method="ror", csv_file=table)
     assert capsys.readouterr() == ("", "")
-    said = command("filter", SEA, "-o", tmp_path / "f.mcap", "-m", "ror", "--csv", tmp_path / "f.csv", "--json")
+    printed = command("filter", SEA, "-o", tmp_path / "f.mcap", "-m", "ror", "--csv", tmp_path / "f.csv", "--json")
     assert (tmp_path / "api" / "f.mcap").read_bytes() == (tmp_path / "f.mcap").read_bytes()
     assert table.read_bytes() == (tmp_path / "f.csv").read_bytes()
-    assert timeless(done.as_dict()) == timeless(json.loads(said))
-    with pytest.raises(seaclutter.UsageError, match="exists already"):
+    assert timeless(done.as_dict()) == timeless(json.loads(printed))
+    with pytest.raises(seaclutter.UsageError, match="already exists"):
         seaclutter.filter_log(SEA, tmp_path / "f.mcap")
 
 
@@ -219,7 +219,7 @@ def test_simulate_is_the_command(tmp_path, capsys):
         assert (tmp_path / f"a.{name}").read_bytes() == (tmp_path / f"b.{name}").read_bytes()
 
 
-def test_errors_are_raised_unless_others_are_to_be_done(tmp_path):
+def test_errors_are_raised_unless_keep_going(tmp_path):
     (tmp_path / "bad.mcap").write_bytes(b"no log")
     logs = [tmp_path / "bad.mcap", SEA]
     with pytest.raises(seaclutter.InputError, match=r"bad\.mcap"):

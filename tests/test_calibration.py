@@ -1,4 +1,4 @@
-"""Calibration against its definition: sort all clutter points, and look."""
+"""Calibration compared with its definition on sorted clutter points."""
 
 import math
 from fractions import Fraction
@@ -32,7 +32,7 @@ def batches(values):
 
 
 def last_below(values, rate):
-    """Return the last of the sorted values that are to go."""
+    """Return the largest value to remove."""
     values = np.sort(values)
     return values[math.ceil(Fraction(str(rate)) * len(values)) - 1]
 
@@ -67,7 +67,7 @@ class TestHistogram:
         assert np.mean(values < threshold - 1) < rate
 
     @given(batches(FRACTIONS), RATES)
-    def test_few_other_values_are_exact_too(self, parts, rate):
+    def test_few_fractional_values_are_exact(self, parts, rate):
         values = np.concatenate(parts)
         assume(len(values) and (values != np.floor(values)).any())
         threshold = fill(IntensityHistogram, parts).threshold(rate)
@@ -75,8 +75,8 @@ class TestHistogram:
         assert np.mean(values < threshold) >= rate
 
     @given(batches(FRACTIONS), st.integers(2, 9), st.integers(2, 9), st.integers(1, 20))
-    def test_ranks_are_as_right_as_the_sketch_says(self, parts, level, distinct, pending):
-        """Limits so low that every list of values is too many."""
+    def test_ranks_are_within_the_error_bound_of_the_sketch(self, parts, level, distinct, pending):
+        """Every list of values exceeds the patched limits."""
         with pytest.MonkeyPatch.context() as patch:
             for name, value in (("_LEVEL", level), ("_DISTINCT", distinct), ("_PENDING", pending)):
                 patch.setattr(module, name, value)
@@ -86,8 +86,8 @@ class TestHistogram:
         assert counts.sum() == len(seen)
         assert set(values) <= set(seen)
         ranks = np.searchsorted(values, seen, side="right")
-        told = np.append(0, np.cumsum(counts))[ranks]
-        assert (np.abs(told - np.searchsorted(seen, seen, side="right")) <= sketch.rank_error).all()
+        estimated = np.append(0, np.cumsum(counts))[ranks]
+        assert (np.abs(estimated - np.searchsorted(seen, seen, side="right")) <= sketch.rank_error).all()
 
     @pytest.mark.parametrize(
         "draw",
@@ -156,7 +156,7 @@ class TestHistogram:
 class TestFarLimit:
     @staticmethod
     def by_sorting(ranges):
-        """Return the first of the sorted ranges from which on every difference is more than a metre."""
+        """Return the first sorted range past which all differences are greater than a metre."""
         ranges = sorted(ranges)
         first = len(ranges) - 1
         while first and ranges[first] - ranges[first - 1] > 1:
@@ -186,7 +186,7 @@ class TestFarLimit:
             ([20, 21], 21),
             ([20, 21 + 1e-12], 20),
             ([20, 20.999, 22], 20.999),
-            ([20, 20, 30, 30, 40], 30),  # a gap before others does not count
+            ([20, 20, 30, 30, 40], 30),  # only gaps at the end count
             ([61.65, 61, 62.7, 64, 65.1], 61.65),
             ([33], 33),
             ([20, 22, 24], 20),
@@ -195,7 +195,7 @@ class TestFarLimit:
     def test_all_differences_past_it_are_more_than_a_metre(self, ranges, last_m):
         assert self.found(ranges) == self.by_sorting(ranges) == last_m
 
-    def test_what_no_lidar_sees_is_left_out(self):
+    def test_impossible_ranges_are_left_out(self):
         assert self.found([12, 12.5, 10_000, 10_000, 1e300]) == 12.5
         assert self.found([]) is None
 
@@ -212,12 +212,12 @@ class TestFarLimit:
         assert found.end_m == 11.2
         assert len(JointParams(ring_width_m=0.1, end_m=11.2, initial_thresholds=found.initial_thresholds).edges) == 13
 
-    def test_rounding_errors_make_no_ring(self):
+    def test_rounding_errors_add_no_ring(self):
         assert (10.3 - 10) / 0.1 > 3
         assert calibrate([10.0, 10.3], [1, 2], ring_width_m=0.1, end_m=11).end_m == 10.3
 
-    def test_farther_than_rings_can_reach(self):
-        with pytest.raises(InputError, match=r"clutter reaches to 59\.50 m, and 250 rings"):
+    def test_clutter_beyond_the_last_possible_ring(self):
+        with pytest.raises(InputError, match=r"clutter reaches 59\.50 m, but 250 range rings"):
             calibrate(np.arange(10, 60, 0.5), np.ones(100), ring_width_m=0.1, end_m=20)
 
     def test_one_wide_ring(self):
@@ -260,7 +260,7 @@ class TestCalibration:
         assert found.initial_thresholds == (0.8,)
         assert [type(value) for value in calibrate(ranges, np.arange(1000)).initial_thresholds] == [int]
 
-    def test_rings_without_points_borrow(self):
+    def test_rings_without_points_use_the_threshold_of_another(self):
         ranges = np.repeat([26.0, 27, 30, 56, 57, 75], 100)
         intensity = np.repeat([9, 9, 9, 4, 4, 2], 100)
         found = calibrate(ranges, intensity, keep_end=True, end_m=90)
@@ -310,17 +310,17 @@ class TestClutterSelector:
         chosen = selector.clutter(frame)
         return selector, (frame.range_m[chosen].tolist(), frame.intensity[chosen].tolist())
 
-    def test_every_valid_point_from_the_start_on(self):
+    def test_every_valid_point_beyond_start_m(self):
         frame = on_axis([5, 9.99, 10, 69, 70, 500, math.nan, 30], [1, 2, 3, 4, 5, 6, 7, math.nan])
         reader, taken = self.read(frame)
         assert taken == ([10, 69, 70, 500], [3, 4, 5, 6])
         assert (reader.frames, reader.unlabelled, reader.marked) == (1, 0, 0)
 
-    def test_own_structure_is_none(self):
+    def test_own_structure_is_not_clutter(self):
         _, taken = self.read(on_axis([12, 20, 80], [1, 2, 3]), exclude_boxes=((11, 13, -1, 1, -1, 1),))
         assert taken == ([20, 80], [2, 3])
 
-    def test_boxes_grow(self):
+    def test_boxes_are_inflated(self):
         one = Boxes(("a",), ("ship",), np.array([[20.0, 0, 0]]), np.full((1, 3), 2.0), np.zeros(1))
         area = Boxes(("b",), ("ignore",), np.array([[40.0, 0, 0]]), np.full((1, 3), 2.0), np.zeros(1))
         frame = on_axis([18.4, 18.6, 20, 21.6, 30, 40, 41.4], 1)
@@ -341,12 +341,12 @@ class TestClutterSelector:
         assert (reader.frames, reader.unlabelled) == (0, 1)
 
     @pytest.mark.parametrize("labelled", [False, True])
-    def test_fields_that_are_missing(self, labelled):
+    def test_missing_fields(self, labelled):
         with pytest.raises(FieldError, match="no intensity field"):
             self.read(make_frame([[20, 0, 0]]), labelled=labelled)
 
     def test_a_sea_in_two_passes(self):
-        """What the ring filter then removes is what calibration says it would."""
+        """The ring filter removes as many points as the calibration predicts."""
         from seaclutter_cli.filters.joint import RingIntensity
         from seaclutter_cli.filters.ring_params import RingIntensityParams
 

@@ -1,4 +1,4 @@
-"""What can be done with a cloud, against loops over its bytes."""
+"""Operations on clouds, compared with loops over their bytes."""
 
 import math
 import struct
@@ -71,11 +71,11 @@ def test_blank(data):
 
     expected = bytearray(content)
     nan = struct.pack(ORDER[plain.big_endian] + TYPES[kind], math.nan)
-    for number, gone in enumerate(removed):
-        at = number // plain.width * row_step + number % plain.width * step + start
-        expected[at : at + 3 * size] = nan * 3 if gone else expected[at : at + 3 * size]
+    for index, blank in enumerate(removed):
+        at = index // plain.width * row_step + index % plain.width * step + start
+        expected[at : at + 3 * size] = nan * 3 if blank else expected[at : at + 3 * size]
     assert bytes(cloud.data) == expected
-    assert wider.data == content, "the input stays as it is"
+    assert wider.data == content, "the input must not change"
     assert replace(cloud, data=content, dense=wider.dense) == wider.cloud()
     assert not cloud.dense
 
@@ -84,13 +84,13 @@ def test_blank(data):
 def test_coordinates_that_cannot_be_nan(axis):
     layout = [("x", "f4"), ("y", "f4"), *([("z", axis)] if isinstance(axis, str) else [])]
     layout += [("z", *axis)] if isinstance(axis, tuple) else []
-    with pytest.raises(FieldError, match="field 'z' is no floating-point number, so an organised cloud cannot"):
+    with pytest.raises(FieldError, match="field 'z' is not a floating-point number"):
         from_array(np.zeros(4, layout), height=2).blank(np.ones(4, np.bool_))
 
 
 @pytest.mark.parametrize(("given", "stored"), [("i8", "f8"), ("u8", "f8"), ("f2", "f4"), ("?", "u1"), (">u2", "u2")])
 @pytest.mark.parametrize("big_endian", [False, True])
-def test_types_that_no_point_field_has(given, stored, big_endian):
+def test_types_that_are_converted(given, stored, big_endian):
     values = np.array([0, 1, 1], given)
     cloud = replace(from_array(np.zeros(3, [("x", "u1")])), big_endian=big_endian).with_field("v", values)
     assert cloud.points["v"].tolist() == [0, 1, 1]
@@ -103,13 +103,13 @@ def test_types_that_no_point_field_has(given, stored, big_endian):
 
 @pytest.mark.parametrize("kind", ["U3", "O", "c8", "M8[ns]", "S2"])
 def test_types_that_cannot_be_stored(kind):
-    with pytest.raises(FieldError, match="a point field cannot be of type"):
+    with pytest.raises(FieldError, match="a point field cannot have the type"):
         from_array(np.zeros(2, [("v", kind)]))
-    with pytest.raises(FieldError, match="a point field cannot be of type"):
+    with pytest.raises(FieldError, match="a point field cannot have the type"):
         from_array(np.zeros(2, [("x", "f4")])).with_field("v", np.zeros(2, kind))
 
 
-def test_a_name_that_is_taken_gets_an_underscore():
+def test_an_existing_name_gets_an_underscore():
     cloud = from_array(np.zeros(2, [("reason", "u1"), ("reason_", "u1")])).with_field("reason", np.array([1, 2], "u1"))
     assert [field.name for field in cloud.fields] == ["reason", "reason_", "reason__"]
     assert cloud.points["reason__"].tolist() == [1, 2]
@@ -140,39 +140,39 @@ def test_an_array_without_copying():
     assert (organised.stamp_ns, organised.big_endian, organised.dense) == (0, False, False)
 
 
-def test_a_dtype_of_many_equal_names_comes_quickly():
+def test_a_dtype_with_many_equal_names_is_fast():
     fields = tuple(PointField("", k, "u1") for k in range(1024))
     assert len(set(point_dtype(fields, 1024, False).names)) == 1024
 
 
 @pytest.mark.parametrize("kind", FIELD_TYPES)
-def test_where_a_field_ends(kind):
+def test_end_of_a_field(kind):
     assert PointField("v", 3, kind).end == 3 + SIZES[kind]
     assert PointField("v", 3, kind, 0).end == 3 + SIZES[kind]
     assert PointField("v", 3, kind, 4).end == 3 + 4 * SIZES[kind]
 
 
-def test_the_largest_points_that_are_read():
+def test_maximum_size_of_a_point():
     assert point_dtype((), 10_000_000, False).itemsize == 10_000_000
-    with pytest.raises(CloudError, match="points of 10000001 bytes"):
+    with pytest.raises(CloudError, match="a point must have 0 to 10000000 bytes, got 10000001"):
         point_dtype((), 10_000_001, False)
 
 
 @pytest.mark.parametrize("offset", [-1, 1, 2**31, 2**70])
 @pytest.mark.parametrize("width", [0, 1])
-def test_fields_out_of_place(offset, width):
+def test_fields_outside_the_point(offset, width):
     field = PointField("v", offset, "f4")
-    if width == 0 and offset == 1:  # nothing is out of place where nothing is
+    if width == 0 and offset == 1:  # valid, since there is no point
         assert Cloud(0, "", 1, 0, (field,), 4, 0, False, True, b"").dtype.itemsize == 5
         return
     with pytest.raises(CloudError):
         Cloud(0, "", 1, width, (field,), 4, 4, False, True, bytes(4 * width))
 
 
-def test_points_behind_the_last_are_left_out():
+def test_bytes_after_the_last_point_are_left_out():
     cloud = Plain(2, 2, (Field("v", 0, "u1"),), 1, 3, False, b"ab.cd......").cloud()
     assert bytes(cloud.select(np.ones(4, np.bool_)).data) == b"abcd"
     last_row_cut_short = Plain(2, 2, (Field("v", 0, "u1"),), 1, 3, False, b"ab.cd").cloud()
     assert bytes(last_row_cut_short.points) == b"abcd"
-    with pytest.raises(CloudError, match="4 points need 5 bytes, the message has 4"):
+    with pytest.raises(CloudError, match="4 points need 5 bytes; the message has 4"):
         Plain(2, 2, (Field("v", 0, "u1"),), 1, 3, False, b"ab.c").cloud()

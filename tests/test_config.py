@@ -1,4 +1,4 @@
-"""Configuration: everything wrong is told at once, and what is right comes out as it went in."""
+"""Configurations: all problems are reported at once, and valid configurations are read back unchanged."""
 
 from dataclasses import fields, replace
 from pathlib import Path
@@ -86,7 +86,7 @@ def test_another_method_takes_the_keys_it_has_too(load):
     assert config.filter.start_m == 5
 
 
-def test_all_problems_are_told_at_once(load, tmp_path):
+def test_all_problems_are_reported_at_once(load, tmp_path):
     text = """
     filter: {start_m: -3, end_m: x, colour: red, update_weight: 1.5, near: maybe, initial_thresholds: [1, a]}
     evaluation: {min_cluster_points: 2.5}
@@ -94,47 +94,47 @@ def test_all_problems_are_told_at_once(load, tmp_path):
     """
     lines = problems(load, text)
     assert lines[0] == f"{tmp_path / 'config.yaml'}: 8 problems"
-    told = " ".join(lines[1:])
+    reported = " ".join(lines[1:])
     for key in (
         "fliter: unknown section",
         "filter.colour: unknown key",
-        "filter.start_m: must be greater",
-        "filter.end_m: must be a valid number",
-        "filter.update_weight: must be less",
-        "filter.near: must be 'drop' or 'keep'",
-        "filter.initial_thresholds.1: must be a valid number",
-        "evaluation.min_cluster_points: must be a valid integer",
+        "filter.start_m: must be a number greater than or equal to 0, got -3",
+        'filter.end_m: must be a number greater than 0, got "x"',
+        "filter.update_weight: must be a number from 0 to 1, got 1.5",
+        'filter.near: must be "drop" or "keep", got "maybe"',
+        'filter.initial_thresholds.1: must be a number, got "a"',
+        "evaluation.min_cluster_points: must be a whole number greater than or equal to 1, got 2.5",
     ):
-        assert key in told
+        assert key in reported
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
-        ("filter: {ring_width_m: 20}", "initial_thresholds has 4 values, 10 to 70 m in rings of 20 m need 3"),
+        ("filter: {ring_width_m: 20}", "initial_thresholds: 10 to 70 m in range rings of 20 m need 3 values, got 4"),
         ("filter: {start_m: 80}", "end_m (70) must be greater than start_m (80)"),
-        ("filter: {ring_width_m: 0.001}", "makes 60000 rings, at most 250"),
-        ("filter: {exclude_boxes: [[2, 1, 0, 1, 0, 1]]}", "in box 1 a minimum is greater"),
+        ("filter: {ring_width_m: 0.001}", "gives 60000 range rings; the maximum is 250"),
+        ("filter: {exclude_boxes: [[2, 1, 0, 1, 0, 1]]}", "box 1 has a minimum greater than its maximum"),
         ("filter: {exclude_boxes: [[1, 2, 3]]}", "exclude_boxes.0.3"),
         ("filter: {method: magic}", "unknown method 'magic'; allowed: joint"),
-        ("filter: {method: sor, update_weight: 0.5}", "unknown key; method sor has: neighbors, std_ratio"),
-        ("filter: {start_m: true}", "must be a valid number, is True"),
-        ("filter: {start_m: '5'}", "must be a valid number, is '5'"),
+        ("filter: {method: sor, update_weight: 0.5}", "unknown key; allowed for method sor: neighbors, std_ratio"),
+        ("filter: {start_m: true}", "must be a number greater than or equal to 0, got true"),
+        ("filter: {start_m: '5'}", 'must be a number greater than or equal to 0, got "5"'),
         ("filter: {start_m: .nan}", "must be a finite number"),
         ("filter: {end_m: .inf}", "must be a finite number"),
-        ("filter: {initial_thresholds: []}", "initial_thresholds"),
-        ("filter: {start_m: 1, start_m: 2}", "'start_m' occurs twice"),
-        ("filter: 3", "must be a section"),
-        ("- 1", "must hold the sections"),
-        ("a: [", "no valid YAML"),
+        ("filter: {initial_thresholds: []}", "initial_thresholds: must be a list of at least 1 value, got []"),
+        ("filter: {start_m: 1, start_m: 2}", "duplicate key 'start_m'"),
+        ("filter: 3", "filter: must be a section with keys, got a number"),
+        ("- 1", "must contain sections (filter, evaluation, sensor), got a list"),
+        ("a: [", "line 1: not valid YAML"),
     ],
 )
-def test_one_problem(load, text, said):
-    assert said in " ".join(problems(load, text))
+def test_one_problem(load, text, message):
+    assert message in " ".join(problems(load, text))
 
 
 @pytest.mark.parametrize("override", ["start_m=1", "filter.start_m", "paint.colour=3", "filter.start_m=[1"])
-def test_an_override_that_is_none(override):
+def test_an_invalid_override(override):
     with pytest.raises(ConfigError, match="--set"):
         load_config(overrides=[override])
 
@@ -143,7 +143,7 @@ ADAPTIVE = "filter: {method: adaptive_radius, "
 
 
 class TestPresets:
-    def test_they_lie_over_the_defaults_key_by_key(self, load):
+    def test_presets_override_the_defaults_key_by_key(self, load):
         config = load(ADAPTIVE + "presets: {open: {min_neighbors: 9}, dense: {radius_ratio: 1, min_neighbors: 2}}}")
         assert list(config.filter.presets) == ["open", "confined", "dense"]
         usual = load_config(method="adaptive_radius").filter.presets
@@ -151,52 +151,52 @@ class TestPresets:
         assert config.filter.presets["open"] == replace(usual["open"], min_neighbors=9)
         assert vars(config.filter.presets["dense"]) == {"radius_ratio": 1, "min_neighbors": 2}
 
-    def test_the_command_line_lies_over_the_file(self, load):
+    def test_the_command_line_overrides_the_file(self, load):
         text = ADAPTIVE + "presets: {open: {min_neighbors: 9, radius_ratio: 0.5}}}"
         (preset, *_) = load(text, overrides=["filter.presets.open.radius_ratio=0.25"]).filter.presets.values()
         assert vars(preset) == {"radius_ratio": 0.25, "min_neighbors": 9}
 
-    def test_each_stands_on_a_line(self):
+    def test_each_preset_is_on_one_line(self):
         lines = load_config(method="adaptive_radius").to_yaml().splitlines()
-        place = lines.index("  presets:")
-        assert [line.split(": {radius_ratio: ")[0] for line in lines[place + 1 : place + 3]] == [
+        index = lines.index("  presets:")
+        assert [line.split(": {radius_ratio: ")[0] for line in lines[index + 1 : index + 3]] == [
             "    open",
             "    confined",
         ]
 
     @pytest.mark.parametrize(
-        ("keys", "said"),
+        ("keys", "message"),
         [
-            ("presets: 3", "filter.presets: must be a section with keys, is a number"),
-            ("presets: [1]", "filter.presets: must be a section with keys, is a list"),
-            ("presets: {open: 3}", "filter.presets.open: must be a section with keys, is a number"),
-            ("presets: {open: null}", "filter.presets.open: must be a section with keys"),
-            ("presets: {1: {}}", "filter.presets.1: must be called by a text, is a number"),
-            ("presets: {open: {radius_ratio: -1}}", "filter.presets.open.radius_ratio: must be greater than 0"),
-            ("presets: {open: {min_neighbors: 0}}", "filter.presets.open.min_neighbors: must be greater than or"),
-            ("presets: {open: {K: 1}}", "filter.presets.open.K: unknown key; each of them has: radius_ratio, min_n"),
+            ("presets: 3", "filter.presets: must be a section with keys, got a number"),
+            ("presets: [1]", "filter.presets: must be a section with keys, got a list"),
+            ("presets: {open: 3}", "filter.presets.open: must be a section with keys, got a number"),
+            ("presets: {open: null}", "filter.presets.open: must be a section with keys, got nothing"),
+            ("presets: {1: {}}", "filter.presets.1: the name must be text, got a number"),
+            ("presets: {open: {radius_ratio: -1}}", "presets.open.radius_ratio: must be a number greater than 0"),
+            ("presets: {open: {min_neighbors: 0}}", "presets.open.min_neighbors: must be a whole number greater than"),
+            ("presets: {open: {K: 1}}", "presets.open.K: unknown key; allowed for each entry: radius_ratio, min_"),
             ("presets: {dense: {radius_ratio: 1}}", "filter.presets.dense.min_neighbors: is missing"),
-            ("presets: {auto: {radius_ratio: 1, min_neighbors: 1}}", "presets.auto: no class of scene can be called"),
-            ("scene: lock", "scene: must be one of open, confined, auto, is 'lock'"),
+            ("presets: {auto: {radius_ratio: 1, min_neighbors: 1}}", "presets.auto: the name auto is reserved"),
+            ("scene: lock", "scene: must be one of open, confined, auto, got"),
         ],
     )
-    def test_what_is_wrong_is_told(self, load, keys, said):
-        assert said in " ".join(problems(load, f"{ADAPTIVE}{keys}}}"))
+    def test_problems_are_reported(self, load, keys, message):
+        assert message in " ".join(problems(load, f"{ADAPTIVE}{keys}}}"))
 
-    def test_all_is_told_at_once(self, load):
+    def test_all_problems_are_reported_at_once(self, load):
         lines = problems(load, ADAPTIVE + "scene: 3, presets: {open: {a: 1, min_neighbors: x}, b: {}}}")
         assert "5 problems" in lines[0]
 
 
-def test_keys_of_one_outlier_stage_are_refused_with_the_other(load):
-    assert "outlier_radius_ratio: belongs to outlier_stage" in " ".join(
+def test_keys_of_one_outlier_stage_are_rejected_with_the_other(load):
+    assert "outlier_radius_ratio: valid only with outlier_stage" in " ".join(
         problems(load, "filter: {outlier_radius_ratio: 0.1}")
     )
     assert load("filter: {outlier_stage: adaptive_radius}").as_dict()["filter"]["outlier_min_neighbors"] > 0
 
 
 def test_an_unreadable_file(tmp_path):
-    with pytest.raises(ConfigError, match="there is no such file; built in are"):
+    with pytest.raises(ConfigError, match="no such file; built-in ones: "):
         load_config(tmp_path / "none.yaml")
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match="cannot be read"):

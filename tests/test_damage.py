@@ -1,4 +1,4 @@
-"""Damaged logs through the whole command: what is readable is filtered, the loss is told, nothing half-done stays."""
+"""Damaged logs and failing output: readable parts are filtered, losses are reported, no partial files remain."""
 
 import csv
 import io
@@ -39,18 +39,18 @@ from tests.logs import (
 )
 
 FRAMES = 6
-DAMAGED = re.compile(r"Damaged: (?P<place>.+?): (?P<what>.+); left out: (?P<amount>nothing|.*\d+ (messages?|bytes))")
+DAMAGED = re.compile(r"Damaged: (?P<position>.+?): (?P<what>.+); left out: (?P<amount>nothing|.*\d+ (messages?|bytes))")
 
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
-    """Logs of six frames, each in a chunk of its own, as bytes."""
+    """Logs of six frames, each frame in its own chunk, as bytes."""
     path = tmp_path_factory.mktemp("logs") / "log.mcap"
     return {name: cloud_log(path, layout, frames=FRAMES).read_bytes() for name, layout in LAYOUTS.items()}
 
 
 class Outcome:
-    """What became of a run of ``filter``, after a look at what holds for every run."""
+    """The outcome of a run of ``filter``, after assertions that are valid for every run."""
 
     def __init__(self, folder, data, *options):
         self.log, out, table = folder / "log.mcap", folder / "out.mcap", folder / "frames.csv"
@@ -81,22 +81,22 @@ class Outcome:
 
     @property
     def frames(self):
-        """Numbers of the frames that were filtered."""
+        """Indices of the filtered frames."""
         return [int(row["frame"]) for row in self.rows]
 
     @property
     def points(self):
-        """Points that went into the filter, a frame."""
+        """Number of input points of each frame."""
         return [int(row["points_in"]) for row in self.rows]
 
     @property
     def sequences(self):
-        """Sequence numbers of the frames that were filtered, from 0."""
+        """Sequence numbers of the filtered frames, from 0."""
         return [message.sequence - 100 for message in self.messages["/points"]]
 
 
 def read_whole(path):
-    """Read a file with the library, from front to back and by its index, checksums and all."""
+    """Return the messages of each topic, read sequentially and by the index, with checksums verified."""
     data = path.read_bytes()
     front = list(NonSeekingReader(io.BytesIO(data), validate_crcs=True).iter_messages())
     indexed = list(make_reader(io.BytesIO(data), validate_crcs=True).iter_messages())
@@ -108,7 +108,7 @@ def read_whole(path):
 
 
 def chunks(data):
-    """Return the chunks that hold a frame."""
+    """Return the chunks that contain a frame."""
     return [piece for piece in records_of(data) if piece.op == Opcode.CHUNK and len(piece.content) > 3000]
 
 
@@ -116,7 +116,7 @@ def flip(data, at):
     return data[:at] + bytes((data[at] ^ 0xFF,)) + data[at + 1 :]
 
 
-def test_sound_logs(tmp_path, logs):
+def test_intact_logs(tmp_path, logs):
     outcomes = {name: Outcome(tmp_path, data) for name, data in logs.items()}
     for outcome in outcomes.values():
         assert outcome.code == 0
@@ -152,14 +152,14 @@ def test_cut_anywhere(tmp_path, logs, name):
         outcome = Outcome(tmp_path, data[:size])
         frames = sum(end <= size for end in ends)
         if len(ends) == FRAMES:
-            # A frame that is whole in a chunk that is cut is filtered, too.
+            # A complete frame in a truncated chunk is filtered.
             assert len(outcome.frames) in (frames, frames + 1)
             assert outcome.sequences == list(range(len(outcome.frames))) if outcome.rows else outcome.code == 1
         assert outcome.code == (3 if outcome.rows else 1)
 
 
 def reassembled(data, *, change=lambda pieces: pieces, **footer):
-    """Return a log with changed records and a changed footer."""
+    """Return a log with changed records and footer."""
     pieces = change(records_of(data))
     content = pieces.pop().content
     values = dict(
@@ -168,8 +168,8 @@ def reassembled(data, *, change=lambda pieces: pieces, **footer):
     return join(*pieces, Footer(**{**values, **footer}))
 
 
-def lying(data, op, at, change):
-    """Return a log whose record of the summary has one number changed, and no checksum that would tell."""
+def altered(data, op, at, change):
+    """Return a log with one changed number in a summary record, and without the checksum of the summary."""
 
     def apply(pieces):
         number = next(number for number, piece in enumerate(pieces) if piece.op == op)
@@ -182,41 +182,50 @@ def lying(data, op, at, change):
 
 
 def before(data, op):
-    """Return the part of a log before the first record of a kind."""
+    """Return the part of a log before the first record of a type."""
     return data[: next(piece.offset for piece in records_of(data) if piece.op == op)]
 
 
 HARMLESS = {
     "no footer": (lambda data: before(data, Opcode.FOOTER), "the recording was not closed"),
     "no summary": (lambda data: before(data, Opcode.STATISTICS), "the recording was not closed"),
-    "no end": (lambda data: data[: -len(MAGIC)], "does not end as an MCAP file should"),
-    "half an end": (lambda data: data[:-3], "does not end as an MCAP file should"),
-    "wrong checksum of the index": (lambda data: flip(data, len(data) - 9), "the index at the end is broken"),
-    "index of a wrong place": (lambda data: reassembled(data, summary_start=77), "the index at the end is broken"),
-    "wrong times in the index": (lambda data: lying(data, Opcode.CHUNK_INDEX, 0, 10**9), "does not fit 1 of 7 chunks"),
-    "wrong places in the index": (lambda data: lying(data, Opcode.CHUNK_INDEX, 16, 7), "does not fit 1 of 7 chunks"),
-    "places beyond the file": (lambda data: lying(data, Opcode.CHUNK_INDEX, 16, 2**62), "does not fit 1 of 7 chunks"),
-    "too many messages announced": (lambda data: lying(data, Opcode.STATISTICS, 0, 5), "5 of 23 messages are nowhere"),
-    "too few messages announced": (lambda data: lying(data, Opcode.STATISTICS, 0, -5), "5 messages more than"),
-    "zeros behind the end": (lambda data: data + bytes(1000), "bytes behind the end of the recording"),
-    "text behind the end": (lambda data: data + b"#!/bin/sh\n" * 9, "bytes behind the end of the recording"),
-    "another log behind the end": (lambda data: data * 2, "bytes behind the end of the recording"),
+    "no end": (lambda data: data[: -len(MAGIC)], "does not end with the MCAP magic bytes"),
+    "half an end": (lambda data: data[:-3], "does not end with the MCAP magic bytes"),
+    "wrong checksum of the index": (lambda data: flip(data, len(data) - 9), "the index at the end is damaged"),
+    "wrong offset of the index": (lambda data: reassembled(data, summary_start=77), "the index at the end is damaged"),
+    "wrong times in the index": (
+        lambda data: altered(data, Opcode.CHUNK_INDEX, 0, 10**9),
+        "does not fit 1 of 7 chunks",
+    ),
+    "wrong offsets in the index": (lambda data: altered(data, Opcode.CHUNK_INDEX, 16, 7), "does not fit 1 of 7 chunks"),
+    "offsets beyond the file": (
+        lambda data: altered(data, Opcode.CHUNK_INDEX, 16, 2**62),
+        "does not fit 1 of 7 chunks",
+    ),
+    "too many messages announced": (
+        lambda data: altered(data, Opcode.STATISTICS, 0, 5),
+        "5 of 23 messages are not in the file",
+    ),
+    "too few messages announced": (lambda data: altered(data, Opcode.STATISTICS, 0, -5), "5 more messages than"),
+    "zeros after the end": (lambda data: data + bytes(1000), "bytes after the end of the recording"),
+    "text after the end": (lambda data: data + b"#!/bin/sh\n" * 9, "bytes after the end of the recording"),
+    "another log after the end": (lambda data: data * 2, "bytes after the end of the recording"),
     "garbage in the middle": (
         lambda data: data[: chunks(data)[2].offset] + b"\xb7" * 700 + data[chunks(data)[2].offset :],
-        "broken bytes between records; left out: 700 bytes",
+        "damaged bytes between records; left out: 700 bytes",
     ),
-    "a broken beginning": (lambda data: flip(data, 3), "does not begin as an MCAP file should"),
-    "no beginning": (lambda data: data[chunks(data)[0].offset - 5 :], "does not begin as an MCAP file should"),
+    "a broken beginning": (lambda data: flip(data, 3), "does not begin with the MCAP magic bytes"),
+    "no beginning": (lambda data: data[chunks(data)[0].offset - 5 :], "does not begin with the MCAP magic bytes"),
 }
 
 
 @pytest.mark.parametrize("kind", HARMLESS)
 def test_damage_that_costs_no_frame(tmp_path, logs, kind):
-    change, said = HARMLESS[kind]
+    change, message = HARMLESS[kind]
     outcome = Outcome(tmp_path, change(logs["zstd"]))
     assert outcome.code == 3
     assert outcome.sequences == list(range(FRAMES))
-    assert said in outcome.stderr
+    assert message in outcome.stderr
     assert f"Damaged: {outcome.log}: byte " in outcome.stderr
 
 
@@ -230,7 +239,7 @@ def test_a_tail_of_zeros(tmp_path, logs, name):
     outcome = Outcome(tmp_path, None)
     assert time.monotonic() - began < 10
     assert outcome.sequences == [0, 1, 2, 3]
-    assert f"byte {end}: no record can be read from here on; left out: {50_000_000 - end} bytes" in outcome.stderr
+    assert f"byte {end}: no readable record follows; left out: {50_000_000 - end} bytes" in outcome.stderr
 
 
 def header_only(data):
@@ -245,10 +254,10 @@ def all_broken(data):
 
 UNREADABLE = {
     "nothing": (lambda _: b"", "the file is empty"),
-    "random bytes": (lambda _: np.random.default_rng(1).bytes(5000), "nothing in this MCAP file can be read"),
-    "zeros": (lambda _: bytes(100_000), "nothing in this MCAP file can be read"),
-    "a beginning": (lambda _: MAGIC, "nothing in this MCAP file can be read"),
-    "a header": (header_only, "nothing in this MCAP file can be read"),
+    "random bytes": (lambda _: np.random.default_rng(1).bytes(5000), "no readable record in this MCAP file"),
+    "zeros": (lambda _: bytes(100_000), "no readable record in this MCAP file"),
+    "a beginning": (lambda _: MAGIC, "no readable record in this MCAP file"),
+    "a header": (header_only, "no readable record in this MCAP file"),
     "broken frames": (all_broken, "no frame can be read; "),
     "an end": (lambda data: data[-300:], "no point clouds that can be read"),
 }
@@ -256,10 +265,10 @@ UNREADABLE = {
 
 @pytest.mark.parametrize("kind", UNREADABLE)
 def test_logs_in_which_nothing_can_be_read(tmp_path, logs, kind):
-    change, said = UNREADABLE[kind]
+    change, message = UNREADABLE[kind]
     outcome = Outcome(tmp_path, change(logs["zstd"]))
     assert outcome.code == 1
-    assert said in outcome.stderr
+    assert message in outcome.stderr
     assert "log" in outcome.stderr
     assert len([line for line in outcome.stderr.splitlines() if line.startswith("Error: ")]) == 1
 
@@ -275,14 +284,14 @@ def wrong_message(**changes):
 
 
 def long_field():
-    """Return a message whose last field ends beyond its point."""
+    """Return a message whose last field does not fit into the point."""
     points = sea_points(300)
     return cloud_message("ros2", points, START_NS, point_step=25, row_step=25 * 300)
 
 
 INVALID = {
     "empty": lambda: b"",
-    "no CDR": lambda: b"\x07\x07\x07\x07" * 100,
+    "not CDR": lambda: b"\x07\x07\x07\x07" * 100,
     "cut in the points": lambda: wrong_message()[:-2000],
     "cut in the header": lambda: wrong_message()[:30],
     "a field beyond the point": long_field,
@@ -296,25 +305,25 @@ INVALID = {
 }
 
 
-@pytest.mark.parametrize("place", [0, 2, FRAMES - 1])
+@pytest.mark.parametrize("index", [0, 2, FRAMES - 1])
 @pytest.mark.parametrize("kind", INVALID)
-def test_a_message_that_is_no_valid_cloud(tmp_path, kind, place):
-    sound = cloud_messages("ros2", FRAMES, 200)
-    messages = [*sound[:place], INVALID[kind](), *sound[place + 1 :]]
-    if kind == "no fields" and place == 0:
-        pytest.skip("the log as a whole is taken for one without coordinates")
+def test_an_invalid_cloud(tmp_path, kind, index):
+    intact = cloud_messages("ros2", FRAMES, 200)
+    messages = [*intact[:index], INVALID[kind](), *intact[index + 1 :]]
+    if kind == "no fields" and index == 0:
+        pytest.skip("the whole log counts as one without coordinates")
     outcome = Outcome(tmp_path, log_of(tmp_path / "log.mcap", messages))
     assert outcome.code == 3
-    expected = [number for number in range(FRAMES) if number != place]
+    expected = [number for number in range(FRAMES) if number != index]
     assert outcome.frames == outcome.sequences == expected
     assert outcome.points == [200] * (FRAMES - 1)
     (line,) = outcome.damage
-    assert f"frame {place} of /points" in line
-    assert f"left out: 1 message, {len(messages[place])} bytes" in line or not messages[place]
+    assert f"frame {index} of /points" in line
+    assert f"left out: 1 message, {len(messages[index])} bytes" in line or not messages[index]
 
 
 @pytest.mark.parametrize("kind", ["empty", "cut in the points", "huge width"])
-def test_no_message_is_a_valid_cloud(tmp_path, kind):
+def test_only_invalid_clouds(tmp_path, kind):
     outcome = Outcome(tmp_path, log_of(tmp_path / "log.mcap", [INVALID[kind]()] * 3))
     assert outcome.code == 1
     assert "no frame can be read" in outcome.stderr
@@ -322,7 +331,7 @@ def test_no_message_is_a_valid_cloud(tmp_path, kind):
 
 def test_clouds_that_the_method_cannot_use(tmp_path):
     points = sea_points(50)
-    for fields, said in (
+    for fields, message in (
         (["x", "y", "z", "ring"], "no intensity field; the cloud has x, y, z, ring"),
         (["x", "y", "intensity"], "no field 'z'"),
     ):
@@ -332,7 +341,7 @@ def test_clouds_that_the_method_cannot_use(tmp_path):
         )
         outcome = Outcome(tmp_path, data)
         assert outcome.code == 1
-        assert said in outcome.stderr
+        assert message in outcome.stderr
 
 
 def _packed(points, fields):
@@ -350,7 +359,7 @@ def test_an_intensity_of_several_values(tmp_path):
 
 @pytest.mark.parametrize("method", ["joint", "global_intensity", "sor"])
 @pytest.mark.parametrize("name", [b"inten\nity", b"inten\xffity", b"inte\x1b[3my", b"\0\0\0\0\0\0\0\0\0"])
-def test_a_frame_whose_intensity_has_a_name_that_cannot_be_shown(tmp_path, method, name):
+def test_a_frame_whose_intensity_has_an_unprintable_name(tmp_path, method, name):
     messages = cloud_messages("ros2", FRAMES, 50)
     messages[3] = messages[3].replace(b"intensity", name)
     outcome = Outcome(tmp_path, log_of(tmp_path / "log.mcap", messages), "-m", method)
@@ -367,7 +376,7 @@ def test_a_log_without_clouds(tmp_path):
     assert "no point clouds that can be read; the log has /notes (test/msg/Note, cdr)" in outcome.stderr
 
 
-def test_info_tells_of_damage_too(tmp_path, logs):
+def test_info_reports_damage(tmp_path, logs):
     path = tmp_path / "log.mcap"
     path.write_bytes(flip(logs["zstd"], chunks(logs["zstd"])[2].end - 1000))
     result = CliRunner().invoke(cli, ["info", str(path)])
@@ -387,8 +396,8 @@ def test_info_tells_of_damage_too(tmp_path, logs):
 )
 def test_any_damage(tmp_path_factory, logs, name, steps):
     data = logs[name]
-    for kind, place, noise in steps:
-        at = round(place * len(data))
+    for kind, position, noise in steps:
+        at = round(position * len(data))
         if kind == "c":
             data = data[:at]
         elif kind == "f":
@@ -411,13 +420,13 @@ def test_any_bytes(tmp_path_factory, data, start):
 @settings(max_examples=80, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 250), st.integers(0, 255)), min_size=1, max_size=4))
 def test_any_message(tmp_path_factory, changes):
-    """The message of one frame is damaged where it is described, inside a sound chunk."""
+    """The header of a message in an intact chunk is damaged."""
     folder = tmp_path_factory.mktemp("any")
-    sound = cloud_messages("ros2", 3, 20)
-    message = bytearray(sound[1])
+    intact = cloud_messages("ros2", 3, 20)
+    message = bytearray(intact[1])
     for at, value in changes:
         message[at] = value
-    outcome = Outcome(folder, log_of(folder / "log.mcap", [sound[0], bytes(message), sound[2]]))
+    outcome = Outcome(folder, log_of(folder / "log.mcap", [intact[0], bytes(message), intact[2]]))
     assert outcome.code in (0, 3)
     assert [frame for frame in outcome.frames if frame != 1] == [0, 2]
 
@@ -428,12 +437,12 @@ def names_in(folder):
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """Mount a disk of 64 kB, where that is allowed."""
+    """Return a mounted disk of 64 kB, or skip the test."""
     folder = tmp_path / "disk"
     folder.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder]
     if sys.platform != "linux" or subprocess.run(command, capture_output=True, check=False).returncode:
-        pytest.skip("no right to mount a small disk")
+        pytest.skip("no permission to mount a small disk")
     yield folder
     subprocess.run(["umount", folder], check=True)
 
@@ -443,19 +452,20 @@ def test_a_full_disk(tmp_path, small_disk):
     result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(small_disk / "out.mcap")])
     assert result.exit_code == 1
     assert (
-        result.stderr.splitlines()[-1] == f"Error: {small_disk / 'out.mcap'}: the disk is full; nothing was left behind"
+        result.stderr.splitlines()[-1]
+        == f"Error: {small_disk / 'out.mcap'}: the disk is full; the incomplete file was removed"
     )
     assert names_in(small_disk) == []
 
 
-def test_a_disk_that_is_full_for_the_table(tmp_path, small_disk):
+def test_a_disk_too_full_for_the_table(tmp_path, small_disk):
     log = cloud_log(tmp_path / "log.mcap", frames=3)
     (small_disk / "filling").write_bytes(bytes(64 * 1024))
     result = CliRunner().invoke(
         cli, ["filter", str(log), "-o", str(tmp_path / "out.mcap"), "--csv", str(small_disk / "frames.csv")]
     )
     assert result.exit_code == 1
-    assert f"{small_disk / 'frames.csv'}: the disk is full; nothing was left behind" in result.stderr
+    assert f"{small_disk / 'frames.csv'}: the disk is full; the incomplete file was removed" in result.stderr
     assert names_in(small_disk) == ["filling"]
     assert not [name for name in names_in(tmp_path) if name.endswith(".part")]
 
@@ -468,7 +478,7 @@ def test_a_full_device(tmp_path, logs):
     (folder / f".out.mcap.{os.getpid()}.part").symlink_to("/dev/full")
     result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(folder / "out.mcap")])
     assert result.exit_code == 1
-    assert result.stderr == f"Error: {folder / 'out.mcap'}: the disk is full; nothing was left behind\n"
+    assert result.stderr == f"Error: {folder / 'out.mcap'}: the disk is full; the incomplete file was removed\n"
     assert names_in(folder) == []
 
 
@@ -489,7 +499,10 @@ def test_a_file_that_may_not_grow(tmp_path, logs):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert run.returncode == 1
-    assert run.stderr == f"Error: {folder / 'out.mcap'}: writing failed (File too large); nothing was left behind\n"
+    assert (
+        run.stderr
+        == f"Error: {folder / 'out.mcap'}: writing failed (File too large); the incomplete file was removed\n"
+    )
     assert names_in(folder) == []
 
 
@@ -509,10 +522,10 @@ def test_an_interrupted_run(tmp_path, long_log, name):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-m", "seaclutter_cli", "filter", long_log, *options]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
-        patience = time.monotonic() + 20
+        deadline = time.monotonic() + 20
         while not any(path.stat().st_size > 100_000 for path in folder.glob(".out.mcap*")):
-            assert process.poll() is None, "it ended before it could be interrupted"
-            assert time.monotonic() < patience
+            assert process.poll() is None, "the run ended before it was interrupted"
+            assert time.monotonic() < deadline
             time.sleep(0.01)
         process.send_signal(getattr(signal, name))
         _, stderr = process.communicate(timeout=20)
@@ -522,13 +535,13 @@ def test_an_interrupted_run(tmp_path, long_log, name):
     assert names_in(folder) == []
 
 
-def test_output_that_is_there_already(tmp_path, logs):
+def test_output_that_already_exists(tmp_path, logs):
     log, out = tmp_path / "log.mcap", tmp_path / "out.mcap"
     log.write_bytes(logs["zstd"])
     out.write_bytes(b"precious")
     refused = CliRunner().invoke(cli, ["filter", str(log), "-o", str(out)])
     assert refused.exit_code == 2
-    assert "exists already; --force replaces it" in refused.stderr
+    assert "already exists; use --force to replace it" in refused.stderr
     assert out.read_bytes() == b"precious"
     assert CliRunner().invoke(cli, ["filter", str(log), "-o", str(out), "--force"]).exit_code == 0
     assert len(read_whole(out)["/points"]) == FRAMES
@@ -560,7 +573,7 @@ def test_one_broken_log_among_others(tmp_path, logs):
     out = tmp_path / "out"
     result = CliRunner().invoke(cli, ["filter", *(str(tmp_path / f"{name}.mcap") for name in "abc"), "-o", str(out)])
     assert result.exit_code == 1
-    assert f"Error: {tmp_path / 'b.mcap'}: nothing in this MCAP file can be read" in result.stderr
+    assert f"Error: {tmp_path / 'b.mcap'}: no readable record in this MCAP file" in result.stderr
     assert f"Damaged: {tmp_path / 'c.mcap'}: byte" in result.stderr
     assert names_in(out) == ["a.mcap", "c.mcap"]
     assert len(read_whole(out / "a.mcap")["/points"]) == FRAMES

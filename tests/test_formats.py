@@ -1,4 +1,4 @@
-"""The same frames in any log format give the same points out."""
+"""The same frames give the same output in every log format."""
 
 import numpy as np
 import pytest
@@ -23,18 +23,18 @@ POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
 
 
 def frame(number):
-    """Return a frame of 400 points: clutter near and weak, two targets, single bright drops, some invalid."""
+    """Return a frame of 400 points: weak clutter, two targets, single bright drops, some invalid points."""
     rng = np.random.default_rng(number)
     points = np.zeros(400, POINT)
     points["x"], points["y"] = rng.uniform(-60, 60, (2, 400))
     points["z"] = rng.normal(0, 0.3, 400)
     points["intensity"] = rng.integers(0, 40, 400)
-    for first, place in ((100, (20, 5)), (160, (-30, 30))):
+    for first, center in ((100, (20, 5)), (160, (-30, 30))):
         target = slice(first, first + 60)
-        points["x"][target], points["y"][target] = (rng.normal(axis, 0.4, 60) for axis in place)
+        points["x"][target], points["y"][target] = (rng.normal(axis, 0.4, 60) for axis in center)
         points["intensity"][target] = rng.integers(60, 255, 60)
     for axis in "xyz":
-        points[axis] = np.round(points[axis] * 64) / 64  # text holds these exactly
+        points[axis] = np.round(points[axis] * 64) / 64  # exact in text
     points["x"][:5] = np.nan
     points[5:8] = 0
     return points
@@ -133,7 +133,7 @@ def test_every_format_gives_the_same_points(name, expected, tmp_path):
 
 
 def test_state_spans_the_files_of_a_split_recording(expected, tmp_path):
-    """A recorder that starts a new file must not start the filter anew."""
+    """A new file of the same recording does not reset the filter."""
     split = tmp_path / "split"
     split.mkdir()
     for part, numbers in enumerate((range(2), range(2, FRAMES))):

@@ -1,4 +1,4 @@
-"""The layout for Foxglove names what a filtered log holds."""
+"""The Foxglove layout refers to topics and fields of a filtered log."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Frames and windows of a recording: the same frames under the same numbers, and no more read than need be."""
+"""Frames and selections of a recording: frames keep their indices, and only the required parts are read."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from tests.test_formats import FORMATS, STORE, TYPE, message
 
 
 def split_log(folder):
-    """Return a recording of three files of two, one and three frames."""
+    """Return a recording of three files with two, one and three frames."""
     for part, numbers in enumerate((range(2), range(2, 3), range(3, 6))):
         entries = [Entry("/points", *message(number)) for number in numbers]
         write_log(folder / f"log_{part}.mcap", [cloud_topic("/points")], entries, Layout(chunk_size=7000))
@@ -64,7 +64,7 @@ def log(request, tmp_path_factory):
 
 @settings(max_examples=20)
 @given(start=st.integers(-2, 12), length=st.integers(0, 12), shift_ns=st.sampled_from([-1, 0, 1, 40_000_000]))
-def test_a_window_has_the_frames_and_numbers_of_the_whole(log, start, length, shift_ns):
+def test_a_window_has_the_frames_and_indices_of_the_whole(log, start, length, shift_ns):
     topics = {channel.topic for channel in cloud_channels(opened(log), ["/points"])}
     whole = list(frames(opened(log), Selection(topics=topics)))
     first_ns = whole[0].log_time_ns
@@ -121,7 +121,7 @@ def test_chunks_outside_of_the_window_are_not_unpacked(name, tmp_path, monkeypat
     unpacked.clear()
     (last,) = frames(source, Selection(start_s=(count - 1.5) * 0.1))
     assert last.index == count - 1
-    assert len(set(unpacked)) <= 5 < chunks  # one for the time of the first message, with those unpacked ahead
+    assert len(set(unpacked)) <= 5 < chunks  # one for the time of the first message, and those unpacked in advance
 
 
 def test_frames_have_their_topics_and_arrays(tmp_path):

@@ -1,4 +1,4 @@
-"""A filtered MCAP is read whole by three readers that are not ours: mcap, rosbags, and @mcap/core for JavaScript."""
+"""Independent readers read a filtered MCAP file completely: mcap, rosbags, and @mcap/core for JavaScript."""
 
 import hashlib
 import json
@@ -22,7 +22,7 @@ NO_REGISTRY = r"code (ENOTFOUND|EAI_AGAIN|ECONN\w+|ETIMEDOUT|ENETUNREACH|ENOTCAC
 
 @pytest.fixture(scope="module")
 def filtered(tmp_path_factory):
-    """Return filtered logs of every cloud encoding and compression, and the logs that they come from."""
+    """Return filtered logs of every cloud encoding and compression."""
     folder = tmp_path_factory.mktemp("filtered")
     logs = {f"{kind} {layout}": (kind, LAYOUTS[layout]) for kind in CLOUD_KINDS for layout in ("zstd", "lz4", "none")}
     paths = {name: folder / f"{name}.mcap" for name in logs}
@@ -49,7 +49,7 @@ def test_mcap_with_and_without_the_index(filtered, name):
     with filtered[name].open("rb") as stream:
         order = [(m.log_time, c.topic) for _, c, m in NonSeekingReader(stream, validate_crcs=True).iter_messages()]
     assert sorted(order) == sorted(found.order)
-    assert order == found.order, "messages lie in the order of their log time"
+    assert order == found.order, "messages must be in the order of their log time"
 
 
 @ROS2_NAMES
@@ -59,7 +59,7 @@ def test_rosbags(filtered, name):
         found = {topic: [] for topic in expected.topics}
         for connection, time_ns, data in reader.messages():
             found[connection.topic].append((time_ns, bytes(data)))
-            if connection.topic != "/imu":  # which holds no real messages
+            if connection.topic != "/imu":  # not real messages
                 message = reader.deserialize(data, connection.msgtype)
             if connection.msgtype.endswith("/PointCloud2"):
                 assert message.data.tobytes() == decode(bytes(data)).data
@@ -77,7 +77,7 @@ def test_rosbags_by_topic(filtered, name):
 
 @pytest.fixture(scope="module")
 def read_in_javascript(filtered, tmp_path_factory):
-    """Return what the JavaScript library finds in the filtered logs."""
+    """Return the content of the filtered logs as read by the JavaScript library."""
     node, npm = shutil.which("node"), shutil.which("npm")
     if not (node and npm):
         pytest.skip("node and npm are not installed")

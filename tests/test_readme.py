@@ -1,4 +1,4 @@
-"""The README's examples print what it says, and the documented chain runs."""
+"""The examples in the README print the documented output, and the example script runs."""
 
 import os
 import re
@@ -16,25 +16,25 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def example(beginning):
-    """Return the arguments of an example that begins so, and what it is said to print."""
+    """Return the arguments and the documented output of the example that begins with a text."""
     found = re.search(rf"{re.escape(beginning)}(.*)\n```\n(?:.*\n)*?```\n((?:.+\n|\n)+?)```", README)
     assert found, beginning
     return found.group(1).split(), found.group(2).splitlines()
 
 
-def test_the_first_example_prints_what_it_says(tmp_path, monkeypatch):
+def test_output_of_the_first_example(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
-    arguments, said = example(".venv/bin/seaclutter filter ")
+    arguments, expected = example(".venv/bin/seaclutter filter ")
     arguments[arguments.index("-o") + 1] = str(tmp_path / "filtered.mcap")
     printed = CliRunner().invoke(cli, ["filter", *arguments]).stdout.splitlines()
-    assert printed[1:-1] == said[1:-1]  # the first line has the name, the last one the time
+    assert printed[1:-1] == expected[1:-1]  # the first line has the file name, the last line the time
 
 
-def test_the_second_example_prints_what_it_says(monkeypatch):
+def test_output_of_the_second_example(monkeypatch):
     monkeypatch.chdir(ROOT)
-    arguments, said = example(".venv/bin/seaclutter evaluate ")
+    arguments, expected = example(".venv/bin/seaclutter evaluate ")
     printed = CliRunner().invoke(cli, ["evaluate", *arguments]).stdout.splitlines()
-    assert printed[: len(said)] == said
+    assert printed[: len(expected)] == expected
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Keys that had another name: they load as before, with a warning that names the new one."""
+"""Renamed keys: the former names still load, with a warning that gives the current name."""
 
 import warnings
 from dataclasses import dataclass, fields
@@ -20,7 +20,7 @@ class Params:
     width_m: float = renamed(2.0, formerly="broad_m")
 
 
-def test_the_former_name_is_the_present_one():
+def test_the_former_name_sets_the_current_key():
     problems = []
     with pytest.warns(RenamedKeyWarning, match="box.broad_m: this key is now called width_m"):
         assert build(Params, {"broad_m": 3.0}, "box", "box", problems) == Params(3.0)
@@ -28,7 +28,7 @@ def test_the_former_name_is_the_present_one():
 
 
 @pytest.mark.parametrize("values", [{"broad_m": 3.0, "width_m": 3.0}, {"broad": 3.0}])
-def test_both_names_at_once_or_an_unknown_one_are_errors(values):
+def test_both_names_together_and_unknown_names_are_errors(values):
     problems = []
     build(Params, values, "box", "box", problems)
     assert "unknown key" in problems[0]
@@ -49,7 +49,7 @@ def test_scenes_of_the_first_release_load():
 
 
 @pytest.mark.parametrize("name", [*builtin_scenes(), *builtin_tiles()])
-def test_nothing_built_in_has_a_former_name(name):
+def test_built_in_scenes_use_current_names(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error", RenamedKeyWarning)
         load_scene(name) if name in builtin_scenes() else load_tile_scene(name)

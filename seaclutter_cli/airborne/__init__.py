@@ -1,1 +1,1 @@
-"""What lies in the water, seen from the air: sea surface, texture, classes, objects (Shi et al. 2022)."""
+"""Airborne tiles: sea surface, texture, classification and objects [Shi2022]."""

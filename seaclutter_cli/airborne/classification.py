@@ -1,4 +1,4 @@
-"""From the points of a tile to names: separation, features, forest, objects."""
+"""Classification of a tile: separation, features, forest, objects."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TileFeatures:
-    """A separated tile and the features of what is no sea.
+    """A separated tile and the features of its non-sea points.
 
     Parameters
     ----------
     separation : Separation
-        Sea and what is not.
+        Sea and non-sea points.
     points : NonSeaPoints
-        What is not.
+        The N non-sea points.
     features : ndarray, shape (N, F), float64
-        Of these N points.
+        Features of these points.
     """
 
     separation: Separation
@@ -37,7 +37,7 @@ class TileFeatures:
 
 
 def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
-    """Separate a tile and compute the features of what is no sea; without intensities, they are taken as 0.
+    """Return a separated tile with the features of its non-sea points; missing intensities count as 0.
 
     Raises
     ------
@@ -55,23 +55,23 @@ def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
 
 
 @dataclass(frozen=True)
-class NamedPoints:
-    """A tile whose points have names.
+class ClassifiedPoints:
+    """Classes and objects of the N non-sea points of a tile.
 
     Parameters
     ----------
     tile : TileFeatures
-        What stands out of the sea, N points.
+        The separated tile.
     code : ndarray, shape (N,), int64
-        Class of each.
+        Class of each point.
     probability : ndarray, shape (N,), float64
-        Of that class.
+        Probability of that class.
     number : ndarray, shape (N,), int64
-        Object of each; 0 for none.
+        Object of each point; 0 for none.
     left_out : ndarray, shape (N,), int64
-        Cluster of each that is too unlikely to be an object; 0 for none.
+        Cluster of each point if it is too unlikely to be an object; 0 for none.
     objects : list of FoundObject
-        The objects.
+        Objects found in the tile.
     """
 
     tile: TileFeatures
@@ -82,11 +82,11 @@ class NamedPoints:
     objects: list[FoundObject]
 
 
-def name_points(tile: TilePoints, model: "ObjectModel") -> NamedPoints:
-    """Separate a tile, name its points and find its objects; `InputError` if it cannot be separated."""
+def classify_points(tile: TilePoints, model: "ObjectModel") -> ClassifiedPoints:
+    """Return the classes and objects of a tile; raise `InputError` if it cannot be separated."""
     found = tile_features(tile, model.settings)
     probability = predict(model.forest, found.features)
     classes = [int(code) for code in model.forest.classes_]
     objects, number, left_out = find_objects(found.points, probability, classes, model.settings.objects)
     code = np.array(classes)[probability.argmax(axis=1)] if len(probability) else np.empty(0, np.int64)
-    return NamedPoints(found, code, probability.max(axis=1, initial=0.0), number, left_out, objects)
+    return ClassifiedPoints(found, code, probability.max(axis=1, initial=0.0), number, left_out, objects)

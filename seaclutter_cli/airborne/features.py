@@ -1,4 +1,4 @@
-"""What a classifier is told of each point."""
+"""Features of points, the input of the classifier."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -29,27 +29,27 @@ FEATURES = {
         "context_density",
     ),
 }
-"""Names of the features of each set."""
+"""Feature names by feature set."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FeatureParams:
-    """Features of the points that are no sea.
+    """Features of the non-sea points.
 
     Parameters
     ----------
     features : {"texture", "full"}
-        Texture alone, or with height, density, shape and intensity of the neighbourhood.
+        Texture only, or texture with height, density, shape and intensity of the neighbourhood.
     radius_m : float
-        Neighbours lie within this distance in the plane, r.
+        Radius of the neighbourhood in the plane, r.
     shift_m : float
-        How far the cloud is shifted for its co-occurrence matrix, d.
+        Shift of the cloud for its co-occurrence matrix, d.
     levels : int
-        Grey levels of height, K.
+        Number of grey levels of height, K.
     max_height_m : float
-        Height above the sea of the last level.
+        Height above the sea at the upper bound of the last level.
     context_m : float
-        The wider surroundings reach to this distance.
+        Radius of the wider surroundings.
     """
 
     features: Literal["texture", "full"] = "full"
@@ -67,18 +67,18 @@ class FeatureParams:
 
 @dataclass(frozen=True)
 class NonSeaPoints:
-    """The points of a tile that stand out of the sea, N of them.
+    """The N non-sea points of a tile.
 
     Parameters
     ----------
     xy : ndarray, shape (2, N), float64
-        Places in metres.
+        Horizontal coordinates in metres.
     height_m : ndarray, shape (N,), float64
         Height above the sea surface.
     intensity : ndarray, shape (N,), float64
-        In the sensor's unit; 0 where there is none.
+        Intensity in the sensor's unit; 0 where there is none.
     points_per_m2 : float
-        Density of the whole tile where it has points, sea and all.
+        Density of the whole tile, sea included, over the cells with points.
     """
 
     xy: Values
@@ -92,12 +92,13 @@ def features_of(points: NonSeaPoints, params: FeatureParams) -> Values:
 
     Notes
     -----
-    Texture is that of `texture`. The full set adds, over the neighbours within r: mean height and its deviation;
-    density, in units of the tile's own, since that is a matter of the flight; linearity and planarity,
-    :math:`(l_1 - l_2) / l_1` and :math:`(l_2 - l_3) / l_1` for the eigenvalues :math:`l_1 \ge l_2 \ge l_3` of the
-    covariance of the places; mean and relative deviation of the intensity; and the point's own height. The wider
-    surroundings tell the shore of an island from a rock: mean and deviation of the height, and density, of the cells
-    half as wide as r whose points' mean place is within ``context_m`` of that of the point's own cell.
+    For the texture, see `texture`. The full set adds the height of the point and, over its neighbours within r: mean
+    and standard deviation of the height; density relative to the whole tile, whose density depends on the flight;
+    linearity and planarity, :math:`(l_1 - l_2) / l_1` and :math:`(l_2 - l_3) / l_1` for the eigenvalues
+    :math:`l_1 \ge l_2 \ge l_3` of the covariance of the positions; mean and relative standard deviation of the
+    intensity. The wider surroundings distinguish the shore of an island from a rock: mean and standard deviation of
+    the height, and density, over the cells of width r / 2 whose centroid is within ``context_m`` of the centroid of
+    the point's own cell.
     """
     if not len(points.height_m):
         return np.empty((0, len(params.names)))
@@ -129,7 +130,7 @@ def _full(block: PointBlock, levels: Levels, points: NonSeaPoints, radius_m: flo
 
 
 def _context(points: NonSeaPoints, params: FeatureParams) -> Values:
-    """Return mean height, its deviation and relative density of the wider surroundings, shape (N, 3), cell by cell."""
+    """Return mean and deviation of the height, and relative density, of the wider surroundings, shape (N, 3)."""
     side = np.floor((points.xy - points.xy.min(axis=1, keepdims=True)) / (params.radius_m / 2)).astype(np.int64)
     _, which, count = np.unique(side[0] * (side[1].max() + 1) + side[1], return_inverse=True, return_counts=True)
     which = which.reshape(-1)
@@ -149,16 +150,16 @@ def _context(points: NonSeaPoints, params: FeatureParams) -> Values:
 
 
 def _shape(block: PointBlock, points: NonSeaPoints) -> tuple[Values, Values]:
-    """Return linearity and planarity, shape (B,) each; 0 where all neighbours are in one place."""
+    """Return linearity and planarity, shape (B,) each; 0 where all neighbours coincide."""
     center = block.points[block.own]
-    apart = [axis[block.neighbor] - axis[center] for axis in (points.xy[0], points.xy[1], points.height_m)]
+    offset = [axis[block.neighbor] - axis[center] for axis in (points.xy[0], points.xy[1], points.height_m)]
     count = block.count
-    mean = [block.total(axis) / count for axis in apart]
+    mean = [block.total(axis) / count for axis in offset]
     covariance = np.empty((len(block.points), 3, 3))
     for i in range(3):
         for j in range(i + 1):
-            product = block.total(apart[i] * apart[j]) / count - mean[i] * mean[j]
+            product = block.total(offset[i] * offset[j]) / count - mean[i] * mean[j]
             covariance[:, i, j] = covariance[:, j, i] = product
     least, middle, most = np.maximum(np.linalg.eigvalsh(covariance), 0).T
-    some = np.where(most > 0, most, 1)
-    return (most - middle) / some, (middle - least) / some
+    scale = np.where(most > 0, most, 1)
+    return (most - middle) / scale, (middle - least) / scale

@@ -1,4 +1,4 @@
-"""The random forest that names points."""
+"""Random forest that classifies points."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -23,22 +23,22 @@ _LEAST_TILES = 4
 
 @dataclass(frozen=True, kw_only=True)
 class ForestParams:
-    """Training of the random forest.
+    """Parameters of the random forest and its training.
 
     Parameters
     ----------
     trees : int
-        Trees, N_t.
+        Number of trees, N_t.
     features_per_node : int or None
-        Features that a node chooses from, N_f; null: the square root of their number.
+        Number of features considered at each node, N_f; null: the square root of the number of features.
     min_leaf_points : int
-        Points that a leaf holds at least.
+        Minimum number of points in a leaf.
     max_points_per_object : int
-        Of each object at most so many points are trained on, chosen by chance, so that islands do not drown the rest.
+        Maximum number of training points of each object, chosen at random; keeps islands from dominating.
     test_share : float
-        Share of the tiles, or objects, that is kept for the test.
+        Share of the tiles, or objects, that is held out for the test.
     seed : int
-        What all chance comes from.
+        Seed of all random choices.
     """
 
     trees: Annotated[int, Interval(ge=1, le=2000)] = 100
@@ -51,16 +51,16 @@ class ForestParams:
 
 @dataclass(frozen=True)
 class Samples:
-    """Points with features and truth, N of them.
+    """Features and ground truth of N points.
 
     Parameters
     ----------
     features : ndarray, shape (N, F), float64
-        What the forest is told.
+        Features of each point.
     code : ndarray, shape (N,), int64
-        Class, from 1; 0 for points that stand out of the sea and belong to no object.
+        Class, from 1; 0 for non-sea points that belong to no object.
     tile, number : ndarray, shape (N,), int64
-        Which tile, and which object in it.
+        Index of the tile, and number of the object in it.
     """
 
     features: Values
@@ -70,18 +70,18 @@ class Samples:
 
     @property
     def objects(self) -> tuple[Codes, Codes]:
-        """Tile, number and class of each object, shape (3, M), and which object each point belongs to, shape (N,)."""
+        """Tile, number and class of each object, shape (3, M), and the object index of each point, shape (N,)."""
         found, which = np.unique(np.stack((self.tile, self.number, self.code)), axis=1, return_inverse=True)
         return found, which.reshape(-1)
 
 
 def join(samples: Sequence[Samples]) -> Samples:
-    """Return the labelled points of several tiles together.
+    """Return the labelled points of several tiles as one set.
 
     Raises
     ------
     InputError
-        If there are none, or of one class only.
+        If there are no labelled points, or all are of one class.
     """
     labelled = [part.code > 0 for part in samples]
     joined = Samples(
@@ -92,9 +92,9 @@ def join(samples: Sequence[Samples]) -> Samples:
     )
     classes = np.unique(joined.code)
     if not len(classes):
-        raise InputError("no points left: none that stands out of the sea belongs to an object")
+        raise InputError("no labelled points: no non-sea point belongs to an object")
     if len(classes) == 1:
-        raise InputError(f"all objects are of one class ({class_name(classes[0])}); training needs two or more")
+        raise InputError(f"all objects are of one class ({class_name(classes[0])}); training needs at least two")
     return joined
 
 
@@ -110,10 +110,10 @@ def class_name(code: int) -> str:
 
 
 def hold_out(samples: Samples, params: ForestParams) -> tuple[NDArray[np.bool_], str]:
-    """Return which points are kept for the test, shape (N,), and what was divided: ``tile`` or ``object``.
+    """Return which points are held out for the test, shape (N,), and the unit of the split: ``tile`` or ``object``.
 
-    Of four tiles or more, whole tiles are held out; of fewer, whole objects, of each class that has two or more. A
-    point never decides: its neighbours are too much like it.
+    With four tiles or more, whole tiles are held out; with fewer, whole objects of each class that has at least two.
+    Single points are never held out, because they resemble their neighbours too closely.
     """
     rng = np.random.default_rng([params.seed, 1])
     tiles = np.unique(samples.tile)
@@ -133,12 +133,13 @@ def hold_out(samples: Samples, params: ForestParams) -> tuple[NDArray[np.bool_],
 
 
 def train(samples: Samples, params: ForestParams) -> Any:
-    """Return a forest trained on samples.
+    """Return a random forest trained on samples.
 
     Notes
     -----
-    Trees grow on bootstrap samples and split by information gain (Eq. 10 to 12), each node by the best of N_f features
-    chosen by chance; classes weigh alike whatever their number of points. The number of threads makes no difference.
+    Trees grow on bootstrap samples and split by information gain ([Shi2022], Eq. 10 to 12); each node takes the best of
+    N_f features chosen at random. Classes have equal weights, regardless of their number of points. The result does
+    not depend on the number of threads.
 
     Raises
     ------
@@ -146,10 +147,10 @@ def train(samples: Samples, params: ForestParams) -> Any:
         If scikit-learn is not installed.
     """
     try:
-        from sklearn.ensemble import RandomForestClassifier  # an extra
+        from sklearn.ensemble import RandomForestClassifier  # an optional dependency
     except ImportError as error:
         raise MissingExtraError("classification", "classify") from error
-    chosen = _few_of_each(samples, params)
+    chosen = _subsample(samples, params)
     forest = RandomForestClassifier(
         params.trees,
         criterion="entropy",
@@ -166,18 +167,18 @@ def train(samples: Samples, params: ForestParams) -> Any:
     return forest
 
 
-def _few_of_each(samples: Samples, params: ForestParams) -> NDArray[np.intp]:
-    """Return some points of each object, so many at most, in their order."""
+def _subsample(samples: Samples, params: ForestParams) -> NDArray[np.intp]:
+    """Return indices of at most ``max_points_per_object`` random points of each object, ascending."""
     _, which = samples.objects
-    luck = np.random.default_rng([params.seed, 2]).random(len(which))
-    order = np.lexsort((luck, which))
+    priority = np.random.default_rng([params.seed, 2]).random(len(which))
+    order = np.lexsort((priority, which))
     starts = np.flatnonzero(np.diff(which[order], prepend=-1))
     rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
     return np.sort(order[rank < params.max_points_per_object])
 
 
 def predict(forest: Any, features: Values) -> Values:
-    """Return probabilities of each of the forest's classes, shape (N, C); the same for any number of threads."""
+    """Return class probabilities, shape (N, C); the result does not depend on the number of threads."""
     parts = [features[start : start + _BLOCK].astype(np.float32) for start in range(0, len(features), _BLOCK)]
     with ThreadPoolExecutor(threads()) as pool:
         found = list(pool.map(forest.predict_proba, parts))

@@ -1,4 +1,4 @@
-"""The lowest elevation in each cell of a grid that takes memory only where there are points."""
+"""Sparse grid with the lowest elevation of each cell."""
 
 from collections.abc import Iterator
 
@@ -11,18 +11,19 @@ Cells = NDArray[np.float64]
 
 _BITS = 8
 BLOCK = 1 << _BITS
-"""Cells along the side of a block."""
+"""Number of cells along each side of a block."""
 MAX_BLOCKS = 800
-"""Blocks at most: 400 MB."""
+"""Maximum number of blocks, 400 MB."""
 
 _FARTHEST = 2.0**38
 _FEW = 1 << 22
 
 
 class ElevationGrid:
-    """Square cells of a horizontal plane, anchored at multiples of their width, each with its lowest elevation.
+    """Sparse horizontal grid with the lowest elevation of each cell.
 
-    Cells are kept in blocks of 256 by 256, and only blocks with points exist: a stray point far away costs one block.
+    Cells are square and aligned to multiples of their width. They are stored in blocks of 256 by 256, and only blocks
+    with points exist: an outlying point far away costs one block.
 
     Parameters
     ----------
@@ -45,41 +46,41 @@ class ElevationGrid:
 
     @property
     def lowest(self) -> Cells:
-        """Lowest elevation in metres, shape (S, 256, 256), S blocks; plus infinity in empty cells."""
+        """Lowest elevation in metres, shape (S, 256, 256) for S blocks; plus infinity in empty cells."""
         return self._lowest[: len(self._slots)]
 
     @property
     def blocks(self) -> dict[tuple[int, int], int]:
-        """Place of each block in `lowest`, by its number along x and y."""
+        """Index of each block in `lowest`, by its block number along x and y."""
         return self._slots
 
     def add(self, xyz: NDArray[np.float64]) -> None:
-        """Lower the cells to points, shape (3, N), in metres and finite.
+        """Update the cells with points, shape (3, N), in metres and finite.
 
         Raises
         ------
         InputError
-            If the points are scattered so far that the grid would take too much memory.
+            If the points are too scattered for a grid in memory.
         """
         if xyz.shape[1]:
             cell = self._flat(xyz[0], xyz[1], grow=True)
             np.minimum.at(self._lowest.reshape(-1), cell, xyz[2])
 
     def locate(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the cells of places, shape (N,), as indices into ``lowest.ravel()``; each must be in a block."""
+        """Return the cell of each position, shape (N,), as an index into ``lowest.ravel()``; its block must exist."""
         return self._flat(x, y, grow=False)
 
     def padded(self, values: Cells, halo: int) -> Iterator[tuple[int, Cells, tuple[slice, slice]]]:
-        """Yield each block's place with its part of ``values`` and ``halo`` cells around it; infinity beyond.
+        """Yield the index of each block, its values padded by ``halo`` cells, and slices to the cells in use.
 
-        The slices are the part of these cells that lies in the least rectangle about all points.
+        Padding without a block is plus infinity. The slices select the cells in the bounding rectangle of all points.
 
         Parameters
         ----------
         values : ndarray, shape (S, 256, 256), float64
             A value for each cell.
         halo : int
-            Cells to every side.
+            Number of cells on each side.
         """
         reach = -(-halo // BLOCK)
         for (column, row), slot in self._slots.items():
@@ -93,7 +94,7 @@ class ElevationGrid:
             yield slot, out, (self._within(0, column, halo), self._within(1, row, halo))
 
     def _within(self, axis: int, block: int, halo: int) -> slice:
-        """Return which of a padded block's cells along an axis lie between the first and the last with points."""
+        """Return the slice of a padded block from the first to the last cell with points along an axis."""
         low, high = (self._extent[axis] - (block * BLOCK - halo)).tolist()
         return slice(max(low, 0), min(high + 1, BLOCK + 2 * halo))
 
@@ -108,9 +109,9 @@ class ElevationGrid:
         inside = ((column & (BLOCK - 1)) << _BITS) + (row & (BLOCK - 1))
         return np.asarray((slots[which] << (2 * _BITS)) + inside)
 
-    def _cell(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
-        # What lies beyond all measure shares the last cell.
-        return np.floor(np.clip(places / self.cell_m, -_FARTHEST, _FARTHEST)).astype(np.int64)
+    def _cell(self, coordinate: NDArray[np.float64]) -> NDArray[np.int64]:
+        # Coordinates out of range share the outermost cell.
+        return np.floor(np.clip(coordinate / self.cell_m, -_FARTHEST, _FARTHEST)).astype(np.int64)
 
     def _grow(self, block: list[tuple[int, int]]) -> None:
         for key in block:
@@ -119,8 +120,8 @@ class ElevationGrid:
         if needed > MAX_BLOCKS:
             side = BLOCK * self.cell_m
             raise InputError(
-                f"points are scattered over more than {MAX_BLOCKS} squares of {side:g} m, more than a grid of"
-                f" {self.cell_m:g} m cells can hold in memory: cut the tile, or choose a larger cell_m"
+                f"points are scattered over more than {MAX_BLOCKS} squares of {side:g} m, too many for a grid"
+                f" of {self.cell_m:g} m cells in memory; cut the tile, or choose a larger cell_m"
             )
         if needed > len(self._lowest):
             more = min(MAX_BLOCKS, max(needed, 3 * len(self._lowest) // 2))
@@ -128,14 +129,14 @@ class ElevationGrid:
 
 
 def _overlap(step: int, halo: int) -> tuple[slice, slice]:
-    """Return where the block ``step`` further on lies in a padded one, and which part of it."""
+    """Return the slice of a padded block that the block ``step`` blocks away fills, and the slice of the latter."""
     start = halo + step * BLOCK
     low, high = max(start, 0), min(start + BLOCK, BLOCK + 2 * halo)
     return slice(low, high), slice(low - start, high - start)
 
 
 def _distinct(column: NDArray[np.int64], row: NDArray[np.int64]) -> tuple[list[tuple[int, int]], NDArray[np.int64]]:
-    """Return the distinct pairs, sorted, and which of them each pair is."""
+    """Return the distinct pairs, sorted, and the index of each pair among them."""
     if not len(column):
         return [], np.empty(0, np.int64)
     low = int(column.min()), int(row.min())

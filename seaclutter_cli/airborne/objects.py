@@ -1,4 +1,4 @@
-"""Objects from named points: clusters with a class, a box and an area."""
+"""Objects from classified points: clusters with a class, a box and an area."""
 
 import csv
 import io
@@ -25,16 +25,16 @@ COLUMNS = (
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectFindingParams:
-    """Clusters that are objects.
+    """Parameters of the search for objects.
 
     Parameters
     ----------
     tolerance_m : float
-        Points closer than this in the plane belong to one object.
+        Points closer than this in the plane belong to the same object.
     min_points : int
-        Points that make an object.
+        Minimum number of points of an object.
     min_probability : float
-        Clusters whose probability is less are left out: crests of waves, mostly.
+        Clusters with a lower probability are left out; most of them are wave crests.
     """
 
     tolerance_m: Annotated[float, Gt(0)] = 4.0
@@ -44,28 +44,28 @@ class ObjectFindingParams:
 
 @dataclass(frozen=True)
 class FoundObject:
-    """An object.
+    """An object found in a tile.
 
     Parameters
     ----------
     number : int
-        Its number in the tile, from 1.
+        Number in the tile, from 1.
     code : int
-        Class.
+        Code of the class.
     probability : float
-        Mean probability of that class over its points.
+        Mean probability of the class over the points.
     points : int
-        How many there are.
+        Number of points.
     center : (float, float)
-        Middle of its box in metres.
+        Centre of the box in metres.
     size : (float, float)
-        Length and width of the least rectangle about it.
+        Length and width of the smallest enclosing rectangle in metres.
     yaw : float
-        Direction of its length in radians, counter-clockwise from x, from -pi/2 to pi/2.
+        Direction of the length in radians, counter-clockwise from x, from -pi/2 to pi/2.
     height_m : float
-        That one point in a hundred exceeds, above the sea.
+        Height above the sea that one point in a hundred exceeds.
     area_m2 : float
-        Of its convex hull.
+        Area of the convex hull.
     """
 
     number: int
@@ -94,61 +94,63 @@ class FoundObject:
 def find_objects(
     points: NonSeaPoints, probability: Values, classes: Sequence[int], params: ObjectFindingParams
 ) -> tuple[list[FoundObject], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the objects of a tile, each point's object, and its cluster that was left out, shape (N,), 0 for none.
+    """Return the objects of a tile, and for each point the numbers of its object and of its left-out cluster.
+
+    The numbers have shape (N,); 0 stands for no object, or for no cluster that was left out.
 
     Parameters
     ----------
     points : NonSeaPoints
-        Points that stand out of the sea, N of them.
+        The N non-sea points.
     probability : ndarray, shape (N, C), float64
-        Of each class.
+        Probability of each class.
     classes : sequence of int
         Codes of the C classes.
     params : ObjectFindingParams
-        What makes an object.
+        Parameters of the search.
 
     Notes
     -----
-    An object's class is the one that most of its points have, a point's being its likeliest; of two equal ones, the
-    first.
+    The class of a point is its most probable one. The class of an object is the most frequent class of its points; in a
+    tie, the first.
     """
-    from seaclutter_cli.clustering.euclidean import euclidean_clusters  # slow to load, and settings need it not
+    from seaclutter_cli.clustering.euclidean import euclidean_clusters  # slow to import, not needed for settings
 
     flat = np.vstack((points.xy, np.zeros(points.xy.shape[1])))
     number = euclidean_clusters(flat, params.tolerance_m, params.min_points) + 1
-    likeliest = probability.argmax(axis=1) if len(probability) else np.empty(0, np.int64)
+    best_class = probability.argmax(axis=1) if len(probability) else np.empty(0, np.int64)
     order = np.argsort(number, kind="stable")
     ends = np.searchsorted(number[order], np.arange(1, number.max(initial=0) + 2))
     found: list[FoundObject] = []
     numbers, left_out = np.zeros_like(number), np.zeros_like(number)
     for cluster, (start, end) in enumerate(pairwise(ends), 1):
         own = order[start:end]
-        best = int(np.argmax(np.bincount(likeliest[own], minlength=len(classes))))
-        sure = float(probability[own, best].mean())
-        if sure >= params.min_probability:
-            found.append(_object(len(found) + 1, int(classes[best]), sure, points, own))
+        best = int(np.argmax(np.bincount(best_class[own], minlength=len(classes))))
+        mean_probability = float(probability[own, best].mean())
+        if mean_probability >= params.min_probability:
+            found.append(_object(len(found) + 1, int(classes[best]), mean_probability, points, own))
             numbers[own] = len(found)
         else:
             left_out[own] = cluster - len(found)
     return found, numbers, left_out
 
 
-def _object(number: int, code: int, sure: float, points: NonSeaPoints, own: NDArray[np.intp]) -> FoundObject:
-    center, size, yaw, area = least_rectangle(points.xy[:, own].T)
+def _object(number: int, code: int, probability: float, points: NonSeaPoints, own: NDArray[np.intp]) -> FoundObject:
+    center, size, yaw, area = smallest_rectangle(points.xy[:, own].T)
     height_m = float(np.quantile(points.height_m[own], 0.99))
-    return FoundObject(number, code, sure, len(own), center, size, yaw, height_m, area)
+    return FoundObject(number, code, probability, len(own), center, size, yaw, height_m, area)
 
 
-def least_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float], float, float]:
-    """Return middle, length and width, direction and hull area of the least rectangle about points, shape (N, 2).
+def smallest_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float], float, float]:
+    """Return centre, size, direction and hull area of the smallest rectangle around points, shape (N, 2).
 
     Notes
     -----
-    One side of it lies on a side of the convex hull. Points on one line have a rectangle of no width.
+    One of its sides is on a side of the convex hull. Collinear points have a rectangle of width 0.
 
     Examples
     --------
-    >>> center, size, yaw, area = least_rectangle(np.array([[0.0, 0], [4, 0], [4, 2], [0, 2], [1, 1]]))
+    >>> center, size, yaw, area = smallest_rectangle(np.array([[0.0, 0], [4, 0], [4, 2], [0, 2], [1, 1]]))
     >>> center, size, yaw, area
     ((2.0, 1.0), (4.0, 2.0), 0.0, 8.0)
     """
@@ -177,7 +179,7 @@ def least_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float
 
 
 def as_csv(tiles: Sequence[tuple[str, Sequence[FoundObject]]]) -> str:
-    """Return a table with a line for each object of each tile; lengths in metres, yaw in radians."""
+    """Return a CSV table with a line for each object of each tile; lengths in metres, yaw in radians."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -195,7 +197,7 @@ def as_geojson(tiles: Sequence[tuple[str, Sequence[FoundObject]]]) -> str:
 
 
 def _feature(tile: str, one: FoundObject) -> dict[str, Any]:
-    ring = [[round(float(x), 3), round(float(y), 3)] for x, y in (*one.corners, one.corners[0])]
+    outline = [[round(float(x), 3), round(float(y), 3)] for x, y in (*one.corners, one.corners[0])]
     properties = {
         "tile": tile,
         "object": one.number,
@@ -205,4 +207,4 @@ def _feature(tile: str, one: FoundObject) -> dict[str, Any]:
         "height": round(one.height_m, 2),
         "area_m2": round(one.area_m2, 1),
     }
-    return {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [ring]}, "properties": properties}
+    return {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [outline]}, "properties": properties}

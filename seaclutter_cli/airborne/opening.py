@@ -1,4 +1,4 @@
-"""Morphological opening of a grid of elevations, empty cells and all."""
+"""Morphological opening of a grid of elevations with empty cells."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ _NEIGHBORS = 5
 
 
 def half_window(window_m: float, cell_m: float) -> int:
-    """Return how many cells a window reaches to each side of its middle one; it is that many twice, and one, wide.
+    """Return the half width h of a window in cells; the window is 2 h + 1 cells wide.
 
     Examples
     --------
@@ -22,7 +22,7 @@ def half_window(window_m: float, cell_m: float) -> int:
 
 
 def opened(lowest: Cells, half: int) -> Cells:
-    r"""Return the opening of a grid: its erosion, dilated (S1, Eq. 1 to 3).
+    r"""Return the opening of a grid: its erosion, dilated ([Shi2022], Eq. 1 to 3).
 
     .. math:: (f \ominus w)(i, j) = \min_{(s, t) \in w} f(s, t), \quad
         (f \oplus w)(i, j) = \max_{(s, t) \in w} f(s, t), \quad f \circ w = (f \ominus w) \oplus w
@@ -32,26 +32,26 @@ def opened(lowest: Cells, half: int) -> Cells:
     lowest : ndarray, shape (I, J), float64
         Elevations in metres; plus infinity in empty cells.
     half : int
-        The window reaches so many cells to each side; fewer where the grid is narrower than that.
+        Half width of the window in cells; less where the grid is narrower than the window.
 
     Returns
     -------
     ndarray, shape (I, J), float64
-        Elevation of the opened surface: where there is a value, that or less. Minus infinity where the windows about a
-        cell hold no value.
+        Elevation of the opened surface, at most the value of the cell. Minus infinity where the windows around a cell
+        contain no value.
 
     Notes
     -----
-    Only windows that lie in the grid count, so that an object cut by its edge is seen in whole windows too; empty cells
-    are neither low nor high. On a grid without any this is ``scipy.ndimage.grey_opening`` with minus infinity beyond
-    the edge.
+    Only windows inside the grid count, so an object cut by the edge is seen in whole windows, too. Empty cells are
+    neither low nor high. Without empty cells, the result equals ``scipy.ndimage.grey_opening`` with minus infinity
+    beyond the edge.
 
     Examples
     --------
     >>> opened(np.array([[0.0, 5, 0.2, np.inf, 0.1]]), 1)
     array([[0. , 0.2, 0.2, 0.2, 0.1]])
     """
-    from scipy import ndimage  # takes a while to load, which all other filters are spared
+    from scipy import ndimage  # slow to import, not needed by other filters
 
     size = [2 * min(half, (cells - 1) // 2) + 1 for cells in lowest.shape]
     eroded = ndimage.minimum_filter(lowest, size, mode="constant", cval=-np.inf)
@@ -60,19 +60,19 @@ def opened(lowest: Cells, half: int) -> Cells:
 
 
 def filled(lowest: Cells, reach: int) -> Cells:
-    """Return a grid whose empty cells have the least of the nearest values to four sides.
+    """Return a grid whose empty cells have the lowest of the nearest values in four directions.
 
     Parameters
     ----------
     lowest : ndarray, shape (I, J), float64
         Elevations in metres; plus infinity in empty cells.
     reach : int
-        A value farther along than so many cells does not count; without any, a cell stays empty.
+        Distance in cells up to which a value counts; a cell without any remains empty.
 
     Notes
     -----
-    A ship hides the water behind it from a lidar that looks at it askance, and calm water often sends nothing back.
-    With the least value such a gap is water if it has water on any side, and does not widen the ship.
+    A ship hides the water behind it from an oblique beam, and calm water often returns nothing. With the lowest value,
+    such a gap is water if there is water on any side, and does not widen the ship.
 
     Examples
     --------
@@ -83,15 +83,15 @@ def filled(lowest: Cells, reach: int) -> Cells:
     if not empty.any():
         return lowest
     out = lowest.copy()
-    for turned, target in ((lowest, out), (lowest.T, out.T)):
+    for source, target in ((lowest, out), (lowest.T, out.T)):
         for step in (1, -1):
-            values, gaps = target[:, ::step], np.isposinf(turned[:, ::step])
-            np.minimum(values, _carried(turned[:, ::step], reach), out=values, where=gaps)
+            values, gaps = target[:, ::step], np.isposinf(source[:, ::step])
+            np.minimum(values, _carried(source[:, ::step], reach), out=values, where=gaps)
     return out
 
 
 def _carried(values: Cells, reach: int) -> Cells:
-    """Return the last value before each cell along its row; infinity where it is too far back."""
+    """Return the last value before each cell in its row; plus infinity if it is more than ``reach`` cells away."""
     here = np.arange(values.shape[1])
     last = np.maximum.accumulate(np.where(np.isposinf(values), -reach - 1, here), axis=1)
     carried = np.take_along_axis(values, np.maximum(last, 0), axis=1)
@@ -102,9 +102,9 @@ def _carried(values: Cells, reach: int) -> Cells:
 def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     """Return the lowest elevations, shape (S, 256, 256), without pits that are one cell wide.
 
-    A cell that lies deeper than ``depth_m`` below each of at least five neighbours with points holds an echo from below
-    the surface, and gets the least of their values. An opening leaves such a cell as it is, but near the edge of a
-    tile, where no window can avoid it, it would draw the surface down all along its row.
+    A cell that is more than ``depth_m`` below each of at least five neighbours with points contains an echo from below
+    the surface; it gets the lowest of their values. Elsewhere an opening confines such a cell to itself, but near the
+    edge of a tile, where no window avoids it, it would lower the surface along its whole row.
     """
     from scipy import ndimage
 
@@ -120,12 +120,10 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
 
 
 def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None) -> Cells:
-    """Return the opened surface of a grid, shape (S, 256, 256), block by block; minus infinity where unknown.
+    """Return the opened surface of a grid, shape (S, 256, 256); minus infinity where unknown.
 
-    The elevations are those of the grid, unless others are given for its cells.
-
-    The grid ends where its points end. Empty cells are `filled` from as far as a window is wide. The blocks do not show
-    in the result.
+    ``lowest`` replaces the elevations of the grid. The grid ends at its outermost points. Empty cells are `filled` from
+    up to a window's width away. The result does not depend on the division into blocks.
     """
     half = half_window(window_m, grid.cell_m)
     reach = 2 * half + 1

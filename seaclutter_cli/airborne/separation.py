@@ -1,4 +1,4 @@
-"""Tiles into sea and what is not."""
+"""Separation of tiles into sea and non-sea points."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,21 +11,21 @@ from seaclutter_cli.airborne.surface import SeaSurfaceModel, SurfaceParams
 from seaclutter_cli.errors import InputError
 
 NEVER, OTHER, WATER = 0, 1, 9
-"""ASPRS classes: never classified (points without a place), unclassified, water."""
+"""ASPRS classes: never classified (points without finite coordinates), unclassified, water."""
 
 
 @dataclass(frozen=True)
 class Separation:
-    """A tile's points, N of them, as sea or not.
+    """Classes and heights of the N points of a tile.
 
     Parameters
     ----------
     classification : ndarray, shape (N,), uint8
         ASPRS class: `WATER`, `OTHER`, or `NEVER` for points with a coordinate that is not finite.
     height_m : ndarray, shape (N,), float32
-        Height above the sea surface; NaN for those.
+        Height above the sea surface in metres; NaN for `NEVER`.
     cells : int
-        Grid cells with points.
+        Number of grid cells with points.
     """
 
     classification: NDArray[np.uint8]
@@ -34,35 +34,35 @@ class Separation:
 
     @property
     def other(self) -> NDArray[np.intp]:
-        """Indices of the points that are no sea."""
+        """Indices of the non-sea points."""
         return np.flatnonzero(self.classification == OTHER)
 
     @property
     def points_per_cell(self) -> float:
-        """Mean number of points in a cell that has any."""
+        """Mean number of points per cell with points."""
         return float(np.count_nonzero(self.classification != NEVER) / max(self.cells, 1))
 
 
 def separate(parts: Iterable[NDArray[np.float64]], params: SurfaceParams) -> Separation:
-    """Separate a tile.
+    """Return the separation of a tile into sea and non-sea points.
 
     Parameters
     ----------
     parts : iterable of ndarray, shape (3, n), float64
-        Coordinates in metres; gone through twice.
+        Coordinates in metres; iterated over twice.
     params : SurfaceParams
-        Window and heights. `SeparationParams` tell islands, and echoes from below.
+        Window and heights. With `SeparationParams`, islands and echoes from below the surface are handled, too.
 
     Raises
     ------
     InputError
-        If no point has finite coordinates, or they are scattered so far that the grid would take too much memory.
+        If no point has finite coordinates, or the points are too scattered for a grid in memory.
     """
     grid = ElevationGrid(params.cell_m)
     for xyz in parts:
         grid.add(xyz[:, np.isfinite(xyz).all(axis=0)])
     if not grid.blocks:
-        raise InputError("no points with finite coordinates, so no sea surface")
+        raise InputError("no points with finite coordinates: the sea surface cannot be computed")
     surface = SeaSurfaceModel(grid, params)
     found = [_classes(xyz, surface) for xyz in parts]
     classification, height = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -70,8 +70,8 @@ def separate(parts: Iterable[NDArray[np.float64]], params: SurfaceParams) -> Sep
 
 
 def _classes(xyz: NDArray[np.float64], surface: SeaSurfaceModel) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    placed = np.asarray(np.isfinite(xyz).all(axis=0))
-    height = np.full(len(placed), np.nan)
-    height[placed] = surface.height(xyz if placed.all() else xyz[:, placed])
+    finite = np.asarray(np.isfinite(xyz).all(axis=0))
+    height = np.full(len(finite), np.nan)
+    height[finite] = surface.height(xyz if finite.all() else xyz[:, finite])
     classes = np.where(height > surface.params.height_m, OTHER, WATER)
-    return np.where(placed, classes, NEVER).astype(np.uint8), height.astype(np.float32)
+    return np.where(finite, classes, NEVER).astype(np.uint8), height.astype(np.float32)

@@ -1,4 +1,4 @@
-"""TileSettings of the classification of tiles: defaults < file < command line, checked as a whole."""
+"""Settings of the tile classification: defaults < file < command line, checked as a whole."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -17,18 +17,18 @@ from seaclutter_cli.validation import build_sections, plain, raise_problems, rea
 
 @dataclass(frozen=True)
 class TileSettings:
-    """All settings.
+    """Settings of the tile classification.
 
     Parameters
     ----------
     separation : SeparationParams
-        Sea and what is not.
+        Separation into sea and non-sea points.
     features : FeatureParams
-        What the forest is told.
+        Features of the non-sea points.
     forest : ForestParams
-        How it is trained.
+        Random forest and its training.
     objects : ObjectFindingParams
-        What makes an object.
+        Search for objects.
     """
 
     separation: SeparationParams = field(default_factory=SeparationParams)
@@ -37,7 +37,7 @@ class TileSettings:
     objects: ObjectFindingParams = field(default_factory=ObjectFindingParams)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
-        """Return the settings as they stand in a file."""
+        """Return the settings as sections of a settings file."""
         return {section.name: plain(getattr(self, section.name)) for section in fields(self)}
 
 
@@ -46,7 +46,7 @@ def _kinds() -> dict[str, type[Any]]:
 
 
 def parse_settings(raw: Mapping[str, Any], where: str) -> TileSettings:
-    """Return the settings that a mapping describes; ``where`` names it in errors."""
+    """Return the settings from a mapping; ``where`` names its source in errors."""
     kinds = _kinds()
     problems = [f"{key}: unknown section; allowed: {', '.join(kinds)}" for key in raw if key not in kinds]
     parts = build_sections(kinds, raw, problems)
@@ -64,12 +64,12 @@ def load_settings(path: Path | None, overrides: Sequence[str] = (), base: TileSe
     overrides : sequence of str
         ``section.key=value`` from the command line; values are YAML.
     base : TileSettings, optional
-        What stands in for the defaults.
+        Settings that replace the defaults.
 
     Raises
     ------
     ConfigError
-        If anything is wrong, with everything that is.
+        If anything is invalid; the message lists all problems.
     """
     raw: dict[str, Any] = base.as_dict() if base else {}
     if path:
@@ -90,4 +90,4 @@ def _parse_override(text: str) -> tuple[str, str, Any]:
     try:
         return section, key, yaml.safe_load(value)
     except yaml.YAMLError as error:
-        raise ConfigError(f"--set {text}: the value is no YAML") from error
+        raise ConfigError(f"--set {text}: the value is not valid YAML") from error

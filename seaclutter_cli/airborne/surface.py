@@ -1,4 +1,4 @@
-"""Where the sea surface is under each point, and which points stand out of it."""
+"""Sea surface of tiles and frames by morphological opening."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -17,16 +17,16 @@ _PIT = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceParams:
-    """The sea surface by morphological opening.
+    """Parameters of the sea surface by morphological opening.
 
     Parameters
     ----------
     cell_m : float
-        Width of a grid cell; each holds its lowest elevation.
+        Width of a grid cell; each cell stores its lowest elevation.
     window_m : float
-        Width of the opening's square window, w; what is narrower stands out of the sea.
+        Width of the square window of the opening, w; narrower objects rise above the opened surface.
     height_m : float
-        A point higher than this above the opened surface is no sea, T_max.
+        A point higher than this above the opened surface is a non-sea point, T_max.
     """
 
     cell_m: Annotated[float, Gt(0)] = 1.0
@@ -41,49 +41,50 @@ class SurfaceParams:
 
 @dataclass(frozen=True, kw_only=True)
 class SeparationParams(SurfaceParams):
-    """Separation of a tile into sea and what is not.
+    """Parameters of the separation of a tile into sea and non-sea points.
 
     Parameters
     ----------
     island_m : float or None
-        What the opening leaves standing is land, down to ``height_m`` above the level of the sea, if it rises this far
-        above it; null: it is sea, as in the paper.
+        The opened surface is land where it rises more than this above the sea level, down to ``height_m`` above that
+        level; null: it is sea, as in [Shi2022].
     """
 
     island_m: Annotated[float, Gt(0)] | None = 2.0
 
     def __post_init__(self) -> None:
-        """Check that land is higher than what stands out."""
+        """Check that ``island_m`` is at least ``height_m``."""
         super().__post_init__()
         if self.island_m is not None and self.island_m < self.height_m:
             raise ValueError(f"island_m ({self.island_m:g}) must not be less than height_m ({self.height_m:g})")
 
 
 class SeaSurfaceModel:
-    r"""The sea surface of a tile or frame: its grid of lowest elevations, opened (S1, 1.1).
+    r"""Sea surface of a tile or frame: the opening of its grid of lowest elevations ([Shi2022], section 1.1).
 
     Parameters
     ----------
     grid : ElevationGrid
-        All points that count.
+        Grid of all valid points.
     params : SurfaceParams
-        Window and heights. `SeparationParams` see to islands.
+        Window and heights. With `SeparationParams`, islands are handled, too.
 
     Notes
     -----
-    A point is no sea if it is more than :math:`T_{\max}` above the opened surface of its cell.
+    A point is a non-sea point if it is more than :math:`T_{\max}` above the opened surface of its cell.
 
-    * Waves and swell: the surface follows what is longer than about twice the window; the threshold has to exceed the
-      height of crests above it otherwise. A window much wider than the objects cuts off the crests of swell.
-    * Edges of a tile: windows lie in the least rectangle about all points. An object that the edge cuts is told by the
-      part inside, as if there were nothing beyond.
-    * Of a tile, echoes from below the surface are left out: cells alone, deeper than twice ``height_m``.
-    * Empty cells are filled as `filled` tells, from as far as the window is wide; beyond they count as nothing.
-    * An object wider than the window leaves its inner part in the opened surface, as if it were sea. With ``island_m``
-      that part is told by its level: cells that are (lowest point or opened surface) more than ``height_m`` above the
-      sea level, and joined by side or corner with one that the opening leaves standing above that and whose lowest
-      point (or opened surface) is more than ``island_m`` above it, are land; heights over land are above the sea level.
-      That is the median of the opened surface in its commonest ``island_m`` / 4: land has many elevations, the sea few.
+    * Waves and swell: the surface follows waves longer than about twice the window. For shorter waves, the threshold
+      has to exceed the height of their crests. A window much wider than the objects cuts off the crests of swell.
+    * Edges of a tile: windows are inside the bounding rectangle of all points. An object cut by the edge is separated
+      by the part inside, as if there were nothing beyond.
+    * Echoes from below the surface are ignored in tiles: single cells deeper than twice ``height_m``.
+    * Empty cells are filled by `filled` from up to a window's width away; cells that remain empty are ignored.
+    * An object wider than the window leaves its inner part in the opened surface, as if it were sea. ``island_m`` finds
+      that part by its elevation. A candidate cell has its lowest point or opened surface more than ``height_m`` above
+      the sea level. Candidates joined by side or corner are land if the opened surface of one of them is more than
+      ``height_m``, and its lowest point or opened surface more than ``island_m``, above the sea level. Heights over
+      land are relative to the sea level: the median of the opened surface in its most frequent elevation step of
+      ``island_m`` / 4, since land has many elevations and the sea few.
 
     References
     ----------
@@ -103,7 +104,7 @@ class SeaSurfaceModel:
             self._opened[self._land_cells(level, island_m)] = level
 
     def height(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the height of points that were in the grid, shape (3, N), above the surface in metres, shape (N,)."""
+        """Return the height above the surface in metres, shape (N,), of points from the grid, shape (3, N)."""
         cell = self._grid.locate(xyz[0], xyz[1])
         return np.asarray(xyz[2] - self._opened.reshape(-1)[cell])
 
@@ -113,19 +114,19 @@ class SeaSurfaceModel:
         return int(np.isfinite(self._grid.lowest).sum())
 
     def _level(self, step_m: float) -> float:
-        """Return the median of the opened surface within the commonest step of its elevations."""
+        """Return the sea level: the median of the opened surface in its most frequent elevation step."""
         known = self._opened[np.isfinite(self._grid.lowest)]
         step = np.floor(known / step_m)
         values, counts = np.unique(step, return_counts=True)
         return float(np.median(known[step == values[np.argmax(counts)]]))
 
     def _land_cells(self, level: float, island_m: float) -> NDArray[np.bool_]:
-        """Return which cells are land, shape (S, 256, 256)."""
+        """Return a mask of the land cells, shape (S, 256, 256)."""
         lowest, above = self._grid.lowest, level + self.params.height_m
         land = (self._opened > above) | (np.isfinite(lowest) & (lowest > above))
-        left = self._opened[land]
-        peak = np.where(np.isfinite(lowest[land]), lowest[land], left)
-        high = (left > above) & (np.maximum(left, peak) > level + island_m)
+        opened = self._opened[land]
+        peak = np.where(np.isfinite(lowest[land]), lowest[land], opened)
+        high = (opened > above) & (np.maximum(opened, peak) > level + island_m)
         if not high.any():
             return np.zeros_like(land)
         slot, i, j = np.nonzero(land)
@@ -141,14 +142,14 @@ class SeaSurfaceModel:
 
 
 def joined_cells(column: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return which group of touching cells each of M distinct cells belongs to, shape (M,).
+    """Return the index of the group of touching cells of each of M distinct cells, shape (M,).
 
     Examples
     --------
     >>> joined_cells(np.array([0, 1, 5]), np.array([0, 1, 5]))
     array([0, 0, 1])
     """
-    from scipy.sparse import coo_array  # takes a while to load, which tiles without islands are spared
+    from scipy.sparse import coo_array  # slow to import, not needed without islands
     from scipy.sparse.csgraph import connected_components
 
     if not len(column):
@@ -168,15 +169,15 @@ def joined_cells(column: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[n
 
 
 def surface_of(xyz: NDArray[np.float64], params: SurfaceParams) -> SeaSurfaceModel:
-    """Return the surface under points, shape (3, N), in metres and finite.
+    """Return the sea surface under points, shape (3, N), in metres and finite.
 
     Raises
     ------
     InputError
-        If there are no points, or they are scattered too far.
+        If there are no points, or they are too scattered for a grid in memory.
     """
     if not xyz.shape[1]:
-        raise InputError("no points, so no sea surface")
+        raise InputError("no points: the sea surface cannot be computed")
     grid = ElevationGrid(params.cell_m)
     grid.add(xyz)
     return SeaSurfaceModel(grid, params)

@@ -1,4 +1,4 @@
-"""Texture of elevations about each point, from co-occurrence matrices of an unordered cloud."""
+"""Texture of the elevations around each point, from co-occurrence matrices of an unordered cloud."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,23 +10,23 @@ from seaclutter_cli.airborne.neighborhoods import Neighborhoods, PointBlock
 
 DIRECTIONS_DEG = (0, 45, 90, 135)
 TEXTURE = ("homogeneity", "dissimilarity", "second_moment")
-"""Names of the texture features, Eq. 7 to 9."""
+"""Names of the texture features ([Shi2022], Eq. 7 to 9)."""
 
 _BINS = 1 << 19
 
 
 @dataclass(frozen=True)
 class Levels:
-    """Grey levels of points, and those of their partners in the shifted clouds.
+    """Grey levels of points and of their partners in the shifted clouds.
 
     Parameters
     ----------
     own : ndarray, shape (N,), int64
         Level of each point, 0 to K - 1.
     partner : ndarray, shape (4, N), int64
-        For each direction, the level of the nearest point of the cloud shifted that way.
+        For each direction, the level of the nearest point in the cloud shifted that way.
     count : int
-        K.
+        Number of levels, K.
     """
 
     own: NDArray[np.int64]
@@ -35,13 +35,13 @@ class Levels:
 
     @cached_property
     def weights(self) -> NDArray[np.float64]:
-        """What each pair of levels adds to homogeneity and dissimilarity, shape (2, K * K)."""
-        apart = np.abs(np.subtract.outer(np.arange(self.count), np.arange(self.count))).reshape(-1)
-        return np.stack((1 / (1 + apart**2), apart)).astype(np.float64)
+        """Contribution of each pair of levels to homogeneity and dissimilarity, shape (2, K * K)."""
+        distance = np.abs(np.subtract.outer(np.arange(self.count), np.arange(self.count))).reshape(-1)
+        return np.stack((1 / (1 + distance**2), distance)).astype(np.float64)
 
 
 def grey_levels(height_m: NDArray[np.float64], count: int, max_height_m: float) -> NDArray[np.int64]:
-    """Return heights as K grey levels of equal size, 0 to K - 1, shape (N,).
+    """Return heights quantised to K grey levels of equal size, 0 to K - 1, shape (N,).
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def grey_levels(height_m: NDArray[np.float64], count: int, max_height_m: float) 
     count : int
         Number of levels, K.
     max_height_m : float
-        What is as high or higher has the last level; what is below 0 the first.
+        Upper bound of the last level. Greater heights have the last level, heights below 0 the first.
 
     Examples
     --------
@@ -63,18 +63,18 @@ def grey_levels(height_m: NDArray[np.float64], count: int, max_height_m: float) 
 def levels_of(
     near: Neighborhoods, height_m: NDArray[np.float64], count: int, max_height_m: float, shift_m: float
 ) -> Levels:
-    """Return the levels of points and of their partners.
+    """Return the grey levels of points and of their partners.
 
     Parameters
     ----------
     near : Neighborhoods
-        The points' places.
+        Neighbourhoods of the points.
     height_m : ndarray, shape (N,), float64
-        Their heights in metres.
+        Heights of the points in metres.
     count, max_height_m : int and float
         As for `grey_levels`.
     shift_m : float
-        How far the cloud is shifted, d, in metres.
+        Shift of the cloud, d, in metres.
     """
     own = grey_levels(height_m, count, max_height_m)
     angles = np.radians(DIRECTIONS_DEG)
@@ -88,16 +88,17 @@ def texture(block: PointBlock, levels: Levels) -> NDArray[np.float64]:
 
     Notes
     -----
-    The cloud X is shifted by d along θ to become Y. Each neighbour of a point within r (itself included) is paired with
-    the point of Y nearest to it (Eq. 5); the pairs' levels (c, d) make the matrix (Eq. 6), divided by their number:
+    The cloud Y is the cloud X shifted by d along θ. Each neighbour of a point within r (itself included) is paired with
+    the nearest point of Y (Eq. 5). The levels (c, d) of the pairs form the matrix N (Eq. 6), divided by their number:
 
     .. math:: Hom = \sum_{c,d} \frac{N(c, d)}{1 + (c - d)^2}, \quad Dis = \sum_{c,d} N(c, d) |c - d|, \quad
         ASM = \sum_{c,d} N(c, d)^2
 
-    and the features are means over 0, 45, 90 and 135° [1]_. The paper leaves open: neighbours and partners are found in
-    the plane, since the elevation is the grey level and the place what pixels are in an image; a partner is found for
-    each neighbour, not looked up in the inverse of a map, in which some would have none; levels are of height above the
-    sea surface with fixed bounds, so that an object has the same texture whatever else is in its tile.
+    The features are means over 0, 45, 90 and 135° [1]_. The paper leaves three details open. Here, neighbours and
+    partners are found in the plane, since the elevation is the grey level and the horizontal position corresponds to
+    the pixel of an image. A partner is found for each neighbour; the inverse of a mapping would lack some partners.
+    Levels are of height above the sea surface with fixed bounds: the texture of an object does not depend on the rest
+    of its tile.
 
     References
     ----------
@@ -112,14 +113,14 @@ def texture(block: PointBlock, levels: Levels) -> NDArray[np.float64]:
 
 
 def _of_matrices(block: PointBlock, pair: NDArray[np.int64], levels: Levels) -> NDArray[np.float64]:
-    """Return the features of one direction from the pairs' codes."""
+    """Return the features of one direction from the codes of the pairs."""
     total = block.count
-    weighed = [block.total(weights[pair]) / total for weights in levels.weights]
-    return np.stack((*weighed, _second_moment(block, pair, levels.count**2) / total**2), axis=1)
+    weighted = [block.total(weights[pair]) / total for weights in levels.weights]
+    return np.stack((*weighted, _second_moment(block, pair, levels.count**2) / total**2), axis=1)
 
 
 def _second_moment(block: PointBlock, pair: NDArray[np.int64], size: int) -> NDArray[np.int64]:
-    """Return the sums of the squares of the matrices' counts, some matrices at a time."""
+    """Return the sum of the squared counts of each matrix, computed for a few matrices at a time."""
     step = max(1, _BINS // size)
     starts = range(0, len(block.points), step)
     ends = [*np.searchsorted(block.own, starts), len(pair)]

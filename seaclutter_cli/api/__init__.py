@@ -1,1 +1,1 @@
-"""The functions and classes behind ``import seaclutter``, with plain arguments in place of options."""
+"""Functions and classes behind ``import seaclutter``, with plain arguments in place of options objects."""

@@ -1,4 +1,4 @@
-"""Plain arguments as the options of the library's runs."""
+"""Conversion of plain arguments to the options of `seaclutter_cli.runs`."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -16,16 +16,16 @@ from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.recordings import PathLike
 
 Settings = PathLike | Mapping[str, Any] | Config
-"""A configuration file or the name of a built-in one, its content, or a configuration."""
+"""A configuration file or the name of a built-in one, the content of a file, or a configuration."""
 
 
 def config_source(config: Settings | None) -> ConfigSource | None:
-    """Return a configuration with paths as such."""
+    """Return a configuration, with a path or name as `Path`."""
     return Path(config) if isinstance(config, str | os.PathLike) else config
 
 
 def config_options(method: str | None, config: Settings | None) -> ConfigOptions:
-    """Return what a method and a configuration make."""
+    """Return the options for a method and a configuration."""
     return ConfigOptions(file=config_source(config), method=method)
 
 
@@ -34,7 +34,7 @@ def label_sources(
     clutter_ids: Sequence[int] | None = None,
     ignore_ids: Sequence[int] | None = None,
 ) -> LabelSources:
-    """Return where labels are."""
+    """Return the options for labels."""
     paths = [labels] if isinstance(labels, str | os.PathLike) else (labels or ())
     return LabelSources(
         paths=tuple(Path(path) for path in paths),
@@ -44,13 +44,13 @@ def label_sources(
 
 
 def path_or_none(path: PathLike | None) -> Path | None:
-    """Return a path that may not be given."""
+    """Return a path as `Path`; None if it is None."""
     return None if path is None else Path(path)
 
 
 @dataclass(frozen=True)
 class Raising:
-    """An observer that raises the error of a recording instead of going on with the others.
+    """Observer that raises the error of a recording instead of continuing with the others.
 
     Parameters
     ----------
@@ -61,19 +61,19 @@ class Raising:
     inner: Observer
 
     def progress(self, title: str, total: int | None) -> AbstractContextManager[Step]:
-        """Pass on."""
+        """Pass on progress."""
         return self.inner.progress(title, total)
 
     def note(self, text: str, *, detail: bool = False) -> None:
-        """Pass on."""
+        """Pass on a note."""
         self.inner.note(text, detail=detail)
 
     def warn(self, text: str) -> None:
-        """Pass on."""
+        """Pass on a warning."""
         self.inner.warn(text)
 
     def damage(self, damage: Sequence[Damage]) -> None:
-        """Pass on."""
+        """Pass on damage."""
         self.inner.damage(damage)
 
     def fail(self, error: SeaclutterError) -> None:
@@ -81,6 +81,6 @@ class Raising:
         raise error
 
 
-def watching(observer: Observer, *, keep_going: bool) -> Observer:
-    """Return the observer of a run that goes on after the error of a recording, or raises it."""
+def run_observer(observer: Observer, *, keep_going: bool) -> Observer:
+    """Return the observer of a run that continues after the error of a recording, or raises it."""
     return observer if keep_going else Raising(observer)

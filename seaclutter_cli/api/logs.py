@@ -1,4 +1,4 @@
-"""Reading logs: frames as arrays."""
+"""Logs as iterators of frames."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -22,14 +22,14 @@ def open_log(
     Parameters
     ----------
     path : path
-        MCAP file, ROS 1 or ROS 2 bag, packet capture, folder of frames, single frame, or a folder or glob that stands
-        for one recording of several files.
+        MCAP file, ROS 1 or ROS 2 bag, packet capture, folder of frames, single frame, or a folder or glob that
+        contains one recording of several files.
     rate_hz : float, optional
-        Frames per second where nothing in the recording carries a time.
+        Frames per second of recordings without time stamps.
     calibration : path, optional
-        Angles or metadata of the sensor, where recorded packets lack them.
+        File with angles or metadata of the sensor, for packets that lack them.
     sensor : str, optional
-        Sensor model, where packets of several look alike.
+        Sensor model, for packets that do not identify it.
 
     Returns
     -------
@@ -39,9 +39,9 @@ def open_log(
     Raises
     ------
     InputError
-        If it cannot be read.
+        If the recording cannot be read.
     UsageError
-        If there is no such file, or the path stands for several recordings.
+        If there is no such file, or the path denotes several recordings.
 
     Examples
     --------
@@ -53,13 +53,13 @@ def open_log(
     recordings = expand(path)
     if len(recordings) > 1:
         names = ", ".join(str(recording.paths[0]) for recording in recordings)
-        raise UsageError(f"{path}: stands for {len(recordings)} recordings; open one of {names}")
+        raise UsageError(f"{path}: contains {len(recordings)} recordings; open one of {names}")
     reading = ReadOptions(rate_hz=rate_hz, calibration=Path(calibration) if calibration else None, sensor=sensor)
     return Log(reading.open(recordings[0]))
 
 
 class Log:
-    """A recording, opened by `open_log`; a context manager that closes it.
+    """A recording opened by `open_log`; as a context manager, it closes the recording.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Log:
 
     @property
     def name(self) -> str:
-        """Name of the recording, as it appears in tables and file names."""
+        """Name of the recording in tables and file names."""
         return self._source.name
 
     @property
@@ -105,12 +105,12 @@ class Log:
 
     @property
     def sensors(self) -> Mapping[str, SensorFacts]:
-        """What packets reveal of the sensor behind a topic; complete once all frames have been read."""
+        """Facts about the sensor of each topic, from packets; complete once all frames have been read."""
         return self._source.facts
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What is worth knowing of the recording; grows while frames are read."""
+        """Warnings about the recording; grows while frames are read."""
         return self._source.warnings
 
     @property
@@ -127,26 +127,26 @@ class Log:
         limit: int | None = None,
         intensity_field: str | None = None,
     ) -> Iterator[Frame]:
-        """Yield frames in the order of their log time, one at a time in memory; can be called again.
+        """Yield frames in order of log time, with one frame in memory at a time; can be called repeatedly.
 
         Parameters
         ----------
         topics : str or sequence of str, optional
-            Point-cloud topics; none means the only one.
+            Point-cloud topics; by default the only one.
         start_s, end_s : float, optional
-            Seconds from the recording's start; the end is not included. Parts outside are skipped where the format
-            allows it.
+            Limits in seconds from the start of the recording; the end is not included. Parts outside are skipped if
+            the format allows it.
         limit : int, optional
-            Frames of each topic.
+            Maximum number of frames of each topic.
         intensity_field : str, optional
-            Name of the intensity field, where it has no usual one.
+            Name of the intensity field, if it has no usual name.
 
         Raises
         ------
         InputError
-            If the recording holds no point clouds.
+            If the recording contains no point clouds.
         UsageError
-            If a topic is not there, or there are several and none was chosen.
+            If a topic does not exist, or there are several and none is chosen.
 
         Examples
         --------
@@ -164,5 +164,5 @@ class Log:
         return frames(self._source, selection)
 
     def close(self) -> None:
-        """Close the recording; frames that were read stay valid."""
+        """Close the recording; frames already read remain valid."""
         self._source.close()

@@ -1,4 +1,4 @@
-"""Filtering points that are in memory."""
+"""Filtering of points in memory."""
 
 from typing import Any
 
@@ -26,14 +26,14 @@ def filter_points(
     Parameters
     ----------
     xyz : ndarray, shape (N, 3), float32 or float64
-        Coordinates in metres in the frame of the lidar. Points with a coordinate that is not finite, or exactly at the
-        origin, are invalid.
+        Coordinates in metres in the frame of the lidar. Points at the origin or with a coordinate that is not finite
+        are invalid.
     intensity : ndarray, shape (N,), optional
         Intensity in the sensor's unit.
     method : str, optional
-        Filter method; by default that of the configuration, else ``joint``.
+        Filter method; by default that of the configuration, or ``joint``.
     config : path, mapping or Config, optional
-        Configuration file or the name of a built-in one, its content, or a configuration.
+        Configuration file or the name of a built-in one, the content of a file, or a configuration.
 
     Returns
     -------
@@ -43,11 +43,11 @@ def filter_points(
     Raises
     ------
     ValueError
-        If the shapes do not fit.
+        If the shapes do not match.
     ConfigError
         If the configuration is not valid.
     FieldError
-        If the method needs intensities and there are none.
+        If the method needs intensities and ``intensity`` is None.
 
     Examples
     --------
@@ -68,22 +68,22 @@ def filter_points(
 
 
 def make_filter(method: str | None = None, config: Settings | None = None, **parameters: Any) -> Filter:
-    """Make a filter without state for the frames of one topic of one recording.
+    """Return a new filter for the frames of one topic of one recording.
 
     Parameters
     ----------
     method : str, optional
-        Filter method; by default that of the configuration, else ``joint``.
+        Filter method; by default that of the configuration, or ``joint``.
     config : path, mapping or Config, optional
-        Configuration file or the name of a built-in one, its content, or a configuration.
+        Configuration file or the name of a built-in one, the content of a file, or a configuration.
     **parameters : optional
-        Parameters of the method by their configuration keys, which go over those of the configuration.
+        Parameters of the method by their configuration keys; they override the configuration.
 
     Returns
     -------
     Filter
         Call ``step(frame)`` for each frame in order, and ``reset()`` before another recording. Where
-        ``needs_first_pass``, show it all frames with ``observe(frame)`` first.
+        ``needs_first_pass``, pass all frames to ``observe(frame)`` first.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Looking into logs and methods: surveys, sweeps over parameters, reports."""
+"""Studies of logs and methods: surveys, sweeps over parameters, reports."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ from seaclutter_cli.api.arguments import (
     config_source,
     label_sources,
     path_or_none,
-    watching,
+    run_observer,
 )
 from seaclutter_cli.runs.methods import MethodOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -26,23 +26,23 @@ from seaclutter_cli.runs.tune_result import TuningResult
 def info(
     logs: Logs, *, reading: ReadOptions | None = None, keep_going: bool = False, observer: Observer = SILENT
 ) -> SurveyResult:
-    """Return what logs hold: topics, frames, fields, extents, sensors, and what a filter run needs to know.
+    """Return the content of logs: topics, frames, fields, extents, sensors, and settings that a filter run needs.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Files, folders or globs.
     reading : ReadOptions, optional
-        The part of each recording that is read, and how.
+        Part of each recording to read, and how.
     keep_going : bool, optional
-        Keep the error of a recording in its outcome and go on with the others, instead of raising it.
+        Store an error of a recording in its outcome and continue with the others, instead of raising it.
     observer : Observer, optional
         Receives progress and warnings.
 
     Raises
     ------
     SeaclutterError
-        If a log cannot be read; see the classes below it.
+        If a log cannot be read; see its subclasses.
 
     Examples
     --------
@@ -51,7 +51,7 @@ def info(
     >>> content.format, content.clouds["/points"].frames, content.clouds["/points"].intensity
     ('MCAP', 60, [1.0, 255.0])
     """
-    return survey_logs(logs, reading, watching(observer, keep_going=keep_going))
+    return survey_logs(logs, reading, run_observer(observer, keep_going=keep_going))
 
 
 def tune(  # noqa: PLR0913 - each an option of its own
@@ -75,21 +75,21 @@ def tune(  # noqa: PLR0913 - each an option of its own
     logs : path, or sequence of paths
         Files, folders or globs.
     labels : path, or sequence of paths
-        Labels of the recordings in their order, or a folder that holds ``RECORDING.labels.csv`` for each.
+        Labels of the recordings in the same order, or a folder with ``RECORDING.labels.csv`` for each.
     sweeps : mapping of str to sequence
         Configuration keys of the filter, and the values to try for each.
     method : str, optional
-        Filter method; by default that of the configuration, else ``joint``.
+        Filter method; by default that of the configuration, or ``joint``.
     config : path, mapping or Config, optional
-        Where to start from.
+        Configuration to start from.
     reading : ReadOptions, optional
-        The part of each recording that is read, and how.
+        Part of each recording to read, and how.
     output, csv_file : path, optional
-        Configuration with the best values, and a table with a line for each combination.
+        Files for the configuration with the best values, and for a table with a row for each combination.
     force : bool, optional
         Replace existing files.
     keep_going : bool, optional
-        Keep the error of a recording in its outcome and go on with the others, instead of raising it.
+        Store an error of a recording in its outcome and continue with the others, instead of raising it.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -114,7 +114,7 @@ def tune(  # noqa: PLR0913 - each an option of its own
         csv_file=path_or_none(csv_file),
         force=force,
     )
-    return tune_logs(logs, options, watching(observer, keep_going=keep_going))
+    return tune_logs(logs, options, run_observer(observer, keep_going=keep_going))
 
 
 def report(  # noqa: PLR0913 - each an option of its own
@@ -132,7 +132,7 @@ def report(  # noqa: PLR0913 - each an option of its own
     keep_going: bool = False,
     observer: Observer = SILENT,
 ) -> ReportResult:
-    """Write a page that shows what a filter did to logs and, with labels, how well.
+    """Write a page that shows the effect of a filter on logs and, with labels, its quality.
 
     Parameters
     ----------
@@ -140,32 +140,32 @@ def report(  # noqa: PLR0913 - each an option of its own
         Raw logs, which are filtered; or logs filtered with ``McapOptions(keep_raw=True, with_removed=True)``, which are
         read back unless a method is named.
     output : path
-        The page (HTML).
+        File of the page (HTML).
     methods : str or sequence of str, optional
-        Filter methods; by default that of the configuration, else ``joint``.
+        Filter methods; by default that of the configuration, or ``joint``.
     compare : sequence of {"paper", "peers", "all"}, optional
         Groups of methods.
     config : path, mapping or Config, optional
-        Configuration file or the name of a built-in one, its content, or a configuration.
+        Configuration file or the name of a built-in one, the content of a file, or a configuration.
     labels : path, or sequence of paths, optional
         Labels of the recordings.
     reading : ReadOptions, optional
-        The part of each recording that is read, and how.
+        Part of each recording to read, and how.
     figure_folder : path, optional
-        Folder for every figure as SVG.
+        Folder for all figures as SVG files.
     picks : sequence of int, optional
-        Numbers of frames to show in any case.
+        Indices of frames to include in any case.
     force : bool, optional
         Replace existing files.
     keep_going : bool, optional
-        Keep the error of a recording in its outcome and go on with the others, instead of raising it.
+        Store an error of a recording in its outcome and continue with the others, instead of raising it.
     observer : Observer, optional
         Receives progress and warnings.
 
     Raises
     ------
     SeaclutterError
-        If a log cannot be used; see the classes below it.
+        If a log cannot be used; see its subclasses.
 
     Examples
     --------
@@ -184,4 +184,4 @@ def report(  # noqa: PLR0913 - each an option of its own
         picks=tuple(picks),
         force=force,
     )
-    return report_on(logs, options, watching(observer, keep_going=keep_going))
+    return report_on(logs, options, run_observer(observer, keep_going=keep_going))

@@ -1,4 +1,4 @@
-"""Whole logs: filtering, calibrating, evaluating, simulating."""
+"""Work on whole logs: filtering, calibration, evaluation, simulation."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ from seaclutter_cli.api.arguments import (
     config_source,
     label_sources,
     path_or_none,
-    watching,
+    run_observer,
 )
 from seaclutter_cli.calibration import FILTER_RATE
 from seaclutter_cli.runs.calibrate import CalibrateOptions, calibrate_logs
@@ -40,7 +40,7 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
     keep_going: bool = False,
     observer: Observer = SILENT,
 ) -> FilterSummary:
-    """Filter a log, or several, into drop-in MCAP files.
+    """Filter one or several logs into drop-in MCAP files.
 
     Parameters
     ----------
@@ -49,31 +49,31 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
     output : path
         File for one recording, folder for several.
     method : str, optional
-        Filter method; by default that of the configuration, else ``joint``.
+        Filter method; by default that of the configuration, or ``joint``.
     config : path, mapping or Config, optional
-        Configuration file or the name of a built-in one, its content, or a configuration.
+        Configuration file or the name of a built-in one, the content of a file, or a configuration.
     reading : ReadOptions, optional
-        The part of each recording that is read, and how.
+        Part of each recording to read, and how.
     written : McapOptions, optional
-        What goes into the filtered files.
+        Content of the filtered files.
     csv_file : path, optional
-        Table with a line for each frame.
+        File for a table with a row for each frame.
     force : bool, optional
         Replace existing files.
     keep_going : bool, optional
-        Keep the error of a recording in its outcome and go on with the others, instead of raising it.
+        Store an error of a recording in its outcome and continue with the others, instead of raising it.
     observer : Observer, optional
         Receives progress and warnings.
 
     Returns
     -------
     FilterSummary
-        An outcome for each recording: frames, points by reason, rings, damage, seconds.
+        Outcome of each recording: frames, points by reason, range rings, damage, seconds.
 
     Raises
     ------
     SeaclutterError
-        If a log cannot be filtered; see the classes below it.
+        If a log cannot be filtered; see its subclasses.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
         csv_file=path_or_none(csv_file),
         force=force,
     )
-    return filter_logs(logs, Path(output), options, watching(observer, keep_going=keep_going))
+    return filter_logs(logs, Path(output), options, run_observer(observer, keep_going=keep_going))
 
 
 def calibrate(  # noqa: PLR0913 - each an option of its own
@@ -108,28 +108,28 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
     force: bool = False,
     observer: Observer = SILENT,
 ) -> CalibrationResult:
-    """Derive the threshold of each ring and the far limit from logs that hold sea clutter.
+    """Derive the threshold of each range ring and the far limit from logs that contain sea clutter.
 
     Parameters
     ----------
     logs : path, or sequence of paths
-        Files, folders or globs; without targets, unless there are labels.
+        Files, folders or globs. The logs contain no targets, unless there are labels.
     method : str, optional
-        Filter method with ring thresholds; by default that of the configuration, else ``joint``.
+        Filter method with thresholds for range rings; by default that of the configuration, or ``joint``.
     config : path, mapping or Config, optional
-        Where to start from, for the rings and all that is not derived.
+        Configuration to start from; provides the range rings and all settings that are not derived.
     filter_rate : float, optional
-        Share of the clutter points of each ring that are to be below its threshold.
+        Share of the clutter points in each range ring that its threshold must remove.
     keep_end : bool, optional
         Keep the far limit of the configuration.
     labels : path, or sequence of paths, optional
-        Labels of targets and areas, which are left out.
+        Labels of targets and areas to leave out.
     reading : ReadOptions, optional
-        The part of each recording that is read, and how.
+        Part of each recording to read, and how.
     output : path, optional
-        Configuration file with what was found.
+        File for the resulting configuration.
     plot_file : path, optional
-        Picture of clutter and thresholds over range; PNG or SVG.
+        File for a plot of clutter and thresholds over range; PNG or SVG.
     force : bool, optional
         Replace existing files.
     observer : Observer, optional
@@ -138,12 +138,12 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
     Returns
     -------
     CalibrationResult
-        ``config``, to filter with; ``found``, the thresholds ring by ring.
+        ``config``, to filter with; ``found``, the threshold of each range ring.
 
     Raises
     ------
     SeaclutterError
-        If a log cannot be used; see the classes below it.
+        If a log cannot be used; see its subclasses.
 
     Examples
     --------
@@ -180,32 +180,32 @@ def evaluate(  # noqa: PLR0913 - each an option of its own
     keep_going: bool = False,
     observer: Observer = SILENT,
 ) -> Comparison:
-    """Count false and omitted alarms of one method or several against labels, in one pass over the logs.
+    """Count false alarms and missed targets of one or several methods against labels, in one pass over the logs.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Files, folders or globs.
     labels : path, or sequence of paths
-        Labels of the recordings in their order, or a folder that holds ``RECORDING.labels.csv`` for each.
+        Labels of the recordings in the same order, or a folder with ``RECORDING.labels.csv`` for each.
     methods : str or sequence of str, optional
-        Filter methods, ``none`` for the logs as they are; by default that of the configuration, else ``joint``.
+        Filter methods, ``none`` for the unfiltered logs; by default that of the configuration, or ``joint``.
     compare : sequence of {"paper", "peers", "all"}, optional
         Groups of methods.
     config : path, mapping or Config, optional
-        Configuration file or the name of a built-in one, its content, or a configuration.
+        Configuration file or the name of a built-in one, the content of a file, or a configuration.
     clustering : {"euclidean", "dbscan"}, optional
-        Kind of clusters; by default that of the configuration.
+        Clustering algorithm; by default that of the configuration.
     reading : ReadOptions, optional
-        The part of each recording that is read, and how.
+        Part of each recording to read, and how.
     frames_file : path, optional
-        Table with a line for each frame and method (CSV).
+        File for a table with a row for each frame and method (CSV).
     summary_file : path, optional
-        All figures (JSON).
+        File for all results (JSON).
     force : bool, optional
         Replace existing files.
     keep_going : bool, optional
-        Keep the error of a recording in its outcome and go on with the others, instead of raising it.
+        Store an error of a recording in its outcome and continue with the others, instead of raising it.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -217,7 +217,7 @@ def evaluate(  # noqa: PLR0913 - each an option of its own
     Raises
     ------
     SeaclutterError
-        If a log or its labels cannot be used; see the classes below it.
+        If a log or its labels cannot be used; see its subclasses.
 
     Examples
     --------
@@ -236,7 +236,7 @@ def evaluate(  # noqa: PLR0913 - each an option of its own
         summary_file=path_or_none(summary_file),
         force=force,
     )
-    return evaluate_logs(logs, options, watching(observer, keep_going=keep_going))
+    return evaluate_logs(logs, options, run_observer(observer, keep_going=keep_going))
 
 
 def simulate(  # noqa: PLR0913 - each an option of its own
@@ -250,7 +250,7 @@ def simulate(  # noqa: PLR0913 - each an option of its own
     force: bool = False,
     observer: Observer = SILENT,
 ) -> SimulationResult | TileSimulationResult:
-    """Make a labelled recording of a scene.
+    """Simulate a labelled recording of a scene.
 
     Parameters
     ----------
@@ -261,11 +261,11 @@ def simulate(  # noqa: PLR0913 - each an option of its own
     frames : int, optional
         Number of frames; by default that of the scene.
     seed : int, optional
-        Seed of all that is random; by default that of the scene, 1 for a layout.
+        Seed of all random numbers; by default that of the scene, 1 for a layout.
     lidar : str, optional
         Lidar; by default that of the scene.
     scene_file : path, optional
-        Copy of the scene, which can be edited.
+        File for an editable copy of the scene.
     force : bool, optional
         Replace existing files.
     observer : Observer, optional
@@ -274,14 +274,14 @@ def simulate(  # noqa: PLR0913 - each an option of its own
     Returns
     -------
     SimulationResult or TileSimulationResult
-        The files, and how many points belong to what.
+        Written files, and number of points by label.
 
     Raises
     ------
     ConfigError
-        If anything is wrong with the scene.
+        If the scene is not valid.
     UsageError
-        If an output has no name that fits its format, or exists.
+        If the name of an output does not fit its format, or the file exists.
 
     Examples
     --------

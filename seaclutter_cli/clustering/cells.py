@@ -1,4 +1,4 @@
-"""A grid over points whose cells are so small that all points of one are close to each other."""
+"""Grid over points with cells small enough for all points of a cell to be neighbours."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,21 +18,21 @@ _OFFSETS = [(i, j) for i in range(_REACH + 1) for j in range(-_REACH, _REACH + 1
 
 @dataclass(frozen=True)
 class Cells:
-    r"""The occupied cells of a grid, C of them, sorted by column and height.
+    r"""The C occupied cells of a grid, sorted by column and height.
 
-    The side is :math:`t / \sqrt 3`, less a part in 10^8: any two points of a cell are closer than t, and points closer
-    than t are at most two cells apart on each axis.
+    The side of a cell is :math:`t / \sqrt 3` for the tolerance t, reduced by 1 part in 10^8. Any two points of a cell
+    are closer than t, and points closer than t are at most two cells apart on each axis.
 
     Parameters
     ----------
     order : ndarray, shape (N,), int64
-        Points in the order of their cells.
+        Indices of the points in the order of their cells.
     start, count : ndarray, shape (C,), int64
-        First of a cell's points in ``order``, and their number.
+        Index of a cell's first point in ``order``, and number of its points.
     column, height : ndarray, shape (C,), int64
-        Rank of the column that a cell stands in, and its place in it.
+        Rank of the column of a cell, and height of the cell in the column.
     neighbors : ndarray, shape (2, P), int64
-        Pairs of columns that are at most two apart on each axis, each pair once, each column with itself.
+        Pairs of columns that are at most two apart on each axis, each pair once; each column also with itself.
     """
 
     order: Indices
@@ -51,26 +51,26 @@ class Cells:
         key = np.append(self.column * stride + self.height, [np.iinfo(np.int64).max] * (2 * _REACH + 1))
         cells = np.bincount(self.column)
         first = np.cumsum(cells) - cells
-        own, other = self._columns_that_may_touch(first, first + cells - 1)
+        own, other = self._columns_in_reach(first, first + cells - 1)
         for block in blocks(cells[own], _BLOCK):
             a = spans(first[own[block]], cells[own[block]])
             low = np.repeat(other[block], cells[own[block]]) * stride + self.height[a]
-            begin = np.searchsorted(key, low - np.where(low == key[a], -1, _REACH))  # in its own column, upwards only
+            begin = np.searchsorted(key, low - np.where(low == key[a], -1, _REACH))  # upwards only in the same column
             found = np.zeros(len(a), np.int64)
-            for step in range(2 * _REACH + 1):  # that many cells can be in reach; faster than a second search
+            for step in range(2 * _REACH + 1):  # maximum number of cells in reach; faster than a second search
                 found += key[begin + step] <= low + _REACH
             yield np.repeat(a, found), spans(begin, found)
 
-    def _columns_that_may_touch(self, first: Indices, last: Indices) -> Indices:
-        """Return those neighbours whose spans of height are near enough, and columns of several cells."""
+    def _columns_in_reach(self, first: Indices, last: Indices) -> Indices:
+        """Return the pairs of columns whose heights are in reach, and columns of several cells with themselves."""
         own, other = self.neighbors
         bottom, top = self.height[first], self.height[last] + _REACH
-        touch = (bottom[own] <= top[other]) & (bottom[other] <= top[own]) & ((own != other) | (first != last)[own])
-        return self.neighbors[:, touch]
+        in_reach = (bottom[own] <= top[other]) & (bottom[other] <= top[own]) & ((own != other) | (first != last)[own])
+        return self.neighbors[:, in_reach]
 
 
 def cells_of(xyz: Points, tolerance_m: float) -> Cells:
-    """Put points, shape (3, N), finite, into cells."""
+    """Return the cells of finite points, shape (3, N), in metres."""
     if not xyz.shape[1]:
         none = np.empty(0, np.int64)
         return Cells(none, none, none, none, none, none.reshape(2, 0))
@@ -98,7 +98,7 @@ def cells_of(xyz: Points, tolerance_m: float) -> Cells:
 
 
 def blocks(sizes: Indices, limit: int) -> Iterator[slice]:
-    """Yield slices over items that together have at most a size each, or are one item."""
+    """Yield slices over items whose sizes add up to at most a limit; a larger item forms a slice of its own."""
     ends = np.cumsum(sizes)
     start = 0
     while start < len(sizes):
@@ -109,7 +109,7 @@ def blocks(sizes: Indices, limit: int) -> Iterator[slice]:
 
 
 def spans(start: Indices, count: Indices) -> Indices:
-    """Return the numbers of all spans, one after the other.
+    """Return the indices of all spans, one span after the other.
 
     Examples
     --------
@@ -122,7 +122,7 @@ def spans(start: Indices, count: Indices) -> Indices:
 
 
 def _along_axis(values: Points, side: float, tolerance_m: float) -> Indices:
-    """Return the cells of coordinates, from 0."""
+    """Return the cell numbers of coordinates along an axis, from 0."""
     least = values.min()
     with np.errstate(over="ignore"):
         if (values.max() - least) / side < _FEW_CELLS:
@@ -131,9 +131,9 @@ def _along_axis(values: Points, side: float, tolerance_m: float) -> Indices:
 
 
 def _with_gaps(values: Points, side: float, tolerance_m: float) -> Indices:
-    """Return the cells of coordinates that lie far apart: at each gap the count starts anew, three cells on.
+    """Return the cell numbers of widely spread coordinates: every gap is shortened to three cells.
 
-    So a cell's number stays below five times that of the points, and is exact whatever the coordinates.
+    Cell numbers are therefore below five times the number of points, and exact for all coordinates.
     """
     order = np.argsort(values)
     ordered = values[order]
@@ -149,12 +149,12 @@ def _with_gaps(values: Points, side: float, tolerance_m: float) -> Indices:
 
 
 def _changes(ordered: Indices) -> Indices:
-    """Return where runs of equal numbers begin."""
+    """Return the start indices of runs of equal numbers."""
     return np.asarray(np.flatnonzero(np.diff(ordered, prepend=ordered[0] - 1)), np.int64)
 
 
 def _neighbors(columns: Indices, row: int) -> Indices:
-    """Return the pairs of columns, by rank, that are at most two apart on each axis, and each column with itself."""
+    """Return the pairs of columns, by rank, that are at most two apart on each axis; each column also with itself."""
     ranks = np.arange(len(columns))
     size = int(columns[-1]) + (_REACH + 1) * row + 1
     own, other = [ranks], [ranks]
@@ -168,7 +168,7 @@ def _neighbors(columns: Indices, row: int) -> Indices:
         else:
             found = np.minimum(np.searchsorted(columns, sought), len(columns) - 1)
             found[columns[found] != sought] = -1
-        there = np.flatnonzero(found >= 0)
-        own.append(there)
-        other.append(found[there])
+        hits = np.flatnonzero(found >= 0)
+        own.append(hits)
+        other.append(found[hits])
     return np.stack((np.concatenate(own), np.concatenate(other)))

@@ -1,4 +1,4 @@
-"""Density-based clusters (DBSCAN), exact: what S3 evaluates with."""
+"""Exact density-based clusters (DBSCAN), as in the evaluation of [Bi]."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,30 +13,30 @@ _ROUNDING = 1e-9
 
 
 def dbscan(xyz: Points, eps_m: float, min_points: int) -> Indices:
-    """Return which cluster each point belongs to.
+    """Return the density-based cluster of each point.
 
-    A point with enough points near it is a core point. Core points near each other belong to one cluster; any other
-    point belongs to the cluster of the nearest core point, if that is near, else to none [1]_. Near is at most
-    ``eps_m`` away.
+    Two points are near each other if their distance is at most ``eps_m``. A point with enough points near it is a core
+    point. Core points near each other belong to one cluster; any other point belongs to the cluster of the nearest core
+    point if that is near, otherwise to no cluster [1]_.
 
     Parameters
     ----------
     xyz : ndarray, shape (3, N), float64
         Finite coordinates in metres.
     eps_m : float
-        Distance up to which, included, points are near.
+        Maximum distance between near points in metres, bound included.
     min_points : int
-        Points near a core point, itself included.
+        Minimum number of points near a core point, including itself.
 
     Returns
     -------
     ndarray, shape (N,), int64
-        Number of the point's cluster, from 0 in the order of their first points; -1 for points in none.
+        Cluster number, from 0 in the order of the clusters' first points; -1 for points in no cluster.
 
     Notes
     -----
-    The original gives a point between two clusters to the one that reaches it first, which depends on the order of the
-    points; the nearest core point does not. Of several equally near ones any may be it.
+    The original method assigns a point between two clusters to the cluster that reaches it first, which depends on the
+    order of the points; the nearest core point does not. Ties between core points are resolved arbitrarily.
 
     References
     ----------
@@ -53,37 +53,37 @@ def dbscan(xyz: Points, eps_m: float, min_points: int) -> Indices:
 
 
 class DbscanFinder:
-    """Finds the density-based clusters of several subsets of the same points.
+    """Search for density-based clusters in several subsets of the same points.
 
     Parameters
     ----------
     xyz : ndarray, shape (3, N), float64
         Coordinates in metres.
     among : ndarray, shape (N,), bool
-        Points, with finite coordinates, that are in any of the subsets.
+        Whether a point is in any of the subsets; these points must have finite coordinates.
     eps_m, min_points : float, int
         As for `dbscan`.
 
     Notes
     -----
-    All points of a cell with enough of them are core points, and the components of core points are found cell by cell
-    (`ClusterFinder`). A tree is asked only about points of cells that hold few.
+    All points of a cell with enough points are core points, and the components of core points are found cell by cell
+    (`ClusterFinder`). Only points of cells with fewer points need a search tree.
     """
 
     def __init__(self, xyz: Points, among: Mask, eps_m: float, min_points: int) -> None:
         self._xyz, self._eps_m, self._min_points = xyz, eps_m, min_points
-        # Closer than the next number is at most this one.
+        # Closer than the next float means at most this one.
         self._finder = ClusterFinder(xyz, among, float(np.nextafter(eps_m, np.inf)))
 
     def clusters(self, keep: Mask, min_cluster_points: int) -> Indices:
-        """Return which cluster each point belongs to, as `dbscan` does; -1 for those not kept.
+        """Return the cluster of each point of a subset, as `dbscan` does; -1 for all other points.
 
         Parameters
         ----------
         keep : ndarray, shape (N,), bool
-            The subset.
+            Whether a point is in the subset.
         min_cluster_points : int
-            Points that make a cluster; smaller ones are none.
+            Minimum number of points in a cluster.
         """
         core = self._core(keep)
         labels = self._finder.clusters(core, 1)
@@ -97,7 +97,7 @@ class DbscanFinder:
         return labels
 
     def _core(self, keep: Mask) -> Mask:
-        """Tell which points are core points of a subset."""
+        """Return a mask of the core points of a subset."""
         core = self._finder.cell_sizes(keep) >= self._min_points
         few, kept = np.flatnonzero(keep & ~core), np.flatnonzero(keep)
         if len(few) and len(kept) >= self._min_points:
@@ -105,9 +105,9 @@ class DbscanFinder:
             core[few] = distance[:, -1] <= self._eps_m
         return core
 
-    def _nearest(self, among: Indices, of: Indices, count: int) -> tuple[NDArray[np.float64], Indices]:
-        """Return distances to the nearest points and which they are, shape (n, count); infinite where not near."""
+    def _nearest(self, among: Indices, query: Indices, count: int) -> tuple[NDArray[np.float64], Indices]:
+        """Return distances and indices of the nearest points, both of shape (n, count); infinite where not near."""
         tree = cKDTree(self._xyz[:, among].T, balanced_tree=False, compact_nodes=False)
         reach = self._eps_m * (1 + _ROUNDING)
-        distance, index = tree.query(self._xyz[:, of].T, np.arange(1, count + 1), distance_upper_bound=reach)
+        distance, index = tree.query(self._xyz[:, query].T, np.arange(1, count + 1), distance_upper_bound=reach)
         return distance, np.minimum(index, len(among) - 1)

@@ -1,4 +1,4 @@
-"""Euclidean clusters: exact, in bounded memory, about as fast as counting neighbours with a tree."""
+"""Exact Euclidean clusters in bounded memory, about as fast as counting neighbours with a tree."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,24 +13,24 @@ _BLOCK = 1 << 18
 
 
 def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indices:
-    """Return which cluster each point belongs to.
+    """Return the Euclidean cluster of each point.
 
-    Clusters are the connected components of "closer than the tolerance" that have enough points.
+    Points closer than the tolerance are connected; clusters are the connected components with enough points.
 
     Parameters
     ----------
     xyz : ndarray, shape (3, N), float64
         Finite coordinates in metres.
     tolerance_m : float
-        Two points are neighbours if ``sqrt(dx**2 + dy**2 + dz**2) < tolerance_m``, as float64 computes it, without
-        further allowance: points exactly that far apart are not. Equal points are.
+        Two points are connected if ``sqrt(dx**2 + dy**2 + dz**2) < tolerance_m`` in float64 arithmetic, without
+        additional allowance: points exactly that far apart are not connected, equal points are.
     min_points : int
-        Points that make a cluster.
+        Minimum number of points in a cluster.
 
     Returns
     -------
     ndarray, shape (N,), int64
-        Number of the point's cluster, from 0 in the order of their first points; -1 for points in none.
+        Cluster number, from 0 in the order of the clusters' first points; -1 for points in no cluster.
 
     Examples
     --------
@@ -42,19 +42,19 @@ def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indi
 
 
 class ClusterFinder:
-    """Finds the clusters of several subsets of the same points; what they have in common is computed once.
+    """Search for Euclidean clusters in several subsets of the same points, with shared preparation.
 
-    Points of one cell of a fine grid are close to each other (`Cells`). What remains is to join cells: first by the
-    distance of one point of each, then, where that does not decide and the cells are in different components still, by
-    the least distance between their points. Memory grows with the number of points, whatever their density, and so does
-    time, but for dense components that all but touch.
+    All points of a cell of a fine grid are connected (`Cells`), so only cells need to be joined. They are first joined
+    by the distance of one point of each cell. Cells that remain in different components are then joined by the minimum
+    distance between their points. Memory is proportional to the number of points at any density; so is time, except for
+    dense components that almost touch.
 
     Parameters
     ----------
     xyz : ndarray, shape (3, N), float64
         Coordinates in metres.
     among : ndarray, shape (N,), bool
-        Points, with finite coordinates, that are in any of the subsets.
+        Whether a point is in any of the subsets; these points must have finite coordinates.
     tolerance_m : float
         As for `euclidean_clusters`.
     """
@@ -77,14 +77,14 @@ class ClusterFinder:
         self._pairs = np.concatenate(pairs, axis=1)
 
     def clusters(self, keep: Mask, min_points: int) -> Indices:
-        """Return which cluster each point belongs to, as `euclidean_clusters` does; -1 for those not kept.
+        """Return the cluster of each point of a subset, as `euclidean_clusters` does; -1 for all other points.
 
         Parameters
         ----------
         keep : ndarray, shape (N,), bool
-            The subset.
+            Whether a point is in the subset.
         min_points : int
-            Points that make a cluster.
+            Minimum number of points in a cluster.
         """
         kept = np.flatnonzero(keep[self._order])
         labels = np.full(len(keep), -1)
@@ -97,7 +97,7 @@ class ClusterFinder:
         return labels
 
     def cell_sizes(self, keep: Mask) -> Indices:
-        """Return, for each point kept, how many are in its cell, all closer than the tolerance; 0 for the others."""
+        """Return the number of kept points in the cell of each kept point, all connected; 0 for other points."""
         kept = np.flatnonzero(keep[self._order])
         cell = self._cell[kept]
         sizes = np.zeros(len(keep), np.int64)
@@ -105,54 +105,54 @@ class ClusterFinder:
         return sizes
 
     def _components(self, xyz: Points, count: Indices) -> Indices:
-        """Return the component of each cell; of the points, shape (3, n), each holds as many as counted."""
+        """Return the component of each cell, given the points, shape (3, n), in cell order and their count per cell."""
         start = np.cumsum(count) - count
         occupied = count > 0
         own, other = pairs = self._pairs[:, occupied[self._pairs[0]] & occupied[self._pairs[1]]]
         first = xyz.take(np.minimum(start, xyz.shape[1] - 1), axis=1)
         near = self._near(first.take(own, axis=1) - first.take(other, axis=1))
         component = _join(np.arange(len(count)), own[near], other[near])
-        pairs = _apart(component, pairs[:, np.flatnonzero(~near)])
+        pairs = _in_different_components(component, pairs[:, np.flatnonzero(~near)])
         pairs = pairs[:, (count[pairs] > 1).any(axis=0)]
         work = count[pairs].prod(axis=0)
         order = np.argsort(work)
         for block in blocks(work[order], _BLOCK):
-            own, other = _apart(component, pairs[:, order[block]])
+            own, other = _in_different_components(component, pairs[:, order[block]])
             near = self._any_near(xyz, (start[own], count[own]), (start[other], count[other]))
             component = _join(component, own[near], other[near])
         return component
 
     def _any_near(self, xyz: Points, own: tuple[Indices, Indices], other: tuple[Indices, Indices]) -> Mask:
-        """Tell of pairs of cells, first points and counts, if any of their points are near: few, or one of any size."""
+        """Return which pairs of cells, given by start and count, have near points: small pairs, or one of any size."""
         if len(own[0]) == 1:
             first, second = (xyz[:, spans(*cell)] for cell in (own, other))
-            return np.array([self._touch(first, second)])
+            return np.array([self._any_near_in_pair(first, second)])
         pair = np.repeat(np.arange(len(own[0])), own[1])
         times = other[1][pair]
         a, b = np.repeat(spans(*own), times), spans(other[0][pair], times)
         return np.bincount(np.repeat(pair, times), self._near(xyz[:, a] - xyz[:, b]), len(own[0])) > 0
 
-    def _touch(self, own: Points, other: Points) -> bool:
-        """Tell whether any point of one set is near one of the other, both of shape (3, n)."""
+    def _any_near_in_pair(self, own: Points, other: Points) -> bool:
+        """Return whether any point of one set is near a point of the other, both of shape (3, n)."""
         own, other = self._in_reach(own, other), self._in_reach(other, own)
         step = max(1, _BLOCK // max(1, other.shape[1]))
         parts = (own[:, start : start + step] for start in range(0, own.shape[1], step))
         return any(self._near(part[:, :, None] - other[:, None, :]).any() for part in parts)
 
     def _in_reach(self, points: Points, others: Points) -> Points:
-        """Return those points that are near the box around others."""
+        """Return the points that are near the bounding box of others."""
         low, high = others.min(axis=1, keepdims=True), others.max(axis=1, keepdims=True)
         return points[:, self._near(np.maximum(np.maximum(low - points, points - high), 0))]
 
     def _near(self, difference: Points) -> Mask:
-        """Tell which vectors, shape (3, …), are shorter than the tolerance."""
+        """Return a mask of the vectors, shape (3, …), that are shorter than the tolerance."""
         x, y, z = difference
         with np.errstate(over="ignore"):
             return np.asarray(np.sqrt(x * x + y * y + z * z) < self._tolerance_m)
 
 
 def numbered(component: Indices, min_points: int) -> Indices:
-    """Return the number of each point's component, large ones counted by their first points; -1 for small ones."""
+    """Return the cluster number of each point from its component, by first points; -1 for small components."""
     size = np.bincount(component)
     first = np.empty(len(size), np.int64)
     first[component[::-1]] = np.arange(len(component))[::-1]
@@ -162,7 +162,7 @@ def numbered(component: Indices, min_points: int) -> Indices:
     return number[component]
 
 
-def _apart(component: Indices, pairs: Indices) -> Indices:
+def _in_different_components(component: Indices, pairs: Indices) -> Indices:
     """Return the pairs of cells that are in different components."""
     return pairs[:, component[pairs[0]] != component[pairs[1]]]
 

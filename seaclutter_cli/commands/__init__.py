@@ -1,4 +1,4 @@
-"""The command line. Each command is a file here; it is imported when it is called, so that help comes at once."""
+"""Command line. Each command is a module of this package, imported only when it is called, to keep help fast."""
 
 import io
 import os
@@ -17,23 +17,23 @@ from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
 
 COMMANDS: Mapping[str, str] = {
-    "info": "Show what a log holds and what a filter run would need to be told.",
+    "info": "Show the content of logs and the settings that a filter run needs.",
     "filter": "Filter logs into drop-in MCAP files.",
     "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
-    "evaluate": "Count false and omitted alarms against labels; compare methods.",
-    "tune": "Sweep parameters over labelled logs and report the best.",
-    "report": "Show what a filter did, and how well, in one page.",
-    "view": "Open logs in the viewer of Rerun.",
-    "simulate": "Make a labelled lidar recording of a scene at sea.",
-    "scene": "Train, test and use the classifier of scenes.",
-    "classify": "Take the sea out of airborne lidar tiles and name what is in it.",
-    "config": "Show and check configurations; list what is built in.",
+    "evaluate": "Count false alarms and missed targets against labels; compare methods.",
+    "tune": "Sweep parameters over labelled logs and report the best values.",
+    "report": "Write a page that shows the effect and quality of a filter.",
+    "view": "Open logs in the Rerun viewer.",
+    "simulate": "Simulate a labelled lidar recording of a scene.",
+    "scene": "Train, evaluate and use the scene classifier.",
+    "classify": "Separate sea from objects in airborne lidar tiles, and classify the objects.",
+    "config": "Show and check configurations; list built-in sensors, methods and scenes.",
 }
-"""Commands and their short help. A new one is a line here and a file of the same name."""
+"""Commands and their short help. To add a command, add a line here and a module of the same name."""
 
 
 class _Program(LazyGroup):
-    """The program: turns errors into one line and an exit status."""
+    """Root group, which reports errors as one line and an exit status."""
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -60,13 +60,13 @@ class _Program(LazyGroup):
 def cli() -> None:
     """Filter sea clutter out of recorded marine lidar logs.
 
-    Waves, wakes and spray drown ships and buoys in false alarms. seaclutter removes them from MCAP files, ROS bags and
-    folders of frames, and keeps every other topic, field and time stamp as it was.
+    Waves, wakes and spray cause false alarms in the detection of ships and buoys. seaclutter removes their points from
+    MCAP files, ROS bags, packet captures and folders of frames. Every other topic, field and time stamp is kept.
     """
 
 
 def _interrupt(_number: int, _stack: FrameType | None) -> None:
-    """Take a request to end like Ctrl-C, so that nothing unfinished is left behind."""
+    """Handle a termination request like Ctrl-C, to remove unfinished output."""
     raise KeyboardInterrupt
 
 
@@ -77,8 +77,8 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files and topics need not be valid text
     try:
-        cli(windows_expand_args=False)  # logs are globbed here, the same on every system
+        cli(windows_expand_args=False)  # the program expands globs itself, alike on all systems
     except BrokenPipeError:
-        # The reader of a pipe has gone, as with `seaclutter info … | head`: nothing to say to it.
+        # The reader of the pipe has closed it, as in `seaclutter info … | head`.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

@@ -1,4 +1,4 @@
-"""``seaclutter calibrate``: thresholds and the far limit from recordings that hold clutter."""
+"""``seaclutter calibrate``: thresholds and the far limit from recordings that contain clutter."""
 
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.calibrate import CalibrateOptions
 
 _OPTIONS = (
-    path_option("-o", "--output", metavar="CONFIG", required=True, help="Configuration to write, for filter -c."),
+    path_option("-o", "--output", metavar="CONFIG", required=True, help="Configuration file to write, for filter -c."),
     force_option,
     click.option(
         "--filter-rate",
@@ -28,14 +28,14 @@ _OPTIONS = (
         default=0.8,
         metavar="SHARE",
         show_default=True,
-        help="Share of the clutter points of each ring that are to be below its threshold.",
+        help="Share of the clutter points in each range ring that its threshold must remove.",
     ),
     click.option(
         "--keep-end",
         is_flag=True,
-        help="Keep the configuration's far limit, end_m. -s filter.end_m=METRES does so too.",
+        help="Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES.",
     ),
-    path_option("--plot", "plot_file", help="Also draw clutter and thresholds over range; .png or .svg."),
+    path_option("--plot", "plot_file", help="Also plot clutter and thresholds over range (.png or .svg)."),
     label_options(required=False),
     config_options,
     reading_options,
@@ -47,10 +47,10 @@ _OPTIONS = (
 @grouped("options", "runs.calibrate:CalibrateOptions", _OPTIONS)
 @console_options
 def command(logs: tuple[str, ...], options: "CalibrateOptions", console: Console) -> None:
-    """Find the thresholds of each ring and the far limit of clutter in LOGS, and write a configuration.
+    """Find the threshold of each range ring and the far limit of clutter in LOGS, and write a configuration.
 
-    LOGS should hold sea clutter seen by your sensor, and no targets; where there are some, --labels leaves them out.
-    The configuration given with -c is the starting point, for the rings and all that is not found here.
+    LOGS should contain sea clutter recorded by your sensor, and no targets; use --labels to leave targets out. All
+    other settings, including the width of the range rings, come from the configuration given with -c.
     """
     from seaclutter_cli.runs.calibrate import calibrate_logs
 

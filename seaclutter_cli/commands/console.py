@@ -1,4 +1,4 @@
-"""What people see: progress, warnings, results. Results go to standard output, everything else to standard error."""
+"""Console output: results on standard output; progress, warnings and errors on standard error."""
 
 import json
 import sys
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.recordings import Result
 
 DEBUG = "seaclutter.debug"
-"""Key in a context's ``meta`` that is set where tracebacks are wanted."""
+"""Key in a context's ``meta`` that requests tracebacks."""
 
 _LINE_SECONDS = 10.0
 _SHOWN_DAMAGE = 10
@@ -27,7 +27,7 @@ _FAILED, _DAMAGED = 1, 3
 
 @dataclass(frozen=True)
 class Console:
-    """The observer of a run on a terminal, and its voice at the end.
+    """Observer that prints to the terminal, and prints results at the end.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Console:
     quiet : bool
         Show no progress and no warnings.
     verbose : bool
-        Show more.
+        Show details.
     """
 
     as_json: bool = False
@@ -45,7 +45,7 @@ class Console:
 
     @contextmanager
     def progress(self, title: str, total: int | None) -> Iterator[Callable[[], object]]:
-        """Show a bar on a terminal, a plain line every ten seconds elsewhere, nothing when quiet."""
+        """Show a progress bar on a terminal, otherwise a line every ten seconds; nothing if quiet."""
         if self.quiet:
             yield lambda: None
         elif sys.stderr.isatty():
@@ -57,7 +57,7 @@ class Console:
             yield _PlainProgress(title, total).step
 
     def note(self, text: str, *, detail: bool = False) -> None:
-        """Print a line on the course of the run."""
+        """Print a message about the course of the run."""
         if self.verbose if detail else not self.quiet:
             click.echo(text, err=True)
 
@@ -67,26 +67,26 @@ class Console:
             click.echo(f"Warning: {printable(text)}", err=True)
 
     def damage(self, damage: "Sequence[Damage]") -> None:
-        """Print what could not be used of the input; all of it if verbose."""
+        """Print the parts of the input that could not be used; all of them if verbose."""
         shown = len(damage) if self.verbose else _SHOWN_DAMAGE
         for item in damage[:shown]:
             click.echo(f"Damaged: {item}", err=True)
         if len(damage) > shown:
-            click.echo(f"Damaged: {len(damage) - shown} more places; -v lists them all", err=True)
+            click.echo(f"Damaged: {len(damage) - shown} more; use -v to list all", err=True)
 
     def fail(self, error: SeaclutterError) -> None:
-        """Print an error and go on; with ``--debug``, raise it."""
+        """Print an error and continue; with ``--debug``, raise it."""
         if DEBUG in click.get_current_context().meta:
             raise error
         show_error(error)
 
     def finish(self, result: "Result", text: str | None = None) -> NoReturn:
-        """Print a result, as the given text if any, and end the program with the status that fits it."""
+        """Print a result, or ``text`` in its place, and exit with the status of the result."""
         self.show(result.as_dict() if self.as_json else result.as_text() if text is None else text)
         raise click.exceptions.Exit(_FAILED if result.failed else _DAMAGED if result.damaged else 0)
 
     def show(self, result: Any) -> None:
-        """Print text, unless it is empty, or data as JSON."""
+        """Print data as JSON, or text unless it is empty."""
         if self.as_json:
             click.echo(json.dumps(result, indent=2))
         elif result:
@@ -94,7 +94,7 @@ class Console:
 
 
 class _PlainProgress:
-    """Prints a line every ten seconds."""
+    """Progress as a line every ten seconds."""
 
     def __init__(self, title: str, total: int | None) -> None:
         self._title, self._of = title, f" of {total}" if total else ""
@@ -110,13 +110,13 @@ class _PlainProgress:
 
 
 def show_renamed(show_others: Callable[..., None]) -> Callable[..., None]:
-    """Return what shows Python's warnings: those of renamed keys as the program's own, each once."""
+    """Return a handler for Python's warnings that prints each renamed key once, and passes on all other warnings."""
     shown: set[str] = set()
 
-    def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+    def show(message: Warning | str, category: type[Warning], *location: Any, **options: Any) -> None:
         text = str(message)
         if not issubclass(category, RenamedKeyWarning):
-            show_others(message, category, *place, **more)
+            show_others(message, category, *location, **options)
         elif text not in shown:
             shown.add(text)
             click.echo(f"Warning: {printable(text)}", err=True)
@@ -125,5 +125,5 @@ def show_renamed(show_others: Callable[..., None]) -> Callable[..., None]:
 
 
 def show_error(error: SeaclutterError) -> None:
-    """Print an error; what it quotes from a file cannot steer the terminal."""
+    """Print an error, with control characters escaped."""
     click.echo("Error: " + "\n".join(printable(line) for line in str(error).split("\n")), err=True)

@@ -1,4 +1,4 @@
-"""``seaclutter evaluate``: false and omitted alarms of one method or several."""
+"""``seaclutter evaluate``: false alarms and missed targets of one or several methods."""
 
 from typing import TYPE_CHECKING
 
@@ -21,28 +21,34 @@ if TYPE_CHECKING:
 
 _OPTIONS = (
     label_options(required=True),
-    path_option("-o", "--output", "frames_file", metavar="FRAMES.csv", help="Write a line a frame and method."),
-    path_option("--summary", "summary_file", metavar="FILE.json", help="Write all figures as JSON."),
+    path_option(
+        "-o",
+        "--output",
+        "frames_file",
+        metavar="FRAMES.csv",
+        help="Write a table with a row for each frame and method.",
+    ),
+    path_option("--summary", "summary_file", metavar="FILE.json", help="Write all results as JSON."),
     force_option,
     methods_options,
     click.option(
         "--clustering",
         type=click.Choice(["euclidean", "dbscan"]),
-        help="Kind of clusters; by default that of the configuration. With dbscan, its measures are shown too.",
+        help="Clustering algorithm; by default that of the configuration. With dbscan, also show its measures.",
     ),
     reading_options,
 )
 
 
-@click.command(name="evaluate", short_help="Count false and omitted alarms against labels; compare methods.")
+@click.command(name="evaluate", short_help="Count false alarms and missed targets against labels; compare methods.")
 @logs_argument
 @grouped("options", "runs.evaluate:EvaluateOptions", _OPTIONS)
 @console_options
 def command(logs: tuple[str, ...], options: "EvaluateOptions", console: Console) -> None:
-    """Filter LOGS, cluster what is left and compare it with labels.
+    """Filter LOGS, cluster the remaining points and compare the clusters with labels.
 
-    LOGS are MCAP files, ROS bags, rosbag2 folders, captures of packets (PCAP, PCAPNG), folders of frames, or globs.
-    Several methods are run in one pass. Frames without a label are counted and left out of every rate.
+    LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs.
+    Several methods run in one pass. Frames without a label are counted, but left out of every rate.
     """
     from seaclutter_cli.runs.evaluate import evaluate_logs
 

@@ -1,4 +1,4 @@
-"""``seaclutter filter``: the main job."""
+"""``seaclutter filter``: filtered copies of logs."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,31 +24,33 @@ _COMPRESSIONS = {"zstd": "zstd", "lz4": "lz4", "none": ""}
 
 
 def _compression(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
-    """Return the compression as MCAP names it."""
+    """Return the compression by its name in MCAP."""
     return None if value is None else _COMPRESSIONS[value]
 
 
 _WRITTEN = (
-    click.option("--keep-raw", is_flag=True, help="Leave the raw cloud on its topic; write to TOPIC/filtered."),
-    click.option("--with-removed", is_flag=True, help="Write removed points to TOPIC/removed, with their reason."),
     click.option(
-        "--keep-organized", is_flag=True, help="Keep the shape of organised clouds; removed points become NaN."
+        "--keep-raw", is_flag=True, help="Keep the raw cloud on its topic; write the filtered one to TOPIC/filtered."
+    ),
+    click.option("--with-removed", is_flag=True, help="Write removed points to TOPIC/removed, with the reason."),
+    click.option(
+        "--keep-organized", is_flag=True, help="Keep the shape of organised clouds; set removed points to NaN."
     ),
     click.option(
-        "--diagnostics/--no-diagnostics", default=True, help="Write /seaclutter/diagnostics, or leave it out."
+        "--diagnostics/--no-diagnostics", default=True, help="Write the topic /seaclutter/diagnostics, or leave it out."
     ),
     click.option(
         "--compression",
         type=click.Choice(list(_COMPRESSIONS)),
         callback=_compression,
-        help="Of the output; by default that of the input, or zstd.",
+        help="Compression of the output; by default that of the input, or zstd.",
     ),
 )
 _OPTIONS = (
     force_option,
     config_options,
     reading_options,
-    path_option("--csv", "csv_file", help="Also write a line a frame."),
+    path_option("--csv", "csv_file", help="Also write a table with a row for each frame."),
     grouped("written", "sinks:McapOptions", _WRITTEN),
     click.option("--with-scene", is_flag=True, help="Write boxes around clusters to /seaclutter/scene, for 3D panels."),
     label_options(required=False),
@@ -61,10 +63,10 @@ _OPTIONS = (
 @grouped("options", "runs.filter:FilterOptions", _OPTIONS)
 @console_options
 def command(logs: tuple[str, ...], output: Path, options: "FilterOptions", console: Console) -> None:
-    """Stream each frame of LOGS through the filter and write filtered MCAP files.
+    """Filter each frame of LOGS and write filtered MCAP files.
 
-    LOGS are MCAP files, ROS bags, rosbag2 folders, captures of packets (PCAP, PCAPNG), folders of frames, or globs.
-    Every other topic, attachment and metadata record is copied untouched, so the output is a drop-in for the input.
+    LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs. Every
+    other topic, attachment and metadata record is copied unchanged: the output is a drop-in replacement for the input.
     """
     from seaclutter_cli.runs.filter import filter_logs
 

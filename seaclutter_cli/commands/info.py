@@ -1,4 +1,4 @@
-"""``seaclutter info``: what a log holds."""
+"""``seaclutter info``: the content of logs."""
 
 from typing import TYPE_CHECKING
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.recordings import ReadOptions
 
 
-@click.command(short_help="Show what a log holds and what a filter run would need to be told.")
+@click.command(short_help="Show the content of logs and the settings that a filter run needs.")
 @logs_argument
 @reading_options
 @console_options
 def command(logs: tuple[str, ...], reading: "ReadOptions", console: Console) -> None:
-    """Show what LOGS hold: topics, frames, fields, extents, and what a filter run would need to be told.
+    """Show the content of LOGS: topics, frames, fields, extents, and the settings that a filter run needs.
 
     Every frame is read; -n N stops after the first N.
     """

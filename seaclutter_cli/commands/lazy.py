@@ -1,4 +1,4 @@
-"""Command groups that import a command when it is called, so that help comes at once."""
+"""Command groups that import a command only when it is called, to keep help fast."""
 
 import importlib
 from collections.abc import Mapping
@@ -8,14 +8,14 @@ import click
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are modules, each with a ``command``.
+    """Group whose commands are modules, each with an attribute ``command``.
 
     Parameters
     ----------
     name : str
-        Package of the modules below this one; ``cli``, the program itself, has those of this one.
+        Subpackage of the modules; for ``cli``, the program itself, they are in this package.
     commands : mapping of str to str
-        Modules and their short help. A new command is an entry here and a file of the same name.
+        Modules and their short help. To add a command, add an entry here and a module of the same name.
     **options : optional
         As for `click.Group`.
     """
@@ -30,7 +30,7 @@ class LazyGroup(click.Group):
         return list(self._commands)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        """Import a command; None if there is no such one."""
+        """Import and return a command; None if there is no such command."""
         if cmd_name not in self._commands:
             return None
         command: click.Command = importlib.import_module(f"{self._package}.{cmd_name}").command

@@ -1,4 +1,4 @@
-"""Options that several commands share. Each group reaches the command as one object of the library's."""
+"""Options shared by several commands. A command receives each group as one options object."""
 
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -22,10 +22,10 @@ def grouped(name: str, kind: str, options: Sequence[Option]) -> Option:
     name : str
         Parameter of the command.
     kind : str
-        Class of the object, as ``module:Class`` below this package; imported when the command runs, so that help comes
-        at once. Its fields have the options' names.
+        Class of the object, as ``module:Class`` in the package ``seaclutter_cli``; imported when the command runs, to
+        keep help fast. Its fields have the names of the options.
     options : sequence of callable
-        Decorators of click, and groups within the group.
+        Decorators of click, and other groups.
     """
     module, _, class_name = kind.partition(":")
 
@@ -51,7 +51,7 @@ def grouped(name: str, kind: str, options: Sequence[Option]) -> Option:
     return add
 
 
-def path_option(*names: str, metavar: str = "FILE", required: bool = False, help: str) -> Option:  # noqa: A002 - as click has it
+def path_option(*names: str, metavar: str = "FILE", required: bool = False, help: str) -> Option:  # noqa: A002 - as in click
     """Return an option that takes a path."""
     return click.option(*names, type=click.Path(path_type=Path), metavar=metavar, required=required, help=help)
 
@@ -70,28 +70,28 @@ debug_option = click.option(
     help="Show the traceback of an error.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print results as JSON.")
-force_option = click.option("--force", is_flag=True, help="Replace existing output.")
+force_option = click.option("--force", is_flag=True, help="Replace existing output files.")
 logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=True)
 
 _TALK = (
-    click.option("-q", "--quiet", is_flag=True, help="No progress, no warnings."),
-    click.option("-v", "--verbose", is_flag=True, help="Tell more."),
+    click.option("-q", "--quiet", is_flag=True, help="Show no progress and no warnings."),
+    click.option("-v", "--verbose", is_flag=True, help="Show details."),
     debug_option,
 )
 console_options = grouped("console", "commands.console:Console", (json_option, *_TALK))
-"""How results are printed, and how much besides; as ``console``."""
+"""Options of the console output, as ``console``."""
 console_options_without_json = grouped("console", "commands.console:Console", _TALK)
 
 
 def _known_sensor(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
-    """Return a sensor's name as it is written."""
+    """Return the name of a sensor in its usual spelling."""
     if value is None:
         return None
     from seaclutter_cli.sensors.catalog import SENSORS
 
     names = {name.casefold(): name for name in SENSORS}
     if value.casefold() not in names:
-        raise click.BadParameter(f"{value} is not known; choose from: {', '.join(SENSORS)}")
+        raise click.BadParameter(f"unknown sensor {value}; choose from: {', '.join(SENSORS)}")
     return names[value.casefold()]
 
 
@@ -101,13 +101,23 @@ reading_options = grouped(
     (
         click.option("-t", "--topic", "topics", multiple=True, metavar="NAME", help="Point-cloud topic; repeatable."),
         click.option(
-            "--start", "start_s", type=float, metavar="SECONDS", help="Begin here, from the recording's start."
+            "--start",
+            "start_s",
+            type=float,
+            metavar="SECONDS",
+            help="Skip the first SECONDS of the recording.",
         ),
-        click.option("--end", "end_s", type=float, metavar="SECONDS", help="End here, from the recording's start."),
+        click.option(
+            "--end",
+            "end_s",
+            type=float,
+            metavar="SECONDS",
+            help="Stop SECONDS after the start of the recording.",
+        ),
         click.option(
             "-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Stop after N frames of each topic."
         ),
-        click.option("--intensity-field", metavar="NAME", help="Intensity field, where it has no usual name."),
+        click.option("--intensity-field", metavar="NAME", help="Intensity field, if it has no usual name."),
         click.option(
             "--rate",
             "rate_hz",
@@ -115,78 +125,78 @@ reading_options = grouped(
             default=10.0,
             metavar="HZ",
             show_default=True,
-            help="Frames per second where nothing carries a time.",
+            help="Frames per second of recordings without time stamps.",
         ),
-        path_option("--calibration", help="Angles or metadata of the sensor, where recorded packets lack them."),
+        path_option("--calibration", help="Angles or metadata of the sensor, for packets that lack them."),
         click.option(
             "--sensor",
             metavar="MODEL",
             callback=_known_sensor,
-            help="Sensor model, where packets of several look alike.",
+            help="Sensor model, for packets that do not identify it.",
         ),
     ),
 )
-"""The part of a recording that is read, and how; as ``reading``."""
+"""Options for the part of a recording to read, and how; as ``reading``."""
 
 
-def config_file_option(said: str) -> Option:
-    """Return the option for a file of settings."""
-    return path_option("-c", "--config", "file", help=said)
+def config_file_option(text: str) -> Option:
+    """Return the option for a file of settings, with ``text`` as its help."""
+    return path_option("-c", "--config", "file", help=text)
 
 
 def set_option(example: str, what: str = "a key") -> Option:
     """Return the option for single settings."""
-    said = f"Set {what}, as in {example}; repeatable."
-    return click.option("-s", "--set", "overrides", multiple=True, metavar="KEY=VALUE", help=said)
+    text = f"Set {what}, such as {example}; repeatable."
+    return click.option("-s", "--set", "overrides", multiple=True, metavar="KEY=VALUE", help=text)
 
 
 config_options = grouped(
     "config",
     "runs.methods:ConfigOptions",
     (
-        config_file_option("Configuration file."),
-        click.option("-m", "--method", metavar="NAME", help="Filter method, whatever the configuration says."),
+        config_file_option("Configuration file, or the name of a built-in one."),
+        click.option("-m", "--method", metavar="NAME", help="Filter method; overrides the configuration."),
         set_option("filter.start_m=5"),
     ),
 )
-"""What the configuration is made of; as ``config``."""
+"""Options for the configuration, as ``config``."""
 
 
 methods_options = grouped(
     "methods",
     "runs.methods:MethodOptions",
     (
-        config_file_option("Configuration file."),
+        config_file_option("Configuration file, or the name of a built-in one."),
         click.option(
             "-m",
             "--method",
             "methods",
             multiple=True,
             metavar="NAME",
-            help="Filter method, none for the logs as they are; repeatable. By default that of the configuration.",
+            help="Filter method, or none for the unfiltered logs; repeatable. By default that of the configuration.",
         ),
         click.option(
             "--compare",
             "comparisons",
             multiple=True,
             type=click.Choice(["paper", "peers", "all"]),
-            help="Compare the stages of the joint method as its paper does, or its peers, or all and none.",
+            help="Compare the stages of the joint method as in its paper, or its peers, or all of these and none.",
         ),
         set_option("filter.start_m=5", "a key for every method that has it"),
     ),
 )
-"""Methods to compare, and what their configurations are made of; as ``methods``."""
+"""Options for methods to compare, and for their configurations; as ``methods``."""
 
 
 def _ids(_: click.Context, parameter: click.Parameter, text: str | None) -> tuple[int, ...] | None:
     try:
         return None if text is None else tuple(int(number) for number in text.split(",") if number.strip())
     except ValueError as error:
-        raise click.BadParameter("write whole numbers with commas between, as in 0,99", param=parameter) from error
+        raise click.BadParameter("expected whole numbers separated by commas, such as 0,99", param=parameter) from error
 
 
 def label_options(*, required: bool) -> Option:
-    """Return a decorator that adds the options of labels, as ``labels``; ``--labels`` is required or not."""
+    """Return a decorator that adds the options for labels, as ``labels``."""
     return grouped(
         "labels",
         "runs.labels:LabelSources",
@@ -198,19 +208,19 @@ def label_options(*, required: bool) -> Option:
                 required=required,
                 type=click.Path(path_type=Path),
                 metavar="LABELS",
-                help="Labels of LOGS in their order, or a folder with RECORDING.labels.csv for each; repeatable.",
+                help="Labels of LOGS in the same order, or a folder with RECORDING.labels.csv for each; repeatable.",
             ),
             click.option(
                 "--clutter-ids",
                 callback=_ids,
                 metavar="IDS",
-                help="Classes that are clutter where every point has a class, as in 110,111.  [default: 110]",
+                help="Class ids of clutter in point labels, such as 110,111.  [default: 110]",
             ),
             click.option(
                 "--ignore-ids",
                 callback=_ids,
                 metavar="IDS",
-                help="Classes that are neither clutter nor targets.  [default: 0,99]",
+                help="Class ids to ignore in point labels.  [default: 0,99]",
             ),
         ),
     )

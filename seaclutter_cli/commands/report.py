@@ -1,4 +1,4 @@
-"""``seaclutter report``: what a filter did and how well, as one page that opens offline."""
+"""``seaclutter report``: the effect and quality of a filter, in a page that opens offline."""
 
 from typing import TYPE_CHECKING
 
@@ -25,10 +25,12 @@ _OPTIONS = (
         "--output",
         metavar="REPORT.html",
         required=True,
-        help="The page: one file that opens in any browser, without a network.",
+        help="HTML page to write; one file that opens offline in any browser.",
     ),
     force_option,
-    path_option("--figures", "figure_folder", metavar="DIR", help="Also write every figure as a picture for print."),
+    path_option(
+        "--figures", "figure_folder", metavar="DIR", help="Also write every figure as a separate file for print."
+    ),
     click.option(
         "--figure-format",
         type=click.Choice(["svg", "png"]),
@@ -43,10 +45,10 @@ _OPTIONS = (
         default=12,
         metavar="N",
         show_default=True,
-        help="Frames whose points go into the page.",
+        help="Number of frames whose points are included in the page.",
     ),
     click.option(
-        "--pick", "picks", multiple=True, type=click.IntRange(min=0), metavar="K", help="Show frame K too; repeatable."
+        "--pick", "picks", multiple=True, type=click.IntRange(min=0), metavar="K", help="Also show frame K; repeatable."
     ),
     label_options(required=False),
     methods_options,
@@ -54,16 +56,16 @@ _OPTIONS = (
 )
 
 
-@click.command(name="report", short_help="Show what a filter did, and how well, in one page.")
+@click.command(name="report", short_help="Write a page that shows the effect and quality of a filter.")
 @logs_argument
 @grouped("options", "runs.report:ReportOptions", _OPTIONS)
 @console_options
 def command(logs: tuple[str, ...], options: "ReportOptions", console: Console) -> None:
-    """Write a page that shows what a filter did to LOGS and, with labels, how well.
+    """Write a page that shows the effect of a filter on LOGS and, with labels, its quality.
 
-    LOGS are raw logs, which are filtered for the report; or logs that `filter --keep-raw --with-removed` has written,
-    of which nothing is computed again. The page shows points of some frames: of the worst, the best, and of some evenly
-    spread between.
+    LOGS are raw logs, which are filtered for the report, or logs written by `filter --keep-raw --with-removed`, which
+    are not filtered again. The page shows the points of selected frames: the worst, the best, and some evenly spaced
+    ones.
     """
     from seaclutter_cli.runs.report import report_on
 

@@ -1,4 +1,4 @@
-"""``seaclutter simulate``: labelled recordings of a lidar at sea."""
+"""``seaclutter simulate``: labelled lidar recordings of simulated scenes."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,31 +16,36 @@ _OPTIONS = (
         "--format",
         "form",
         type=click.Choice(["mcap", "pcap"]),
-        help="MCAP with PointCloud2, or packets of a RoboSense lidar; by default as LOG ends.",
+        help="MCAP with PointCloud2, or packets of a RoboSense lidar; by default from the suffix of LOG.",
     ),
     force_option,
-    click.option("-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Turns, whatever the scene says."),
     click.option(
-        "--seed", type=click.IntRange(min=0), metavar="N", help="Seed, whatever the scene says; of a layout 1."
+        "-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Number of frames; overrides the scene."
     ),
-    click.option("--lidar", metavar="NAME", help="Lidar, whatever the scene says."),
-    path_option("--scene-file", metavar="YAML", help="Save the scene as a file that can be edited."),
+    click.option(
+        "--seed",
+        type=click.IntRange(min=0),
+        metavar="N",
+        help="Random seed; overrides the scene. 1 by default for a layout.",
+    ),
+    click.option("--lidar", metavar="NAME", help="Lidar model; overrides the scene."),
+    path_option("--scene-file", metavar="YAML", help="Save the scene as an editable file."),
 )
 
 
-@click.command(name="simulate", short_help="Make a labelled lidar recording of a scene at sea.")
+@click.command(name="simulate", short_help="Simulate a labelled lidar recording of a scene.")
 @click.argument("scene")
-@path_option("-o", "--output", metavar="LOG.mcap", required=True, help="The recording; a tile ends in .las or .laz.")
+@path_option("-o", "--output", metavar="LOG.mcap", required=True, help="Recording to write; .las or .laz for a tile.")
 @grouped("options", "runs.simulation:SimulateOptions", _OPTIONS)
 @console_options
 def command(scene: str, output: Path, options: "SimulateOptions", console: Console) -> None:
-    """Make a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
+    """Simulate a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
 
-    Writes LOG.mcap, whose clouds have a field `label` (0 clutter, 65535 own vessel or ignored, else the target), and
-    LOG.labels.csv with a box for each target and frame. LOG.pcap holds packets instead, which have no labels. A layout
-    is a kind of scenes, of which each seed makes another. Of a scene with a section `tile`, seen from the air, it
-    writes a LAS or LAZ file with the truth of each point: classification, object_class, object_id. `seaclutter config
-    sensors` lists scenes, layouts, tiles, lidars.
+    LOG.mcap has clouds with a field `label`: 0 for clutter, 65535 for own ship or ignored points, otherwise the number
+    of the target. LOG.labels.csv has a box for each target and frame. LOG.pcap has packets, which carry no labels. A
+    layout generates a different scene for each seed. A scene with a section `tile` is recorded from the air: the output
+    is a LAS or LAZ file with the true class of each point (classification, object_class, object_id). `seaclutter
+    config sensors` lists the built-in scenes, layouts, tiles and lidars.
     """
     from seaclutter_cli.runs.simulate import simulate_scene
 

@@ -1,4 +1,4 @@
-"""``seaclutter tune``: which parameter values do best on labelled logs."""
+"""``seaclutter tune``: the best parameter values on labelled logs."""
 
 from typing import TYPE_CHECKING
 
@@ -36,15 +36,15 @@ _OPTIONS = (
         required=True,
         metavar="KEY=VALUES",
         callback=_sweeps,
-        help="Filter key and what to try: V1,V2,... or START:STOP:STEP. Repeated: all combinations.",
+        help="Filter key and values to try: V1,V2,... or START:STOP:STEP. Repeatable, for all combinations.",
     ),
     path_option("-o", "--output", metavar="CONFIG.yaml", help="Write the configuration with the best values."),
-    path_option("--csv", "csv_file", help="Write a line for each combination."),
-    path_option("--plot", "curve_file", help="Draw the rates over the values of a single --sweep, as PNG or SVG."),
+    path_option("--csv", "csv_file", help="Write a table with a row for each combination."),
+    path_option("--plot", "curve_file", help="Plot the rates over the values of a single --sweep (.png or .svg)."),
     path_option(
         "--plot-thresholds",
         "thresholds_file",
-        help="Draw a ring's threshold over the frames for each combination beside the ideal one, as PNG or SVG.",
+        help="Plot the threshold of a range ring over the frames for each combination and the ideal one (.png, .svg).",
     ),
     click.option(
         "--ring",
@@ -52,7 +52,7 @@ _OPTIONS = (
         default=2,
         metavar="K",
         show_default=True,
-        help="Ring of --plot-thresholds, from 1.",
+        help="Range ring of --plot-thresholds, from 1.",
     ),
     force_option,
     config_options,
@@ -60,15 +60,15 @@ _OPTIONS = (
 )
 
 
-@click.command(name="tune", short_help="Sweep parameters over labelled logs and report the best.")
+@click.command(name="tune", short_help="Sweep parameters over labelled logs and report the best values.")
 @logs_argument
 @grouped("options", "runs.tune:TuneOptions", _OPTIONS)
 @console_options
 def command(logs: tuple[str, ...], options: "TuneOptions", console: Console) -> None:
-    """Filter LOGS with every combination of parameter values, and tell which has the fewest false and omitted alarms.
+    """Filter LOGS with every combination of parameter values, and report the best one.
 
-    Best is the combination with the fewest bad frames, those with a false alarm and those with an omitted one counted
-    alike; among equals the one with the fewest alarms of both kinds, then the first.
+    The best combination has the fewest bad frames: those with a false alarm plus those with a missed target. Ties go
+    to the combination with the fewest false alarms and missed targets, then to the first.
     """
     from seaclutter_cli.runs.tune import tune
 

@@ -1,4 +1,4 @@
-"""``seaclutter view``: frames in a viewer that people already use."""
+"""``seaclutter view``: frames in the Rerun viewer."""
 
 from typing import TYPE_CHECKING
 
@@ -33,15 +33,15 @@ _OPTIONS = (
 )
 
 
-@click.command(name="view", short_help="Open logs in the viewer of Rerun.")
+@click.command(name="view", short_help="Open logs in the Rerun viewer.")
 @logs_argument
 @grouped("options", "runs.view:ViewOptions", _OPTIONS)
 @console_options_without_json
 def command(logs: tuple[str, ...], options: "ViewOptions", console: Console) -> None:
-    """Show LOGS in the viewer of Rerun: raw, removed by reason, kept, boxes, clusters and threshold curves.
+    """Show LOGS in the Rerun viewer: raw, removed and kept points, boxes, clusters and threshold curves.
 
-    LOGS are raw logs, which are filtered on the way, or logs that `filter --keep-raw --with-removed` has written. The
-    viewer listens on this computer only. It comes with the extra `view`.
+    LOGS are raw logs, which are filtered first, or logs written by `filter --keep-raw --with-removed`. The viewer only
+    listens on this computer. It needs the extra `view`.
     """
     from seaclutter_cli.runs.view import view_logs
 

@@ -1,4 +1,4 @@
-"""How well a filter does: false and omitted alarms. The parameters of it, which configurations hold."""
+"""Evaluation of filters by false alarms and missed targets; this module defines its parameters."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -8,22 +8,22 @@ from annotated_types import Ge, Gt
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationParams:
-    """Clustering and matching.
+    """Parameters of clustering and matching.
 
     Parameters
     ----------
     cluster_tolerance_m : float
-        Points closer than this belong to one cluster.
+        Distance below which two points are connected, in metres; with clustering dbscan, bound included.
     min_cluster_points : int
-        Points that make a cluster.
+        Minimum number of points in a cluster.
     clustering : {"euclidean", "dbscan"}
-        Kind of clusters: whatever hangs together, or what hangs together by core points.
+        Clustering method: euclidean (all points connect) or dbscan (only core points connect).
     dbscan_min_points : int
-        Points up to the tolerance away, itself included, that make a core point; of dbscan only.
+        Minimum number of points within cluster_tolerance_m of a core point, including itself; for clustering dbscan.
     box_margin_m : float
-        Growth of label boxes on every side.
+        Margin by which labelled boxes are enlarged on every side, in metres.
     min_visible_points : int
-        Raw points in its grown box that make a target visible.
+        Minimum number of raw points in its inflated box for a target to be visible.
     """
 
     cluster_tolerance_m: Annotated[float, Gt(0)] = 1.5

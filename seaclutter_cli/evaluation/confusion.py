@@ -1,4 +1,4 @@
-"""How well classes were told: the confusion matrix and what follows from it."""
+"""Confusion matrix of a classification, and the scores derived from it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Confusion:
-    """Which of C classes were taken for which.
+    """Confusion matrix of C classes.
 
     Parameters
     ----------
     counts : ndarray, shape (C, C), int64
-        Points or frames by what they are (row) and what they were called (column).
+        Number of points or frames by true class (row) and predicted class (column).
     """
 
     counts: NDArray[np.int64]
 
     @staticmethod
     def of(truth: NDArray[Any], found: NDArray[Any], codes: Sequence[int]) -> "Confusion":
-        """Count by the codes of classes, shape (N,); others are left out.
+        """Return the matrix of true and predicted class codes, each of shape (N,); other codes are ignored.
 
         Examples
         --------
@@ -30,36 +30,36 @@ class Confusion:
         array([[1, 1],
                [0, 1]])
         """
-        place = np.full(int(max(codes)) + 1, -1)
-        place[list(codes)] = np.arange(len(codes))
+        index = np.full(int(max(codes)) + 1, -1)
+        index[list(codes)] = np.arange(len(codes))
         known = np.isin(truth, codes) & np.isin(found, codes)
-        rows, columns = place[truth[known]], place[found[known]]
+        rows, columns = index[truth[known]], index[found[known]]
         return Confusion(np.bincount(rows * len(codes) + columns, minlength=len(codes) ** 2).reshape(len(codes), -1))
 
     @property
     def precision(self) -> NDArray[np.float64]:
-        """Share of what was called a class that is of it, shape (C,); NaN where nothing was."""
+        """Share of the predictions of each class that are correct, shape (C,); NaN without predictions."""
         return _share(np.diag(self.counts), self.counts.sum(axis=0))
 
     @property
     def recall(self) -> NDArray[np.float64]:
-        """Share of a class that was called so, shape (C,); NaN where there is nothing of it."""
+        """Share of the members of each class that are predicted correctly, shape (C,); NaN without members."""
         return _share(np.diag(self.counts), self.counts.sum(axis=1))
 
     @property
     def f1(self) -> NDArray[np.float64]:
-        """Harmonic mean of precision and recall, shape (C,); NaN where a class is neither there nor found."""
+        """Harmonic mean of precision and recall, shape (C,); NaN where a class is neither present nor predicted."""
         return _share(2 * np.diag(self.counts), self.counts.sum(axis=0) + self.counts.sum(axis=1))
 
     @property
     def macro_f1(self) -> float:
-        """Mean F1 of the classes that are there or were found."""
+        """Mean F1 of the classes that are present or predicted."""
         known = self.f1[np.isfinite(self.f1)]
         return float(known.mean()) if len(known) else float("nan")
 
     @property
     def accuracy(self) -> float:
-        """Share of all that was called what it is."""
+        """Share of correct predictions."""
         return float(_share(np.trace(self.counts), self.counts.sum()))
 
     @property
@@ -72,8 +72,8 @@ class Confusion:
         0.4
         """
         total = self.counts.sum()
-        chance = float(_share(self.counts.sum(axis=0) @ self.counts.sum(axis=1), total.astype(float) ** 2))
-        return (self.accuracy - chance) / (1 - chance) if chance < 1 else float("nan")
+        expected = float(_share(self.counts.sum(axis=0) @ self.counts.sum(axis=1), total.astype(float) ** 2))
+        return (self.accuracy - expected) / (1 - expected) if expected < 1 else float("nan")
 
 
 def _share(part: Any, whole: Any) -> NDArray[np.float64]:

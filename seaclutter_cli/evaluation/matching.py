@@ -1,4 +1,4 @@
-"""Which targets are detected, which clusters are false alarms (contract, "Evaluation")."""
+"""Matching of clusters with the ground truth: detected targets and false alarms."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class FrameTargets:
-    """The truth of a frame in terms of its points: made once, compared with the results of any number of methods.
+    """Ground truth of a frame in terms of its points, shared by the results of all methods.
 
     Parameters
     ----------
     members : sequence of ndarray, int64
-        For each target, the valid points of the unfiltered frame in its grown box; where only points are labelled,
-        those that bear its track.
+        For each target, the valid points of the unfiltered frame in its inflated box; if only points are labelled,
+        those with the label of its track.
     expected : ndarray, shape (N,), bool
-        Whether a point lies in any target or area to ignore, so that clusters there are no false alarms.
+        Whether a point is in any target or area to ignore; clusters there are not false alarms.
     visible : ndarray, shape (M,), bool
-        Whether a target has enough points to be seen at all.
+        Whether a target has enough points to be visible.
     """
 
     members: Sequence[NDArray[np.int64]]
@@ -38,16 +38,16 @@ class FrameTargets:
 
 @dataclass(frozen=True)
 class Alarms:
-    """What became of the targets of one frame.
+    """Detections and false alarms in one frame.
 
     Parameters
     ----------
     targets, visible : int
-        Targets that are labelled, and those of them with enough raw points to be seen.
+        Labelled targets, and those with enough raw points to be visible.
     detected : int
-        Visible targets that were found.
+        Visible targets that are detected.
     clusters, false_alarms : int
-        Clusters, and those of them that belong to no target and no area to ignore.
+        Clusters, and those that belong to no target and no area to ignore.
     """
 
     targets: int
@@ -58,17 +58,17 @@ class Alarms:
 
     @property
     def omitted(self) -> int:
-        """Visible targets that were lost."""
+        """Number of missed targets."""
         return self.visible - self.detected
 
 
 def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTargets:
-    """Return what is where in a frame.
+    """Return the targets and the areas to ignore of a frame, in terms of its points.
 
     Notes
     -----
-    With boxes, nothing but boxes decides, to the letter of the contract: points that bear `IGNORED` count only where
-    points are all that is labelled. Boxes of areas to ignore count in both cases.
+    If boxes are labelled, only boxes decide: points labelled `IGNORED` count only where no boxes of targets are
+    labelled. Boxes of areas to ignore count in both cases.
     """
     margin, valid = params.box_margin_m, frame.valid
     expected: Mask = np.asarray(truth.ignored.contains(frame.coordinates, margin).any(axis=0))
@@ -86,17 +86,17 @@ def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTar
 
 
 def _tracks(points: NDArray[np.int64], valid: Mask) -> list[NDArray[np.int64]]:
-    """Return the valid points of each track; a track without any is a target all the same."""
-    bearing = np.flatnonzero((points != CLUTTER) & (points != IGNORED))
-    order = bearing[np.argsort(points[bearing], kind="stable")]
+    """Return the valid points of each track; a track without valid points is a target, too."""
+    labelled = np.flatnonzero((points != CLUTTER) & (points != IGNORED))
+    order = labelled[np.argsort(points[labelled], kind="stable")]
     bounds = np.flatnonzero(np.diff(points[order])) + 1
     return [members[valid[members]] for members in np.split(order, bounds) if len(members)]
 
 
 def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> NDArray[np.int64]:
-    """Return what each point is, as in `Truth.points`; where only boxes are labelled, what box it lies in.
+    """Return the label of each point, as in `Truth.points`; if only boxes are labelled, derived from the boxes.
 
-    Targets are numbered from 1 by their order then.
+    In that case, targets are numbered from 1 in their order.
     """
     if truth.points is not None:
         return truth.points
@@ -109,15 +109,15 @@ def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> NDArray
 
 
 class Finder(Protocol):
-    """Finds the clusters of several subsets of the same points."""
+    """Cluster search in several subsets of the same points."""
 
     def clusters(self, keep: Mask, min_points: int, /) -> NDArray[np.int64]:
-        """Return which cluster each point, shape (N,), belongs to; -1 for none."""
+        """Return the cluster of each point, shape (N,); -1 for points in no cluster."""
         ...
 
 
 def finder_of(frame: Frame, results: Iterable[FilterResult], params: EvaluationParams) -> Finder:
-    """Return what finds the clusters in any of some results for the same frame."""
+    """Return a cluster search for the points that any of several results of the same frame keep."""
     among = np.zeros(frame.size, np.bool_)
     for result in results:
         among |= result.keep
@@ -129,14 +129,14 @@ def finder_of(frame: Frame, results: Iterable[FilterResult], params: EvaluationP
 
 @dataclass(frozen=True)
 class Matches:
-    """Which clusters belong to the targets, and which targets were found.
+    """Clusters that belong to targets, and detected targets.
 
     Parameters
     ----------
     belongs : ndarray, shape (C,), bool
-        For each cluster, whether at least half of its points lie in targets or areas to ignore.
+        For each cluster, whether at least half of its points are in targets or areas to ignore.
     detected : ndarray, shape (M,), bool
-        For each target, whether clusters that belong to the targets put enough points into it, visible or not.
+        For each target, visible or not, whether the clusters that belong to targets have enough points in it.
     """
 
     belongs: Mask
@@ -144,40 +144,40 @@ class Matches:
 
 
 def judge(clusters: NDArray[np.int64], scene: FrameTargets, params: EvaluationParams) -> Matches:
-    """Tell of each cluster of a frame if it belongs to the targets, and of each target if it was found.
+    """Return which clusters of a frame belong to targets, and which targets are detected.
 
     Parameters
     ----------
     clusters : ndarray, shape (N,), int64
-        Cluster of each point, -1 for none.
+        Cluster of each point; -1 for points in no cluster.
     scene : FrameTargets
-        The truth.
+        Ground truth of the frame.
     params : EvaluationParams
-        Limits.
+        Parameters of the matching.
     """
     clustered = clusters >= 0
     size = np.bincount(clusters[clustered])
     expected = np.bincount(clusters[clustered & scene.expected], minlength=len(size))
-    belongs = np.append(2 * expected >= size, False)  # the last one is that of points in no cluster
+    belongs = np.append(2 * expected >= size, False)  # the last entry is for points in no cluster
     found = [np.count_nonzero(belongs[clusters[members]]) >= params.min_cluster_points for members in scene.members]
     return Matches(belongs[:-1], np.array(found, np.bool_))
 
 
 def match(clusters: NDArray[np.int64], scene: FrameTargets, params: EvaluationParams) -> Alarms:
-    """Compare the clusters of a frame with its truth.
+    """Return the detections and false alarms among the clusters of a frame.
 
-    A cluster belongs to the targets if at least half of its points lie in targets or areas to ignore; every other one
-    is a false alarm. A visible target is detected if clusters that belong to the targets put at least
-    ``min_cluster_points`` points into it.
+    A cluster belongs to the targets if at least half of its points are in targets or areas to ignore; any other cluster
+    is a false alarm. A visible target is detected if the clusters that belong to the targets have at least
+    ``min_cluster_points`` points in it.
 
     Parameters
     ----------
     clusters : ndarray, shape (N,), int64
-        Cluster of each point, -1 for none.
+        Cluster of each point; -1 for points in no cluster.
     scene : FrameTargets
-        The truth.
+        Ground truth of the frame.
     params : EvaluationParams
-        Limits.
+        Parameters of the matching.
     """
     found = judge(clusters, scene, params)
     return Alarms(

@@ -1,4 +1,4 @@
-"""Counts of one frame and what they come to over all frames: rates as in S0, Table 4 (Eq. 9 and 10), and others."""
+"""Scores of single frames and of whole recordings: the rates of [Li2023], Table 4 (Eq. 9 and 10), and others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
@@ -27,10 +27,10 @@ POINT_COLUMNS = ("target_points_in", "target_points_out", "clutter_points_in", "
 
 @dataclass(frozen=True)
 class PointCounts:
-    """Points of known truth before and after a filter; invalid ones and those to ignore count nowhere.
+    """Number of target and clutter points before and after a filter, without invalid and ignored points.
 
-    Rates are None where nothing is there to be divided by. Precision and recall are those of the *removal of clutter*,
-    as papers on snow and spray give them.
+    Rates are None if the denominator is 0. Precision and recall refer to the *removal of clutter*, as in papers on snow
+    and spray.
     """
 
     target_in: int = 0
@@ -44,17 +44,17 @@ class PointCounts:
 
     @property
     def clutter_removal(self) -> float | None:
-        """Share of the clutter that was removed; also the recall."""
+        """Share of the clutter points that were removed; also the recall."""
         return _ratio(self.clutter_in - self.clutter_out, self.clutter_in)
 
     @property
     def target_loss(self) -> float | None:
-        """Share of the targets' points that was removed."""
+        """Share of the target points that were removed."""
         return _ratio(self.target_in - self.target_out, self.target_in)
 
     @property
     def precision(self) -> float | None:
-        """Share of clutter among what was removed."""
+        """Share of clutter among the removed points."""
         clutter = self.clutter_in - self.clutter_out
         return _ratio(clutter, clutter + self.target_in - self.target_out)
 
@@ -66,24 +66,24 @@ class PointCounts:
 
     @property
     def clutter_share(self) -> float | None:
-        """Share of clutter among what is left, R_c (S0, Table 3)."""
+        """Share of clutter among the remaining points, R_c ([Li2023], Table 3)."""
         return _ratio(self.clutter_out, self.clutter_out + self.target_out)
 
 
 @dataclass(frozen=True)
 class FrameScore:
-    """How a method did in one frame.
+    """Score of a method in one frame.
 
     Parameters
     ----------
     points_in, points_out : int
-        All points of the frame, and those that were kept.
+        Points of the frame, and points that were kept.
     clusters, unclustered : int
-        Clusters among those kept, and valid points in none.
+        Clusters of the kept points, and valid kept points in no cluster.
     alarms : Alarms or None
-        None where the frame is not labelled.
+        Detections and false alarms; None if the frame is not labelled.
     points : PointCounts or None
-        None where the truth of the points is not known.
+        Counts of target and clutter points; None if the points are not labelled.
     """
 
     points_in: int
@@ -108,19 +108,19 @@ class FrameScore:
 def score_frame(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
 ) -> list[FrameScore | None]:
-    """Return how each of several methods did in one frame.
+    """Return the score of each of several methods in one frame.
 
     Parameters
     ----------
     frame : Frame
         The frame as it was read.
     results : sequence of FilterResult or None
-        What each method made of it; None where it could not use the frame. All kept valid points are clustered,
-        whatever their range.
+        Result of each method; None if it could not process the frame. All valid kept points are clustered, at any
+        range.
     truth : Truth or None
-        None where the frame is not labelled.
+        Ground truth; None if the frame is not labelled.
     params : EvaluationParams
-        Limits.
+        Parameters of clustering and matching.
     """
     scene = None if truth is None else targets_of(frame, truth, params)
     finder = finder_of(frame, (result for result in results if result is not None), params)
@@ -155,24 +155,24 @@ def _points(result: FilterResult, truth: Truth) -> PointCounts | None:
 
 @dataclass
 class Summary:
-    """Sums over the frames of one method; memory does not grow with their number.
+    """Sums over the frames of one method, in constant memory.
 
-    Rates over frames are over all labelled frames, as in Table 4: 13 of 196 are 6.63 %. Over objects, a detected
-    target is a true positive, a false alarm a false and a lost visible target an omitted one. Rates are None where
-    there is nothing to be divided by.
+    Rates over frames refer to all labelled frames, as in Table 4 of [Li2023]: 13 of 196 is 6.63 %. Over objects, a
+    detected target is a true positive, a false alarm a false positive and a missed target a false negative. Rates are
+    None if the denominator is 0.
 
     Parameters
     ----------
     frames, unlabelled : int
-        Labelled frames, over which all else is counted, and others.
+        Labelled frames, to which all other counts refer, and unlabelled frames.
     n_fp, n_fn : int
-        Frames with any false alarm, and with any visible target lost.
+        Frames with a false alarm, and frames with a missed target.
     targets, visible, detected, false_alarms, clusters, unclustered : int
-        Sums of what frames count.
+        Sums of the counts of the frames.
     points : PointCounts or None
-        Sums over the frames whose points are labelled; None if there are none.
+        Sums over the frames with labelled points; None without such frames.
     durations : Durations
-        Seconds of the filter itself, of unlabelled frames too.
+        Processing time of the filter, including unlabelled frames.
     """
 
     frames: int = 0
@@ -189,7 +189,7 @@ class Summary:
     durations: Durations = field(default_factory=Durations)
 
     def add(self, frame: FrameScore, seconds: float | None) -> None:
-        """Add a frame and the time that the filter took; None where that is not known."""
+        """Add a frame and the processing time of the filter in seconds; None if it is unknown."""
         if seconds is not None:
             self.durations.add(seconds)
         if frame.points is not None:
@@ -214,7 +214,7 @@ class Summary:
 
     @property
     def omitted(self) -> int:
-        """Visible targets that were lost."""
+        """Number of missed targets."""
         return self.visible - self.detected
 
     @property
@@ -224,7 +224,7 @@ class Summary:
 
     @property
     def r_fn(self) -> float | None:
-        """Share of frames with a lost target."""
+        """Share of frames with a missed target."""
         return _ratio(self.n_fn, self.frames)
 
     @property
@@ -244,21 +244,21 @@ class Summary:
 
     @property
     def false_alarms_per_frame(self) -> float | None:
-        """Mean number of false alarms."""
+        """Mean number of false alarms per frame."""
         return _ratio(self.false_alarms, self.frames)
 
     @property
     def unclustered_per_frame(self) -> float | None:
-        """Mean number of kept points in no cluster."""
+        """Mean number of kept points in no cluster per frame."""
         return _ratio(self.unclustered, self.frames)
 
     def milliseconds(self, share: float) -> float | None:
-        """Return a quantile of the time that a frame takes in the filter, to 1 %."""
+        """Return a quantile of the filter's processing time per frame in milliseconds, accurate to 1 %."""
         seconds = self.durations.quantile(share)
         return None if seconds is None else 1000 * seconds
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all figures as JSON holds them; rates are shares from 0 to 1."""
+        """Return all scores by their JSON keys; rates are shares from 0 to 1."""
         return {
             "frames": self.frames,
             "unlabelled_frames": self.unlabelled,

@@ -1,4 +1,4 @@
-"""How long frames take, in constant memory."""
+"""Statistics of processing times in constant memory."""
 
 import math
 
@@ -10,22 +10,22 @@ _BINS = 2400
 
 
 class Durations:
-    """A histogram of seconds in steps of 1 %, from 0.1 µs to half an hour."""
+    """Histogram of durations with bins of 1 %, from 0.1 µs to half an hour."""
 
     def __init__(self) -> None:
         self.counts = np.zeros(_BINS, np.int64)
 
     def add(self, seconds: float) -> None:
-        """Count a duration."""
-        place = math.log(max(seconds, _LEAST_S) / _LEAST_S) / math.log(_STEP)
-        self.counts[min(int(place), _BINS - 1)] += 1
+        """Add a duration."""
+        index = math.log(max(seconds, _LEAST_S) / _LEAST_S) / math.log(_STEP)
+        self.counts[min(int(index), _BINS - 1)] += 1
 
     def update(self, other: "Durations") -> None:
-        """Add all that another one counted."""
+        """Add the counts of another histogram."""
         self.counts += other.counts
 
     def quantile(self, share: float) -> float | None:
-        """Return the least duration that at least this share of all do not exceed, in seconds; None without any.
+        """Return the quantile for a share from 0 to 1, in seconds; None for an empty histogram.
 
         Examples
         --------
@@ -38,5 +38,5 @@ class Durations:
         below = np.cumsum(self.counts)
         if not below[-1]:
             return None
-        place = int(np.searchsorted(below, max(1, math.ceil(share * int(below[-1]) - 1e-9))))
-        return float(_LEAST_S * _STEP ** (place + 0.5))
+        index = int(np.searchsorted(below, max(1, math.ceil(share * int(below[-1]) - 1e-9))))
+        return float(_LEAST_S * _STEP ** (index + 0.5))

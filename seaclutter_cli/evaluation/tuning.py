@@ -1,4 +1,4 @@
-"""Which of several parameter values is best, and what threshold would have been."""
+"""Choice of the best parameter values, and the ideal threshold of a range ring."""
 
 from collections.abc import Mapping
 
@@ -10,42 +10,42 @@ from seaclutter_cli.truth import CLUTTER, IGNORED
 
 
 def best(summaries: Mapping[str, Summary]) -> str | None:
-    """Return the name of the best of several summaries; None if none has a labelled frame.
+    """Return the name of the best summary; None without labelled frames.
 
-    That is the one with the fewest bad frames, those with a false alarm and those with an omitted one counted alike
-    (:math:`N_{FP} + N_{FN}`); among equals the one with the fewest false and omitted alarms; among those the first.
+    The best summary has the lowest rate of frames with a false alarm plus frames with a missed target
+    (:math:`N_{FP} + N_{FN}`). Ties are resolved by the rate of false alarms plus missed targets, then by order.
     """
     labelled = {name: summary for name, summary in summaries.items() if summary.frames}
     if not labelled:
         return None
-    return min(labelled, key=lambda name: _badness(labelled[name]))
+    return min(labelled, key=lambda name: _error_rates(labelled[name]))
 
 
-def _badness(summary: Summary) -> tuple[float, float]:
-    frames = summary.frames  # rates, since a method may not have been able to use all frames
+def _error_rates(summary: Summary) -> tuple[float, float]:
+    frames = summary.frames  # rates, since a method may be unable to process some frames
     return (summary.n_fp + summary.n_fn) / frames, (summary.false_alarms + summary.omitted) / frames
 
 
 def ideal_threshold(intensity: NDArray[np.float64], points: NDArray[np.int64]) -> float | None:
-    """Return the threshold that best separates clutter from targets.
+    """Return the intensity threshold that best separates clutter from targets.
 
     Parameters
     ----------
     intensity : ndarray, shape (N,), float64
-        Intensities of one ring's points.
+        Intensities of the points of one range ring.
     points : ndarray, shape (N,), int64
-        What they are, as in `Truth.points`.
+        Labels of the points, as in `Truth.points`.
 
     Returns
     -------
     float or None
-        The lowest threshold T for which the share of clutter below T and the share of target points at or above T have
-        the greatest sum; None where the ring has no clutter or no target.
+        Lowest target intensity T that maximises the sum of the share of clutter below T and the share of target points
+        at or above T; None if there are no clutter points or no target points.
 
     Notes
     -----
-    S0 marks it by hand (Fig. 7). The sum of the two shares is Youden's index plus one; it does not depend on how many
-    points clutter and targets have.
+    [Li2023] marks it by hand (Fig. 7). The sum of the two shares is Youden's index plus one; it does not depend on the
+    numbers of clutter and target points.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def ideal_threshold(intensity: NDArray[np.float64], points: NDArray[np.int64]) -
     target = np.sort(intensity[(points != CLUTTER) & (points != IGNORED)])
     if not len(clutter) or not len(target):
         return None
-    # Only at a target's intensity can a higher threshold begin to lose.
+    # A higher threshold loses a target point only above its intensity, so target intensities are the candidates.
     thresholds = np.unique(target)
     below = np.searchsorted(clutter, thresholds, side="left") / len(clutter)
     kept = 1 - np.searchsorted(target, thresholds, side="left") / len(target)

@@ -1,4 +1,4 @@
-"""Filter methods: each gives every point of a frame a reason to go, or none."""
+"""Filter methods: each assigns a `Reason` to every point of a frame."""
 
 from collections.abc import Mapping
 
@@ -33,4 +33,4 @@ FILTERS: Mapping[str, type[Filter]] = {
     "sea_surface": SeaSurface,
     "none": Nothing,
 }
-"""Filter methods by the name they have in a config. A new method is one line here."""
+"""Filter methods by their name in a configuration. A new method takes one line here."""

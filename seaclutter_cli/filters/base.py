@@ -1,4 +1,4 @@
-"""What most filters have in common."""
+"""Base classes and helpers of the filters."""
 
 from abc import ABC, abstractmethod
 from typing import ClassVar
@@ -10,7 +10,7 @@ from seaclutter_cli.frame import FilterResult, Frame, Reason
 
 
 class BaseFilter:
-    """A filter without state that needs no first pass; subclasses add ``Params`` and ``step``."""
+    """Base of filters without state or first pass; subclasses add ``Params`` and ``step``."""
 
     needs_first_pass = False
 
@@ -18,27 +18,27 @@ class BaseFilter:
         """Ignore the frame."""
 
     def reset(self) -> None:
-        """Have nothing to forget."""
+        """Do nothing: there is no state."""
 
 
 class WholeFrameFilter(BaseFilter, ABC):
-    """A filter that removes points from among all valid ones of a frame, for one reason."""
+    """Base of filters that remove valid points of a frame for a single reason."""
 
     reason: ClassVar[Reason] = Reason.OUTLIER
 
     def step(self, frame: Frame) -> FilterResult:
-        """Return a reason for every point of a frame."""
+        """Return the reason of every point of a frame."""
         reason = np.where(frame.valid, Reason.KEPT, Reason.INVALID).astype(np.uint8)
         reason[self.removed(frame)] = self.reason
         return FilterResult(frame, reason)
 
     @abstractmethod
     def removed(self, frame: Frame) -> NDArray[np.intp]:
-        """Return the indices of the valid points that go."""
+        """Return the indices of the valid points to remove."""
 
 
 class SpatialFilter(WholeFrameFilter):
-    """A filter that looks at the places of all valid points of a frame; intensity plays no part."""
+    """Base of filters that use only the coordinates of the valid points of a frame, not their intensity."""
 
     def removed(self, frame: Frame) -> NDArray[np.intp]:
         """Return the indices of the outliers."""
@@ -47,10 +47,10 @@ class SpatialFilter(WholeFrameFilter):
 
     @abstractmethod
     def outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which of some points, shape (N, 3), are outliers."""
+        """Return a mask of the outliers among points of shape (N, 3)."""
 
 
 def valid_points(frame: Frame) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the indices of a frame's valid points, shape (N,), and their places, shape (N, 3)."""
+    """Return the indices of a frame's valid points, shape (N,), and their coordinates, shape (N, 3)."""
     valid = np.flatnonzero(frame.valid)
     return valid, np.ascontiguousarray(frame.coordinates[:, valid].T)

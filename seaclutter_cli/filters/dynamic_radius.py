@@ -9,24 +9,24 @@ from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.base import SpatialFilter
-from seaclutter_cli.filters.radius import lonely
+from seaclutter_cli.filters.radius import isolated
 from seaclutter_cli.filters.statistical import ROUNDING
 
 
 @dataclass(frozen=True, kw_only=True)
 class DrorParams:
-    """Dynamic radius outlier removal.
+    """Parameters of dynamic radius outlier removal.
 
     Parameters
     ----------
     radius_multiplier : float
-        Search radius in units of twice the distance between neighbouring beams, :math:`beta`.
+        Search radius divided by twice the spacing of neighbouring points at that range, :math:`beta`.
     angle_deg : float
-        Angle between neighbouring beams of a turn in degrees, :math:`alpha`.
+        Azimuth step between neighbouring points of a beam, :math:`alpha`, in degrees.
     min_radius_m : float
-        Smallest search radius.
+        Minimum search radius, :math:`r_min`, in metres.
     min_points : int
-        Points that are needed within the radius, the point itself included, n.
+        Minimum number of points within the search radius, n, including the point itself.
     """
 
     radius_multiplier: Annotated[float, Gt(0)] = 3.0
@@ -36,7 +36,7 @@ class DrorParams:
 
 
 class DynamicRadiusOutlierRemoval(SpatialFilter):
-    r"""Dynamic radius outlier removal (DROR): the radius grows with range.
+    r"""Radius outlier removal, radius grows with range (DROR).
 
     Parameters
     ----------
@@ -45,13 +45,13 @@ class DynamicRadiusOutlierRemoval(SpatialFilter):
 
     Notes
     -----
-    A point goes if fewer than n valid points, itself included, lie within its search radius [1]_
+    A point is removed if fewer than n valid points, including itself, lie within the search radius [1]_
 
     .. math:: r_i = \max(r_{\min},\; 2 \beta \sin(\alpha) \sqrt{x_i^2 + y_i^2})
 
-    of itself, bounds included. That is, if its (n - 1)-th nearest other point is farther than :math:`r_i`: one distance
-    a point tells as much as a count within a radius of its own. Of fewer than n valid points, none stays. Defaults are
-    those of the authors' launch files. A distance that differs from :math:`r_i` by rounding alone is not farther.
+    of it, bound included. Equivalently, its (n - 1)-th nearest other point is farther than :math:`r_i`, so one distance
+    per point is enough. If a frame has fewer than n valid points, all are removed. A distance that exceeds :math:`r_i`
+    only by rounding error counts as equal. The defaults are those of the authors' launch files.
 
     References
     ----------
@@ -65,8 +65,8 @@ class DynamicRadiusOutlierRemoval(SpatialFilter):
         self.params = params
 
     def outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which of some points, shape (N, 3), are outliers."""
-        return lonely(points, self.radius_m(points) * (1 + ROUNDING), self.params.min_points - 1)
+        """Return a mask of the outliers among points of shape (N, 3)."""
+        return isolated(points, self.radius_m(points) * (1 + ROUNDING), self.params.min_points - 1)
 
     def radius_m(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the search radius of each point, shape (N,), in metres.

@@ -1,4 +1,4 @@
-"""Statistical outlier removal whose limit grows with range: of all points (DSOR), and of weak ones only (LIDSOR)."""
+"""Statistical outlier removal with a limit that grows with range: for all points (DSOR), for weak points (LIDSOR)."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -14,16 +14,16 @@ from seaclutter_cli.frame import Frame
 
 @dataclass(frozen=True, kw_only=True)
 class DsorParams:
-    """Dynamic statistical outlier removal.
+    """Parameters of dynamic statistical outlier removal.
 
     Parameters
     ----------
     neighbors : int
-        Nearest other points, k.
+        Number of nearest other points in a point's mean distance, k.
     std_ratio : float
-        Standard deviations that are added to the mean distance, s.
+        Standard deviations added to the frame's mean distance for the limit, s.
     range_multiplier_per_m : float
-        Factor of the limit for each metre of range, :math:`rho`.
+        Factor of the distance limit per metre of range, :math:`rho`, in 1/m.
     """
 
     neighbors: Annotated[int, Ge(1)] = 4
@@ -33,14 +33,14 @@ class DsorParams:
 
 @dataclass(frozen=True, kw_only=True)
 class LidsorParams(DsorParams):
-    """Low-intensity dynamic statistical outlier removal.
+    """Parameters of low-intensity dynamic statistical outlier removal.
 
     Parameters
     ----------
     intensity_threshold : float
-        Intensity below which points may go, in the sensor's own unit.
+        Intensity below which points may be removed, in the sensor's unit.
     max_range_m : float
-        Range before which points may go.
+        Range below which points may be removed, in metres.
     """
 
     neighbors: Annotated[int, Ge(1)] = 50
@@ -50,7 +50,7 @@ class LidsorParams(DsorParams):
 
 
 class DynamicStatisticalOutlierRemoval(WholeFrameFilter):
-    r"""Dynamic statistical outlier removal (DSOR): the limit grows with range.
+    r"""Statistical outlier removal, limit grows with range (DSOR).
 
     Parameters
     ----------
@@ -59,14 +59,16 @@ class DynamicStatisticalOutlierRemoval(WholeFrameFilter):
 
     Notes
     -----
-    With the mean distance :math:`d_i` to the k nearest other valid points, its mean :math:`\mu` and sample standard
-    deviation :math:`\sigma` over the frame, a point at range :math:`r_i` goes if [1]_
+    Let :math:`d_i` be the mean distance of a point to its k nearest other valid points, and :math:`\mu` and
+    :math:`\sigma` the mean and sample standard deviation of :math:`d_i` over the frame. A point at range :math:`r_i` is
+    removed if [1]_
 
     .. math:: d_i \ge (\mu + s\,\sigma)\,\rho\,r_i
 
-    Equal to the limit is beyond it, as in the authors' program, so where all distances are 0, all points go. Distances
-    that differ by rounding alone are equal. Defaults are those of the authors' launch file, whose k of 5 counts the
-    point itself. Of k points or fewer, all others are neighbours; a single point stays.
+    As in the authors' program, a distance equal to the limit is an outlier; if all distances are 0, all points are
+    removed. Distances that differ only by rounding error are equal. If a frame has k valid points or fewer, all others
+    are neighbours; a single point is kept. The defaults are those of the authors' launch file, where k = 5 includes the
+    point itself.
 
     References
     ----------
@@ -96,7 +98,7 @@ class DynamicStatisticalOutlierRemoval(WholeFrameFilter):
 
 
 class LowIntensityDynamicStatisticalOutlierRemoval(DynamicStatisticalOutlierRemoval):
-    r"""DSOR of weak and near points only (LIDSOR).
+    r"""DSOR restricted to weak, near points (LIDSOR).
 
     Parameters
     ----------
@@ -105,14 +107,14 @@ class LowIntensityDynamicStatisticalOutlierRemoval(DynamicStatisticalOutlierRemo
 
     Notes
     -----
-    With :math:`d_i`, :math:`\mu` and :math:`\sigma` over all valid points as in DSOR, a point at range :math:`r_i` goes
-    if its intensity is below the threshold, its range below the largest, and [1]_
+    :math:`d_i`, :math:`\mu` and :math:`\sigma` are computed over all valid points, as in DSOR. A point at range
+    :math:`r_i` is removed if its intensity is below the threshold, its range below the maximum, and [1]_
 
-    .. math:: d_i > (\mu + m\,\sigma)\,\rho\,r_i
+    .. math:: d_i > (\mu + s\,\sigma)\,\rho\,r_i
 
-    Equal to a limit stays here; distances that differ by rounding alone are equal. Of k points or fewer, all others are
-    neighbours; a single point stays. Defaults are those of the authors' program, whose k of 50 counts the point itself,
-    while here it counts others.
+    Unlike in DSOR, a distance equal to the limit is not an outlier; distances that differ only by rounding error are
+    equal. If a frame has k valid points or fewer, all others are neighbours; a single point is kept. The defaults are
+    those of the authors' program, where k = 50 includes the point itself; here k counts other points only.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Whether a log's intensities can fit the thresholds: one of 30 says nothing about intensities up to 1."""
+"""Check of a log's intensities against the thresholds: a threshold of 30 is useless for intensities up to 1."""
 
 import numpy as np
 
@@ -9,20 +9,20 @@ _LEAST_POINTS = 200
 
 
 class IntensityFit:
-    """Looks at the first frames of a topic and tells once if thresholds and intensities cannot belong together."""
+    """Check of the first frames of a topic, with at most one warning about unsuitable thresholds."""
 
     def __init__(self) -> None:
         self._frames = self._points = self._low = 0
         self._least, self._most = np.inf, -np.inf
-        self._told = False
+        self._warned = False
 
     def add(self, result: FilterResult) -> str | None:
-        """Take a frame; return a warning when enough has been seen and it is wrong."""
-        if self._told or result.rings is None or not result.rings.points.any():
+        """Add a frame; return a warning once enough frames show that the thresholds do not fit."""
+        if self._warned or result.rings is None or not result.rings.points.any():
             return None
         intensity = result.frame.intensity[result.frame.valid]
         self._least, self._most = min(self._least, intensity.min()), max(self._most, intensity.max())
-        given = result.rings.corrections == 0  # a corrected threshold has been fitted to the log already
+        given = result.rings.corrections == 0  # corrected thresholds already fit the log
         self._points += int(result.rings.points[given].sum())
         self._low += int(result.rings.low_intensity[given].sum())
         if self._frames == 0:
@@ -31,14 +31,14 @@ class IntensityFit:
         return self.verdict() if self._frames >= _FRAMES else None
 
     def verdict(self) -> str | None:
-        """Return a warning if what was seen so far is wrong; only once."""
-        if self._told or not self._frames:
+        """Return a warning if the thresholds do not fit the frames so far; None once the check is complete."""
+        if self._warned or not self._frames:
             return None
-        self._told = self._frames >= _FRAMES
+        self._warned = self._frames >= _FRAMES
         least, most = float(self._thresholds.min()), float(self._thresholds.max())
-        said = f"intensities are {self._least:g} to {self._most:g}, thresholds {least:g} to {most:g}"
+        ranges = f"intensities are {self._least:g} to {self._most:g}, thresholds {least:g} to {most:g}"
         if self._most < least:
-            return f"no point can pass: {said}; find thresholds for this sensor with: seaclutter calibrate"
+            return f"no point can pass: {ranges}; find thresholds for this sensor with: seaclutter calibrate"
         if self._low == 0 and self._points >= _LEAST_POINTS:
-            return f"no point is weaker than its threshold: {said}; find fitting ones with: seaclutter calibrate"
+            return f"no point is below its threshold: {ranges}; find suitable thresholds with: seaclutter calibrate"
         return None

@@ -1,4 +1,4 @@
-"""One intensity threshold for all ranges: the method that S0 sets out to improve."""
+"""Filter with one intensity threshold for all ranges: the baseline of [Li2023]."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -14,14 +14,14 @@ from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
 
 @dataclass(frozen=True, kw_only=True)
 class GlobalIntensityParams(ZoneParams):
-    """One threshold.
+    """Parameters of the global intensity threshold.
 
     Parameters
     ----------
     threshold : float or None
-        Intensity below which points go, in the sensor's own unit. None: found from ``filter_rate``.
+        Intensity below which points are removed, in the sensor's unit; null: derived from ``filter_rate``.
     filter_rate : float
-        Share of a recording's valid points between ``start_m`` and ``end_m`` that are to go.
+        Share of a recording's valid points from ``start_m`` to ``end_m`` to remove, 0 to 1, if ``threshold`` is null.
     """
 
     threshold: float | None = None
@@ -29,9 +29,9 @@ class GlobalIntensityParams(ZoneParams):
 
 
 class GlobalIntensity(BaseFilter):
-    """Drop what is weaker than one threshold.
+    """One intensity threshold for all ranges.
 
-    **State**: where ``threshold`` is None, a histogram of the recording's intensities (at most 5 MB), filled by
+    **State**: if ``threshold`` is None, a histogram of the recording's intensities (at most 5 MB), filled by
     `observe` in a first pass.
 
     Parameters
@@ -49,19 +49,19 @@ class GlobalIntensity(BaseFilter):
         self.reset()
 
     def reset(self) -> None:
-        """Forget the intensities seen."""
+        """Discard the observed intensities."""
         self._histogram = IntensityHistogram()
         self._found: float | None = None
 
     def observe(self, frame: Frame) -> None:
-        """Count the intensities of a frame."""
+        """Add the intensities of a frame to the histogram."""
         zone, _ = self._zones.divide(frame)
         self._histogram.add(frame.intensity[zone == 1])
         self._found = None
 
     @property
     def threshold(self) -> float:
-        """The threshold in use."""
+        """Intensity threshold in use."""
         if self.params.threshold is not None:
             return self.params.threshold
         if self._found is None:
@@ -69,7 +69,7 @@ class GlobalIntensity(BaseFilter):
         return self._found
 
     def step(self, frame: Frame) -> FilterResult:
-        """Return a reason for every point of a frame; the one ring reaches from ``start_m`` to ``end_m``."""
+        """Return the reason of every point of a frame; its single range ring spans ``start_m`` to ``end_m``."""
         zone, reason = self._zones.divide(frame)
         threshold = np.array([self.threshold])
         low = frame.intensity < self._zones.per_point(threshold, zone)

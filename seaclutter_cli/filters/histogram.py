@@ -1,4 +1,4 @@
-"""Distribution of intensities in bounded memory and one pass: exact as far as possible, else within 0.1 % of rank."""
+"""Distribution of intensities in one pass and bounded memory: exact where possible, otherwise within 0.1 % of rank."""
 
 import math
 from fractions import Fraction
@@ -13,14 +13,14 @@ _BATCHES = 1 << 10
 _LEVEL = 1 << 14
 
 Distribution = tuple[NDArray[np.float64], NDArray[np.int64]]
-"""Values in ascending order, and how often each occurs."""
+"""Values in ascending order and the count of each."""
 
 
 class IntensityHistogram:
-    """Counts of intensities.
+    """Histogram of intensities with bounded memory.
 
-    Exact for whole numbers from 0 to 65535, and for all others up to 65536 distinct ones; beyond that `QuantileSketch`
-    keeps thresholds within 0.1 % of rank. Memory is 1 MB or less for whole numbers, 5 MB at most for others.
+    It is exact for whole numbers from 0 to 65535, and for up to 65536 distinct other values. Beyond that,
+    `QuantileSketch` keeps thresholds within 0.1 % of rank. Memory is at most 1 MB for whole numbers, 5 MB for others.
     """
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class IntensityHistogram:
 
     @property
     def rank_error(self) -> int:
-        """Most points by which a rank can be wrong; 0 as long as all is exact."""
+        """Maximum error of a rank in points; 0 while the histogram is exact."""
         return self._others.rank_error
 
     def distribution(self) -> Distribution:
@@ -56,15 +56,15 @@ class IntensityHistogram:
         Parameters
         ----------
         filter_rate : float
-            Share to be below the threshold, from 0 to 1.
+            Share of the intensities below the threshold, from 0 to 1.
         whole : bool, optional
-            Whether T is to be a whole number; by default it is if all intensities are.
+            Whether T must be a whole number; by default, if all intensities are whole numbers.
 
         Returns
         -------
         float
-            The next whole number, or the next floating-point number, above the last intensity that is to go. 0 if
-            nothing was counted.
+            The next whole number, or the next floating-point number, above the greatest intensity to remove; 0 for an
+            empty histogram.
 
         Examples
         --------
@@ -77,7 +77,7 @@ class IntensityHistogram:
         if not len(values):
             return 0.0
         below = np.cumsum(counts)
-        # As written, 0.8 is 4/5; the nearest floating-point number is a bit more, which counts among many points.
+        # 0.8 means exactly 4/5; the float is slightly greater, which would shift the rank among many points.
         needed = math.ceil(Fraction(repr(float(filter_rate))) * int(below[-1]))
         if needed <= 0:
             return float(values[0])
@@ -87,14 +87,14 @@ class IntensityHistogram:
 
 
 class QuantileSketch:
-    r"""Distribution of any values: exact up to 65536 distinct ones, then a summary of guaranteed rank error.
+    r"""Distribution of arbitrary values: exact up to 65536 distinct values, then a summary with bounded rank error.
 
-    Values that are too many are handed to a ladder of levels, on which a value of level h stands for :math:`2^h`
-    values. When a level has 16384 values or more, they are sorted and every other one moves up a level [1]_. That
-    changes a rank by :math:`2^h` at most, up or down as the first or the second of each pair moves, and the two take
-    turns: for n values the error is at most :math:`n \log_2(n / 2^{14}) / 2^{15}`, below 0.1 % for less than 10^13.
+    Excess values move to a hierarchy of levels, where a value of level h represents :math:`2^h` values. When a level
+    has 16384 values or more, they are sorted and every second one moves up a level [1]_. This changes a rank by at most
+    :math:`2^h`, up or down depending on whether the first or the second of each pair moves; the two alternate. For n
+    values the error is at most :math:`n \log_2(n / 2^{14}) / 2^{15}`, below 0.1 % for fewer than 10^13.
 
-    No randomness: the same values in the same order give the same summary.
+    The summary is deterministic: the same values in the same order give the same summary.
 
     References
     ----------
@@ -120,37 +120,37 @@ class QuantileSketch:
 
     @property
     def rank_error(self) -> int:
-        """Most values by which a rank can be wrong."""
+        """Maximum error of a rank in values."""
         return sum((times + 1) // 2 << level for level, times in enumerate(self._thinned))
 
     @property
     def nbytes(self) -> int:
-        """Bytes held."""
-        held = (self._values, self._counts, *self._pending, *self._levels)
-        return sum(array.nbytes for array in held)
+        """Memory of the arrays in bytes."""
+        arrays = (self._values, self._counts, *self._pending, *self._levels)
+        return sum(array.nbytes for array in arrays)
 
     def distribution(self) -> Distribution:
-        """Return the values and how many each stands for; the sum is exact."""
+        """Return the values and how many values each represents; the sum is exact."""
         self._count()
         weights = [np.full(len(values), 1 << level, np.int64) for level, values in enumerate(self._levels)]
         return _ascending(np.concatenate([self._values, *self._levels]), np.concatenate([self._counts, *weights]))
 
     def _count(self) -> None:
-        """Count what is pending; if the distinct values are too many, hand them to the levels."""
+        """Count the pending values; if there are too many distinct values, move them to the levels."""
         if not self._pending:
             return
         values, counts = np.unique(np.concatenate(self._pending), return_counts=True)
         self._pending, self._waiting = [], 0
-        place = np.searchsorted(self._values, values)
-        known = np.append(self._values, np.nan)[place] == values
-        self._counts[place[known]] += counts[known]
-        self._values = np.insert(self._values, place[~known], values[~known])
-        self._counts = np.insert(self._counts, place[~known], counts[~known])
+        index = np.searchsorted(self._values, values)
+        known = np.append(self._values, np.nan)[index] == values
+        self._counts[index[known]] += counts[known]
+        self._values = np.insert(self._values, index[~known], values[~known])
+        self._counts = np.insert(self._counts, index[~known], counts[~known])
         if len(self._values) > _DISTINCT:
-            self._hand_over()
+            self._move_to_levels()
 
-    def _hand_over(self) -> None:
-        # A count of 5 is one value on the level of 4 and one on that of 1.
+    def _move_to_levels(self) -> None:
+        # The binary digits of a count select the levels: a count of 5 is one value each on levels 2 and 0.
         for level in range(int(self._counts.max()).bit_length()):
             self._put(level, self._values[(self._counts >> level) & 1 == 1])
         self._values, self._counts = np.zeros(0), np.zeros(0, np.int64)

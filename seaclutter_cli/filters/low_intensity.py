@@ -1,4 +1,4 @@
-"""Removal of weak, near points: of those that are lonely (LIOR), and of all (naive)."""
+"""Removal of weak, near points: of the isolated ones (LIOR), or of all of them (naive)."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -8,20 +8,20 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.base import WholeFrameFilter, valid_points
-from seaclutter_cli.filters.radius import lonely
+from seaclutter_cli.filters.radius import isolated
 from seaclutter_cli.frame import Frame, Reason
 
 
 @dataclass(frozen=True, kw_only=True)
 class NaiveParams:
-    """One intensity threshold up to one range.
+    """Parameters of the naive filter.
 
     Parameters
     ----------
     intensity_threshold : float
-        Intensity below which points go, in the sensor's own unit.
+        Intensity below which near points are removed, in the sensor's unit.
     max_range_m : float
-        Range before which points go.
+        Range below which weak points are removed, in metres.
     """
 
     intensity_threshold: float = 1.0
@@ -29,10 +29,10 @@ class NaiveParams:
 
 
 class Naive(WholeFrameFilter):
-    """Drop what is weak and near: the one-line rule that a filter must beat.
+    """One intensity threshold up to a maximum range.
 
-    A point goes if its intensity is below the threshold and its range below the largest; equal to either stays. Other
-    points play no part.
+    This is a baseline for other filters. A point is removed if its intensity is below the threshold and its range below
+    the maximum; a point at either limit is kept. Other points have no influence.
 
     Parameters
     ----------
@@ -54,18 +54,18 @@ class Naive(WholeFrameFilter):
 
 @dataclass(frozen=True, kw_only=True)
 class LiorParams:
-    """Low-intensity outlier removal.
+    """Parameters of low-intensity outlier removal.
 
     Parameters
     ----------
     intensity_threshold : float
-        Intensity up to which, included, points may go, in the sensor's own unit.
+        Intensity up to which points may be removed, in the sensor's unit; bound included.
     max_range_m : float
-        Range up to which, included, points may go, :math:`R_snow`.
+        Range up to which points may be removed, :math:`R_snow`, in metres; bound included.
     radius_m : float
-        Distance within which others count, R.
+        Search radius, R, in metres.
     min_neighbors : int
-        Others that are needed to stay, n.
+        Minimum number of other points within the search radius for a point to be kept, n.
     """
 
     intensity_threshold: float = 5.0
@@ -75,7 +75,7 @@ class LiorParams:
 
 
 class LowIntensityOutlierRemoval(WholeFrameFilter):
-    r"""Low-intensity outlier removal (LIOR): radius outliers among weak points.
+    r"""Radius outlier removal of weak, near points (LIOR).
 
     Parameters
     ----------
@@ -84,9 +84,9 @@ class LowIntensityOutlierRemoval(WholeFrameFilter):
 
     Notes
     -----
-    A point goes if its intensity is at most the threshold, its range at most :math:`R_{\mathrm{snow}}`, and fewer than
-    n other valid points, of whatever intensity and range, lie within R of it, bounds included [1]_. As in radius
-    outlier removal, the point itself does not count, and of n points or fewer none has enough others.
+    A point is removed if its intensity is at most the threshold, its range at most :math:`R_{\mathrm{snow}}`, and fewer
+    than n other valid points, of any intensity and range, lie within R of it, bound included [1]_. As in radius outlier
+    removal, the point itself does not count; in a frame of n valid points or fewer, every point is isolated.
 
     References
     ----------
@@ -100,10 +100,10 @@ class LowIntensityOutlierRemoval(WholeFrameFilter):
         self.params = params
 
     def removed(self, frame: Frame) -> NDArray[np.intp]:
-        """Return the indices of the weak points that are lonely."""
+        """Return the indices of the isolated points among the weak, near ones."""
         valid, points = valid_points(frame)
         weak = frame.intensity[valid] <= self.params.intensity_threshold
         candidates = np.flatnonzero(weak & (frame.range_m[valid] <= self.params.max_range_m))
         if not len(candidates):
             return candidates
-        return valid[candidates[lonely(points, self.params.radius_m, self.params.min_neighbors, candidates)]]
+        return valid[candidates[isolated(points, self.params.radius_m, self.params.min_neighbors, candidates)]]

@@ -1,4 +1,4 @@
-"""Distances to nearest neighbours: exact, with duplicates, on all cores, the same for any number of them."""
+"""Exact distances to nearest neighbours, with duplicates, on all cores; the number of cores does not affect results."""
 
 import os
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-# OpenMP's idle threads spin otherwise, and take the cores from those that read and compress.
+# Otherwise idle OpenMP threads spin and take cores from the threads that read and compress.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 try:
     from small_gicp import KdTree as _FastTree
@@ -30,7 +30,7 @@ def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
     points : ndarray, shape (N, 3), float64
         Finite coordinates in metres. Equal points are neighbours of each other at distance 0.
     neighbors : int
-        How many of the nearest other points count; at least 1, at most N - 1.
+        Number of nearest other points; at least 1, at most N - 1.
 
     Returns
     -------
@@ -45,8 +45,8 @@ def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
 
     def reduce(distance: Distances, others: NDArray[np.int64]) -> Distances:
         before = np.cumsum(others, axis=1) - others
-        taken = np.clip(neighbors - before, 0, others)
-        return np.asarray(np.einsum("ij,ij->i", distance, taken) / neighbors)
+        used = np.clip(neighbors - before, 0, others)
+        return np.asarray(np.einsum("ij,ij->i", distance, used) / neighbors)
 
     def reduce_distinct(distance: Distances) -> Distances:
         return np.asarray(distance[:, 1:].sum(axis=1) / neighbors)
@@ -54,7 +54,7 @@ def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
     return _over_neighbors(points, neighbors, reduce, reduce_distinct)
 
 
-def nth_neighbor_distance(points: Points, n: int, of: NDArray[np.intp] | None = None) -> Distances:
+def nth_neighbor_distance(points: Points, n: int, query: NDArray[np.intp] | None = None) -> Distances:
     """Return each point's distance to its n-th nearest other point.
 
     Parameters
@@ -63,13 +63,13 @@ def nth_neighbor_distance(points: Points, n: int, of: NDArray[np.intp] | None = 
         Finite coordinates in metres. Equal points are neighbours of each other at distance 0.
     n : int
         Rank of the neighbour; at least 1, at most N - 1.
-    of : ndarray, shape (M,), optional
-        Indices of the points asked for; all N by default. Neighbours come from all N in any case.
+    query : ndarray, shape (M,), optional
+        Indices of the queried points; all N by default. Neighbours are always searched among all N points.
 
     Returns
     -------
     ndarray, shape (M,), float64
-        Distance in metres. At least n others lie within R of a point exactly where it is at most R.
+        Distance in metres. It is at most R if and only if at least n other points lie within R, bound included.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def nth_neighbor_distance(points: Points, n: int, of: NDArray[np.intp] | None = 
     def reduce_distinct(distance: Distances) -> Distances:
         return np.asarray(distance[:, n])
 
-    return _over_neighbors(points, n, reduce, reduce_distinct, of)
+    return _over_neighbors(points, n, reduce, reduce_distinct, query)
 
 
 def _over_neighbors(
@@ -92,18 +92,18 @@ def _over_neighbors(
     count: int,
     reduce: Callable[[Distances, NDArray[np.int64]], Distances],
     reduce_distinct: Callable[[Distances], Distances],
-    of: NDArray[np.intp] | None = None,
+    query: NDArray[np.intp] | None = None,
 ) -> Distances:
-    """Search the neighbours of distinct points only, since trees stall on equal ones, block by block."""
+    """Return the reduced neighbour distances; searches distinct points only, because equal ones stall the trees."""
     first, inverse, multiplicity = _distinct(points)
-    distinct, place = (points, np.arange(len(points))) if len(first) == len(points) else (points[first], inverse)
-    place = place if of is None else place[of]
-    asked = np.flatnonzero(np.bincount(place, minlength=len(distinct)))
+    distinct, index_of = (points, np.arange(len(points))) if len(first) == len(points) else (points[first], inverse)
+    index_of = index_of if query is None else index_of[query]
+    queried = np.flatnonzero(np.bincount(index_of, minlength=len(distinct)))
     search, k = _searcher(distinct), min(count + 1, len(distinct))
     out = np.empty(len(distinct))
     size = max(1, _BLOCK_DISTANCES // k)
-    for start in range(0, len(asked), size):
-        block = slice(start, start + size) if len(asked) == len(distinct) else asked[start : start + size]
+    for start in range(0, len(queried), size):
+        block = slice(start, start + size) if len(queried) == len(distinct) else queried[start : start + size]
         index, distance = search(distinct[block], k)
         if distinct is points:
             out[block] = reduce_distinct(distance)
@@ -111,11 +111,11 @@ def _over_neighbors(
             others = multiplicity[index]
             others[:, 0] -= 1  # the nearest of distinct points is the point itself
             out[block] = reduce(distance, others)
-    return out[place]
+    return out[index_of]
 
 
 def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the index of each distinct point, which of them every point is, and how often each occurs."""
+    """Return the indices of the distinct points, the distinct point of every point, and the count of each."""
     bits = (points + 0.0).view(np.uint64)  # -0.0 equals 0.0
     mixed = (bits ^ (bits >> np.uint64(32))) * _MIX
     key = mixed[:, 0] ^ (mixed[:, 1] >> np.uint64(1)) ^ (mixed[:, 2] >> np.uint64(2))
@@ -132,7 +132,7 @@ def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDA
 
 
 def _searcher(points: Points) -> Search:
-    """Return a function that finds the k nearest of ``points``, the nearest first."""
+    """Return a function that finds the k nearest of ``points``, nearest first."""
     if _FastTree is not None:
         threads = _threads() if len(points) > _FEW_POINTS else 1
         fast = _FastTree(points, num_threads=threads)
@@ -146,7 +146,7 @@ def _searcher(points: Points) -> Search:
 
 
 def scipy_searcher(points: Points) -> Search:
-    """Return the search by scipy's tree, for platforms without the faster one."""
+    """Return a search function based on the tree of scipy, for platforms without the faster one."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
@@ -159,7 +159,7 @@ def scipy_searcher(points: Points) -> Search:
 
 
 def _threads() -> int:
-    """Count the cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""The filter that removes nothing: the log as it is, beside which others are judged."""
+"""Filter that removes nothing: the unfiltered log as a baseline."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -11,11 +11,11 @@ from seaclutter_cli.frame import FilterResult, Frame
 
 @dataclass(frozen=True, kw_only=True)
 class NothingParams:
-    """No config keys."""
+    """Empty parameters: the method has no config keys."""
 
 
 class Nothing(BaseFilter):
-    """Keep every point, invalid ones too.
+    """No filtering: every point is kept, invalid ones too.
 
     Parameters
     ----------

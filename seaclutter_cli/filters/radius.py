@@ -11,51 +11,51 @@ from seaclutter_cli.filters.base import SpatialFilter
 from seaclutter_cli.filters.neighbors import nth_neighbor_distance
 
 
-def lonely(
+def isolated(
     points: NDArray[np.float64],
     radius_m: float | NDArray[np.float64],
     min_neighbors: int,
-    of: NDArray[np.intp] | None = None,
+    query: NDArray[np.intp] | None = None,
 ) -> NDArray[np.bool_]:
-    """Tell which points have too few others near them.
+    """Return a mask of the isolated points: those with too few others within a radius.
 
     Parameters
     ----------
     points : ndarray, shape (N, 3), float64
         Finite coordinates in metres.
     radius_m : float or ndarray, shape (M,), float64
-        Distance up to which, included, another point counts; one for all or one for each point asked for.
+        Search radius in metres, bound included; one for all points or one per queried point.
     min_neighbors : int
-        Other points that are needed; at least 1.
-    of : ndarray, shape (M,), optional
-        Indices of the points asked for; all N by default. The others are neighbours all the same.
+        Minimum number of other points within the radius; at least 1.
+    query : ndarray, shape (M,), optional
+        Indices of the points to test; all N by default. Neighbours are always searched among all N points.
 
     Returns
     -------
     ndarray, shape (M,), bool
-        True where there are fewer; everywhere if there are not so many others at all.
+        True where there are fewer; True everywhere if N is ``min_neighbors`` or less.
 
     Examples
     --------
-    >>> lonely(np.array([[0.0, 0, 0], [0, 0.5, 0], [0, 0, 2]]), 0.5, 1)
+    >>> isolated(np.array([[0.0, 0, 0], [0, 0.5, 0], [0, 0, 2]]), 0.5, 1)
     array([False, False,  True])
     """
     if len(points) <= min_neighbors:
-        return np.ones(len(points) if of is None else len(of), np.bool_)
-    # The n-th nearest lies within the radius exactly where at least n do, and costs much less to find.
-    return np.asarray(nth_neighbor_distance(np.ascontiguousarray(points), min_neighbors, of) > radius_m)
+        return np.ones(len(points) if query is None else len(query), np.bool_)
+    # At least n points are within the radius if and only if the n-th nearest is; it is much faster to find.
+    return np.asarray(nth_neighbor_distance(np.ascontiguousarray(points), min_neighbors, query) > radius_m)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RorParams:
-    """Radius outlier removal.
+    """Parameters of radius outlier removal.
 
     Parameters
     ----------
     radius_m : float
-        Distance within which others count, R.
+        Search radius, R, in metres.
     min_neighbors : int
-        Others that are needed, n.
+        Minimum number of other points within the search radius, n.
     """
 
     radius_m: Annotated[float, Gt(0)] = 0.5
@@ -63,7 +63,7 @@ class RorParams:
 
 
 class RadiusOutlierRemoval(SpatialFilter):
-    """Radius outlier removal (ROR) over all valid points of a frame.
+    """Radius outlier removal (ROR) over all valid points.
 
     Parameters
     ----------
@@ -77,5 +77,5 @@ class RadiusOutlierRemoval(SpatialFilter):
         self.params = params
 
     def outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which of some points, shape (N, 3), are outliers."""
-        return lonely(points, self.params.radius_m, self.params.min_neighbors)
+        """Return a mask of the outliers among points of shape (N, 3)."""
+        return isolated(points, self.params.radius_m, self.params.min_neighbors)

@@ -1,4 +1,4 @@
-"""Parameters of the joint method and of the two stages of it that are methods of their own."""
+"""Parameters of the joint filter, and of the two of its stages that are also separate methods."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -13,14 +13,15 @@ from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 
 @dataclass(frozen=True, kw_only=True)
 class RingIntensityParams(ZoneParams):
-    """Ring thresholds.
+    """Parameters of the thresholds of the range rings.
 
     Parameters
     ----------
     ring_width_m : float
-        Width of a ring, :math:`d`.
+        Width of a range ring, :math:`d`, in metres.
     initial_thresholds : tuple of float
-        :math:`I_0`, one per ring, in the sensor's own intensity unit. The default is Table 2, for RS-LiDAR-32.
+        Initial intensity threshold of each range ring, :math:`I_0`, in the sensor's unit; the default is for the
+        RS-LiDAR-32 (Table 2 of [Li2023]).
     """
 
     ring_width_m: Annotated[float, Gt(0)] = 15.0
@@ -28,36 +29,36 @@ class RingIntensityParams(ZoneParams):
 
     @property
     def edges(self) -> NDArray[np.float64]:
-        """Edges of the rings in metres, shape (K + 1,)."""
+        """Edges of the range rings in metres, shape (K + 1,)."""
         return ring_edges(self.start_m, self.end_m, self.ring_width_m)
 
     def __post_init__(self) -> None:
-        """Check that there is a threshold for each ring."""
+        """Check that there is one threshold for each range ring."""
         super().__post_init__()
         rings = len(self.edges) - 1
         if len(self.initial_thresholds) != rings:
-            span = f"{self.start_m:g} to {self.end_m:g} m in rings of {self.ring_width_m:g} m"
-            raise ValueError(f"initial_thresholds has {len(self.initial_thresholds)} values, {span} need {rings}")
+            span = f"{self.start_m:g} to {self.end_m:g} m in range rings of {self.ring_width_m:g} m"
+            raise ValueError(f"initial_thresholds: {span} need {rings} values, got {len(self.initial_thresholds)}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class RingIntensityOutlierParams(RingIntensityParams):
-    """Ring thresholds and the search for outliers.
+    """Parameters of the thresholds of the range rings and of the outlier stage.
 
     Parameters
     ----------
     max_neighbors : int
-        Upper bound of n, the neighbours that count.
+        Maximum number of neighbours in a point's mean distance, n; for outlier_stage sor.
     neighbor_fraction : float
-        Share of a ring's points that count as neighbours below that bound.
+        Share of a range ring's remaining points that count as neighbours, up to max_neighbors; for outlier_stage sor.
     std_ratio : float
-        Standard deviations above the mean at which a point is an outlier.
+        Standard deviations above the mean distance beyond which a point is an outlier; for outlier_stage sor.
     outlier_stage : {"sor", "adaptive_radius"}
-        Rule for outliers: the three keys above, or a radius that grows with range: the two keys below.
+        Outlier rule: sor (mean distance to neighbours) or adaptive_radius (neighbours within a share of the range).
     outlier_radius_ratio : float or None
-        Search radius by range, K; 0.025 if nothing is said.
+        Search radius divided by range, K; 0.025 if null; for outlier_stage adaptive_radius.
     outlier_min_neighbors : int or None
-        Other points that are needed within it, N; 7 if nothing is said.
+        Minimum number of other points within the search radius, N; 7 if null; for outlier_stage adaptive_radius.
     """
 
     max_neighbors: Annotated[int, Ge(1)] = 30
@@ -68,7 +69,7 @@ class RingIntensityOutlierParams(RingIntensityParams):
     outlier_min_neighbors: Annotated[int, Ge(1)] | None = None
 
     def __post_init__(self) -> None:
-        """Check that what goes with one rule is not given for the other, and fill in what is not given."""
+        """Reject keys that belong to the other outlier rule, and set the defaults of this one."""
         super().__post_init__()
         if self.outlier_preset is not None:
             for name, value in vars(self.outlier_preset).items():
@@ -76,26 +77,26 @@ class RingIntensityOutlierParams(RingIntensityParams):
             return
         for name in ("outlier_radius_ratio", "outlier_min_neighbors"):
             if getattr(self, name) is not None:
-                raise ValueError(f"{name}: belongs to outlier_stage adaptive_radius, not to sor")
+                raise ValueError(f"{name}: valid only with outlier_stage adaptive_radius")
 
     @property
     def outlier_preset(self) -> Preset | None:
-        """K and N of the stage ``adaptive_radius``; None for the other one."""
+        """K and N for outlier_stage ``adaptive_radius``; None for ``sor``."""
         if self.outlier_stage == "sor":
             return None
-        # A wider net than the adaptive radius filter has: thresholds have thinned the points out.
+        # More permissive than the adaptive radius filter, because the thresholds have already thinned out the points.
         ratio, needed = self.outlier_radius_ratio, self.outlier_min_neighbors
         return Preset(radius_ratio=0.025 if ratio is None else ratio, min_neighbors=7 if needed is None else needed)
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointParams(RingIntensityOutlierParams):
-    """All of the joint method.
+    """Parameters of the joint filter.
 
     Parameters
     ----------
     update_weight : float
-        Weight u of the initial threshold against the correction; 1 means no correction.
+        Weight of the initial threshold against the correction, u, from 0 to 1; 1 disables the correction.
     """
 
     update_weight: Annotated[float, Interval(ge=0, le=1)] = 0.6

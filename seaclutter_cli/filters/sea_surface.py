@@ -1,4 +1,4 @@
-"""The sea surface by morphological opening, frame by frame, for a lidar that looks down."""
+"""Removal of the sea surface by morphological opening, frame by frame, for downward-looking lidars."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -16,19 +16,21 @@ _AXES = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 
 @dataclass(frozen=True, kw_only=True)
 class SeaSurfaceParams(SurfaceParams):
-    """Removal of the sea surface.
+    """Parameters of the sea surface filter.
 
     Parameters
     ----------
     up : str
-        Axis of the cloud that points upwards: x, y, z, or one of them reversed, as -x.
+        Axis of the cloud that points up: x, y, z, -x, -y or -z.
     """
 
     up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
 
 
 class SeaSurface(WholeFrameFilter):
-    """Sea surface by morphological opening, for a lidar that looks down (S1).
+    """Sea surface removal by morphological opening [Shi2022].
+
+    This filter is for downward-looking lidars.
 
     Parameters
     ----------
@@ -37,8 +39,14 @@ class SeaSurface(WholeFrameFilter):
 
     Notes
     -----
-    What is not more than ``height_m`` above the opened surface goes, as an outlier. See `Surface` for how waves, edges
-    and empty cells are treated. Islands wider than the window go with the sea: one frame seldom tells its level.
+    Points that are at most ``height_m`` above the opened surface are removed as outliers. `SeaSurfaceModel` describes
+    the treatment of waves, edges and empty cells. Islands wider than the window are removed with the sea, because the
+    sea level can rarely be estimated from a single frame.
+
+    References
+    ----------
+    .. [1] Shi Liang, Xing Junxin, Cai Yanjing (2022). "Classification of ship LIDAR point cloud data based on machine
+       learning algorithm". Ship Science and Technology 44(17), 140-143. doi:10.3404/j.issn.1672-7649.2022.17.028
     """
 
     Params: ClassVar[type[SeaSurfaceParams]] = SeaSurfaceParams
@@ -47,7 +55,7 @@ class SeaSurface(WholeFrameFilter):
         self.params = params
 
     def removed(self, frame: Frame) -> NDArray[np.intp]:
-        """Return the indices of the points of the sea."""
+        """Return the indices of the sea surface points."""
         valid, points = valid_points(frame)
         if not len(valid):
             return valid

@@ -1,4 +1,4 @@
-"""Statistical outlier removal (SOR), alone and as the spatial stage of other methods."""
+"""Statistical outlier removal (SOR), as a method and as the spatial stage of other methods."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -11,7 +11,7 @@ from seaclutter_cli.filters.base import SpatialFilter
 from seaclutter_cli.filters.neighbors import mean_neighbor_distance
 
 ROUNDING = 1e-9
-"""Relative difference below which two distances are the same: equal spacings must not become outliers by rounding."""
+"""Relative difference below which distances are equal; prevents outliers by rounding error in even spacing."""
 
 
 def distances_and_limit(
@@ -24,7 +24,7 @@ def distances_and_limit(
     points : ndarray, shape (N, 3), float64
         Finite coordinates in metres; at least two.
     neighbors : int
-        Nearest other points over which :math:`d_i` is the mean distance; N - 1 if there are fewer.
+        Number of nearest other points in the mean distance :math:`d_i`; N - 1 if there are fewer.
     std_ratio : float
         Number m of sample standard deviations.
 
@@ -45,7 +45,7 @@ def distances_and_limit(
 
 
 def outliers(points: NDArray[np.float64], neighbors: int, std_ratio: float) -> NDArray[np.bool_]:
-    r"""Tell which points are far from their neighbours (S0, Eq. 6 and 7).
+    r"""Return a mask of the statistical outliers: points far from their neighbours ([Li2023], Eq. 6 and 7).
 
     .. math:: d_i > \lambda = \mathrm{mean}(d) + m\,\sigma(d)
 
@@ -54,14 +54,14 @@ def outliers(points: NDArray[np.float64], neighbors: int, std_ratio: float) -> N
     points : ndarray, shape (N, 3), float64
         Finite coordinates in metres.
     neighbors : int
-        Nearest other points over which :math:`d_i` is the mean distance; N - 1 if there are fewer.
+        Number of nearest other points in the mean distance :math:`d_i`; N - 1 if there are fewer.
     std_ratio : float
         Number m of sample standard deviations.
 
     Returns
     -------
     ndarray, shape (N,), bool
-        True for outliers. A single point is none.
+        True for outliers; a single point is not an outlier.
 
     Examples
     --------
@@ -76,14 +76,14 @@ def outliers(points: NDArray[np.float64], neighbors: int, std_ratio: float) -> N
 
 @dataclass(frozen=True, kw_only=True)
 class SorParams:
-    """Statistical outlier removal.
+    """Parameters of statistical outlier removal.
 
     Parameters
     ----------
     neighbors : int
-        Nearest other points, k.
+        Number of nearest other points in a point's mean distance, k.
     std_ratio : float
-        Standard deviations above the mean at which a point is an outlier, m.
+        Standard deviations above the frame's mean distance beyond which a point is an outlier, m.
     """
 
     neighbors: Annotated[int, Ge(1)] = 30
@@ -91,7 +91,7 @@ class SorParams:
 
 
 class StatisticalOutlierRemoval(SpatialFilter):
-    """Statistical outlier removal (SOR) over all valid points of a frame.
+    """Statistical outlier removal (SOR) over all valid points.
 
     Parameters
     ----------
@@ -105,5 +105,5 @@ class StatisticalOutlierRemoval(SpatialFilter):
         self.params = params
 
     def outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which of some points, shape (N, 3), are outliers."""
+        """Return a mask of the outliers among points of shape (N, 3)."""
         return outliers(points, self.params.neighbors, self.params.std_ratio)

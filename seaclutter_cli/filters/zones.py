@@ -1,4 +1,4 @@
-"""Division of a frame by range: near, rings, far; and what is excluded or invalid. Shared by all intensity methods."""
+"""Division of a frame into zones: near, range rings, far, excluded, invalid. Shared by all intensity methods."""
 
 import math
 from dataclasses import dataclass
@@ -18,18 +18,21 @@ MAX_RINGS = 250
 
 @dataclass(frozen=True, kw_only=True)
 class ZoneParams:
-    """Where the method works, and what happens outside.
+    """Range limits, and the treatment of points outside them.
 
     Parameters
     ----------
     start_m : float
-        Range at which it begins, :math:`d_s`; nearer is the own vessel.
+        Range at which clutter removal begins, :math:`d_s`, in metres; nearer points are own ship.
     end_m : float
-        Range at which it ends, :math:`d_e`; clutter is rare beyond.
-    near, far : {"drop", "keep"}
-        What happens to points before and beyond.
+        Range at which clutter removal ends, :math:`d_e`, in metres; clutter is rare beyond it.
+    near : {"drop", "keep"}
+        Drop or keep points nearer than ``start_m``.
+    far : {"drop", "keep"}
+        Drop or keep points at ``end_m`` and beyond.
     exclude_boxes : tuple of (x_min, x_max, y_min, y_max, z_min, z_max)
-        Own structure beyond ``start_m``, in metres in the cloud's frame, bounds included; removed first.
+        Boxes of own structure to remove, each [x_min, x_max, y_min, y_max, z_min, z_max] in metres in the cloud's
+        frame, bounds included; they take precedence over ``near`` and ``far``.
     """
 
     start_m: Annotated[float, Ge(0)] = 10.0
@@ -40,20 +43,20 @@ class ZoneParams:
 
     @property
     def edges(self) -> NDArray[np.float64]:
-        """Edges of the rings in metres, shape (K + 1,); here of one from ``start_m`` to ``end_m``."""
+        """Edges of the range rings in metres, shape (K + 1,); here a single one from ``start_m`` to ``end_m``."""
         return np.array([self.start_m, self.end_m], np.float64)
 
     def __post_init__(self) -> None:
-        """Check that the limits and boxes are in order."""
+        """Check the range limits and boxes."""
         if not self.start_m < self.end_m:
             raise ValueError(f"end_m ({self.end_m:g}) must be greater than start_m ({self.start_m:g})")
         for number, box in enumerate(self.exclude_boxes, 1):
             if any(low > high for low, high in zip(box[::2], box[1::2], strict=True)):
-                raise ValueError(f"exclude_boxes: in box {number} a minimum is greater than its maximum")
+                raise ValueError(f"exclude_boxes: box {number} has a minimum greater than its maximum")
 
 
 def ring_edges(start_m: float, end_m: float, width_m: float) -> NDArray[np.float64]:
-    """Return the edges of the rings, shape (K + 1,), in metres (S0, Eq. 3); the last ring is cut at ``end_m``.
+    """Return the edges of the range rings in metres, shape (K + 1,); the last ring ends at ``end_m`` ([Li2023], Eq. 3).
 
     Examples
     --------
@@ -62,20 +65,20 @@ def ring_edges(start_m: float, end_m: float, width_m: float) -> NDArray[np.float
     >>> ring_edges(10.0, 50.0, 15.0)
     array([10., 25., 40., 50.])
     """
-    # A quotient such as 3.0000000000000004 is three rings and a rounding error.
+    # A quotient such as 3.0000000000000004 means three range rings plus a rounding error.
     count = max(1, math.ceil((end_m - start_m) / width_m - 1e-9))
     if count > MAX_RINGS:
-        raise ValueError(f"ring_width_m ({width_m:g}) makes {count} rings, at most {MAX_RINGS} are possible")
+        raise ValueError(f"ring_width_m ({width_m:g}) gives {count} range rings; the maximum is {MAX_RINGS}")
     return np.append(start_m + np.arange(count) * width_m, end_m)
 
 
 class Zones:
-    """Zone numbers of points: 0 near, 1 to K the rings, then far, excluded, invalid.
+    """Zone numbers of points: 0 near, 1 to K the range rings, then far, excluded, invalid.
 
     Parameters
     ----------
     params : ZoneParams
-        Limits, rings and rules.
+        Range limits, range rings and rules for near and far points.
     """
 
     def __init__(self, params: ZoneParams) -> None:
@@ -88,8 +91,8 @@ class Zones:
         self._reason = np.array(reasons, np.uint8)
 
     def divide(self, frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-        """Return each point's zone and the reason that follows from it, both of shape (N,)."""
-        # Ring k holds r in [d_s + (k - 1) d, d_s + k d): the number of edges that r has reached.
+        """Return the zone of each point and the reason that follows from it, both of shape (N,)."""
+        # Range ring k spans [d_s + (k - 1) d, d_s + k d), so a zone is the number of edges at or below the range.
         zone = np.zeros(frame.size, np.uint8)
         for edge in self.edges:
             zone += (frame.range_m >= edge).view(np.uint8)
@@ -99,18 +102,18 @@ class Zones:
         return zone, self._reason[zone]
 
     def members(self, zone: NDArray[np.uint8], keep: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-        """Return the indices of each ring's points that are kept."""
+        """Return the indices of the points to keep in each range ring."""
         in_rings = np.flatnonzero(keep & (zone >= 1) & (zone <= self.count))
         ring = zone[in_rings]
         return [in_rings[ring == k] for k in range(1, self.count + 1)]
 
     def per_point(self, values: NDArray[np.float64], zone: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return each point's ring value, shape (N,); minus infinity for points in no ring."""
+        """Return the value of each point's range ring, shape (N,); minus infinity outside the range rings."""
         outside = [-np.inf]
         return np.concatenate((outside, values, outside * 3))[zone]
 
     def tally(self, zone: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Count points in each ring, shape (K,)."""
+        """Return the number of points in each range ring, shape (K,)."""
         return np.bincount(zone, minlength=self.count + 4)[1 : self.count + 1]
 
 

@@ -1,4 +1,4 @@
-"""Labels: what people or programs say is in a recording. Readers of every form, behind one table."""
+"""Readers of ground-truth labels of recordings, in several formats."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -9,21 +9,21 @@ from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.labels import csv, in_cloud, seepersea, semantickitti, sustechpoints
 from seaclutter_cli.labels.options import LabelOptions
 
-__all__ = ["LABELS", "LabelForm", "LabelOptions", "open_labels"]
+__all__ = ["LABELS", "LabelFormat", "LabelOptions", "open_labels"]
 
 
 @dataclass(frozen=True)
-class LabelForm:
-    """A form in which labels come.
+class LabelFormat:
+    """Label format and its reader.
 
     Parameters
     ----------
     title : str
-        What it is, for people.
+        Description for messages.
     matches : callable
-        Tells whether a path that exists holds labels of this form, by what is in it.
+        Returns whether the content of an existing path has this format.
     open : callable
-        Opens a path that matches; raises `LabelError`.
+        Opens a path that matches; raises `LabelError` if the labels cannot be read.
     """
 
     title: str
@@ -31,59 +31,61 @@ class LabelForm:
     open: Callable[[Path, LabelOptions], Labels]
 
 
-LABELS: Mapping[str, LabelForm] = {
-    "csv": LabelForm(f"a CSV file with the columns {','.join(csv.COLUMNS)}", csv.matches, csv.open_csv),
-    "seepersea": LabelForm("a SeePerSea sequence with annotations/*.json", seepersea.matches, seepersea.open_seepersea),
-    "sustechpoints": LabelForm(
+LABELS: Mapping[str, LabelFormat] = {
+    "csv": LabelFormat(f"a CSV file with the columns {','.join(csv.COLUMNS)}", csv.matches, csv.open_csv),
+    "seepersea": LabelFormat(
+        "a SeePerSea sequence with annotations/*.json", seepersea.matches, seepersea.open_seepersea
+    ),
+    "sustechpoints": LabelFormat(
         "a SUSTechPOINTS scene with label/*.json", sustechpoints.matches, sustechpoints.open_sustechpoints
     ),
-    "semantickitti": LabelForm(
+    "semantickitti": LabelFormat(
         "a SemanticKITTI folder of .label files", semantickitti.matches, semantickitti.open_semantickitti
     ),
-    "cloud": LabelForm(
+    "cloud": LabelFormat(
         "a log whose clouds have a field 'label' (.mcap, .bag, rosbag2)", in_cloud.matches, in_cloud.open_in_cloud
     ),
 }
-"""Forms of labels by name. A new one is one line here."""
+"""Label formats by name. A new format takes one line here."""
 
 
-def open_labels(path: Path, options: LabelOptions = LabelOptions()) -> Labels:  # noqa: B008 - it is frozen
-    """Open labels of one recording, in the form that the content of the path shows.
+def open_labels(path: Path, options: LabelOptions = LabelOptions()) -> Labels:  # noqa: B008 - frozen
+    """Return the labels of one recording; the content of the path determines the format.
 
-    What comes back sees the frames of one topic, in order. Ask it for the truth of a frame as often as needed.
+    The labels must receive the frames of one topic in order. The truth of a frame can be requested repeatedly.
 
     Parameters
     ----------
     path : Path
         File or folder.
     options : LabelOptions, optional
-        How labels are read.
+        Settings of the readers.
 
     Raises
     ------
     LabelError
-        If there is nothing, nothing that is known, or labels of several forms; or if they cannot be read.
+        If the path does not exist, has no known format or several formats, or cannot be read.
     """
     try:
         if not path.exists():
-            raise LabelError(f"{path}: there is no such file or folder")
-        found = _forms_of(path)
+            raise LabelError(f"{path}: no such file or folder")
+        found = _formats_of(path)
         if len(found) == 1:
             return found[0].open(path, options)
     except OSError as error:
         raise LabelError(f"{path}: {error.strerror}") from error
     if found:
-        raise LabelError(f"{path}: labels of several forms ({_listed(found)}); name the folder or file of one")
-    raise LabelError(f"{path}: no labels that can be read; these can be: {_listed(LABELS.values())}")
+        raise LabelError(f"{path}: labels in several formats ({_listed(found)}); give the folder or file of one format")
+    raise LabelError(f"{path}: no labels in a known format; known formats: {_listed(LABELS.values())}")
 
 
-def _forms_of(path: Path) -> list[LabelForm]:
-    """Return the forms that a path has; labels that lie beside a log, in its folder, go before those inside it."""
-    found = {name: form for name, form in LABELS.items() if form.matches(path)}
+def _formats_of(path: Path) -> list[LabelFormat]:
+    """Return the formats that match a path; labels in the folder of a log take precedence over those in its clouds."""
+    found = {name: known for name, known in LABELS.items() if known.matches(path)}
     if len(found) > 1:
         found.pop("cloud", None)
     return list(found.values())
 
 
-def _listed(forms: Iterable[LabelForm]) -> str:
-    return "; ".join(form.title for form in forms)
+def _listed(formats: Iterable[LabelFormat]) -> str:
+    return "; ".join(known.title for known in formats)

@@ -1,4 +1,4 @@
-"""Labelled objects, one by one, made into the truth of a frame."""
+"""Conversion of labelled objects into the truth of a frame."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,7 +13,7 @@ IGNORE = "ignore"
 
 
 class Labelled(NamedTuple):
-    """One labelled object or area; metres and radians, sizes along the box's own x, y and z."""
+    """Labelled object or area; in metres and radians, with sizes along the axes x, y and z of the box."""
 
     track: str
     kind: str
@@ -23,21 +23,21 @@ class Labelled(NamedTuple):
 
 
 def checked(labelled: Labelled) -> Labelled:
-    """Return an object whose sizes are possible.
+    """Return a labelled object after a check of its sizes.
 
     Raises
     ------
     LabelError
-        If one is negative.
+        If a size is negative.
     """
     negative = [size for size in labelled.size if size < 0]
     if negative:
-        raise LabelError(f"a size of {negative[0]:g} m is none")
+        raise LabelError(f"box size must not be negative, got {negative[0]:g} m")
     return labelled
 
 
 def truth_of(objects: Sequence[Labelled]) -> Truth:
-    """Return the truth of a frame: objects of class ``ignore`` are areas to ignore, all others targets."""
+    """Return the truth of a frame: objects of class ``ignore`` are areas to ignore, all others are targets."""
     ignored = [labelled for labelled in objects if labelled.kind.lower() == IGNORE]
     targets = [labelled for labelled in objects if labelled.kind.lower() != IGNORE]
     return Truth(_boxes(targets), _boxes(ignored))
@@ -54,7 +54,7 @@ def _boxes(objects: Sequence[Labelled]) -> Boxes:
 
 
 def _distinct(tracks: Sequence[str]) -> tuple[str, ...]:
-    """Give objects without a track, or with one that is taken in this frame, one of their own."""
+    """Return unique tracks: objects with no track, or with one already used in the frame, get a new one."""
     names: dict[str, None] = {}
     for number, track in enumerate(tracks):
         name = track or f"#{number}"

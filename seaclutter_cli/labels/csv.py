@@ -1,4 +1,4 @@
-"""The program's own form: a CSV file with a line a box."""
+"""Native label format: a CSV file with one box per line."""
 
 import csv
 import math
@@ -21,14 +21,14 @@ BOX = ("x", "y", "z", "length", "width", "height", "yaw")
 COLUMNS = ("frame", "track_id", "class", *BOX)
 _KEYS = ("frame", "stamp_ns")
 _NONE = "none"
-_TELLING = {*_KEYS, "track_id", "class", "length", "width", "height"}
+_DISTINCTIVE = {*_KEYS, "track_id", "class", "length", "width", "height"}
 _HEAD_BYTES = 4096
 _WHOLE = re.compile(r"[0-9]{1,19}(\.0*)?", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
 
 
 class _Row(NamedTuple):
-    """A line: whose it is, what it says, and its number in the file. ``labelled`` is None for class ``none``."""
+    """Line of the file: key of its frame, labelled object (None for class ``none``), and line number."""
 
     key: int
     labelled: Labelled | None
@@ -36,26 +36,26 @@ class _Row(NamedTuple):
 
 
 def matches(path: Path) -> bool:
-    """Tell whether a file starts with a header in which at least three columns are those of labels."""
+    """Return whether a file starts with a header that has at least three of the label columns."""
     if not path.is_file():
         return False
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES).decode("utf-8-sig", "replace")
     names = _names(head.partition("\n")[0])
-    return len(_TELLING.intersection(names)) >= 3
+    return len(_DISTINCTIVE.intersection(names)) >= 3
 
 
 def open_csv(path: Path, options: LabelOptions) -> "CsvLabels":
-    """Read a file of labels, all of it.
+    """Return the labels of a CSV file, which is read completely.
 
-    Columns come in any order, others are not looked at. Where both ``frame`` and ``stamp_ns`` are there, the former
-    counts and the latter is not looked at. A class ``none`` marks a frame as labelled and empty, ``ignore`` an area to
-    ignore. A target without a ``track_id`` gets one of its own in each frame.
+    Columns may be in any order; additional columns are ignored. If both ``frame`` and ``stamp_ns`` are present, the
+    former is used. Class ``none`` marks a frame as labelled and empty, class ``ignore`` an area to ignore. A target
+    without a ``track_id`` gets a new one in each frame.
 
     Raises
     ------
     LabelError
-        If it cannot be read; names the line.
+        If the file cannot be read; the message names the line.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -67,10 +67,10 @@ def open_csv(path: Path, options: LabelOptions) -> "CsvLabels":
     except OSError as error:
         raise LabelError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise LabelError(f"{path}: no UTF-8 text") from error
+        raise LabelError(f"{path}: not valid UTF-8 text") from error
     frames = _by_key(path, rows)
     if not frames:
-        raise LabelError(f"{path}: no labels in it")
+        raise LabelError(f"{path}: contains no labels")
     return (CsvLabels if key == "frame" else _StampedLabels)(path, frames, options)
 
 
@@ -83,16 +83,16 @@ def _names(header: str) -> list[str]:
 
 
 def _check_header(path: Path, names: Sequence[str]) -> str:
-    """Return the column that says whose a line is."""
+    """Return the column that identifies the frame of a line."""
     key = next((key for key in _KEYS if key in names), None)
     missing = [name for name in COLUMNS[1:] if name not in names]
     if key is None:
         missing.insert(0, "frame (or stamp_ns)")
     if key is None or missing:
-        raise LabelError(f"{path}: line 1: no column {', '.join(missing)}; needed are {','.join(COLUMNS)}")
-    twice = next((name for name in (key, *COLUMNS[1:]) if names.count(name) > 1), None)
-    if twice is not None:
-        raise LabelError(f"{path}: line 1: two columns {twice}")
+        raise LabelError(f"{path}: line 1: missing column {', '.join(missing)}; required: {','.join(COLUMNS)}")
+    duplicate = next((name for name in (key, *COLUMNS[1:]) if names.count(name) > 1), None)
+    if duplicate is not None:
+        raise LabelError(f"{path}: line 1: duplicate column {duplicate}")
     return key
 
 
@@ -113,23 +113,23 @@ def _row(names: Sequence[str], key: str, cells: Sequence[str], line: int) -> _Ro
         raise LabelError(f"{len(cells)} values for {len(names)} columns")
     values = dict(zip(names, cells, strict=True))
     if not _WHOLE.fullmatch(values[key]):
-        raise LabelError(f"{key} {_quoted(values[key])} is no whole number from 0")
-    whose = int(values[key].partition(".")[0])
-    if whose >= 2**63:
-        raise LabelError(f"{key} {_quoted(values[key])} is beyond all measure")
+        raise LabelError(f"{key} {_quoted(values[key])} is not a whole number from 0")
+    frame_key = int(values[key].partition(".")[0])
+    if frame_key >= 2**63:
+        raise LabelError(f"{key} {_quoted(values[key])} is too large")
     kind = values["class"]
     if kind.lower() == _NONE:
-        return _Row(whose, None, line)
+        return _Row(frame_key, None, line)
     x, y, z, length, width, height, yaw = (_number(values, name) for name in BOX)
     labelled = Labelled(values["track_id"], kind, (x, y, z), (length, width, height), yaw)
-    return _Row(whose, checked(labelled), line)
+    return _Row(frame_key, checked(labelled), line)
 
 
 def _number(values: Mapping[str, str], name: str) -> float:
     text = values[name]
     number = float(text) if _NUMBER.fullmatch(text) else math.nan
     if not math.isfinite(number):
-        raise LabelError(f"{name} {_quoted(text)} is no number")
+        raise LabelError(f"{name} {_quoted(text)} is not a finite number")
     return number
 
 
@@ -139,29 +139,29 @@ def _quoted(text: str) -> str:
 
 def _by_key(path: Path, rows: Sequence[_Row]) -> dict[int, list[_Row]]:
     frames: dict[int, list[_Row]] = {}
-    taken: dict[tuple[int, str], int] = {}
+    first_lines: dict[tuple[int, str], int] = {}
     for row in rows:
         frames.setdefault(row.key, []).append(row)
         if row.labelled is None or not row.labelled.track or row.labelled.kind.lower() == IGNORE:
             continue
-        first = taken.setdefault((row.key, row.labelled.track), row.line)
+        first = first_lines.setdefault((row.key, row.labelled.track), row.line)
         if first != row.line:
             track = _quoted(row.labelled.track)
-            raise LabelError(f"{path}: line {row.line}: track {track} is in line {first} for the same frame")
+            raise LabelError(f"{path}: line {row.line}: track {track} is already in line {first} for the same frame")
     return frames
 
 
 class CsvLabels:
-    """Labels by the number of their frame.
+    """Labels from a CSV file, by frame number.
 
     Parameters
     ----------
     path : Path
-        The file.
+        Path of the file, for messages.
     frames : mapping of int to list of rows
-        What it says of each frame.
+        Lines of each labelled frame.
     options : LabelOptions
-        Tells the number of a frame.
+        Settings that define the number of a frame.
     """
 
     def __init__(self, path: Path, frames: Mapping[int, list[_Row]], options: LabelOptions) -> None:
@@ -172,14 +172,14 @@ class CsvLabels:
         self._labelled = False
 
     def truth(self, frame: Frame) -> Truth | None:
-        """Return the boxes of a frame, None if no line is of it.
+        """Return the boxes of a frame; None if no line belongs to it.
 
-        If the cloud holds labels of its points as the simulator writes them, they come with the boxes.
+        If the cloud has labels of its points in the format of the simulator, they are included.
 
         Raises
         ------
         LabelError
-            If labels by stamp fit two frames.
+            If a stamp matches two frames.
         """
         key = self._key(frame)
         rows = None if key is None else self._frames.get(key)
@@ -195,23 +195,23 @@ class CsvLabels:
         return number
 
     def finish(self) -> None:
-        """Check that the log had all labelled frames; only if all of it was read, and none of it lost.
+        """Check that the log contained all labelled frames.
 
-        A caller that took a part of the log, or knows of frames that damage took, does not call this.
+        Call this only after the complete log was read without lost frames.
 
         Raises
         ------
         LabelError
-            If labels are left; names the first.
+            If labelled frames are missing; the message names the first ones.
         """
         left = self._left()
-        whose = "" if self._labelled else "; are these the labels of another log?"
+        hint = "" if self._labelled else "; check that the labels belong to this log"
         if left:
             named = ", ".join(map(str, left[:3])) + (", …" if len(left) > 3 else "")
             amount = f"{len(left)} of {len(self._frames)} labelled frames are not in the log"
-            raise LabelError(f"{self._path}: {amount} ({self._unit} {named}){whose}")
+            raise LabelError(f"{self._path}: {amount} ({self._unit} {named}){hint}")
         if not self._labelled:
-            raise LabelError(f"{self._path}: no frame of the log is labelled{whose}")
+            raise LabelError(f"{self._path}: no frame of the log is labelled{hint}")
 
     _unit = "frame"
 
@@ -220,7 +220,7 @@ class CsvLabels:
 
 
 class _StampedLabels(CsvLabels):
-    """Labels by the stamp of their frame."""
+    """Labels from a CSV file, by stamp of the frame."""
 
     _unit = "stamp"
 

@@ -1,4 +1,4 @@
-"""Folders with one label file a frame: which file is of which frame."""
+"""Label folders with one file per frame, and the assignment of files to frames."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -17,131 +17,132 @@ _SECONDS = re.compile(r"(?<![\d.])[1-9]\d{9}\.\d+(?![\d.])", re.ASCII)
 
 
 class ReadsFrame(Protocol):
-    """Reads the truth of a frame from its label file; `LabelError` without the name of the file."""
+    """Reader of a label file; raises `LabelError` without the name of the file."""
 
     def __call__(self, path: Path, frame: Frame) -> Truth | None:
-        """Return the truth, None if the frame is not labelled."""
+        """Return the truth of a frame; None if it is not labelled."""
         ...
 
 
 def label_folder(path: Path, name: str, suffix: str) -> Path | None:
-    """Return the folder of label files that a path means: the one of this name in it, or itself; None if neither."""
+    """Return the folder of label files: the subfolder of this name or the path itself; None if neither has any."""
     return next((folder for folder in (path / name, path) if files_in(folder, (suffix,))), None)
 
 
 def files_in(folder: Path, suffixes: Collection[str]) -> list[Path]:
-    """Return the files with one of these suffixes in the order in which they are frames; hidden ones are none."""
+    """Return the files with one of the suffixes, in frame order; hidden files are left out."""
     if not folder.is_dir():
         return []
     files = [file for file in folder.iterdir() if file.suffix.lower() in suffixes and not file.name.startswith(".")]
     seconds = [_SECONDS.search(file.stem) for file in files]
     if all(seconds):
-        # Decimals as Python writes them have no fixed length, and 0.25 s comes before 0.3 s.
+        # Fractions printed by Python vary in length, and 0.25 s comes before 0.3 s.
         return sorted(files, key=lambda file: Decimal(_SECONDS.findall(file.stem)[0]))
     return sorted(files, key=_natural)
 
 
 def _natural(file: Path) -> tuple[list[str | int], str]:
-    """Sort numbers in names by their value: frame2 before frame10."""
+    """Return a sort key that orders numbers in names by value: frame2 before frame10."""
     parts = re.split(r"([0-9]+)", file.name)
     return [int(part) if index % 2 else part for index, part in enumerate(parts)], file.name
 
 
 def clouds_beside(folder: Path, name: str) -> list[Path]:
-    """Return the clouds that label files belong to: in the folder of this name beside theirs, or among them."""
+    """Return the cloud files of a label folder: in its sibling folder of this name, or in the folder itself."""
     return files_in(folder.parent / name, _CLOUDS) or files_in(folder, _CLOUDS)
 
 
 @dataclass(frozen=True)
-class Places:
-    """Which label file is of which frame.
+class FrameFiles:
+    """Assignment of label files to frames.
 
     Parameters
     ----------
     files : mapping of int to Path
-        Label file by number of the frame, from 0.
+        Label file by frame number, from 0.
     complete : bool
-        Whether a frame without a file is an error; else it is unlabelled.
+        Whether a frame without a file is an error; otherwise it is unlabelled.
     """
 
     files: Mapping[int, Path]
     complete: bool
 
 
-def by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -> Places:
-    """Give each cloud, in their order, the label file that bears its name.
+def by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -> FrameFiles:
+    """Return the assignment of label files to clouds of the same name, in the order of the clouds.
 
     Raises
     ------
     LabelError
-        If a label file has no cloud, or, if they have to be ``complete``, a cloud no label file.
+        If a label file has no cloud; with ``complete``, also if a cloud has no label file.
     """
     named = {label.stem: label for label in labels}
     stems = [cloud.stem for cloud in clouds]
-    lost = next((label for label in labels if label.stem not in set(stems)), None)
-    if lost is not None:
-        raise LabelError(f"{lost}: no frame {lost.stem} in {clouds[0].parent} ({_amounts(labels, clouds)})")
-    bare = next((cloud for cloud in clouds if cloud.stem not in named), None)
-    if complete and bare is not None:
-        raise LabelError(f"{labels[0].parent}: no labels for frame {bare.name} ({_amounts(labels, clouds)})")
-    return Places({number: named[stem] for number, stem in enumerate(stems) if stem in named}, complete)
+    orphan = next((label for label in labels if label.stem not in set(stems)), None)
+    if orphan is not None:
+        raise LabelError(f"{orphan}: no frame {orphan.stem} in {clouds[0].parent} ({_counts(labels, clouds)})")
+    unlabelled = next((cloud for cloud in clouds if cloud.stem not in named), None)
+    if complete and unlabelled is not None:
+        raise LabelError(f"{labels[0].parent}: no labels for frame {unlabelled.name} ({_counts(labels, clouds)})")
+    return FrameFiles({number: named[stem] for number, stem in enumerate(stems) if stem in named}, complete)
 
 
-def _amounts(labels: Sequence[Path], clouds: Sequence[Path]) -> str:
+def _counts(labels: Sequence[Path], clouds: Sequence[Path]) -> str:
     return f"{len(labels)} label files, {len(clouds)} frames"
 
 
-def by_order(labels: Sequence[Path]) -> Places:
-    """Give each frame a label file, in the order of both."""
-    return Places(dict(enumerate(labels)), complete=True)
+def by_order(labels: Sequence[Path]) -> FrameFiles:
+    """Return the assignment of label files to frames by order."""
+    return FrameFiles(dict(enumerate(labels)), complete=True)
 
 
-def by_number(labels: Sequence[Path]) -> Places:
-    """Take names as numbers of frames, from 0, unless they are none, or count on from another one: then by order."""
+def by_number(labels: Sequence[Path]) -> FrameFiles:
+    """Return the assignment by numeric file names, from frame 0; by order if names cannot be frame numbers."""
     numbers = [int(label.stem) if re.fullmatch("[0-9]{1,18}", label.stem) else -1 for label in labels]
     first, count = min(numbers), len(set(numbers))
-    counts_on = first > 0 and max(numbers) - first + 1 == count
-    if first < 0 or count < len(labels) or counts_on:
+    # Consecutive numbers that start above 0 belong to a longer sequence, not to this log.
+    consecutive = first > 0 and max(numbers) - first + 1 == count
+    if first < 0 or count < len(labels) or consecutive:
         return by_order(labels)
-    return Places(dict(zip(numbers, labels, strict=True)), complete=False)
+    return FrameFiles(dict(zip(numbers, labels, strict=True)), complete=False)
 
 
 class FileLabels:
-    """Labels of one file a frame, read when the frame comes.
+    """Labels with one file per frame, read on demand.
 
     Parameters
     ----------
     folder : Path
         Folder of the label files.
-    places : Places
-        Which file is of which frame.
+    assigned : FrameFiles
+        Assignment of files to frames.
     read : ReadsFrame
-        Reads one of them.
+        Reader of a label file.
     options : LabelOptions
-        Tells the number of a frame.
+        Settings that define the number of a frame.
     """
 
-    def __init__(self, folder: Path, places: Places, read: ReadsFrame, options: LabelOptions) -> None:
+    def __init__(self, folder: Path, assigned: FrameFiles, read: ReadsFrame, options: LabelOptions) -> None:
         self._folder = folder
-        self._places = places
+        self._assigned = assigned
         self._read = read
         self._number = options.number
         self._last = -1
         self._labelled = False
 
     def truth(self, frame: Frame) -> Truth | None:
-        """Return what the frame's file says; None if there is none, or nothing in it.
+        """Return the truth from the file of a frame; None if there is no file or it is empty.
 
         Raises
         ------
         LabelError
-            If the file cannot be read or does not fit the frame, or if there is none where each frame has to have one.
+            If the file cannot be read, does not fit the frame, or is missing although every frame must have one.
         """
         number = self._number(frame)
         self._last = max(self._last, number)
-        file = self._places.files.get(number)
+        file = self._assigned.files.get(number)
         if file is None:
-            self._require_none(number)
+            self._check_optional(number)
             return None
         try:
             truth = self._read(file, frame)
@@ -152,27 +153,29 @@ class FileLabels:
         self._labelled |= truth is not None
         return truth
 
-    def _require_none(self, number: int) -> None:
-        if self._places.complete:
-            count = len(self._places.files)
-            raise LabelError(f"{self._folder}: no label file for frame {number} of the log; there are {count}")
+    def _check_optional(self, number: int) -> None:
+        if self._assigned.complete:
+            count = len(self._assigned.files)
+            raise LabelError(f"{self._folder}: no label file for frame {number} of the log, only {count} files")
 
     def finish(self) -> None:
-        """Check that the log had frames for all label files; only if all of it was read, and none of it lost.
+        """Check that the log contained frames for all label files.
 
-        A caller that took a part of the log, or knows of frames that damage took, does not call this.
+        Call this only after the complete log was read without lost frames.
 
         Raises
         ------
         LabelError
-            If label files are left behind the last frame, or no frame was labelled at all.
+            If label files remain after the last frame, or no frame is labelled.
         """
-        left = {number: file for number, file in self._places.files.items() if number > self._last}
+        left = {number: file for number, file in self._assigned.files.items() if number > self._last}
         if left:
             first = min(left)
             raise LabelError(
-                f"{self._folder}: {len(left)} label files of frames that are not in the log, from {left[first].name} "
-                f"for frame {first} on; are these the labels of another log?"
+                f"{self._folder}: {len(left)} label files are for frames that are not in the log, from "
+                f"{left[first].name} (frame {first}) on; check that the labels belong to this log"
             )
         if not self._labelled:
-            raise LabelError(f"{self._folder}: no frame of the log is labelled; are these the labels of another log?")
+            raise LabelError(
+                f"{self._folder}: no frame of the log is labelled; check that the labels belong to this log"
+            )

@@ -1,4 +1,4 @@
-"""Labels inside the clouds: a field ``label``, as the simulator writes it."""
+"""Labels inside the clouds: a field ``label``, as written by the simulator."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ _SUFFIXES = (".mcap", ".bag", ".bag.active", ".db3", ".mcap.zstd", ".db3.zstd")
 
 
 def matches(path: Path) -> bool:
-    """Tell whether a path is a log, MCAP, ROS 1 bag or rosbag2, whose clouds would have to hold the labels."""
+    """Return whether a path is a log (MCAP, ROS 1 bag or rosbag2), whose clouds may have labels."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or any(_is_log(file) for file in path.iterdir())
     with path.open("rb") as file:
@@ -30,7 +30,7 @@ def _is_log(path: Path) -> bool:
 
 
 def open_in_cloud(path: Path, options: LabelOptions) -> "CloudLabels":
-    """Return labels that come with the frames; the log itself is not opened a second time."""
+    """Return labels that are read from the frames; the log itself is not opened again."""
     del path, options
     return CloudLabels()
 
@@ -38,8 +38,8 @@ def open_in_cloud(path: Path, options: LabelOptions) -> "CloudLabels":
 def point_labels(frame: Frame) -> NDArray[np.int64] | None:
     """Return the ``label`` of each point, shape (N,).
 
-    None if there is no such field, or one that is not one whole number from 0 a point. Its type may be a float: text
-    files and NumPy arrays hold nothing else.
+    None if the field is missing or not a whole number from 0 for each point. Its type may be a float, because text
+    files and NumPy arrays may contain floats only.
     """
     points = frame.cloud.points
     if FIELD not in (points.dtype.names or ()) or points.dtype[FIELD].shape:
@@ -52,7 +52,7 @@ def point_labels(frame: Frame) -> NDArray[np.int64] | None:
 
 
 class CloudLabels:
-    """Labels inside the clouds: 0 is clutter, 65535 ignored or own vessel, all else the number of a track."""
+    """Labels inside the clouds: 0 is clutter, 65535 is ignored or own ship, other values are track numbers."""
 
     def truth(self, frame: Frame) -> Truth:
         """Return the truth of the frame's points.
@@ -60,16 +60,16 @@ class CloudLabels:
         Raises
         ------
         LabelError
-            If the cloud holds no labels.
+            If the cloud has no labels.
         """
         points = point_labels(frame)
         if points is None:
-            names = printable(", ".join(frame.cloud.dtype.names or ())) or "nothing"
+            names = printable(", ".join(frame.cloud.dtype.names or ())) or "no fields"
             raise LabelError(
-                f"frame {frame.index} of {printable(frame.topic)} has no field {FIELD!r} of one whole number a point "
-                f"(0 clutter, 65535 ignored, else the target's track); its fields are {names}"
+                f"frame {frame.index} of {printable(frame.topic)}: no field {FIELD!r} with a whole number per point "
+                f"(0 for clutter, 65535 for ignored, otherwise the track of the target); the cloud has {names}"
             )
         return Truth(None, points=points)
 
     def finish(self) -> None:
-        """Do nothing: labels are never left over where frames bring them."""
+        """Do nothing: labels inside the clouds always have a frame."""

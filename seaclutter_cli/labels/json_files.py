@@ -1,4 +1,4 @@
-"""JSON files of labelled boxes."""
+"""Helpers for JSON files with labelled boxes."""
 
 import json
 import math
@@ -18,19 +18,19 @@ Point = tuple[float, float, float]
 
 
 def json_folder(path: Path, name: str, mark: bytes, key: bytes) -> Path | None:
-    """Return the folder of label files that a path means: the one of this name in it, or itself; None if neither.
+    """Return the folder of JSON label files: the subfolder of this name or the path itself; None if neither fits.
 
-    One of its JSON files has to start with ``mark`` and to hold ``key`` near its start. A folder of the right name will
-    do without, as all of its files may be empty or broken, unless one starts like the other kind of JSON.
+    At least one JSON file must start with ``mark`` and contain ``key`` near its start. A folder of the right name needs
+    no such file, because all files may be empty or broken, but no file may start with the mark of the other format.
     """
     folder = label_folder(path, name, ".json")
     if folder is None:
         return None
     files = files_in(folder, (".json",))
     other = b"[" if mark == b"{" else b"{"
-    telling = any(head.startswith(mark) and key in head for head in map(_head, files))
+    typical = any(head.startswith(mark) and key in head for head in map(_head, files))
     named = folder.resolve().name == name
-    return folder if telling or (named and not any(head.startswith(other) for head in map(_head, files))) else None
+    return folder if typical or (named and not any(head.startswith(other) for head in map(_head, files))) else None
 
 
 def _head(path: Path) -> bytes:
@@ -39,12 +39,12 @@ def _head(path: Path) -> bytes:
 
 
 def read_json(path: Path) -> Any:
-    """Return what a JSON file holds; None if it is empty.
+    """Return the content of a JSON file; None if the file is empty.
 
     Raises
     ------
     LabelError
-        If it is no JSON.
+        If the file is not valid JSON.
     """
     content = path.read_bytes()
     if not content.removeprefix(_BOM).strip():
@@ -52,9 +52,9 @@ def read_json(path: Path) -> Any:
     try:
         return json.loads(content)
     except json.JSONDecodeError as error:
-        raise LabelError(f"no valid JSON: {error.msg} in line {error.lineno}") from error
+        raise LabelError(f"not valid JSON: {error.msg} in line {error.lineno}") from error
     except (ValueError, RecursionError) as error:
-        raise LabelError("no valid JSON") from error
+        raise LabelError("not valid JSON") from error
 
 
 def truth_from(items: Iterable[Any], parse: Callable[[Any], Labelled]) -> Truth:
@@ -63,7 +63,7 @@ def truth_from(items: Iterable[Any], parse: Callable[[Any], Labelled]) -> Truth:
     Raises
     ------
     LabelError
-        If one cannot be understood; names its number.
+        If an object is invalid; the message names its number.
     """
     objects = []
     for number, item in enumerate(items):
@@ -75,25 +75,25 @@ def truth_from(items: Iterable[Any], parse: Callable[[Any], Labelled]) -> Truth:
 
 
 def part(item: Any, key: str) -> Any:
-    """Return what stands under a key.
+    """Return the value of a key.
 
     Raises
     ------
     LabelError
-        If there is no such key, or nothing that could have one.
+        If the key is missing or the item is not a JSON object.
     """
     if not isinstance(item, Mapping) or key not in item:
-        raise LabelError(f"no {key!r} in it")
+        raise LabelError(f"missing key {key!r}")
     return item[key]
 
 
 def number(item: Any, key: str) -> float:
-    """Return the finite number that stands under a key.
+    """Return the finite number at a key.
 
     Raises
     ------
     LabelError
-        If there is none.
+        If the key is missing or its value is not a finite number.
     """
     value = part(item, key)
     try:
@@ -101,17 +101,17 @@ def number(item: Any, key: str) -> float:
     except (TypeError, ValueError, OverflowError):
         result = math.nan
     if not math.isfinite(result):
-        raise LabelError(f"{key!r} is no number")
+        raise LabelError(f"{key!r} is not a finite number")
     return result
 
 
 def numbers(item: Any, keys: tuple[str, str, str]) -> Point:
-    """Return three numbers by their keys."""
+    """Return the finite numbers at three keys."""
     first, second, third = (number(item, key) for key in keys)
     return first, second, third
 
 
 def text(item: Any, key: str) -> str:
-    """Return the text or whole number under a key as text; empty if there is none."""
+    """Return the text or whole number at a key as text; empty if there is neither."""
     value = item.get(key) if isinstance(item, Mapping) else None
     return str(value) if isinstance(value, str | int) and not isinstance(value, bool) else ""

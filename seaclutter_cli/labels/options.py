@@ -1,4 +1,4 @@
-"""What the user can say about labels."""
+"""User settings of the label readers."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ from seaclutter_cli.frame import Frame
 
 @dataclass(frozen=True, kw_only=True)
 class LabelOptions:
-    """How labels are read.
+    """Settings of the label readers.
 
     Parameters
     ----------
     clutter_ids : tuple of int
-        Classes of per-point labels that are clutter; stronger than ``ignore_ids``.
+        Classes of per-point labels that are clutter; they take precedence over ``ignore_ids``.
     ignore_ids : tuple of int
         Classes of per-point labels that are neither clutter nor targets.
     by_sequence : bool
-        Whether a frame's number is the ``sequence`` of its message, not its ``index``: so for folders of frames, where
+        Whether a frame's number is the ``sequence`` of its message, not its ``index``. Folders of frames need this:
         a damaged file is left out of the stream but keeps its number.
     """
 
@@ -25,5 +25,5 @@ class LabelOptions:
     by_sequence: bool = False
 
     def number(self, frame: Frame) -> int:
-        """Return the number, from 0, by which labels know a frame."""
+        """Return the number of a frame in the labels, from 0."""
         return frame.message.sequence if self.by_sequence and frame.message else frame.index

@@ -1,4 +1,4 @@
-"""SeePerSea: a sequence folder with ``annotations/*.json`` as 3D BAT writes them.
+"""SeePerSea labels: a sequence folder with ``annotations/*.json`` in the format of 3D BAT.
 
 See https://github.com/dartmouthrobotics/SeePerSea.
 """
@@ -18,27 +18,27 @@ _NAME = "annotations"
 
 
 def matches(path: Path) -> bool:
-    """Tell whether a path is a sequence, or its folder of annotations: JSON with ``labels``."""
+    """Return whether a path is a sequence or its annotation folder: JSON files with ``labels``."""
     return json_folder(path, _NAME, b"{", b'"labels"') is not None
 
 
 def open_seepersea(path: Path, options: LabelOptions) -> FileLabels:
-    """Open a sequence or its folder of annotations.
+    """Return the labels of a sequence or its annotation folder.
 
-    Each frame has one annotation. Where the clouds of the sequence lie beside, in ``point_clouds``, both have to bear
-    the same names; else annotations belong to frames in their order.
+    Each frame has one annotation file. If the sequence has a folder ``point_clouds``, both folders must have the same
+    file names; otherwise annotation files are assigned to frames by order.
 
     Raises
     ------
     LabelError
-        If it is no such folder, or clouds and annotations do not fit each other.
+        If the path has no annotations, or clouds and annotations do not match.
     """
     folder = json_folder(path, _NAME, b"{", b'"labels"')
     if folder is None:
-        raise LabelError(f"{path}: no SeePerSea annotations in it")
+        raise LabelError(f"{path}: contains no SeePerSea annotations")
     files, clouds = files_in(folder, (".json",)), clouds_beside(folder, "point_clouds")
-    places = by_name(files, clouds, complete=True) if clouds else by_order(files)
-    return FileLabels(folder, places, _read, options)
+    assigned = by_name(files, clouds, complete=True) if clouds else by_order(files)
+    return FileLabels(folder, assigned, _read, options)
 
 
 def _read(path: Path, frame: Frame) -> Truth | None:  # noqa: ARG001 - boxes need no points
@@ -47,7 +47,7 @@ def _read(path: Path, frame: Frame) -> Truth | None:  # noqa: ARG001 - boxes nee
         return None
     labels = part(content, "labels")
     if not isinstance(labels, list):
-        raise LabelError("'labels' is no list")
+        raise LabelError("'labels' is not a list")
     return truth_from(labels, _labelled)
 
 
@@ -57,6 +57,6 @@ def _labelled(item: Any) -> Labelled:
         text(item, "trackId") or text(item, "id"),
         text(item, "category"),
         numbers(part(box, "location"), ("x", "y", "z")),
-        numbers(part(box, "dimension"), ("width", "length", "height")),  # their viewer lays the width along x
+        numbers(part(box, "dimension"), ("width", "length", "height")),  # in 3D BAT, the width is along x
         number(part(box, "orientation"), "rotationYaw"),
     )

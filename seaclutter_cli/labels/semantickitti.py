@@ -1,4 +1,4 @@
-"""SemanticKITTI: a ``.label`` file a frame, with the class and instance of each point."""
+"""SemanticKITTI labels: one ``.label`` file per frame, with class and instance of each point."""
 
 from functools import partial
 from pathlib import Path
@@ -18,52 +18,52 @@ _FIRST_TRACK = 2**16
 
 
 def matches(path: Path) -> bool:
-    """Tell whether a path is a folder of ``.label`` files, or has one in it that is called ``labels``."""
+    """Return whether a path is a folder of ``.label`` files or has a subfolder ``labels`` with such files."""
     return label_folder(path, _NAME, _SUFFIX) is not None
 
 
 def open_semantickitti(path: Path, options: LabelOptions) -> FileLabels:
-    """Open a folder of ``.label`` files, or the sequence that it is in.
+    """Return the labels of a folder of ``.label`` files or of the sequence that contains it.
 
-    Each frame has one. Where clouds lie beside, in ``velodyne``, both have to bear the same names; else files belong to
-    frames in their order.
+    Each frame has one file. If the sequence has a folder ``velodyne``, both folders must have the same file names;
+    otherwise label files are assigned to frames by order.
 
     Raises
     ------
     LabelError
-        If it is no such folder, or clouds and labels do not fit each other.
+        If the path has no ``.label`` files, or clouds and labels do not match.
     """
     folder = label_folder(path, _NAME, _SUFFIX)
     if folder is None:
-        raise LabelError(f"{path}: no {_SUFFIX} files in it")
+        raise LabelError(f"{path}: contains no {_SUFFIX} files")
     files, clouds = files_in(folder, (_SUFFIX,)), clouds_beside(folder, "velodyne")
-    places = by_name(files, clouds, complete=True) if clouds else by_order(files)
-    return FileLabels(folder, places, partial(_read, options=options), options)
+    assigned = by_name(files, clouds, complete=True) if clouds else by_order(files)
+    return FileLabels(folder, assigned, partial(_read, options=options), options)
 
 
 def _read(path: Path, frame: Frame, options: LabelOptions) -> Truth:
     count, rest = divmod(path.stat().st_size, 4)
     if rest:
-        raise LabelError("no whole number of labels (4 bytes each)")
+        raise LabelError(f"size must be a multiple of 4 bytes, got {4 * count + rest}")
     if count != frame.size:
         raise LabelError(f"{count} labels for {frame.size} points")
     return Truth(None, points=point_truth(np.frombuffer(path.read_bytes(), "<u4"), options))
 
 
 def point_truth(labels: NDArray[np.uint32], options: LabelOptions) -> NDArray[np.int64]:
-    """Return what each point belongs to.
+    """Return the truth of each point.
 
     Parameters
     ----------
     labels : ndarray, shape (N,), uint32
         Class in the lower 16 bits, instance in the upper.
     options : LabelOptions
-        Which classes are what; the others are targets, an object for each class and instance.
+        Classes of clutter and of ignored points; every other class and instance is a target.
 
     Returns
     -------
     ndarray, shape (N,), int64
-        `CLUTTER`, `IGNORED`, or a number above 65535 that is the target's alone.
+        `CLUTTER`, `IGNORED`, or a number above 65535 that is unique to the target.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""SUSTechPOINTS: a scene folder with ``label/*.json``, a list of boxes each.
+"""SUSTechPOINTS labels: a scene folder with ``label/*.json``, each a list of boxes.
 
 See https://github.com/naurril/SUSTechPOINTS.
 """
@@ -18,29 +18,29 @@ _NAME = "label"
 
 
 def matches(path: Path) -> bool:
-    """Tell whether a path is a scene, or its folder of labels: JSON lists of boxes."""
+    """Return whether a path is a scene or its label folder: JSON lists of boxes."""
     return json_folder(path, _NAME, b"[", b'"psr"') is not None
 
 
 def open_sustechpoints(path: Path, options: LabelOptions) -> FileLabels:
-    """Open a scene or its folder of labels.
+    """Return the labels of a scene or its label folder.
 
-    The tool writes a file for a frame once it was edited, so frames without one are unlabelled. Where the scene's
-    clouds lie beside, in ``lidar``, files belong to those of the same name. Else the name is the number of the frame,
-    from 0; but names that are no numbers, or that count on from another one, belong to frames in their order, and
-    then each frame has to have one.
+    The tool writes a file once a frame has been edited, so frames without a file are unlabelled. If the scene has a
+    folder ``lidar``, label files belong to the clouds of the same name. Otherwise the file name is the frame number,
+    from 0. Files whose names are not numbers, or are consecutive numbers that start above 0, are assigned to frames by
+    order; in this case every frame must have a file.
 
     Raises
     ------
     LabelError
-        If it is no such folder, or a label file has no cloud.
+        If the path has no labels, or a label file has no cloud.
     """
     folder = json_folder(path, _NAME, b"[", b'"psr"')
     if folder is None:
-        raise LabelError(f"{path}: no SUSTechPOINTS labels in it")
+        raise LabelError(f"{path}: contains no SUSTechPOINTS labels")
     files, clouds = files_in(folder, (".json",)), clouds_beside(folder, "lidar")
-    places = by_name(files, clouds, complete=False) if clouds else by_number(files)
-    return FileLabels(folder, places, _read, options)
+    assigned = by_name(files, clouds, complete=False) if clouds else by_number(files)
+    return FileLabels(folder, assigned, _read, options)
 
 
 def _read(path: Path, frame: Frame) -> Truth | None:  # noqa: ARG001 - boxes need no points
@@ -48,7 +48,7 @@ def _read(path: Path, frame: Frame) -> Truth | None:  # noqa: ARG001 - boxes nee
     if content is None:
         return None
     if not isinstance(content, list):
-        raise LabelError("no list of boxes")
+        raise LabelError("not a list of boxes")
     return truth_from(content, _labelled)
 
 
@@ -59,5 +59,5 @@ def _labelled(item: Any) -> Labelled:
         text(item, "obj_type"),
         numbers(part(psr, "position"), ("x", "y", "z")),
         numbers(part(psr, "scale"), ("x", "y", "z")),
-        number(part(psr, "rotation"), "z"),  # the tool can tilt boxes too, by a few degrees; here they are upright
+        number(part(psr, "rotation"), "z"),  # boxes are upright here; the tool can also tilt them by a few degrees
     )

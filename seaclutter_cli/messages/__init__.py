@@ -1,4 +1,4 @@
-"""Point-cloud messages: the encodings in which logs hold clouds."""
+"""Codecs for the point cloud messages of logs."""
 
 from collections.abc import Mapping
 
@@ -13,11 +13,11 @@ CODECS: Mapping[tuple[str, str], CloudCodec] = {
     ("foxglove.PointCloud", "protobuf"): ProtobufPointCloud(),
     ("foxglove.PointCloud", "json"): JsonPointCloud(),
 }
-"""Codecs by schema name and message encoding. A new cloud encoding is one line here."""
+"""Codecs by schema name and message encoding. To add an encoding, add a line here."""
 
 
 def find_codec(channel: Channel) -> CloudCodec | None:
-    """Return the codec of a channel; None if it holds no point clouds that can be read."""
+    """Return the codec of a channel; None if the channel contains no supported point clouds."""
     if channel.schema is None:
         return None
     return CODECS.get((channel.schema.name, channel.message_encoding))

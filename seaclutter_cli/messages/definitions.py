@@ -1,4 +1,4 @@
-"""Message definitions for the schemas of what this program writes itself, and of bags that carry none."""
+"""Definitions for messages that the program creates and for bags without message definitions."""
 
 from functools import cache, lru_cache
 from typing import Any
@@ -11,12 +11,12 @@ _PACKET_MESSAGES = {
     "pandar_msgs/msg/PandarPacket": "builtin_interfaces/Time stamp\nuint8[1500] data\nuint32 size\n",
     "pandar_msgs/msg/PandarScan": "std_msgs/Header header\npandar_msgs/PandarPacket[] packets\n",
 }
-"""What lidar drivers record and no ROS distribution defines."""
+"""Packet messages of lidar drivers, which no ROS distribution defines."""
 
 
 @lru_cache(maxsize=64)
 def ros2_schema(typename: str) -> Schema:
-    r"""Return the schema of a known ROS 2 message, with the definitions of all messages in it.
+    r"""Return the schema of a known ROS 2 message, including the definitions of nested messages.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def ros2_schema(typename: str) -> Schema:
     Raises
     ------
     KeyError
-        If no message of this name is known.
+        If the type is unknown.
 
     Examples
     --------
@@ -44,7 +44,7 @@ def ros2_schema(typename: str) -> Schema:
 
 @cache
 def _typestore() -> Any:
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # 0.1 s that most runs do not need
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # takes 0.1 s, which most runs do not need
 
     store = get_typestore(Stores.LATEST)
     for name, text in _PACKET_MESSAGES.items():

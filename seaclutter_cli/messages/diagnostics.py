@@ -1,4 +1,4 @@
-"""What the filter did in a frame, as a message that plotting tools read: one definition, three encodings."""
+"""Statistics of a filtered frame as a message for plotting tools: one definition, three encodings."""
 
 import json
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import FilterResult, Reason, Rings
-from seaclutter_cli.messages.beside import fitting_format
+from seaclutter_cli.messages.companion import companion_format
 from seaclutter_cli.records import Buffer, Schema
 
 TOPIC = "/seaclutter/diagnostics"
@@ -30,9 +30,10 @@ _NANO = 1_000_000_000
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """Numbers of one frame; the arrays have one value a ring and are empty for methods without rings.
+    """Statistics of one frame.
 
-    So is the scene for methods that know none.
+    The arrays have one value per range ring and are empty for methods without range rings. The scene is empty for
+    methods that do not distinguish scenes.
     """
 
     stamp_ns: int
@@ -43,7 +44,7 @@ class Diagnostics:
 
     @classmethod
     def of(cls, result: FilterResult) -> "Diagnostics":
-        """Summarise a filtered frame."""
+        """Return the statistics of a filtered frame."""
         frame, counts = result.frame, [int(count) for count in result.counts]
         numbers = dict(zip(_NUMBERS, (frame.index, frame.size, *counts), strict=True))
         rings = asdict(result.rings) if result.rings else {}
@@ -56,12 +57,12 @@ class Diagnostics:
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """Points for each `Reason`, shape (7,), as `FilterResult.counts` gives them."""
+        """Points for each `Reason`, shape (7,), as in `FilterResult.counts`."""
         return np.array([self.numbers[name] for name in _NUMBERS[2:]], np.int64)
 
     @property
     def rings(self) -> Rings | None:
-        """What the method did in its rings; None for methods without."""
+        """Values of the range rings; None for methods without range rings."""
         if not len(self.arrays["thresholds"]):
             return None
         integers = (self.arrays[name].astype(np.int64) for name in list(_ARRAYS)[2:])
@@ -88,7 +89,7 @@ def _typestore() -> Any:
 
 
 def _message(diagnostics: Diagnostics, least_s: int, most_s: int) -> Any:
-    """Return the message as the type store knows it; a stamp that no ROS time can hold becomes the nearest one."""
+    """Return the message as an object of the type store; a stamp outside the range of ROS time is clipped."""
     types = _typestore().types
     seconds, nanoseconds = divmod(diagnostics.stamp_ns, _NANO)
     seconds = min(max(seconds, least_s), most_s)
@@ -125,26 +126,26 @@ def _json_schema() -> str:
 
 @cache
 def diagnostics_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Diagnostics], bytes]]:
-    """Return message encoding, schema and serialiser that fit a log whose clouds have an encoding."""
-    plain = lambda: ("seaclutter.Diagnostics", _json_schema())
-    encoding, schema = fitting_format(cloud_encoding, TYPE, _typestore, plain)
+    """Return the message encoding, schema and serialiser for a log, given the encoding of its clouds."""
+    json_schema = lambda: ("seaclutter.Diagnostics", _json_schema())
+    encoding, schema = companion_format(cloud_encoding, TYPE, _typestore, json_schema)
     return encoding, schema, {"cdr": _cdr, "ros1": _ros1, "json": _json}[encoding]
 
 
 def read_diagnostics(data: Buffer, encoding: str) -> Diagnostics:
-    """Return what a message holds.
+    """Return the statistics in a diagnostics message.
 
     Parameters
     ----------
     data : bytes or memoryview
-        The message.
+        Bytes of the message.
     encoding : str
         Its encoding: ``cdr``, ``ros1`` or ``json``.
 
     Raises
     ------
     InputError
-        If the bytes are no such message.
+        If the bytes are not a valid diagnostics message.
     """
     try:
         if encoding == "json":
@@ -157,6 +158,6 @@ def read_diagnostics(data: Buffer, encoding: str) -> Diagnostics:
         numbers = {name: int(found[name]) for name in _NUMBERS}
         arrays = {name: np.asarray(found[name], dtype) for name, dtype in _ARRAYS.items()}
         texts = [str(found[name]) for name in ("topic", "scene")]
-    except Exception as error:  # what broken bytes raise in the library is not documented
-        raise InputError(f"a message of {TOPIC} cannot be read ({error!r})") from error
+    except Exception as error:  # the library does not document its errors for invalid bytes
+        raise InputError(f"{TOPIC}: invalid message ({error!r})") from error
     return Diagnostics(stamp_ns, texts[0], numbers, arrays, texts[1])

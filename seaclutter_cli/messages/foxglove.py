@@ -1,7 +1,7 @@
-"""``foxglove.PointCloud`` in protobuf and JSON.
+"""Codecs for ``foxglove.PointCloud`` in protobuf and JSON.
 
-Only the parts that describe points are read; the pose and whatever newer versions add travel along untouched in
-``Cloud.extra``. The protobuf wire format is walked by hand, since a generated class would copy the points and could
+Only the fields that describe points are decoded; the pose and fields of newer versions are kept unchanged in
+``Cloud.extra``. The protobuf wire format is parsed directly, since a generated class would copy the points and could
 drop unknown fields.
 """
 
@@ -26,14 +26,14 @@ def _unorganised(
     stamp_ns: int, frame_id: str, stride: int, fields: tuple[PointField, ...], data: Buffer, extra: Any
 ) -> Cloud:
     if stride <= 0 and len(data):
-        raise CloudError(f"the cloud has a point stride of {stride} bytes")
+        raise CloudError(f"the point stride must be positive, got {stride} bytes")
     size = len(data) // stride if stride > 0 else 0
     return Cloud(stamp_ns, frame_id, 1, size, fields, stride, size * stride, False, False, data, extra)
 
 
 def _field_type(number: int, name: str) -> str:
     if not 1 <= number <= len(_TYPES):
-        raise CloudError(f"field {name!r} has the unknown type {number}")
+        raise CloudError(f"field {name!r} has unknown type {number}")
     return _TYPES[number - 1]
 
 
@@ -51,11 +51,11 @@ def _varint(data: memoryview, at: int) -> tuple[int, int]:
         at, shift = at + 1, shift + 7
         if byte < 128:
             return value & _MASK, at
-    raise CloudError("the message holds a broken protobuf number")
+    raise CloudError("the message contains an invalid protobuf integer")
 
 
 def _walk(data: memoryview) -> Iterator[tuple[int, int, int | memoryview, memoryview]]:
-    """Yield field number, wire type, value and whole bytes of each protobuf field."""
+    """Yield field number, wire type, value and raw bytes of each protobuf field."""
     at = 0
     while at < len(data):
         start = at
@@ -73,9 +73,9 @@ def _walk(data: memoryview) -> Iterator[tuple[int, int, int | memoryview, memory
             value = int.from_bytes(data[at : at + size], "little")
             at += size
         else:
-            raise CloudError(f"the message holds protobuf wire type {wire}")
+            raise CloudError(f"the message contains unsupported protobuf wire type {wire}")
         if at > len(data):
-            raise CloudError("the protobuf message ends early")
+            raise CloudError("the protobuf message is truncated")
         yield number, wire, value, data[start:at]
 
 
@@ -100,10 +100,16 @@ def _to_varint(value: int) -> bytes:
 
 
 class ProtobufPointCloud:
-    """Protobuf wire format; ``Cloud.extra`` holds the bytes of the fields that are not about points."""
+    """Codec for protobuf; ``Cloud.extra`` contains the bytes of all fields that do not describe points."""
 
     def decode(self, data: Buffer) -> Cloud:
-        """Return a view on the message's points; `CloudError` if the bytes are no PointCloud."""
+        """Return a cloud whose points are a view of the message.
+
+        Raises
+        ------
+        CloudError
+            If the bytes are not a valid PointCloud.
+        """
         stamp_ns, frame_id, stride, points = 0, "", 0, memoryview(b"")
         fields: list[PointField] = []
         others: list[bytes] = []
@@ -129,11 +135,11 @@ class ProtobufPointCloud:
         name = "" if isinstance(raw, int) else bytes(raw).decode(errors="surrogateescape")
         offset, kind = parts.get(2, 0), parts.get(3, 0)
         if not (isinstance(offset, int) and isinstance(kind, int)):
-            raise CloudError(f"field {name!r} is described wrongly")
+            raise CloudError(f"field {name!r} has an invalid offset or type")
         return PointField(name, offset, _field_type(kind, name))
 
     def encode(self, cloud: Cloud) -> bytes:
-        """Return the message of a cloud."""
+        """Return a cloud as the bytes of a message."""
         fields = [
             _packed(1, _BYTES, field.name.encode(errors="surrogateescape"))
             + _packed(2, _FIXED32, field.offset)
@@ -150,15 +156,21 @@ class ProtobufPointCloud:
         )
 
 
-# What wrong types, missing keys, numbers beyond all measure and nesting without end come to.
+# Raised for wrong types, missing keys, excessively large numbers and excessive nesting.
 _BAD_JSON = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
 
 
 class JsonPointCloud:
-    """JSON with base64 points; ``Cloud.extra`` holds the object without its data."""
+    """Codec for JSON with points in base64; ``Cloud.extra`` contains the object without its data."""
 
     def decode(self, data: Buffer) -> Cloud:
-        """Return the cloud; `CloudError` if the bytes are no PointCloud."""
+        """Return the cloud in a message.
+
+        Raises
+        ------
+        CloudError
+            If the bytes are not a valid PointCloud.
+        """
         try:
             message = json.loads(bytes(data))
             points = base64.b64decode(message.pop("data"), validate=True)
@@ -168,18 +180,18 @@ class JsonPointCloud:
             )
             stride, stamp_ns = int(message["point_stride"]), _stamp_ns(message.get("timestamp"))
         except _BAD_JSON as error:
-            raise CloudError(f"the message is no JSON foxglove.PointCloud: {error!r}") from error
+            raise CloudError(f"not a valid JSON foxglove.PointCloud: {error!r}") from error
         return _unorganised(stamp_ns, str(message.get("frame_id", "")), stride, fields, points, message)
 
     def encode(self, cloud: Cloud) -> bytes:
-        """Return the message of a cloud."""
+        """Return a cloud as the bytes of a message."""
         fields = [{"name": f.name, "offset": f.offset, "type": _TYPES.index(f.type) + 1} for f in cloud.fields]
         described = {"point_stride": cloud.point_step, "fields": fields, "data": base64.b64encode(cloud.data).decode()}
         return json.dumps({**(cloud.extra or {}), **described}).encode()
 
 
 def _stamp_ns(timestamp: Any) -> int:
-    """Read a time as Foxglove writes it in JSON: an object of seconds and nanoseconds, or RFC 3339 text."""
+    """Return a JSON time in nanoseconds: an object with seconds and nanoseconds, or text in RFC 3339 format."""
     if isinstance(timestamp, dict):
         return int(timestamp.get("sec") or 0) * _NANO + int(timestamp.get("nsec") or timestamp.get("nanos") or 0)
     if not timestamp:

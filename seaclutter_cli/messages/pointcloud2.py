@@ -1,4 +1,4 @@
-"""``sensor_msgs/PointCloud2`` as ROS 2 (CDR) and ROS 1 serialise it."""
+"""Codecs for ``sensor_msgs/PointCloud2`` in ROS 2 (CDR) and ROS 1 serialisation."""
 
 import struct
 
@@ -10,8 +10,8 @@ _NANO = 1_000_000_000
 _MAX_FIELDS = 1024
 
 
-class _Cursor:
-    """Place in a message; ``align`` is false for ROS 1, which packs its fields."""
+class _Reader:
+    """Reader for the values of a message; ``align`` is false for ROS 1, which packs its fields."""
 
     def __init__(self, data: Buffer, *, start: int, order: str, align: bool, terminated: bool) -> None:
         self._data = memoryview(data)
@@ -27,14 +27,14 @@ class _Cursor:
         try:
             value: int = struct.unpack_from(self._order + code, self._data, self._at)[0]
         except struct.error:
-            raise CloudError(f"the message ends early, at byte {len(self._data)}") from None
+            raise CloudError(f"the message is truncated at byte {len(self._data)}") from None
         self._at += size
         return value
 
     def blob(self) -> memoryview:
         size = self.number("I")
         if size > len(self._data) - self._at:
-            raise CloudError(f"the message announces {size} bytes where {len(self._data) - self._at} are left")
+            raise CloudError(f"the message declares {size} bytes, but {len(self._data) - self._at} remain")
         self._at += size
         return self._data[self._at - size : self._at]
 
@@ -43,7 +43,7 @@ class _Cursor:
         return (raw[:-1] if self._terminated else raw).decode(errors="surrogateescape")
 
 
-def _decode(read: _Cursor, *, with_sequence: bool) -> Cloud:
+def _decode(read: _Reader, *, with_sequence: bool) -> Cloud:
     extra = read.number("I") if with_sequence else None
     seconds = read.number("I" if with_sequence else "i")
     stamp_ns = seconds * _NANO + read.number("I")
@@ -51,7 +51,7 @@ def _decode(read: _Cursor, *, with_sequence: bool) -> Cloud:
     height, width = read.number("I"), read.number("I")
     count = read.number("I")
     if count > _MAX_FIELDS:
-        raise CloudError(f"the message announces {count} fields")
+        raise CloudError(f"the message declares {count} fields, at most {_MAX_FIELDS} are supported")
     fields = tuple(_field(read) for _ in range(count))
     big_endian = bool(read.number("B"))
     point_step, row_step = read.number("I"), read.number("I")
@@ -60,24 +60,24 @@ def _decode(read: _Cursor, *, with_sequence: bool) -> Cloud:
     return Cloud(stamp_ns, frame_id, height, width, fields, point_step, row_step, big_endian, dense, data, extra)
 
 
-def _field(read: _Cursor) -> PointField:
+def _field(read: _Reader) -> PointField:
     name, offset, datatype, count = read.text(), read.number("I"), read.number("B"), read.number("I")
     if not 1 <= datatype <= len(FIELD_TYPES):
-        raise CloudError(f"field {name!r} has the unknown type {datatype}")
+        raise CloudError(f"field {name!r} has unknown type {datatype}")
     return PointField(name, offset, FIELD_TYPES[datatype - 1], count)
 
 
 def _split(stamp_ns: int, least: int, most: int) -> tuple[int, int]:
-    """Return seconds and nanoseconds; a broken clock's message may hold up to four seconds of the latter."""
+    """Return seconds and nanoseconds; a stamp from a faulty clock may have up to 4 s in nanoseconds."""
     seconds = min(max(stamp_ns // _NANO, least), most)
     nanoseconds = stamp_ns - seconds * _NANO
     if not 0 <= nanoseconds < 2**32:
-        raise CloudError(f"a stamp of {stamp_ns} ns does not fit into a ROS header")
+        raise CloudError(f"stamp {stamp_ns} ns does not fit into a ROS header")
     return seconds, nanoseconds
 
 
 class _Writer:
-    """Collects the parts of a message; the counterpart of `_Cursor`."""
+    """Writer for the values of a message; the counterpart of `_Reader`."""
 
     def __init__(self, *, align: bool, terminated: bool) -> None:
         self._parts: list[Buffer] = []
@@ -128,37 +128,43 @@ _CDR_BIG_ENDIAN, _CDR_LITTLE_ENDIAN = 0, 1
 
 
 class CdrPointCloud2:
-    """ROS 2: CDR, aligned; read in either byte order, written in little endian."""
+    """Codec for ROS 2: aligned CDR, read in either byte order, written in little endian."""
 
     def decode(self, data: Buffer) -> Cloud:
-        """Return a view on the message's points.
+        """Return a cloud whose points are a view of the message.
 
         Raises
         ------
         CloudError
-            If the bytes are no PointCloud2 in plain CDR.
+            If the bytes are not a valid PointCloud2 in plain CDR.
         """
         if len(data) < 4 or data[0] != 0 or data[1] not in (_CDR_BIG_ENDIAN, _CDR_LITTLE_ENDIAN):
             raise CloudError("the message does not start with a plain CDR header")
         order = "<" if data[1] == _CDR_LITTLE_ENDIAN else ">"
-        return _decode(_Cursor(data, start=4, order=order, align=True, terminated=True), with_sequence=False)
+        return _decode(_Reader(data, start=4, order=order, align=True, terminated=True), with_sequence=False)
 
     def encode(self, cloud: Cloud) -> bytes:
-        """Return the message of a cloud."""
+        """Return a cloud as the bytes of a message."""
         write = _Writer(align=True, terminated=True)
         _encode(write, cloud, with_sequence=False)
         return write.message(prefix=bytes((0, _CDR_LITTLE_ENDIAN, 0, 0)))
 
 
 class Ros1PointCloud2:
-    """ROS 1: packed little endian; ``Cloud.extra`` holds the header's sequence number."""
+    """Codec for ROS 1: packed, little endian; ``Cloud.extra`` contains the sequence number of the header."""
 
     def decode(self, data: Buffer) -> Cloud:
-        """Return a view on the message's points; `CloudError` if the bytes are no PointCloud2."""
-        return _decode(_Cursor(data, start=0, order="<", align=False, terminated=False), with_sequence=True)
+        """Return a cloud whose points are a view of the message.
+
+        Raises
+        ------
+        CloudError
+            If the bytes are not a valid PointCloud2.
+        """
+        return _decode(_Reader(data, start=0, order="<", align=False, terminated=False), with_sequence=True)
 
     def encode(self, cloud: Cloud) -> bytes:
-        """Return the message of a cloud."""
+        """Return a cloud as the bytes of a message."""
         write = _Writer(align=False, terminated=False)
         _encode(write, cloud, with_sequence=True)
         return write.message()

@@ -1,4 +1,4 @@
-"""``foxglove.SceneUpdate``: boxes in a 3D panel. One content, three encodings, so that a ROS log stays one."""
+"""``foxglove.SceneUpdate`` messages, which show boxes in a 3D panel: one definition, three encodings."""
 
 import json
 import math
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from seaclutter_cli.messages.beside import fitting_format
+from seaclutter_cli.messages.companion import companion_format
 from seaclutter_cli.records import Schema
 
 TOPIC = "/seaclutter/scene"
@@ -50,13 +50,13 @@ class SceneBox:
     Parameters
     ----------
     center, size : sequence of float
-        Metres; size along the box's own axes.
+        Centre, and size along the axes of the box, in metres.
     yaw : float
-        Turn about +z in radians.
+        Rotation around +z in radians.
     color : str
-        As in ``#14213d``.
+        Colour in the form ``#14213d``.
     text : str
-        What stands above it; empty for nothing.
+        Label above the box; empty for none.
     """
 
     center: Sequence[float]
@@ -68,16 +68,16 @@ class SceneBox:
 
 @dataclass(frozen=True)
 class SceneUpdate:
-    """Boxes of one frame, in groups that replace those of the frame before.
+    """Boxes of one frame, in groups that replace the groups of the previous frame.
 
     Parameters
     ----------
     stamp_ns : int
-        Stamp of the frame.
+        Stamp of the frame in nanoseconds.
     frame_id : str
         Coordinate frame.
     groups : mapping of str to sequence of SceneBox
-        Boxes by the name of their group; a group without boxes clears it.
+        Boxes by the name of their group; an empty group removes its boxes.
     """
 
     stamp_ns: int
@@ -86,8 +86,8 @@ class SceneUpdate:
 
 
 def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[SceneUpdate], bytes]]:
-    """Return message encoding, schema and serialiser that fit a log whose clouds have an encoding."""
-    encoding, schema = fitting_format(
+    """Return the message encoding, schema and serialiser for a log, given the encoding of its clouds."""
+    encoding, schema = companion_format(
         cloud_encoding, TYPE, _typestore, lambda: ("foxglove.SceneUpdate", _json_schema())
     )
     return encoding, schema, {"cdr": _cdr, "ros1": _ros1, "json": _json}[encoding]
@@ -118,10 +118,10 @@ def _json(scene: SceneUpdate) -> bytes:
 
 
 def _content(scene: SceneUpdate, nanoseconds: str, least_s: int, most_s: int) -> dict[str, Any]:
-    """Return the message as plain values; a stamp that no ROS time can hold becomes the nearest one."""
+    """Return the message as plain values; a stamp outside the range of ROS time is clipped."""
     seconds = min(max(scene.stamp_ns // _NANO, least_s), most_s)
     if nanoseconds == "nanosec" and seconds >= 2**31:
-        seconds -= 2**32  # the type store knows times of ROS 2 only; the bytes are the same
+        seconds -= 2**32  # the type store has only the signed time of ROS 2; the bytes are the same
     stamp = {"sec": seconds, nanoseconds: scene.stamp_ns % _NANO}
     entities = [
         {
@@ -141,19 +141,19 @@ def _content(scene: SceneUpdate, nanoseconds: str, least_s: int, most_s: int) ->
 
 
 def _cube(box: SceneBox) -> dict[str, Any]:
-    turn = {"x": 0.0, "y": 0.0, "z": math.sin(box.yaw / 2), "w": math.cos(box.yaw / 2)}
-    pose = {"position": _vector(box.center), "orientation": turn}
+    rotation = {"x": 0.0, "y": 0.0, "z": math.sin(box.yaw / 2), "w": math.cos(box.yaw / 2)}
+    pose = {"position": _vector(box.center), "orientation": rotation}
     return {"pose": pose, "size": _vector(box.size), "color": _color(box.color, 0.3)}
 
 
 def _text(box: SceneBox) -> dict[str, Any]:
     x, y, z = box.center
-    place = {
+    pose = {
         "position": _vector((x, y, z + box.size[2] / 2 + 1)),
         "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
     }
-    look = {"billboard": True, "font_size": 14.0, "scale_invariant": True, "color": _color(box.color, 1.0)}
-    return {"pose": place, **look, "text": box.text.encode(errors="replace").decode()}
+    style = {"billboard": True, "font_size": 14.0, "scale_invariant": True, "color": _color(box.color, 1.0)}
+    return {"pose": pose, **style, "text": box.text.encode(errors="replace").decode()}
 
 
 def _vector(values: Sequence[float]) -> dict[str, float]:
@@ -161,12 +161,12 @@ def _vector(values: Sequence[float]) -> dict[str, float]:
 
 
 def _color(color: str, opacity: float) -> dict[str, float]:
-    parts = (int(color[place : place + 2], 16) / 255 for place in (1, 3, 5))
+    parts = (int(color[start : start + 2], 16) / 255 for start in (1, 3, 5))
     return dict(zip("rgba", (*parts, opacity), strict=True))
 
 
 def _message(content: dict[str, Any], name: str) -> Any:
-    """Return plain values as the message of a type, as the type store knows it."""
+    """Return plain values as a message object of the type store."""
     from rosbags.interfaces import Nodetype
 
     store = _typestore()
@@ -182,16 +182,16 @@ def _message(content: dict[str, Any], name: str) -> Any:
 
 
 def _json_schema() -> str:
-    """Return the schema of what is written; a player knows the rest by the schema's name."""
+    """Return the JSON schema of the fields in use; players know the others by the name of the schema."""
     number, text = {"type": "number"}, {"type": "string"}
     vector = {"type": "object", "properties": dict.fromkeys("xyz", number)}
-    turn = {"type": "object", "properties": dict.fromkeys("xyzw", number)}
-    pose = {"type": "object", "properties": {"position": vector, "orientation": turn}}
+    rotation = {"type": "object", "properties": dict.fromkeys("xyzw", number)}
+    pose = {"type": "object", "properties": {"position": vector, "orientation": rotation}}
     color = {"type": "object", "properties": dict.fromkeys("rgba", number)}
     time = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
-    look = {"billboard": {"type": "boolean"}, "font_size": number, "scale_invariant": {"type": "boolean"}}
+    style = {"billboard": {"type": "boolean"}, "font_size": number, "scale_invariant": {"type": "boolean"}}
     cube = {"type": "object", "properties": {"pose": pose, "size": vector, "color": color}}
-    label = {"type": "object", "properties": {"pose": pose, **look, "color": color, "text": text}}
+    label = {"type": "object", "properties": {"pose": pose, **style, "color": color, "text": text}}
     anything = {"type": "array", "items": {"type": "object"}}
     lists = {**dict.fromkeys(_PRIMITIVES, anything), "cubes": _list_of(cube), "texts": _list_of(label)}
     heads = {"timestamp": {**time, "title": "time"}, "frame_id": text, "id": text}

@@ -1,4 +1,4 @@
-"""Intensity of clutter over range, with the thresholds of the rings (S0, Fig. 5 and 6)."""
+"""Intensity of clutter over range, with the thresholds of the range rings ([Li2023], Fig. 5 and 6)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,17 +19,18 @@ _ROWS = 128
 
 
 class ClutterDensity:
-    """Counts points by range and intensity in bounded memory, for intensities of any scale.
+    """Histogram of points by range and intensity in bounded memory, for intensities of any scale.
 
-    A ring has 32 columns. An intensity's row is the upper 15 bits of its float32 pattern: sign, exponent, and six bits
-    that part each octave into 64 rows. Of the 8 MB for each ring only touched pages are real.
+    A range ring has 32 columns. The row of an intensity is the upper 15 bits of its float32 representation: sign,
+    exponent, and six bits that divide each octave into 64 rows. Of the 8 MB for each range ring, only pages with points
+    occupy memory.
 
     Parameters
     ----------
     start_m, ring_width_m : float
-        Where the rings lie.
+        Start and width of the range rings in metres.
     max_rings : int
-        Points beyond so many rings are left out.
+        Maximum number of range rings; points beyond are left out.
     """
 
     def __init__(self, start_m: float, ring_width_m: float, max_rings: int) -> None:
@@ -38,7 +39,7 @@ class ClutterDensity:
         self._rings: dict[int, NDArray[np.int64]] = {}
 
     def add(self, range_m: NDArray[np.float64], intensity: NDArray[np.float64]) -> None:
-        """Count points from ``start_m`` on: ranges in metres and intensities, both of shape (N,)."""
+        """Count points beyond ``start_m``, given their ranges in metres and their intensities, both of shape (N,)."""
         self._all_whole = self._all_whole and bool((intensity == np.floor(intensity)).all())
         column = ((range_m - self._start_m) / self._width_m).clip(0, _COLUMNS * self._max_rings).astype(np.int64)
         cell = (column % _COLUMNS << _KEY_BITS) + _key(intensity)
@@ -48,10 +49,10 @@ class ClutterDensity:
             np.add.at(counts, cell[ring == number], 1)
 
     def grid(self, end_m: float, limits: tuple[float, float]) -> "DensityGrid":
-        """Return the counts up to a range and between intensities, in about 100 rows of equal height."""
+        """Return the counts up to a range and between intensities, in around 100 rows of equal height."""
         height = 2.0 ** np.ceil(np.log2((limits[1] - limits[0]) / _ROWS))
         if self._all_whole:
-            height = max(height, 1.0)  # else there would be rows between the values
+            height = max(height, 1.0)  # a smaller height would leave empty rows between the values
         first, last = np.floor(limits[0] / height), np.ceil(limits[1] / height)
         columns = int(np.ceil((end_m - self._start_m) / self._width_m - 1e-9))
         counts = np.zeros((int(last - first), columns), np.int64)
@@ -63,7 +64,7 @@ class ClutterDensity:
         return DensityGrid(range_m, height * np.arange(first, last + 1), counts)
 
     def quantile(self, share: float) -> float:
-        """Return an intensity that about this share of the points does not exceed; 0 without points."""
+        """Return the approximate quantile of the intensities; 0 without points."""
         cells = list(self._cells())
         if not cells:
             return 0.0
@@ -74,7 +75,7 @@ class ClutterDensity:
         return float(intensity[order][np.searchsorted(below, share * below[-1])])
 
     def _cells(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]]:
-        """Yield column, middle intensity and count of the cells that hold points, ring by ring."""
+        """Yield columns, middle intensities and counts of the cells with points, ring by ring."""
         for number, counts in sorted(self._rings.items()):
             cell = np.flatnonzero(counts)
             yield number * _COLUMNS + (cell >> _KEY_BITS), _middle(cell & ((1 << _KEY_BITS) - 1)), counts[cell]
@@ -91,7 +92,7 @@ class DensityGrid:
     intensity : ndarray, shape (R + 1,), float64
         Edges of the rows.
     counts : ndarray, shape (R, C), int64
-        Points in each cell.
+        Number of points in each cell.
     """
 
     range_m: NDArray[np.float64]
@@ -106,22 +107,22 @@ def _key(intensity: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _middle(key: NDArray[np.int64]) -> NDArray[np.float64]:
-    # 0 is a value of its own; all others lie in the middle of their row.
+    # 0 is exact; all other values become the middle of their row.
     bits = (key.astype(np.uint32) << (32 - _KEY_BITS)) + np.where(key == 0, 0, 1 << (31 - _KEY_BITS)).astype(np.uint32)
     return bits.view(np.float32).astype(np.float64)
 
 
 def draw_clutter(figure: "Figure", density: ClutterDensity, found: Thresholds) -> None:
-    """Draw the density of clutter, the rings' thresholds as a step line, and the far limit.
+    """Draw the density of clutter, the thresholds of the range rings as a step line, and the far limit.
 
     Parameters
     ----------
     figure : Figure
         Empty figure.
     density : ClutterDensity
-        The clutter points.
+        Clutter points.
     found : Thresholds
-        What was derived from them.
+        Thresholds and far limit derived from them.
     """
     axes = figure.add_subplot()
     width = found.end_m - found.rings[0].start_m
@@ -132,28 +133,28 @@ def draw_clutter(figure: "Figure", density: ClutterDensity, found: Thresholds) -
     axes.stairs(
         found.initial_thresholds, edges, baseline=None, linewidth=1.6, color="#d1495b", zorder=3, label="threshold"
     )
-    axes.axvline(found.end_m, color="#333333", linewidth=0.9, linestyle="--", label=f"far limit, {found.end_m:g} m")
+    axes.axvline(found.end_m, color="#333333", linewidth=0.9, linestyle="--", label=f"far limit ({found.end_m:g} m)")
     axes.set_xlim(edges[0], grid.range_m[-1])
     axes.set_ylim(grid.intensity[0], grid.intensity[-1])
     axes.set_xlabel("Range (m)")
-    axes.set_ylabel("Intensity (sensor's unit)")
+    axes.set_ylabel("Intensity (sensor units)")
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2, handlelength=1.6)
 
 
 def _limits(density: ClutterDensity, found: Thresholds) -> tuple[float, float]:
-    """Return the intensities to show: most points, and every threshold with room above."""
+    """Return the limits of the intensity axis, which include most points and a margin above each threshold."""
     thresholds = found.initial_thresholds
-    least = min(0.0, density.quantile(0.001), *thresholds)
-    most = max(density.quantile(0.97), *(value + 0.5 * abs(value) for value in thresholds))
-    return least, most if most > least else least + 1.0
+    low = min(0.0, density.quantile(0.001), *thresholds)
+    high = max(density.quantile(0.97), *(value + 0.5 * abs(value) for value in thresholds))
+    return low, high if high > low else low + 1.0
 
 
 def _draw_density(figure: "Figure", axes: "Axes", grid: DensityGrid) -> None:
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap, LogNorm
 
-    seen = ListedColormap(colormaps["Blues"](np.linspace(0.2, 1, 256)))  # a single point is to be seen on white
+    visible = ListedColormap(colormaps["Blues"](np.linspace(0.2, 1, 256)))  # a single point is visible on white
     shown = np.ma.masked_equal(grid.counts, 0)
     norm = LogNorm(vmin=1, vmax=max(10, int(grid.counts.max(initial=1))))
-    mesh = axes.pcolormesh(grid.range_m, grid.intensity, shown, norm=norm, cmap=seen, rasterized=True)
+    mesh = axes.pcolormesh(grid.range_m, grid.intensity, shown, norm=norm, cmap=visible, rasterized=True)
     figure.colorbar(mesh, ax=axes, label="Clutter points per cell", pad=0.02, aspect=30)

@@ -1,4 +1,4 @@
-"""How far apart a lidar's points are over range, and how steadily that grows (S3, Fig. 5 to 8)."""
+"""Spacing of the points of a lidar over range, and its slope ([Bi], Fig. 5 to 8)."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -11,21 +11,21 @@ if TYPE_CHECKING:
 
 Series = NDArray[np.float64]
 
-# Okabe and Ito's colours, told apart by colour-blind readers.
+# Okabe and Ito's colours, distinguishable by colour-blind readers.
 _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#444444")
 
 
 def draw_density(figure: "Figure", spacings: Mapping[str, tuple[Series, Series]], slope: tuple[Series, Series]) -> None:
-    """Draw spacing over range for several lidars, and below it the slope of one near the lidar.
+    """Draw the spacing over range for several lidars and, below it, the slope at short range for one lidar.
 
     Parameters
     ----------
     figure : Figure
-        Empty.
+        Empty figure.
     spacings : mapping of str to tuple of ndarray
-        By the name of the lidar: ranges, shape (N,), in metres, ascending, and mean spacings there in metres.
+        By the name of the lidar: ascending ranges, shape (N,), and mean spacings there, both in metres.
     slope : tuple of ndarray
-        Ranges, shape (M,), in metres and the slope of the spacing there by that far away.
+        Ranges in metres, shape (M,), and the slope of the spacing there relative to the slope far away.
     """
     upper, lower = figure.subplots(2, 1, height_ratios=(2.2, 1))
     farthest = max(range_m[-1] for range_m, _ in spacings.values())
@@ -36,13 +36,13 @@ def draw_density(figure: "Figure", spacings: Mapping[str, tuple[Series, Series]]
     upper.set_xlim(0, 1.42 * farthest)
     upper.set_ylim(bottom=0)
     upper.set_xticks(np.linspace(0, farthest, 5))
-    upper.set_xlabel("range $l$ (m)")
-    upper.set_ylabel("mean spacing $s$ (m)")
+    upper.set_xlabel("Range $l$ (m)")
+    upper.set_ylabel("Mean spacing $s$ (m)")
     lower.plot(*slope, color=_COLORS[0])
     lower.axhline(1, color="0.7", linewidth=0.8, zorder=0)
     lower.set_xlim(0, np.ceil(slope[0][-1]))
     lower.set_ylim(0, 1.1)
-    lower.set_xlabel("range $l$ (m)")
+    lower.set_xlabel("Range $l$ (m)")
     lower.set_ylabel("$s'(l) / \\sqrt{r_h r_v}$")
     for axes in (upper, lower):
         axes.spines[["top", "right"]].set_visible(False)

@@ -1,4 +1,4 @@
-"""Figures without a screen, and their files: the same content gives the same bytes."""
+"""Rendering of figures to files without a display; the same content gives the same bytes."""
 
 import io
 from pathlib import Path
@@ -31,39 +31,39 @@ _SETTINGS: Any = {
 }
 _METADATA: dict[str, dict[str, None]] = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
 COLUMN_INCHES = 3.5
-"""Width of a column of text, for which figures are made."""
+"""Width of a text column, and of all figures."""
 _DPI = 300
 
 
 def check_target(path: Path) -> None:
-    """Check, before any work is done for it, that a figure can be written to a file of this name.
+    """Check that a figure can be written to a file of this name; call it before the figure is computed.
 
     Raises
     ------
     UsageError
-        If the ending is none of a picture.
+        If the extension is not ``.png`` or ``.svg``.
     MissingExtraError
         If matplotlib is not installed.
     """
     if path.suffix.lower() not in _METADATA:
-        raise UsageError(f"{path}: pictures end in {' or '.join(_METADATA)}")
+        raise UsageError(f"{path}: figure files must end in {' or '.join(_METADATA)}")
     try:
-        import matplotlib.figure  # noqa: F401 - only whether it is there
+        import matplotlib.figure  # noqa: F401 - availability check
     except ImportError as error:
-        raise MissingExtraError("a picture", "plot") from error
+        raise MissingExtraError("plotting", "plot") from error
 
 
 def render(draw: "Callable[[Figure], None]", suffix: str, *, aspect: float = 0.68) -> bytes:
-    """Return the file of a figure.
+    """Return a figure as the bytes of a file.
 
     Parameters
     ----------
     draw : callable
-        Draws into an empty figure.
+        Function that draws into an empty figure.
     suffix : str
         ``.png`` or ``.svg``.
     aspect : float, optional
-        Height of the figure by its width, which is `COLUMN_INCHES`.
+        Ratio of height to width; the width is `COLUMN_INCHES`.
     """
     import matplotlib as mpl
     from matplotlib.figure import Figure

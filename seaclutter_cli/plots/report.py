@@ -1,4 +1,4 @@
-"""The figures of a report, for print (S0, Fig. 5 to 8, 10 and 11)."""
+"""Figures of a report for print ([Li2023], Fig. 5 to 8, 10 and 11)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,26 +20,25 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _DASHES = ("-", "--", ":", "-.", (0, (5, 1)), (0, (1, 1)))
-_MOST_POINTS = 12_000
+_MAX_POINTS = 12_000
 _MAX_LEGEND = 6
 _FEW_FRAMES = 10
-_NAMES = {reason: reason.name.lower().replace("_", " ") for reason in Reason}
 
 
 @dataclass(frozen=True)
-class Picture:
+class ReportFigure:
     """A figure of a report.
 
     Parameters
     ----------
     draw : callable
-        Draws into an empty figure.
+        Function that draws into an empty figure.
     applies : callable
-        Tells whether there is anything to draw.
+        Returns whether there is anything to draw.
     aspect : float
-        Height by width.
+        Ratio of height to width.
     row_aspect : float, optional
-        What each method adds to it.
+        Increase of the ratio for each method.
     """
 
     draw: "Callable[[Figure, Collector], None]"
@@ -48,33 +47,33 @@ class Picture:
     row_aspect: float = 0.0
 
     def drawing(self, collected: Collector) -> "Callable[[Figure], None]":
-        """Return what draws the figure of what was collected."""
+        """Return a function that draws the collected data into an empty figure."""
         return lambda figure: self.draw(figure, collected)
 
     def height(self, collected: Collector) -> float:
-        """Return the height by the width."""
+        """Return the ratio of height to width."""
         return self.aspect + self.row_aspect * len(collected.methods)
 
 
 def draw_figures(collected: Collector, form: str) -> dict[str, bytes]:
-    """Return the files of all figures that there is something to draw in, by their names.
+    """Return the figures as the bytes of files, by file name; figures without data are omitted.
 
     Parameters
     ----------
     collected : Collector
-        What was seen. Figures of a single method are of the first; those of a single frame of `Collector.foremost`.
+        Collected data. Figures of one method show the first; figures of one frame show `Collector.figure_sample`.
     form : str
         ``svg`` or ``png``.
     """
     return {
-        f"{name}.{form}": render(picture.drawing(collected), f".{form}", aspect=picture.height(collected))
-        for name, picture in FIGURES.items()
-        if picture.applies(collected)
+        f"{name}.{form}": render(figure.drawing(collected), f".{form}", aspect=figure.height(collected))
+        for name, figure in FIGURES.items()
+        if figure.applies(collected)
     }
 
 
 def draw_intensity(figure: "Figure", collected: Collector) -> None:
-    """Draw points of frames that stand for all by range and intensity, and the mean threshold of each ring."""
+    """Draw points of evenly spaced frames by range and intensity, and the mean threshold of each range ring."""
     edges, samples = collected.methods[0].edges, collected.spread
     range_m = np.concatenate([sample.range_m for sample in samples])
     intensity = np.concatenate([sample.intensity for sample in samples])
@@ -86,24 +85,24 @@ def draw_intensity(figure: "Figure", collected: Collector) -> None:
     axes = figure.add_subplot()
     for one in (Reason.FAR, Reason.LOW_INTENSITY, Reason.KEPT, Reason.OUTLIER):
         own = shown[reason[shown] == one]
-        own = own[:: max(1, len(own) * 3 // _MOST_POINTS)]
+        own = own[:: max(1, len(own) * 3 // _MAX_POINTS)]
         if len(own):
             dots = axes.plot(range_m[own], intensity[own], ".", markersize=2.2, color=palette.REASONS[one])
-            dots[0].set(rasterized=True, markeredgewidth=0, label=_NAMES[one])
+            dots[0].set(rasterized=True, markeredgewidth=0, label=palette.REASON_NAMES[one])
     if edges:
         axes.stairs(thresholds, edges, baseline=None, color="white", linewidth=4, zorder=3)
         line = axes.stairs(thresholds, edges, baseline=None, color=palette.INK["ink"], linewidth=2, zorder=4)
         line.set_label("mean threshold")
     axes.set(
         xlabel="Range (m)",
-        ylabel="Intensity (sensor's unit)",
+        ylabel="Intensity (sensor units)",
         ylim=(min(0.0, float(intensity[shown].min(initial=0))), top),
     )
     figure.legend(loc="outside upper center", ncols=3, markerscale=3, handlelength=1.4)
 
 
 def draw_rings(figure: "Figure", collected: Collector, *, name: str) -> None:
-    """Draw what each ring's threshold or correction was over the frames."""
+    """Draw the threshold or correction of each range ring over the frames."""
     values: NDArray[np.float32] = getattr(collected.histories[0], name)
     edges = collected.methods[0].edges
     axes = figure.add_subplot()
@@ -113,24 +112,24 @@ def draw_rings(figure: "Figure", collected: Collector, *, name: str) -> None:
         dash = _DASHES[k] if values.shape[1] <= _MAX_LEGEND else "-"
         label = f"{edges[k]:g} to {edges[k + 1]:g} m" if k in named else None
         line = axes.plot(np.arange(len(column)), column, color=color, linestyle=dash, linewidth=1, label=label)[0]
-        alone = _alone(np.isfinite(column))
-        if alone:
-            line.set(marker="o", markersize=3.5, markevery=alone, clip_on=False)
-    _over_frames(axes, len(values))
-    axes.set(ylabel=f"{name.removesuffix('s').capitalize()} (sensor's unit)")
+        isolated = _isolated(np.isfinite(column))
+        if isolated:
+            line.set(marker="o", markersize=3.5, markevery=isolated, clip_on=False)
+    _set_frame_axis(axes, len(values))
+    axes.set(ylabel=f"{name.removesuffix('s').capitalize()} (sensor units)")
     axes.set_ylim(min(0.0, float(np.nanmin(values))), None if np.nan_to_num(values).any() else 1.0)
     figure.legend(loc="outside upper center", ncols=2, handlelength=2.4)
 
 
-def _alone(known: Mask) -> list[int]:
-    """Return where markers are needed: at each value if there are few, else at those that no line leads to."""
+def _isolated(known: Mask) -> list[int]:
+    """Return the indices of values that need markers: all values if there are few, otherwise isolated values."""
     padded = np.pad(known, 1)
-    crowded = (padded[:-2] | padded[2:]) & (len(known) > _FEW_FRAMES)
-    return [int(place) for place in np.flatnonzero(known & ~crowded)]
+    connected = (padded[:-2] | padded[2:]) & (len(known) > _FEW_FRAMES)
+    return [int(index) for index in np.flatnonzero(known & ~connected)]
 
 
 def ring_colors(count: int) -> list[str]:
-    """Return a colour for each ring: a few that differ, or a ramp from the nearest to the farthest."""
+    """Return a colour for each range ring: distinct colours for a few, otherwise a ramp from near to far."""
     if count <= len(palette.LINES):
         return list(palette.LINES[:count])
     from matplotlib.colors import LinearSegmentedColormap, to_hex
@@ -140,74 +139,74 @@ def ring_colors(count: int) -> list[str]:
 
 
 def draw_reasons(figure: "Figure", collected: Collector) -> None:
-    """Draw the points of each frame by what became of them."""
+    """Draw the number of points of each frame by reason."""
     counts = np.nan_to_num(collected.histories[0].counts)
     used = [reason for reason in palette.REASONS if counts[:, reason].any()]
     axes = figure.add_subplot()
-    places = np.arange(len(counts)) if len(counts) > 1 else np.array([-0.5, 0.5])
+    frames = np.arange(len(counts)) if len(counts) > 1 else np.array([-0.5, 0.5])
     stacked = np.stack([counts[:, reason] for reason in used])
     if len(counts) == 1:
         stacked = np.repeat(stacked, 2, axis=1)
     axes.stackplot(
-        places,
+        frames,
         stacked / 1000,
         colors=[palette.REASONS[reason] for reason in used],
-        labels=[_NAMES[one] for one in used],
+        labels=[palette.REASON_NAMES[one] for one in used],
     )
-    _over_frames(axes, len(counts))
+    _set_frame_axis(axes, len(counts))
     axes.set(ylabel="Points (thousands)", ylim=(0, float(stacked.sum(axis=0).max(initial=1)) / 1000))
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
 
 
 def draw_alarms(figure: "Figure", collected: Collector) -> None:
-    """Draw for each method the frames with false alarms, upper half, and with omitted ones, lower half."""
+    """Draw, for each method, the frames with false alarms (upper half) and with missed targets (lower half)."""
     axes = figure.add_subplot()
     named = set()
     for row, history in enumerate(collected.histories):
         labelled = np.isfinite(history.false_alarms)
-        states = {"fine": (labelled, 0.1, 0.8), "false alarm": (history.false_alarms > 0, 0.1, 0.4)}
-        states["omitted alarm"] = (history.omitted > 0, 0.5, 0.4)
-        for state, (there, low, height) in states.items():
-            spans = [(first - 0.5, last - first) for first, last in _runs(there)]
+        states = {"correct": (labelled, 0.1, 0.8), "false alarm": (history.false_alarms > 0, 0.1, 0.4)}
+        states["missed target"] = (history.missed > 0, 0.5, 0.4)
+        for state, (mask, low, height) in states.items():
+            spans = [(first - 0.5, last - first) for first, last in _runs(mask)]
             if not spans:
                 continue
             label = None if state in named else state
             named.add(state)
             axes.broken_barh(spans, (row + low, height), color=palette.STATES[state], linewidth=0, label=label)
     names = [method.name for method in collected.methods]
-    axes.set_yticks(np.arange(len(names)) + 0.5, [_short(name) for name in names])
+    axes.set_yticks(np.arange(len(names)) + 0.5, [_shortened(name) for name in names])
     axes.set_ylim(len(names), 0)
-    _over_frames(axes, len(collected.timeline.frame), whole=True)
+    _set_frame_axis(axes, len(collected.timeline.frame), whole=True)
     axes.tick_params(axis="y", length=0)
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
 
 
 def draw_scenes(figure: "Figure", collected: Collector) -> None:
-    """Draw of which class of scene the frames are."""
+    """Draw the class of scene of each frame."""
     axes = figure.add_subplot()
     scenes = collected.histories[0].scenes
-    for row, (color, there) in enumerate(zip(ring_colors(len(scenes)), scenes.values(), strict=True)):
-        spans = [(first - 0.5, last - first) for first, last in _runs(there)]
+    for row, (color, mask) in enumerate(zip(ring_colors(len(scenes)), scenes.values(), strict=True)):
+        spans = [(first - 0.5, last - first) for first, last in _runs(mask)]
         axes.broken_barh(spans, (row + 0.15, 0.7), color=color, linewidth=0)
-    axes.set_yticks(np.arange(len(scenes)) + 0.5, [_short(name) for name in scenes])
-    axes.set(ylim=(max(len(scenes), 1), 0), ylabel="Scene")
-    _over_frames(axes, len(collected.timeline.frame), whole=True)
+    axes.set_yticks(np.arange(len(scenes)) + 0.5, [_shortened(name) for name in scenes])
+    axes.set(ylim=(max(len(scenes), 1), 0), ylabel="Class of scene")
+    _set_frame_axis(axes, len(collected.timeline.frame), whole=True)
     axes.tick_params(axis="y", length=0)
 
 
-def _short(name: str, most: int = 24) -> str:
-    """Return a name, without its middle if it is long: what tells names apart may stand at the end."""
-    return name if len(name) <= most else f"{name[: most - 6]}…{name[-5:]}"
+def _shortened(name: str, limit: int = 24) -> str:
+    """Return a name, with its middle omitted if it is long: similar names often differ at the end."""
+    return name if len(name) <= limit else f"{name[: limit - 6]}…{name[-5:]}"
 
 
-def _runs(there: Mask) -> list[tuple[int, int]]:
-    """Return where runs of true values begin, and where each has ended."""
-    steps = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))
+def _runs(mask: Mask) -> list[tuple[int, int]]:
+    """Return the start (inclusive) and end (exclusive) of each run of true values."""
+    steps = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
     return [(int(first), int(end)) for first, end in steps.reshape(-1, 2)]
 
 
-def _over_frames(axes: "Axes", frames: int, *, whole: bool = False) -> None:
-    """Let the x axis be of frames, the first and the last drawn as wide as others if bars stand for them."""
+def _set_frame_axis(axes: "Axes", frames: int, *, whole: bool = False) -> None:
+    """Set the limits, label and ticks of a frame axis; ``whole`` shows the first and last frame at full width."""
     from matplotlib.ticker import MaxNLocator
 
     axes.set_xlim((-0.5, frames - 0.5) if whole or frames == 1 else (0, frames - 1))
@@ -223,16 +222,16 @@ def _has_intensity(collected: Collector) -> bool:
     return any(np.isfinite(sample.intensity).any() for sample in collected.spread)
 
 
-FIGURES: Mapping[str, Picture] = {
-    "intensity": Picture(draw_intensity, _has_intensity),
-    "thresholds": Picture(partial(draw_rings, name="thresholds"), _has_rings),
-    "corrections": Picture(partial(draw_rings, name="corrections"), _has_rings),
-    "reasons": Picture(draw_reasons, lambda collected: bool(collected.chosen)),
-    "alarms": Picture(draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
-    "scenes": Picture(draw_scenes, lambda collected: bool(collected.histories[0].scenes), aspect=0.4),
-    "stages": Picture(draw_stages, lambda collected: bool(collected.chosen), aspect=1.75),
-    "methods": Picture(
+FIGURES: Mapping[str, ReportFigure] = {
+    "intensity": ReportFigure(draw_intensity, _has_intensity),
+    "thresholds": ReportFigure(partial(draw_rings, name="thresholds"), _has_rings),
+    "corrections": ReportFigure(partial(draw_rings, name="corrections"), _has_rings),
+    "reasons": ReportFigure(draw_reasons, lambda collected: bool(collected.chosen)),
+    "alarms": ReportFigure(draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
+    "scenes": ReportFigure(draw_scenes, lambda collected: bool(collected.histories[0].scenes), aspect=0.4),
+    "stages": ReportFigure(draw_stages, lambda collected: bool(collected.chosen), aspect=1.75),
+    "methods": ReportFigure(
         draw_methods, lambda collected: len(collected.methods) > 1 and bool(collected.chosen), aspect=1.2
     ),
 }
-"""Figures by the names of their files. A new one is a line here and a function that draws it."""
+"""Figures by file name. To add a figure, add a line here and a function that draws it."""

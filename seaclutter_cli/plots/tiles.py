@@ -1,4 +1,4 @@
-"""Tiles from above, and what a classifier mistakes for what."""
+"""Top views of tiles, and confusion matrices of classifiers."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -20,28 +20,28 @@ COLORS: Mapping[str, str] = {
     "fishing fence": "#CC79A7",
     "garbage patch": "#000000",
 }
-"""Colours of the classes, most of them told apart by colour-blind readers; boxes have names besides."""
+"""Colours of the classes, most of them distinguishable by colour-blind readers; boxes are also labelled."""
 
 LEFT_OUT = "left out"
-"""Name of the points, drawn in grey, of clusters that are too unlikely to be objects."""
+"""Name of the points, drawn in grey, of clusters that are too uncertain to be objects."""
 
-_SHOWN_SEA = 40_000
+_MAX_SEA_POINTS = 40_000
 Box = tuple[str, NDArray[np.float64]]
 
 
 def draw_tile(
     figure: "Figure", sea: NDArray[np.float64], points: Mapping[str, NDArray[np.float64]], boxes: Sequence[Box]
 ) -> None:
-    """Draw a tile from above, points coloured by class and objects in boxes (S1, Fig. 3).
+    """Draw a tile in top view, points coloured by class and objects in boxes ([Shi2022], Fig. 3).
 
     Parameters
     ----------
     figure : Figure
-        Empty.
+        Empty figure.
     sea : ndarray, shape (2, N), float64
-        Places of the sea's points in metres; a part of them is shown.
+        Positions of the points of the sea in metres; a subset is drawn.
     points : mapping of str to ndarray, shape (2, M), float64
-        Places of the points of each class by its name, or by `LEFT_OUT`.
+        Positions of the points by the name of their class, or by `LEFT_OUT`.
     boxes : sequence of (str, ndarray of shape (4, 2))
         Class and corners of each object.
     """
@@ -49,11 +49,11 @@ def draw_tile(
     corner = np.array(
         [min(axis.min(initial=np.inf) for axis in (sea[k], *(p[k] for p in points.values()))) for k in (0, 1)]
     )
-    some = sea[:, :: max(1, sea.shape[1] // _SHOWN_SEA)] - corner[:, None]
+    some = sea[:, :: max(1, sea.shape[1] // _MAX_SEA_POINTS)] - corner[:, None]
     axes.scatter(some[0], some[1], s=0.2, color="#C6DBEF", linewidths=0, rasterized=True)
-    for name, places in points.items():
+    for name, positions in points.items():
         color = "#969696" if name == LEFT_OUT else COLORS.get(name, "red")
-        x, y = places - corner[:, None]
+        x, y = positions - corner[:, None]
         axes.scatter(x, y, s=0.5, color=color, linewidths=0, rasterized=True)
         axes.scatter([], [], s=10, color=color, label=name)
     for name, corners in boxes:
@@ -73,16 +73,16 @@ def _draw_box(axes: "Axes", name: str, corners: NDArray[np.float64]) -> None:
 
 
 def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.int64]) -> None:
-    """Draw a confusion matrix: shares of each row, which is what the points are.
+    """Draw a confusion matrix with the shares of each row in percent.
 
     Parameters
     ----------
     figure : Figure
-        Empty.
+        Empty figure.
     names : sequence of str
-        Classes, C of them.
+        Names of the C classes.
     matrix : ndarray, shape (C, C), int64
-        Points of each class, by row, called what, by column.
+        Number of points by true class (row) and predicted class (column).
     """
     axes = figure.add_subplot()
     share = matrix / np.maximum(matrix.sum(axis=1, keepdims=True), 1)
@@ -94,6 +94,6 @@ def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.in
             axes.text(column, row, text, ha="center", va="center", fontsize=6, color=color)
     axes.set_xticks(range(len(names)), names, rotation=45, ha="right", rotation_mode="anchor")
     axes.set_yticks(range(len(names)), names)
-    axes.set_xlabel("called")
-    axes.set_ylabel("is")
-    figure.colorbar(image, ax=axes, label="share of the class (%)", format=lambda value, _: f"{100 * value:.0f}")
+    axes.set_xlabel("Predicted class")
+    axes.set_ylabel("True class")
+    figure.colorbar(image, ax=axes, label="Share of the true class (%)", format=lambda value, _: f"{100 * value:.0f}")

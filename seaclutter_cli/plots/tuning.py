@@ -1,4 +1,4 @@
-"""What tuning found: rates over a parameter, and a ring's threshold over the frames (S0, Fig. 7)."""
+"""Results of tuning: rates over a parameter, and the threshold of a range ring over frames ([Li2023], Fig. 7)."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -11,38 +11,38 @@ if TYPE_CHECKING:
 
 Series = NDArray[np.float64]
 
-# Okabe and Ito's colours, told apart by colour-blind readers.
+# Okabe and Ito's colours, distinguishable by colour-blind readers.
 _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
 
 
 def draw_rates(
     figure: "Figure", parameter: str, values: Sequence[str], r_fp: Series, r_fn: Series, best: int | None
 ) -> None:
-    """Draw the rates of false and omitted alarms over the values of a parameter.
+    """Draw the rates of frames with false alarms and with missed targets over the values of a parameter.
 
     Parameters
     ----------
     figure : Figure
-        Empty.
+        Empty figure.
     parameter : str
-        Its name.
+        Name of the parameter.
     values : sequence of str
-        What was tried, K values.
+        The K values that were tried.
     r_fp, r_fn : ndarray, shape (K,), float64
-        Shares of frames, 0 to 1; NaN where unknown.
+        Rates from 0 to 1; NaN where unknown.
     best : int or None
-        Which value is best.
+        Index of the best value.
     """
     axes = figure.add_subplot()
-    places = np.arange(len(values))
-    axes.plot(places, 100 * r_fp, "o-", color=_COLORS[0], markersize=3, label="false alarms, $R_{FP}$")
-    axes.plot(places, 100 * r_fn, "s--", color=_COLORS[1], markersize=3, label="omitted alarms, $R_{FN}$")
+    positions = np.arange(len(values))
+    axes.plot(positions, 100 * r_fp, "o-", color=_COLORS[0], markersize=3, label="false alarms, $R_{FP}$")
+    axes.plot(positions, 100 * r_fn, "s--", color=_COLORS[1], markersize=3, label="missed targets, $R_{FN}$")
     if best is not None:
         axes.axvline(best, color="0.7", linewidth=0.8, zorder=0)
         axes.annotate("best", (best, 1), xycoords=("data", "axes fraction"), xytext=(2, -8), textcoords="offset points")
-    axes.set_xticks(places, values, rotation=0 if len(values) <= 6 else 60)
+    axes.set_xticks(positions, values, rotation=0 if len(values) <= 6 else 60)
     axes.set_xlabel(parameter)
-    axes.set_ylabel("frames (%)")
+    axes.set_ylabel("Frames (%)")
     axes.set_ylim(bottom=0)
     figure.legend(loc="outside upper center", ncols=2)
 
@@ -50,20 +50,20 @@ def draw_rates(
 def draw_thresholds(
     figure: "Figure", ring: str, curves: Mapping[str, Series], ideal: Series, *, title: str | None = None
 ) -> None:
-    """Draw a ring's intensity threshold over the frames for several values beside the ideal one (Fig. 7).
+    """Draw the threshold of a range ring over the frames for several parameter values, with the ideal threshold.
 
     Parameters
     ----------
     figure : Figure
-        Empty.
+        Empty figure.
     ring : str
-        Which ring, for the label of the axis.
+        Range ring, for the axis label.
     curves : mapping of str to ndarray, shape (N,), float64
-        Thresholds by the name of the value.
+        Thresholds by the name of the parameter value.
     ideal : ndarray, shape (N,), float64
-        Ideal threshold; NaN where there is none.
+        Ideal threshold; NaN where it is undefined.
     title : str, optional
-        What the names are values of.
+        Title of the legend, such as the name of the parameter.
     """
     axes = figure.add_subplot()
     frames = np.arange(len(ideal))
@@ -73,7 +73,7 @@ def draw_thresholds(
     known = np.concatenate([ideal[np.isfinite(ideal)], *curves.values()])
     if len(known):
         axes.set_ylim(0, 1.3 * float(np.quantile(known, 0.98)))
-    axes.set_xlabel("frame")
-    axes.set_ylabel(f"threshold, {ring}")
+    axes.set_xlabel("Frame")
+    axes.set_ylabel(f"Threshold, {ring}")
     longest = max(len(name) for name in curves)
     figure.legend(loc="outside upper center", ncols=max(1, min(len(curves) + 1, 50 // (longest + 6))), title=title)

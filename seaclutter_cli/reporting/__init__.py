@@ -1,1 +1,1 @@
-"""A report: what a filter did to every frame in numbers, and some frames to look at, as one page that opens offline."""
+"""HTML reports: statistics of every frame and the points of selected frames, in a single page that works offline."""

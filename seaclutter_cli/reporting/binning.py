@@ -1,4 +1,4 @@
-"""Curves over very many frames in as many steps as a screen can show."""
+"""Series over frames, reduced to the number of bins that a screen can show."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,20 +8,20 @@ MAX_BINS = 600
 
 
 def bin_starts(frames: int) -> NDArray[np.int64]:
-    """Return the first frame of each step; all steps are of the same length but the last."""
-    step = max(1, -(-frames // MAX_BINS))
-    return np.arange(0, frames, step)
+    """Return the first frame of each bin, shape (B,), int64; all bins but the last have the same length."""
+    size = max(1, -(-frames // MAX_BINS))
+    return np.arange(0, frames, size)
 
 
 def binned(values: Series, starts: NDArray[np.int64]) -> tuple[Series, Series, Series]:
-    """Return mean, least and greatest value of each step, NaN where there is none.
+    """Return mean, minimum and maximum of each bin; NaN for bins without known values.
 
     Parameters
     ----------
     values : ndarray, shape (frames, K), float32
         Series over the frames; NaN where unknown.
     starts : ndarray, shape (B,), int64
-        First frames of the steps.
+        First frame of each bin.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def binned(values: Series, starts: NDArray[np.int64]) -> tuple[Series, Series, S
     total = np.add.reduceat(np.where(known, values, 0).astype(np.float64), starts, axis=0)
     mean = np.where(count, total / np.maximum(count, 1), np.nan)
     low, high = (
-        np.where(count, reduce.reduceat(np.where(known, values, beyond), starts, axis=0), np.nan)
-        for reduce, beyond in ((np.minimum, np.inf), (np.maximum, -np.inf))
+        np.where(count, reduce.reduceat(np.where(known, values, neutral), starts, axis=0), np.nan)
+        for reduce, neutral in ((np.minimum, np.inf), (np.maximum, -np.inf))
     )
     return mean.astype(np.float32), low.astype(np.float32), high.astype(np.float32)

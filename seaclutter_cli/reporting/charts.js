@@ -1,4 +1,4 @@
-// Charts: axes, curves, stacked areas, a density and the timeline of alarms, drawn anew when their width changes.
+// Charts: axes, curves, stacked areas, a density plot and the timeline, redrawn when the width changes.
 
 function ticks(low, high, count) {
   const raw = (high - low) / Math.max(count, 1);
@@ -10,11 +10,11 @@ function ticks(low, high, count) {
 }
 const tickText = (value) => (Math.abs(value) >= 1e7 ? value.toExponential(0) : (+value.toPrecision(6)).toLocaleString("en-GB"));
 
-// A plot with axes. `paint` draws into it; `stops` are the places of the cursor and `describe` says what is there.
+// A plot with axes. `paint` draws the content; `stops` are the x positions of the cursor, `describe` returns the readout.
 class Plot {
   constructor(host, options) {
     Object.assign(this, { height: 240, x: [0, 1], y: [0, 1], stops: [], left: 68, bottom: 42, ticksY: true }, options);
-    if (this.ticksY) this.left = Math.max(this.left, 34 + 7.4 * Math.max(...this.rungs().map((value) => tickText(value).length)));
+    if (this.ticksY) this.left = Math.max(this.left, 34 + 7.4 * Math.max(...this.yTicks().map((value) => tickText(value).length)));
     this.root = svg("svg", { role: "img", tabindex: 0, "aria-label": this.label });
     this.readout = h("div", { class: "readout", "aria-live": "polite" });
     host.append(h("div", { class: "plot" }, this.root), this.readout);
@@ -25,7 +25,7 @@ class Plot {
     new ResizeObserver(() => this.draw()).observe(host);
     this.draw();
   }
-  rungs() { return ticks(...this.y, this.height / 55); }
+  yTicks() { return ticks(...this.y, this.height / 55); }
   px(x) { return this.left + ((x - this.x[0]) / (this.x[1] - this.x[0] || 1)) * (this.width - this.left - 12); }
   py(y) { return this.height - this.bottom - ((y - this.y[0]) / (this.y[1] - this.y[0] || 1)) * (this.height - this.bottom - 12); }
   draw() {
@@ -43,7 +43,7 @@ class Plot {
   }
   axes() {
     const [left, right, floor] = [this.left, this.width - 12, this.height - this.bottom];
-    for (const value of this.ticksY ? this.rungs() : []) {
+    for (const value of this.ticksY ? this.yTicks() : []) {
       this.root.append(svg("line", { class: "grid", x1: left, x2: right, y1: this.py(value), y2: this.py(value) }),
         svg("text", { x: left - 8, y: this.py(value) + 4, "text-anchor": "end" }, tickText(value)));
     }
@@ -57,10 +57,10 @@ class Plot {
   }
   point(event) {
     const box = this.root.getBoundingClientRect();
-    const place = ((event.clientX - box.left) / box.width) * this.width;
+    const x = ((event.clientX - box.left) / box.width) * this.width;
     let best = -1;
     for (let i = 0; i < this.stops.length; i++) {
-      if (best < 0 || Math.abs(this.px(this.stops[i]) - place) < Math.abs(this.px(this.stops[best]) - place)) best = i;
+      if (best < 0 || Math.abs(this.px(this.stops[i]) - x) < Math.abs(this.px(this.stops[best]) - x)) best = i;
     }
     this.show(best);
   }
@@ -86,7 +86,7 @@ function swatch(color, dash) {
 const legend = (items) => h("ul", { class: "legend" },
   items.map(([name, color, dash]) => h("li", {}, h("span", {}, swatch(color, dash), name))));
 
-// A line through known values, broken where one is missing.
+// Path through the known values, interrupted at unknown ones.
 function curve(plot, xs, values) {
   let path = "", pen = false;
   for (let i = 0; i < xs.length; i++) {
@@ -97,13 +97,13 @@ function curve(plot, xs, values) {
   return path;
 }
 
-// Dots at all values if there are few, else at those that no line leads to.
+// Dots at all values if there are few, otherwise at isolated values, which no line connects.
 function dots(plot, xs, values, color, few = 10) {
   return xs.map((x, i) => i).filter((i) => known(values[i]) && (xs.length <= few || (!known(values[i - 1]) && !known(values[i + 1]))))
     .map((i) => svg("circle", { cx: plot.px(xs[i]).toFixed(1), cy: plot.py(values[i]).toFixed(1), r: xs.length <= few ? 4 : 2, fill: color }));
 }
 
-// What stands for several frames is drawn at the middle of them.
+// Frame number at the middle of each bin.
 const binMiddles = data.bins.map((start, i) => (start + ((data.bins[i + 1] ?? frames.count) - 1)) / 2);
 function binName(i) {
   const first = data.bins[i], last = (data.bins[i + 1] ?? frames.count) - 1;
@@ -113,7 +113,7 @@ function binName(i) {
 function overFrames(host, options) {
   const x = frames.count > 1 ? [0, frames.count - 1] : [-0.5, 0.5];
   const paint = (plot) => { boundaries(plot); options.paint(plot); };
-  return new Plot(host, { x, wholeX: true, stops: binMiddles, xLabel: "frame", ...options, paint });
+  return new Plot(host, { x, wholeX: true, stops: binMiddles, xLabel: "Frame", ...options, paint });
 }
 function boundaries(plot) {
   for (let row = 1; row < frames.count; row++) {
@@ -123,7 +123,7 @@ function boundaries(plot) {
   }
 }
 
-// series: name, color, dash, values and, where steps stand for several frames, low and high.
+// series: name, color, dash, values and, where bins contain several frames, low and high.
 function lineChart(host, { series, yLabel, label }) {
   const top = series.flatMap(({ values, high }) => [...(high || values)].filter(known)).reduce((a, b) => Math.max(a, b), 0);
   const bottom = series.flatMap(({ values, low }) => [...(low || values)].filter(known)).reduce((a, b) => Math.min(a, b), 0);
@@ -142,13 +142,13 @@ function lineChart(host, { series, yLabel, label }) {
   });
 }
 function band(plot, low, high) {
-  const places = binMiddles.map((_, i) => i).filter((i) => known(low[i]));
-  if (!places.length) return "";
+  const indices = binMiddles.map((_, i) => i).filter((i) => known(low[i]));
+  if (!indices.length) return "";
   const corner = (i, values) => `${plot.px(binMiddles[i]).toFixed(1)} ${plot.py(values[i]).toFixed(1)}`;
-  return `M${places.map((i) => corner(i, high)).join("L")}L${places.reverse().map((i) => corner(i, low)).join("L")}Z`;
+  return `M${indices.map((i) => corner(i, high)).join("L")}L${indices.reverse().map((i) => corner(i, low)).join("L")}Z`;
 }
 
-// Counts per reason on top of each other; the first series lies at the bottom.
+// Stacked counts, the first series at the bottom.
 function stackChart(host, { series, yLabel, label }) {
   const sums = [binMiddles.map(() => 0)];
   for (const { values } of series) sums.push(sums[sums.length - 1].map((sum, i) => sum + (known(values[i]) ? values[i] : 0)));
@@ -166,20 +166,20 @@ function stackChart(host, { series, yLabel, label }) {
 }
 
 const SHADES = 8;
-// Points by range and intensity in one colour, darker where there are more, with the thresholds of the rings.
+// Points by range and intensity in shades of one colour, darker for more points, with the thresholds of the range rings.
 function densityChart(host, { density, counts, color, edges, thresholds, label }) {
   const top = counts.reduce((a, b) => Math.max(a, b), 0);
   const least = counts.reduce((a, b) => (b > 0 ? Math.min(a, b) : a), Infinity);
   const span = Math.log(top / least) || 1;
   new Plot(host, {
-    label, height: 300, x: [0, density.reach], y: [density.low, density.high], xLabel: "range (m)", yLabel: "intensity (sensor's unit)",
+    label, height: 300, x: [0, density.reach], y: [density.low, density.high], xLabel: "Range (m)", yLabel: "Intensity (sensor units)",
     stops: Array.from({ length: density.columns }, (_, i) => ((i + 0.5) / density.columns) * density.reach),
     describe: (i) => {
       const range = ((i + 0.5) / density.columns) * density.reach;
       const ring = edges.findIndex((edge, k) => range >= edge && range < edges[k + 1]);
       let points = 0;
       for (let row = 0; row < density.rows; row++) points += counts[row * density.columns + i];
-      return `${range.toFixed(1)} m: ${short(points)} points a frame${ring < 0 ? "" : `, mean threshold ${short(thresholds[ring])}`}`;
+      return `${range.toFixed(1)} m: ${short(points)} points per frame${ring < 0 ? "" : `, mean threshold ${short(thresholds[ring])}`}`;
     },
     paint: (plot) => {
       const paths = Array(SHADES).fill("");
@@ -200,17 +200,17 @@ function densityChart(host, { density, counts, color, edges, thresholds, label }
 const stairs = (plot, edges, values) => values.map((value, k) =>
   `${k ? "L" : "M"}${plot.px(edges[k])} ${plot.py(value)}L${plot.px(edges[k + 1])} ${plot.py(value)}`).join("");
 
-// A row for each method: false alarms in its upper half, omitted ones in the lower. A click picks the nearest of `picks`.
+// One row per method: false alarms in the upper half, missed targets in the lower. A click selects the nearest of `picks`.
 function timelineChart(host, { methods, picks, onPick, describe }) {
-  const step = 34, names = methods.map(({ name }) => middled(name, host.clientWidth < 500 ? 14 : 24));
+  const step = 34, names = methods.map(({ name }) => shortened(name, host.clientWidth < 500 ? 14 : 24));
   const plot = overFrames(host, {
-    label: "Frames with false and omitted alarms over time", height: methods.length * step + 58, left: rowLeft(names), x: [-0.5, frames.count - 0.5], yLabel: "",
+    label: "Frames with false alarms and missed targets over time", height: methods.length * step + 58, left: rowLeft(names), x: [-0.5, frames.count - 0.5], yLabel: "",
     y: [0, 1], ticksY: false, bottom: 44, stops: Array.from({ length: frames.count }, (_, row) => row), describe,
     paint: (plot) => {
       methods.forEach(({ bits }, k) => {
         const y = 12 + k * step;
         rowName(plot, names[k], y + 16);
-        const rows = { 1: ["fine", 0, 24], 2: ["false alarm", 0, 12], 4: ["omitted alarm", 12, 12] };
+        const rows = { 1: ["correct", 0, 24], 2: ["false alarm", 0, 12], 4: ["missed target", 12, 12] };
         for (const [bit, [state, top, height]] of Object.entries(rows)) {
           plot.root.append(svg("path", { d: bars(plot, runs(bits, bit), y + top, height), fill: data.palette.states[state] }));
         }
@@ -223,7 +223,7 @@ function timelineChart(host, { methods, picks, onPick, describe }) {
   plot.root.addEventListener("click", () => plot.shown >= 0 && pick(plot.shown));
   plot.root.addEventListener("keydown", (event) => event.key === "Enter" && plot.shown >= 0 && pick(plot.shown));
 }
-const middled = (name, most) => (name.length > most ? `${name.slice(0, most - 6)}…${name.slice(-5)}` : name);
+const shortened = (name, most) => (name.length > most ? `${name.slice(0, most - 6)}…${name.slice(-5)}` : name);
 const rowLeft = (names) => Math.max(68, Math.max(...names.map((name) => name.length)) * 7.2 + 18);
 const rowName = (plot, name, y) => plot.root.append(svg("text", { x: plot.left - 8, y, "text-anchor": "end" }, name));
 function bars(plot, spans, y, height) {
@@ -234,13 +234,13 @@ function bars(plot, spans, y, height) {
   }).join("");
 }
 
-// A row for each class of scene: the frames that were taken for it.
+// One row per class of scene, with the frames of that class.
 function sceneChart(host, { scenes, label }) {
-  const classes = Object.keys(scenes), names = classes.map((name) => middled(name, 20)), colors = ringColors(classes.length);
+  const classes = Object.keys(scenes), names = classes.map((name) => shortened(name, 20)), colors = ringColors(classes.length);
   overFrames(host, {
     label, height: classes.length * 26 + 56, left: rowLeft(names), x: [-0.5, frames.count - 0.5], yLabel: "", y: [0, 1], ticksY: false,
     stops: Array.from({ length: frames.count }, (_, row) => row),
-    describe: (row) => `${frameName(row)}, ${frameTime(row)}: ${classes.find((name) => scenes[name][row]) ?? "not known"}`,
+    describe: (row) => `${frameName(row)}, ${frameTime(row)}: ${classes.find((name) => scenes[name][row]) ?? "unknown"}`,
     paint: (plot) => classes.forEach((name, k) => {
       rowName(plot, names[k], 12 + 26 * k + 13);
       plot.root.append(svg("path", { d: bars(plot, runs(scenes[name], 1), 12 + 26 * k, 18), fill: colors[k] }));

@@ -1,4 +1,4 @@
-"""Which frames of a recording are worth looking at: chosen while they pass, in bounded memory."""
+"""Selection of the frames to show, made while frames arrive and in bounded memory."""
 
 from bisect import insort
 from collections.abc import Callable
@@ -7,25 +7,25 @@ from typing import Generic, Literal, TypeVar
 
 T = TypeVar("T")
 
-_APART = 5
-"""Frames that are closer look alike; one of them is enough."""
+_MIN_SPACING = 5
+"""Minimum distance in frames between selected frames of a kind; closer frames look alike."""
 
 Why = Literal["worst", "best", "even", "picked"]
-"""Why a frame was chosen: among the worst, among the best, one of those evenly spread, or asked for."""
+"""Why a frame was selected: among the worst, among the best, evenly spaced, or requested."""
 
 
 @dataclass(frozen=True)
 class Chosen(Generic[T]):
-    """A frame that was chosen.
+    """A selected frame.
 
     Parameters
     ----------
     row : int
-        Its place among all frames.
+        Index of the frame among all frames.
     why : {"worst", "best", "even", "picked"}
-        Why it was chosen.
+        Why it was selected.
     item : object
-        What was kept of it.
+        Data stored for it.
     """
 
     row: int
@@ -35,7 +35,7 @@ class Chosen(Generic[T]):
 
 @dataclass(frozen=True)
 class _Item(Generic[T]):
-    """What is kept of a frame, made when it is first asked for."""
+    """Data of a frame, created on first use."""
 
     row: int
     make: list[Callable[[], T]]
@@ -48,15 +48,15 @@ class _Item(Generic[T]):
 
 
 class Choice(Generic[T]):
-    """Keeps the worst, the best and evenly spread frames of a stream whose length is not known.
+    """Selection of the worst, the best and evenly spaced frames from a stream of unknown length.
 
-    Of those evenly spread every n-th is kept; n doubles whenever there are four times too many. What is kept of a frame
-    is made some frames later: while things get worse and worse, each frame takes the place of the one before.
+    Every n-th frame is stored as evenly spaced; n doubles when there are four times too many. The data of a frame is
+    created some frames later: while frames get worse and worse, each replaces the previous one and needs no data.
 
     Parameters
     ----------
     frames : int
-        How many to choose, at least 1: half of them worst, a sixth best, the rest evenly spread.
+        Number of frames to select, at least 1: half of them worst, a sixth best, the rest evenly spaced.
 
     Examples
     --------
@@ -74,51 +74,51 @@ class Choice(Generic[T]):
         self._best: list[_Ranked[T]] = []
         self._spread: dict[int, _Item[T]] = {}
         self._stride = 1
-        self._fresh: list[_Item[T]] = []
+        self._pending: list[_Item[T]] = []
 
     def expect(self, frames: int) -> None:
-        """Say before the first frame how many there will be, about: fewer are made for nothing."""
+        """Set the approximate number of frames before the first one, so that less data is created and discarded."""
         while -(-frames // (2 * self._stride)) > 4 * self._even:
             self._stride *= 2
 
     def offer(self, row: int, *, badness: float | None, merit: float | None, make: Callable[[], T]) -> None:
-        """Offer a frame, in order of rows.
+        """Offer a frame for selection; rows must be in ascending order.
 
         Parameters
         ----------
         row : int
-            Its place among all frames.
+            Index of the frame among all frames.
         badness : float or None
-            How bad it is; 0 and None are not bad.
+            Higher is worse; a frame with 0 or None is never among the worst.
         merit : float or None
-            How good it is; None cannot be among the best.
+            Higher is better; a frame with None is never among the best.
         make : callable
-            Returns what to keep; called if the frame is still kept a few frames later.
+            Returns the data to store; called if the frame is still selected a few frames later.
         """
         item = _Item[T](row, [make], [])
-        self._fresh.append(item)
+        self._pending.append(item)
         if badness:
-            _enter(self._worst, -badness, row, self._bad, item)
+            _insert(self._worst, -badness, row, self._bad, item)
         if merit is not None:
-            _enter(self._best, -merit, row, self._good, item)
+            _insert(self._best, -merit, row, self._good, item)
         if row % self._stride == 0:
             self._spread[row] = item
             if len(self._spread) > 4 * self._even:
                 self._stride *= 2
                 self._spread = {kept: other for kept, other in self._spread.items() if kept % self._stride == 0}
-        self._take(row)
+        self._make_pending(row)
 
-    def _take(self, row: int) -> None:
-        """Make what is to be kept of the frames that are no longer close; forget those that have lost their place."""
+    def _make_pending(self, row: int) -> None:
+        """Create the data of pending frames that are old enough; drop those that are no longer selected."""
         kept = {id(one.item) for one in (*self._worst, *self._best)} | {id(item) for item in self._spread.values()}
-        self._fresh = [item for item in self._fresh if id(item) in kept]
-        for item in self._fresh:
-            if row - item.row >= _APART:
+        self._pending = [item for item in self._pending if id(item) in kept]
+        for item in self._pending:
+            if row - item.row >= _MIN_SPACING:
                 item.get()
-        self._fresh = [item for item in self._fresh if not item.made]
+        self._pending = [item for item in self._pending if not item.made]
 
     def chosen(self) -> list[Chosen[T]]:
-        """Return the chosen frames, each once: the worst first, then the best, then others by their rows."""
+        """Return the selected frames, each once: the worst first, then the best, then the others by row."""
         found = {one.row: Chosen(one.row, "worst", one.item.get()) for one in self._worst}
         for one in self._best:
             found.setdefault(one.row, Chosen(one.row, "best", one.item.get()))
@@ -126,13 +126,13 @@ class Choice(Generic[T]):
         return [*found.values(), *_thinned(others, self._bad + self._good + self._even - len(found))]
 
     def spread(self) -> list[tuple[int, T]]:
-        """Return all evenly spread frames that are still kept, with their rows."""
+        """Return all evenly spaced frames that are stored, with their rows."""
         return [(row, item.get()) for row, item in sorted(self._spread.items(), key=lambda pair: pair[0])]
 
 
 @dataclass(frozen=True)
 class _Ranked(Generic[T]):
-    """A frame among the worst or the best; the least key comes first, equal ones in no order that means anything."""
+    """A frame among the worst or the best; the smallest key comes first, equal keys in pseudo-random order."""
 
     key: float
     row: int
@@ -140,19 +140,19 @@ class _Ranked(Generic[T]):
 
     @property
     def rank(self) -> tuple[float, int]:
-        return self.key, _scattered(self.row)
+        return self.key, _hash(self.row)
 
 
-def _scattered(row: int) -> int:
-    """Return a number by which frames that are as bad as each other are spread over the whole recording."""
+def _hash(row: int) -> int:
+    """Return a sort key that spreads equally ranked frames over the whole recording."""
     return row * 2654435761 % 2**32
 
 
-def _enter(ranked: list[_Ranked[T]], key: float, row: int, size: int, item: _Item[T]) -> None:
-    """Enter a frame into a list of the best, in place of one close to it if there is any."""
-    close = next((number for number, one in enumerate(ranked) if row - one.row < _APART), None)
+def _insert(ranked: list[_Ranked[T]], key: float, row: int, size: int, item: _Item[T]) -> None:
+    """Insert a frame into a ranked list; it replaces a frame close to it, if there is one."""
+    close = next((number for number, one in enumerate(ranked) if row - one.row < _MIN_SPACING), None)
     rival = close if close is not None else len(ranked) - 1 if len(ranked) == size else None
-    if not size or (rival is not None and (key, _scattered(row)) >= ranked[rival].rank):
+    if not size or (rival is not None and (key, _hash(row)) >= ranked[rival].rank):
         return
     if rival is not None:
         del ranked[rival]

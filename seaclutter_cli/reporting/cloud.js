@@ -1,11 +1,11 @@
-// Point clouds in 3D, drawn pixel by pixel into a canvas: no graphics card, no library, the same picture everywhere.
+// Point clouds in 3D, rendered in software into a canvas: no GPU and no library, the same pixels everywhere.
 
-// What all views look from; they turn together.
+// Camera shared by all views.
 class Camera {
   constructor() { this.views = new Set(); this.home(); }
   home(reach = this.reach || 50) { Object.assign(this, { reach, yaw: -Math.PI / 2, pitch: 0.95, distance: 2.5 * reach, x: -0.14 * reach, y: 0 }); this.changed(); }
   top() { Object.assign(this, { yaw: -Math.PI / 2, pitch: Math.PI / 2, distance: 2.4 * this.reach, x: 0, y: 0 }); this.changed(); }
-  turn(yaw, pitch) { this.yaw += yaw; this.pitch = Math.min(Math.max(this.pitch + pitch, 0.02), Math.PI / 2); this.changed(); }
+  rotate(yaw, pitch) { this.yaw += yaw; this.pitch = Math.min(Math.max(this.pitch + pitch, 0.02), Math.PI / 2); this.changed(); }
   zoom(factor) { this.distance = Math.min(Math.max(this.distance * factor, 2), 40 * this.reach); this.changed(); }
   move(right, up) {
     const [c, s] = [Math.cos(this.yaw), Math.sin(this.yaw)];
@@ -20,18 +20,18 @@ class Camera {
   }
 }
 
-const colorWord = (color) => { // as a pixel's four bytes in a little-endian word
+const colorWord = (color) => { // the four bytes of a pixel as a little-endian word
   const [r, g, b] = [1, 3, 5].map((i) => parseInt(color.slice(i, i + 2), 16));
   return (255 << 24) | (b << 16) | (g << 8) | r;
 };
-const INTENSITIES = Uint32Array.from({ length: 256 }, (_, i) => { // light to dark blue: strong echoes stand out
+const INTENSITIES = Uint32Array.from({ length: 256 }, (_, i) => { // light to dark blue, so that strong returns stand out
   const mix = (weak, strong) => Math.round(weak + (i / 255) ** 0.7 * (strong - weak));
   return (255 << 24) | (mix(232, 60) << 16) | (mix(178, 20) << 8) | mix(150, 8);
 });
 const REASON_WORDS = Uint32Array.from(data.palette.reasons, colorWord);
 const TRUTH_WORDS = Uint32Array.from(data.palette.truth, colorWord);
 
-// One view of one frame. `look` says what to draw: sample, method, color, shows(reason), boxes, clusters.
+// A view of one frame. `content` holds sample, method, color, shows(reason), rings, boxes, clusters.
 class CloudView {
   constructor(host, camera) {
     this.camera = camera;
@@ -44,7 +44,7 @@ class CloudView {
     this.listen();
   }
   close() { this.observer.disconnect(); this.camera.views.delete(this); }
-  show(look, label) { this.look = look; this.canvas.setAttribute("aria-label", label); this.draw(); }
+  show(content, label) { this.content = content; this.canvas.setAttribute("aria-label", label); this.draw(); }
 
   listen() {
     const fingers = new Map();
@@ -61,17 +61,17 @@ class CloudView {
         const gap = (finger) => Math.hypot(finger.clientX - other.clientX, finger.clientY - other.clientY) || 1;
         this.camera.zoom(gap(before) / gap(event));
       } else if (event.shiftKey || event.buttons === 2) this.camera.move(-dx * metres(), dy * metres());
-      else this.camera.turn(-dx * 0.006, dy * 0.006);
+      else this.camera.rotate(-dx * 0.006, dy * 0.006);
     });
     this.canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-    this.canvas.addEventListener("wheel", (event) => { // without focus the wheel scrolls the page
+    this.canvas.addEventListener("wheel", (event) => { // without focus, the wheel scrolls the page
       if (document.activeElement !== this.canvas) return;
       event.preventDefault();
       this.camera.zoom(Math.exp(event.deltaY * 0.001));
     }, { passive: false });
     const step = 0.08, keys = {
-      ArrowLeft: () => this.camera.turn(-step, 0), ArrowRight: () => this.camera.turn(step, 0),
-      ArrowUp: () => this.camera.turn(0, step), ArrowDown: () => this.camera.turn(0, -step),
+      ArrowLeft: () => this.camera.rotate(-step, 0), ArrowRight: () => this.camera.rotate(step, 0),
+      ArrowUp: () => this.camera.rotate(0, step), ArrowDown: () => this.camera.rotate(0, -step),
       "+": () => this.camera.zoom(0.85), "=": () => this.camera.zoom(0.85), "-": () => this.camera.zoom(1 / 0.85),
       t: () => this.camera.top(), 0: () => this.camera.home(),
     };
@@ -85,7 +85,7 @@ class CloudView {
     });
   }
 
-  // Screen place and depth of a point in metres. The camera looks at a point on the ground, x ahead at first.
+  // Writes the pixel position and the depth of a point to `out`. The camera targets a point on the ground, at first with x ahead.
   project(x, y, z, out) {
     const { sin, cos, sinPitch, cosPitch, distance, focus } = this.lens;
     const dx = x - this.camera.x, dy = y - this.camera.y, dz = z - this.ground;
@@ -97,7 +97,7 @@ class CloudView {
   }
 
   draw() {
-    if (!this.look || !this.canvas.clientWidth) return;
+    if (!this.content || !this.canvas.clientWidth) return;
     const ratio = Math.min(devicePixelRatio || 1, 2);
     const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight].map((side) => Math.round(side * ratio));
     if (this.canvas.width !== width || this.canvas.height !== height) {
@@ -108,7 +108,7 @@ class CloudView {
     }
     const { yaw, pitch, distance } = this.camera;
     this.lens = { sin: Math.sin(yaw), cos: Math.cos(yaw), sinPitch: Math.sin(pitch), cosPitch: Math.cos(pitch), distance, focus: Math.min(height, width) * 1.1 };
-    this.ground = this.look.sample.ground;
+    this.ground = this.content.sample.ground;
     this.ratio = ratio;
     this.points(width, height);
     this.pen.putImageData(this.image, 0, 0);
@@ -117,24 +117,24 @@ class CloudView {
   }
 
   points(width, height) {
-    const { sample, method, color, shows } = this.look;
+    const { sample, method, color, shows } = this.content;
     const { xyz, scale, truth, intensity } = sample;
     const reasons = sample.reasons[method];
     const { words, depths } = this;
     words.fill(0xffffffff);
     depths.fill(Infinity);
-    const place = [0, 0, 0], bold = reasons.length > 8000 ? 2 : 3.2;
-    const lifts = color === "reason" ? { 3: 0.5, 4: 1 } : {}; // metres: kept points would hide those removed among them
+    const out = [0, 0, 0], bold = reasons.length > 8000 ? 2 : 3.2;
+    const lifts = color === "reason" ? { 3: 0.5, 4: 1 } : {}; // metres towards the camera: kept points would hide removed points among them
     for (let i = 0; i < reasons.length; i++) {
       if (!shows(reasons[i])) continue;
-      this.project(xyz[3 * i] * scale, xyz[3 * i + 1] * scale, xyz[3 * i + 2] * scale, place);
-      const depth = place[2];
+      this.project(xyz[3 * i] * scale, xyz[3 * i + 1] * scale, xyz[3 * i + 2] * scale, out);
+      const depth = out[2];
       if (depth < 0.5) continue;
       const word = color === "truth" ? TRUTH_WORDS[truth[i]] : color === "intensity" ? INTENSITIES[intensity[i]] : REASON_WORDS[reasons[i]];
       const large = color === "truth" ? truth[i] === 2 : reasons[i] === 0 || reasons[i] === 4;
       const over = depth - (lifts[reasons[i]] || 0);
       const size = Math.round(this.ratio * (large ? bold : Math.min(bold, 2)));
-      const [left, top] = [Math.round(place[0] - size / 2), Math.round(place[1] - size / 2)];
+      const [left, top] = [Math.round(out[0] - size / 2), Math.round(out[1] - size / 2)];
       if (left < 0 || top < 0 || left + size > width || top + size > height) continue;
       for (let row = top; row < top + size; row++) {
         for (let cell = row * width + left; cell < row * width + left + size; cell++) {
@@ -146,13 +146,13 @@ class CloudView {
 
   line(points, color, weight, dash = []) {
     this.pen.beginPath();
-    const place = [0, 0, 0];
+    const out = [0, 0, 0];
     let pen = false;
     for (const [x, y, z] of points) {
-      this.project(x, y, z, place);
-      if (place[2] < 0.5) { pen = false; continue; }
-      if (pen) this.pen.lineTo(place[0], place[1]);
-      else this.pen.moveTo(place[0], place[1]);
+      this.project(x, y, z, out);
+      if (out[2] < 0.5) { pen = false; continue; }
+      if (pen) this.pen.lineTo(out[0], out[1]);
+      else this.pen.moveTo(out[0], out[1]);
       pen = true;
     }
     this.pen.strokeStyle = color;
@@ -162,37 +162,37 @@ class CloudView {
   }
 
   text(words, x, y, z, color) {
-    const place = [0, 0, 0];
-    this.project(x, y, z, place);
-    if (place[2] < 0.5) return;
+    const out = [0, 0, 0];
+    this.project(x, y, z, out);
+    if (out[2] < 0.5) return;
     this.pen.font = `${12 * this.ratio}px system-ui, sans-serif`;
     this.pen.textAlign = "center";
     this.pen.lineWidth = 3 * this.ratio;
     this.pen.setLineDash([]);
     this.pen.strokeStyle = "#fff";
-    this.pen.strokeText(words, place[0], place[1] - 4 * this.ratio);
+    this.pen.strokeText(words, out[0], out[1] - 4 * this.ratio);
     this.pen.fillStyle = color;
-    this.pen.fillText(words, place[0], place[1] - 4 * this.ratio);
+    this.pen.fillText(words, out[0], out[1] - 4 * this.ratio);
   }
 
   rings() {
-    const edges = this.look.rings, place = [0, 0, 0];
+    const edges = this.content.rings, out = [0, 0, 0];
     let last = Infinity;
     for (const radius of edges) {
-      this.project(0, radius, this.ground, place);
-      const crowded = Math.abs(place[0] - last) < 40 * this.ratio; // numbers would lie on each other
+      this.project(0, radius, this.ground, out);
+      const crowded = Math.abs(out[0] - last) < 40 * this.ratio; // labels would overlap
       if (crowded && edges.length > 8) continue;
       const circle = Array.from({ length: 97 }, (_, i) => [radius * Math.sin((i * Math.PI) / 48), radius * Math.cos((i * Math.PI) / 48), this.ground]);
       this.line(circle, "rgba(82,96,109,.35)", 1);
       if (crowded) continue;
-      last = place[0];
+      last = out[0];
       this.text(`${short(radius)} m`, 0, radius, this.ground, "#52606d");
     }
     this.line([[0, 0, this.ground], [0, 0, 0]], "#52606d", 2);
   }
 
   outlines() {
-    const { sample, method, boxes, clusters } = this.look;
+    const { sample, method, boxes, clusters } = this.content;
     const { states } = data.palette;
     const colors = { target: data.palette.reasons[0], unknown: data.palette.reasons[0], false: states["false alarm"] };
     for (const { low, high, kind } of clusters ? sample.clusters[method] : []) {
@@ -202,10 +202,10 @@ class CloudView {
     }
     for (const box of boxes ? sample.boxes : []) {
       const state = Array.isArray(box.state) ? box.state[method] : box.state;
-      const color = state === "lost" ? states["omitted alarm"] : state === "found" ? states.found : "#52606d";
-      this.box(box.center, box.size, box.yaw, color, 1.6, state === "found" ? [] : [5, 4]);
+      const color = state === "missed" ? states["missed target"] : state === "detected" ? states.detected : "#52606d";
+      this.box(box.center, box.size, box.yaw, color, 1.6, state === "detected" ? [] : [5, 4]);
       if (state === "ignored") continue;
-      const note = { lost: " (lost)", hidden: " (not visible)" }[state] || "";
+      const note = { missed: " (missed)", hidden: " (not visible)" }[state] || "";
       this.text(`${box.class}${note}`, box.center[0], box.center[1], box.center[2] + box.size[2] / 2, color);
     }
   }
@@ -222,7 +222,7 @@ class CloudView {
   }
 }
 
-// A sample's arrays, unpacked when it is first looked at.
+// Arrays of a sample, unpacked when it is first shown.
 const opened = new Map();
 function openSample(number) {
   if (!opened.has(number)) {
@@ -241,7 +241,7 @@ function openSample(number) {
   return opened.get(number);
 }
 
-// How far clutter and targets reach, but for a few points; near and far ones do not count.
+// Range within which almost all clutter and targets are; points removed as near or far do not count.
 function reachOf(xyz, { scale, boxes }, reasons) {
   const ranges = [];
   reasons.forEach((reason, i) => {

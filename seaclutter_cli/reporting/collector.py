@@ -1,4 +1,4 @@
-"""Looks on while frames are filtered, and keeps what a report shows: numbers of all, points of some."""
+"""Collection of report data during filtering: statistics of all frames and points of selected frames."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
@@ -21,14 +21,14 @@ _POINTS = 24_000
 
 @dataclass(frozen=True)
 class Method:
-    """A method as the report names it.
+    """A method in a report.
 
     Parameters
     ----------
     name : str
-        What it is called in tables.
+        Name in tables and figures.
     edges : sequence of float
-        Ring edges in metres; empty without rings.
+        Edges of the range rings in metres; empty for methods without range rings.
     config : str
         The effective configuration as YAML.
     """
@@ -40,7 +40,7 @@ class Method:
 
 @dataclass
 class Timeline:
-    """Where frames lie: for each one the recording, its number there, and seconds from the recording's start."""
+    """Recording index, number within the recording, and time in seconds within the recording of each frame."""
 
     recording: list[int] = field(default_factory=list)
     frame: list[int] = field(default_factory=list)
@@ -48,23 +48,24 @@ class Timeline:
 
 
 class Collector(ReplayListener):
-    """Keeps some hundred bytes of every frame and the points of a few dozen, whatever the length of the logs.
+    """Collector of the statistics of all frames and the points of selected frames.
 
-    The first method decides which frames are worst: those with the most false and omitted alarms; without labels,
-    those of which the largest share is removed.
+    It stores a few hundred bytes for every frame, and points for a few dozen frames at most, however long the logs are.
+    The first method determines the worst frames: those with the most false alarms and missed targets; without labels,
+    those with the largest share of points removed as clutter.
 
     Parameters
     ----------
     methods : sequence of Method
-        Whose results it is told, in this order.
+        Methods in the order of their results.
     params : EvaluationParams
-        Limits of clusters and targets.
+        Parameters of clustering and matching.
     labelled : bool
-        Whether there are labels.
+        Whether the recordings are labelled.
     frames : int
-        Frames to choose for a look.
+        Number of frames to select.
     picks : collection of int, optional
-        Numbers of frames to show in any case.
+        Numbers of additional frames to show.
     """
 
     def __init__(
@@ -92,7 +93,7 @@ class Collector(ReplayListener):
         self._first_ns = None
 
     def expect(self, frames: int) -> None:
-        """Hear how many frames there will be."""
+        """Take the approximate number of frames, before the first of them."""
         if not self.timeline.frame:
             self._choice.expect(frames)
 
@@ -104,7 +105,7 @@ class Collector(ReplayListener):
         scores: Sequence[FrameScore | None],
         results: Callable[[], Sequence[FilterResult | None]],
     ) -> None:
-        """Take the numbers of a frame; ``results`` is called only if its points are kept."""
+        """Take the statistics of a frame; ``results`` is called only if the points of the frame are stored."""
         if self._first_ns is None:
             self._first_ns = frame.log_time_ns
         row = len(self.timeline.frame)
@@ -124,34 +125,34 @@ class Collector(ReplayListener):
 
     @property
     def chosen(self) -> list[Chosen[Sample]]:
-        """The frames to look at, those that went wrong first, the worst of them at the head."""
+        """Frames to show, the worst first."""
         history = self.histories[0]
-        wrong = np.nan_to_num(history.false_alarms) + np.nan_to_num(history.omitted)
+        errors = np.nan_to_num(history.false_alarms) + np.nan_to_num(history.missed)
         found = [one for one in self._choice.chosen() if one.row not in self._picked]
         found += [Chosen(row, "picked", sample) for row, sample in self._picked.items()]
-        return sorted(found, key=lambda one: (-float(wrong[one.row]), one.row if self.labelled else 0))
+        return sorted(found, key=lambda one: (-float(errors[one.row]), one.row if self.labelled else 0))
 
     @property
-    def foremost(self) -> Sample:
-        """The frame that figures show: the first that was asked for, else the worst."""
+    def figure_sample(self) -> Sample:
+        """Frame shown in figures: the first requested one, otherwise the worst."""
         return next(iter(self._picked.values()), None) or self.chosen[0].item
 
     @property
     def spread(self) -> list[Sample]:
-        """Frames evenly spread, which stand for all."""
+        """Evenly spaced frames that represent all frames."""
         return [sample for _, sample in self._choice.spread()]
 
 
 def _by_alarms(score: FrameScore | None) -> tuple[float | None, float | None]:
-    """Return how bad a labelled frame is and, if it is not bad, how good."""
+    """Return badness and merit of a labelled frame: its errors and, if there are none, its detected targets."""
     if score is None or score.alarms is None:
         return None, None
-    wrong = score.alarms.false_alarms + score.alarms.omitted
-    return float(wrong), None if wrong else float(score.alarms.detected)
+    errors = score.alarms.false_alarms + score.alarms.omitted
+    return float(errors), None if errors else float(score.alarms.detected)
 
 
 def _by_removal(numbers: Numbers | None) -> tuple[float | None, float | None]:
-    """Return how much of a frame is removed as clutter, and how little."""
+    """Return badness and merit of an unlabelled frame: the share removed as clutter, and its negative."""
     if numbers is None:
         return None, None
     removed = float(numbers.counts[Reason.LOW_INTENSITY] + numbers.counts[Reason.OUTLIER])

@@ -1,4 +1,4 @@
-"""What was collected, as the JSON that the page draws from: numbers as text, arrays as base64, little-endian."""
+"""JSON data of the page: numbers as text, arrays as base64 of little-endian values."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -17,8 +17,8 @@ from seaclutter_cli.reporting.density import density_of
 from seaclutter_cli.reporting.history import History
 from seaclutter_cli.reporting.sample import Sample
 
-LABELLED, FALSE_ALARM, OMITTED_ALARM = 1, 2, 4
-"""Bits of a frame in the timeline of alarms."""
+LABELLED, FALSE_ALARM, MISSED_TARGET = 1, 2, 4
+"""Bits that describe a frame in the timeline."""
 
 _STEPS = 32767
 
@@ -26,16 +26,16 @@ _STEPS = 32767
 def report_data(
     collected: Collector, summaries: Mapping[str, Mapping[str, Any]], notes: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return all that the page shows.
+    """Return the data of the page.
 
     Parameters
     ----------
     collected : Collector
-        What was seen.
+        Statistics and samples.
     summaries : mapping of str to mapping
-        Figures of each method as `Summary.as_dict` gives them.
+        Rates and counts of each method by its name, as returned by `Summary.as_dict`.
     notes : sequence of str
-        What a reader should know besides, such as damage of the input.
+        Remarks for the reader, such as damage of the input.
     """
     timeline = collected.timeline
     starts = bin_starts(len(timeline.frame))
@@ -68,7 +68,7 @@ def _palette() -> dict[str, Any]:
     return {
         "reasons": [palette.REASONS[reason] for reason in Reason],
         "order": [int(reason) for reason in palette.REASONS],
-        "names": [reason.name.lower().replace("_", " ") for reason in Reason],
+        "names": [palette.REASON_NAMES[reason] for reason in Reason],
         "truth": list(palette.TRUTH.values()),
         "truth_names": list(palette.TRUTH),
         "states": palette.STATES,
@@ -96,12 +96,12 @@ def _method(method: Method, history: History, summary: dict[str, Any], starts: N
         "scenes": {name: _packed(frames, "u1") for name, frames in history.scenes.items()},
         "alarms": _packed(alarm_bits(history), "u1"),
         "false_alarms": _packed(np.nan_to_num(history.false_alarms).clip(0, 255), "u1"),
-        "omitted": _packed(np.nan_to_num(history.omitted).clip(0, 255), "u1"),
+        "missed": _packed(np.nan_to_num(history.missed).clip(0, 255), "u1"),
     }
 
 
 def mean_thresholds(history: History) -> list[float]:
-    """Return each ring's threshold as the mean over the frames where it is known."""
+    """Return the threshold of each range ring, averaged over the frames where it is known."""
     values = history.thresholds
     known = np.isfinite(values)
     total = np.where(known, values, 0).sum(axis=0, dtype=np.float64)
@@ -109,9 +109,9 @@ def mean_thresholds(history: History) -> list[float]:
 
 
 def alarm_bits(history: History) -> NDArray[np.uint8]:
-    """Return for each frame whether it is labelled, has false alarms, has omitted ones; shape (frames,), uint8."""
+    """Return the bits `LABELLED`, `FALSE_ALARM` and `MISSED_TARGET` of each frame, shape (frames,), uint8."""
     labelled = np.isfinite(history.false_alarms)
-    bits = LABELLED * labelled + FALSE_ALARM * (history.false_alarms > 0) + OMITTED_ALARM * (history.omitted > 0)
+    bits = LABELLED * labelled + FALSE_ALARM * (history.false_alarms > 0) + MISSED_TARGET * (history.missed > 0)
     return np.asarray(bits, np.uint8)
 
 
@@ -135,7 +135,7 @@ def _density(collected: Collector, number: int, history: History) -> dict[str, A
 
 
 def _intensity_top(samples: Sequence[Sample]) -> float:
-    """Return the intensity of the strongest colour; most points are below it."""
+    """Return the upper end of the intensity colour scale; 98 % of the points are below it."""
     known = [sample.intensity[np.isfinite(sample.intensity)] for sample in samples]
     values = np.concatenate([*known, np.empty(0, np.float32)])
     return float(np.quantile(values, 0.98)) if len(values) else 0.0

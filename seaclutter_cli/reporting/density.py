@@ -1,4 +1,4 @@
-"""How many points there are at which range and intensity, from frames that stand for all (S0, Fig. 5 and 6)."""
+"""Density of points over range and intensity ([Li2023], Fig. 5 and 6)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ _COLUMNS, _ROWS = 120, 64
 
 @dataclass(frozen=True)
 class Density:
-    """Mean counts a frame in cells of equal size.
+    """Mean number of points per frame in cells of equal size.
 
     Parameters
     ----------
     reach_m : float
-        Range at which the last column ends; the first begins at 0.
+        Upper range of the last column in metres; the first column starts at 0.
     low, high : float
-        Intensities at which the rows begin and end.
+        Intensities at the lower and upper end of the rows.
     counts : ndarray, shape (7, rows, columns), float32
-        Points a frame for each `Reason`.
+        Points per frame for each `Reason`.
     """
 
     reach_m: float
@@ -32,19 +32,19 @@ class Density:
     counts: NDArray[np.float32]
 
 
-def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], thresholds: float) -> Density | None:
-    """Return the density of the points of some frames; None without intensities.
+def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], threshold: float) -> Density | None:
+    """Return the density of the points of several frames; None without intensities.
 
     Parameters
     ----------
     samples : sequence of Sample
-        The frames.
+        Frames.
     method : int
-        Whose reasons count.
+        Index of the method whose reasons are counted.
     edges : sequence of float
-        Edges of its rings in metres; empty without.
-    thresholds : float
-        The greatest threshold, which is to be seen.
+        Edges of its range rings in metres; empty without range rings.
+    threshold : float
+        Highest threshold; the rows extend above it.
     """
     if not samples:
         return None
@@ -59,11 +59,11 @@ def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], t
     shown = known & (range_m < reach_m)
     within = intensity[shown & (range_m >= (edges[0] if edges else 0.0))]
     low = min(0.0, float(np.quantile(within, 0.01))) if len(within) else 0.0
-    high = max(float(np.quantile(within, 0.985)) if len(within) else 0.0, 1.5 * thresholds)
+    high = max(float(np.quantile(within, 0.985)) if len(within) else 0.0, 1.5 * threshold)
     high = high if high > low else low + 1.0
     whole = bool((intensity[known] == np.floor(intensity[known])).all())
     rows = min(_ROWS, max(int(np.ceil(high - low)), 1)) if whole else _ROWS
-    if whole:  # else there would be empty rows between the values
+    if whole:  # rows of fractional height would leave empty rows between the values
         high = low + rows * float(np.ceil((high - low) / rows))
     bins = ((0, len(Reason)), (low, high), (0, max(reach_m, 1e-3)))
     points = np.stack((reason[shown], intensity[shown], range_m[shown]), axis=1)

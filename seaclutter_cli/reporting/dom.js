@@ -1,5 +1,5 @@
 "use strict";
-// Elements, numbers and arrays: what the other parts are made with. Text from a log is only ever set as text.
+// Helpers for elements, numbers and arrays. Text from a log is only ever inserted as text, never as HTML.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 
@@ -14,7 +14,7 @@ function fill(element, attributes, children) {
 const h = (tag, attributes = {}, ...children) => fill(document.createElement(tag), attributes, children);
 const svg = (tag, attributes = {}, ...children) =>
   fill(document.createElementNS("http://www.w3.org/2000/svg", tag), attributes, children);
-const at = (id) => document.getElementById(id);
+const byId = (id) => document.getElementById(id);
 
 function unpack(text, Kind) {
   const raw = atob(text);
@@ -22,7 +22,7 @@ function unpack(text, Kind) {
   for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
   return new Kind(bytes.buffer);
 }
-// Series of several rows, each as long as there are steps.
+// Splits a flat array into rows of `count` values.
 const rowsOf = (values, count) => Array.from({ length: count ? values.length / count : 0 },
   (_, k) => values.subarray(k * count, (k + 1) * count));
 
@@ -44,15 +44,15 @@ function frameName(row) {
 }
 const frameTime = (row) => `${frames.seconds[row].toFixed(2)} s`;
 
-// Colours of K rings: a few that differ, or a ramp from the nearest to the farthest.
+// Colours of K range rings: distinct colours for a few, otherwise a ramp from the nearest to the farthest.
 function ringColors(count) {
   const { lines, ramp } = data.palette;
   if (count <= lines.length) return lines.slice(0, count);
   const parse = (color) => [1, 3, 5].map((i) => parseInt(color.slice(i, i + 2), 16));
   const [first, middle, last] = ramp.map(parse);
   return Array.from({ length: count }, (_, k) => {
-    const place = (2 * k) / (count - 1);
-    const [from, to, part] = place < 1 ? [first, middle, place] : [middle, last, place - 1];
+    const position = (2 * k) / (count - 1);
+    const [from, to, part] = position < 1 ? [first, middle, position] : [middle, last, position - 1];
     return `rgb(${from.map((value, i) => Math.round(value + part * (to[i] - value))).join(",")})`;
   });
 }

@@ -1,4 +1,4 @@
-"""What a method did in every frame, in a few numbers each."""
+"""Statistics of a method for every frame."""
 
 from dataclasses import dataclass
 
@@ -13,16 +13,16 @@ Series = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Numbers:
-    """What a method did in one frame.
+    """Statistics of a method for one frame.
 
     Parameters
     ----------
     counts : ndarray, shape (7,)
-        Points for each `Reason`; the first entry counts those kept.
+        Points for each `Reason`; the first entry counts the kept points.
     rings : Rings or None
-        Thresholds and corrections, for methods that work in rings.
+        Thresholds and corrections, for methods with range rings.
     scene : str, optional
-        Class of scene, for methods that know scenes.
+        Class of scene, for methods that distinguish scenes.
     """
 
     counts: NDArray[np.int64]
@@ -31,17 +31,17 @@ class Numbers:
 
     @classmethod
     def of(cls, result: FilterResult | None) -> "Numbers | None":
-        """Return those of a result; None where there is none."""
+        """Return the statistics of a result; None without a result."""
         return None if result is None else cls(result.counts, result.rings, result.scene)
 
 
 class History:
-    """The numbers of one method, frame by frame: some hundred bytes each.
+    """Statistics of one method for every frame, a few hundred bytes each.
 
     Parameters
     ----------
     rings : int
-        Rings of the method, K; 0 without.
+        Number of range rings of the method, K; 0 without range rings.
     """
 
     _ALARMS = ("visible", "omitted", "false_alarms")
@@ -52,7 +52,7 @@ class History:
         self._scenes: list[str | None] = []
 
     def add(self, numbers: Numbers | None, score: FrameScore | None) -> None:
-        """Add a frame; what is not known is NaN."""
+        """Add a frame; unknown values become NaN."""
         row = np.full(len(Reason) + len(self._ALARMS) + 1 + 2 * self._rings, np.nan, np.float32)
         if numbers is not None:
             row[: len(Reason)] = numbers.counts
@@ -77,36 +77,36 @@ class History:
 
     @property
     def scenes(self) -> dict[str, NDArray[np.bool_]]:
-        """For each class of scene by name whether a frame is of it, shape (frames,); empty if none is known."""
-        told = np.array([scene or "" for scene in self._scenes], object)
-        return {name: told == name for name in sorted(set(told) - {""})}
+        """Masks of the frames of each class of scene, shape (frames,), by its name; empty if no class is known."""
+        names = np.array([scene or "" for scene in self._scenes], object)
+        return {name: names == name for name in sorted(set(names) - {""})}
 
     @property
     def clusters(self) -> Series:
-        """Clusters of what was kept, shape (frames,)."""
+        """Clusters of the kept points, shape (frames,)."""
         return self._columns(len(Reason), 1)[:, 0]
 
     @property
     def visible(self) -> Series:
-        """Targets that could be seen, shape (frames,); NaN where a frame is not labelled."""
+        """Visible targets, shape (frames,); NaN for unlabelled frames."""
         return self._columns(len(Reason) + 1, 1)[:, 0]
 
     @property
-    def omitted(self) -> Series:
-        """Visible targets that were lost, shape (frames,)."""
+    def missed(self) -> Series:
+        """Missed targets, shape (frames,); NaN for unlabelled frames."""
         return self._columns(len(Reason) + 2, 1)[:, 0]
 
     @property
     def false_alarms(self) -> Series:
-        """Clusters that are no targets, shape (frames,)."""
+        """False alarms, shape (frames,); NaN for unlabelled frames."""
         return self._columns(len(Reason) + 3, 1)[:, 0]
 
     @property
     def thresholds(self) -> Series:
-        """Thresholds used, shape (frames, K)."""
+        """Thresholds of the range rings, shape (frames, K)."""
         return self._columns(len(Reason) + 4, self._rings)
 
     @property
     def corrections(self) -> Series:
-        """Corrections used, shape (frames, K)."""
+        """Corrections of the range rings, shape (frames, K)."""
         return self._columns(len(Reason) + 4 + self._rings, self._rings)

@@ -1,4 +1,4 @@
-"""Listeners: they receive every frame while it is filtered and scored, or read back from a filtered log."""
+"""Interfaces for listeners, which receive every frame that is filtered and scored or read back from a filtered log."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from seaclutter_cli.truth import Truth
 
 
 class FrameListener(Protocol):
-    """Receives the frames of an evaluation."""
+    """A listener for the frames of an evaluation."""
 
     def begin(self, recording: str) -> None:
         """Start a recording."""
@@ -24,18 +24,18 @@ class FrameListener(Protocol):
         truth: Truth | None,
         scores: Sequence[FrameScore | None],
     ) -> None:
-        """Take a frame, the result of each method, its truth, and the score of each method."""
+        """Take a frame, the result of each method, the ground truth, and the score of each method."""
         ...
 
 
 class ReplayListener(ABC):
-    """Receives the frames of an evaluation or of filtered logs; the reasons of its points only on request."""
+    """A listener for the frames of an evaluation or of filtered logs; it gets the reasons of points only on request."""
 
     @abstractmethod
     def begin(self, recording: str) -> None:
         """Start a recording."""
 
-    def expect(self, frames: int) -> None:  # noqa: B027 - not all need to know
+    def expect(self, frames: int) -> None:  # noqa: B027 - optional for subclasses
         """Take the approximate number of frames, before the first of them."""
 
     def see(
@@ -45,7 +45,7 @@ class ReplayListener(ABC):
         truth: Truth | None,
         scores: Sequence[FrameScore | None],
     ) -> None:
-        """Take a frame, the result of each method, its truth, and the score of each method."""
+        """Take a frame, the result of each method, the ground truth, and the score of each method."""
         self.add(frame, [Numbers.of(result) for result in results], truth, scores, lambda: results)
 
     @abstractmethod
@@ -57,4 +57,4 @@ class ReplayListener(ABC):
         scores: Sequence[FrameScore | None],
         results: Callable[[], Sequence[FilterResult | None]],
     ) -> None:
-        """Take the numbers of a frame; ``results``, which may cost time, returns the reasons of its points."""
+        """Take the statistics of a frame; ``results``, which may be slow, returns the result of each method."""

@@ -1,4 +1,4 @@
-"""What there is in a frame besides points: labelled boxes and what became of them, clusters right and wrong."""
+"""Labelled boxes and clusters of a frame, with the outcome of matching."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -19,15 +19,15 @@ Described = dict[str, Any]
 Objects = tuple[list[Described], list[list[Described]]]
 
 
-def objects_later(
+def deferred_objects(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
 ) -> Callable[[], Objects]:
-    """Return what calls `objects_in` when it is asked to, so that frames that nobody will look at cost little.
+    """Return a function that calls `find_objects` on demand, to save time for frames that are not shown.
 
-    Without labels only the points that a method keeps are held until then, not the message that they came in.
+    Without labels, the function stores only the points that a method keeps, not the message of the frame.
     """
     if truth is not None:
-        found = objects_in(frame, results, truth, params)
+        found = find_objects(frame, results, truth, params)
         return lambda: found
     kept = np.zeros(frame.size, np.bool_)
     for result in results:
@@ -36,46 +36,46 @@ def objects_later(
     kept &= frame.valid
     part = replace(frame, cloud=frame.cloud.select(kept), message=None)
     parts = [result and FilterResult(part, result.reason[kept]) for result in results]
-    return partial(objects_in, part, parts, None, params)
+    return partial(find_objects, part, parts, None, params)
 
 
-def objects_in(
+def find_objects(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
 ) -> Objects:
-    """Return labelled boxes and, for each method, the boxes around its clusters.
+    """Return labelled boxes and, for each method, the bounding boxes of its clusters.
 
     Returns
     -------
     boxes : list of dict
         Labelled objects and areas to ignore: ``track``, ``class``, ``center``, ``size``, ``yaw``, and ``state``:
-        ``ignored``, ``hidden`` if not visible, else a list of ``found`` or ``lost`` for each method, None where a
-        method could not use the frame.
+        ``ignored``; ``hidden`` if not visible; otherwise a list with ``detected`` or ``missed`` for each method, None
+        for methods that could not process the frame.
     clusters : list of list of dict
-        For each method ``low`` and ``high`` corners, ``points`` and ``kind``: ``target``, ``false``, or ``unknown``
-        without labels. Of very many, the largest.
+        For each method, ``low`` and ``high`` corners, ``points`` and ``kind``: ``target``, ``false``, or ``unknown``
+        without labels; at most the 400 largest clusters.
     """
     scene = None if truth is None else targets_of(frame, truth, params)
-    judged = _judge(frame, results, scene, params)
-    boxes = _boxes(truth, scene, [found for _, found in judged])
-    return boxes, [_clusters(frame, labels, found) for labels, found in judged]
+    matched = _match(frame, results, scene, params)
+    boxes = _boxes(truth, scene, [matches for _, matches in matched])
+    return boxes, [_clusters(frame, labels, matches) for labels, matches in matched]
 
 
-def _judge(
+def _match(
     frame: Frame, results: Sequence[FilterResult | None], scene: FrameTargets | None, params: EvaluationParams
 ) -> list[tuple[NDArray[np.int64], Matches | None]]:
-    """Return for each method the cluster of each point, and what became of targets and clusters if that is known."""
+    """Return, for each method, the cluster of each point and, with labels, the matches with the targets."""
     finder = finder_of(frame, (result for result in results if result is not None), params)
-    judged = []
+    matched = []
     for result in results:
         labels = np.full(frame.size, -1)
         if result is not None:
             labels = finder.clusters(result.keep & frame.valid, params.min_cluster_points)
-        judged.append((labels, None if scene is None or result is None else judge(labels, scene, params)))
-    return judged
+        matched.append((labels, None if scene is None or result is None else judge(labels, scene, params)))
+    return matched
 
 
-def _clusters(frame: Frame, labels: NDArray[np.int64], found: Matches | None) -> list[Described]:
-    """Return the boxes around the clusters, the largest ones if there are very many."""
+def _clusters(frame: Frame, labels: NDArray[np.int64], matches: Matches | None) -> list[Described]:
+    """Return the bounding boxes of the clusters, at most the `_MAX_CLUSTERS` largest."""
     members = np.flatnonzero(labels >= 0)
     if not len(members):
         return []
@@ -84,19 +84,21 @@ def _clusters(frame: Frame, labels: NDArray[np.int64], found: Matches | None) ->
     starts = np.cumsum(size) - size
     xyz = frame.coordinates[:, members]
     low, high = (reduce.reduceat(xyz, starts, axis=1).T for reduce in (np.minimum, np.maximum))
-    kinds = ["unknown"] * len(size) if found is None else ["target" if own else "false" for own in found.belongs]
+    kinds = ["unknown"] * len(size)
+    if matches is not None:
+        kinds = ["target" if belongs else "false" for belongs in matches.belongs]
     return [
         {"low": _rounded(low[k]), "high": _rounded(high[k]), "points": int(size[k]), "kind": kinds[k]}
         for k in np.sort(np.argsort(-size, kind="stable")[:_MAX_CLUSTERS]).tolist()
     ]
 
 
-def _boxes(truth: Truth | None, scene: FrameTargets | None, found: Sequence[Matches | None]) -> list[Described]:
+def _boxes(truth: Truth | None, scene: FrameTargets | None, matches: Sequence[Matches | None]) -> list[Described]:
     if truth is None or scene is None:
         return []
     boxes = [{**box, "state": "ignored"} for box in _described(truth.ignored)]
     for number, box in enumerate(_described(truth.targets) if truth.targets is not None else ()):
-        states = [None if one is None else "found" if one.detected[number] else "lost" for one in found]
+        states = [None if one is None else "detected" if one.detected[number] else "missed" for one in matches]
         boxes.append({**box, "state": states if scene.visible[number] else "hidden"})
     return boxes
 

@@ -1,4 +1,4 @@
-"""One HTML file with everything in it: style, code and data. It loads nothing and needs no network."""
+"""Self-contained HTML page with style, code and data, which loads nothing and needs no network."""
 
 import base64
 import hashlib
@@ -10,22 +10,22 @@ from typing import Any
 from seaclutter_cli.reporting.palette import INK
 
 SCRIPTS = ("dom.js", "charts.js", "cloud.js", "page.js")
-"""Parts of the page's code, in the order in which they run."""
+"""JavaScript files of the page, in order of execution."""
 
-_NO_OTHERS = "img-src data:; base-uri 'none'; form-action 'none'"
+_OTHER_SOURCES = "img-src data:; base-uri 'none'; form-action 'none'"
 
 
 def render_page(data: Mapping[str, Any]) -> bytes:
-    """Return the page.
+    """Return the HTML page for the data of a report, as UTF-8.
 
-    Names in logs may hold anything. All data stand in one JSON block in which no ``<`` occurs, so that nothing in it
-    ends the block or begins another; the page's code writes them as text only. Whatever else there were, the page's
-    policy allows this style and this code, known by their checksums, and no loading.
+    Names in logs are untrusted. All data are in one JSON block without any ``<``, so no name can end the block or start
+    another element, and the page's code inserts names as text only. In addition, the content security policy allows
+    only this style and this code, identified by their hashes, and no loading of resources.
     """
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     style = _read("page.css") + _variables()
     script = "\n".join(_read(name) for name in SCRIPTS)
-    policy = f"default-src 'none'; style-src '{_checksum(style)}'; script-src '{_checksum(script)}'; {_NO_OTHERS}"
+    policy = f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; {_OTHER_SOURCES}"
     parts = {"POLICY": policy, "STYLE": style, "SCRIPT": script, "DATA": text}
     page = _read("page.html")
     for name, part in parts.items():
@@ -38,7 +38,7 @@ def _variables() -> str:
     return ":root{" + "".join(f"--{name}:{color};" for name, color in INK.items()) + "}"
 
 
-def _checksum(text: str) -> str:
+def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 

@@ -1,4 +1,4 @@
-"""Colours of reports, told apart by colour-blind readers and seen on white; checked in the tests."""
+"""Colours and names in reports; colours are distinguishable by colour-blind readers, as checked in the tests."""
 
 from collections.abc import Mapping
 
@@ -13,19 +13,30 @@ REASONS: Mapping[Reason, str] = {
     Reason.EXCLUDED: "#8a2bb0",
     Reason.INVALID: "#e6d07a",
 }
-"""Colour of each reason, in the order in which tables and legends name them."""
+"""Colour of each reason, in the order of tables and legends."""
+
+REASON_NAMES: Mapping[Reason, str] = {
+    Reason.KEPT: "kept",
+    Reason.LOW_INTENSITY: "low intensity",
+    Reason.OUTLIER: "outlier",
+    Reason.NEAR: "near (own ship)",
+    Reason.FAR: "far (beyond end_m)",
+    Reason.EXCLUDED: "excluded (box)",
+    Reason.INVALID: "invalid",
+}
+"""Name of each reason in pages and figures."""
 
 TRUTH = {"unknown": "#8b8f94", "clutter": "#3f95e8", "target": "#14213d", "ignored": "#9a7400"}
-"""Colours of what points truly are."""
+"""Colours of points by ground truth."""
 
-STATES = {"fine": "#d5dde3", "found": "#0b6b50", "false alarm": "#c2410c", "omitted alarm": "#1d4ed8"}
-"""Colours of frames in the timeline of alarms, and of the boxes that caused them."""
+STATES = {"correct": "#d5dde3", "detected": "#0b6b50", "false alarm": "#c2410c", "missed target": "#1d4ed8"}
+"""Colours of frames in the timeline, and of boxes and clusters."""
 
 LINES = ("#14213d", "#d1661a", "#0b6b50", "#8a2bb0", "#2f7fd0", "#8a6d00")
-"""Colours of curves that are told apart by dashes as well; more of them share a ramp."""
+"""Colours of up to six curves, which also differ in their dashes; more curves use `RAMP`."""
 
 RAMP = ("#14213d", "#1d5f9e", "#3f95e8")
-"""Ends and middle of the ramp for many rings, from the nearest to the farthest."""
+"""Start, middle and end of the colour ramp for many range rings, from the nearest to the farthest."""
 
 INK = {
     "ink": "#16202b",
@@ -36,4 +47,4 @@ INK = {
     "link": "#0b57a4",
     "bad": "#9f2f08",
 }
-"""Colours of the page itself."""
+"""Colours of text, background and lines of the page."""

@@ -1,7 +1,7 @@
-"""A filtered log read back: what the filter did stands in it, nothing is computed again.
+"""Filter results that are read back from a filtered log, not computed again.
 
-It is made with ``filter --keep-raw --with-removed``: the raw cloud on its topic, the points kept and removed on topics
-beside it, and a message of diagnostics for each frame.
+The log was written by ``filter --keep-raw --with-removed``: the raw cloud is on its topic, the kept and the removed
+points are on two additional topics, and each frame has a diagnostics message.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,7 +26,7 @@ _MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
 
 
 def filtered_topics(source: Source) -> list[str]:
-    """Return the cloud topics of which a log holds all that a filter run can write; none if it is no such log."""
+    """Return the cloud topics whose kept points, removed points and diagnostics are all in the log."""
     names = {channel.topic for channel in source.channels}
     clouds = [channel.topic for channel in source.channels if find_codec(channel)]
     if TOPIC not in names:
@@ -35,7 +35,7 @@ def filtered_topics(source: Source) -> list[str]:
 
 
 def recorded_config(source: Source) -> str | None:
-    """Return the configuration that a log was filtered with, as text; None if the log does not say."""
+    """Return the configuration that a log was filtered with, as YAML; None if it is not recorded."""
     for record in source.records():
         if isinstance(record, Metadata) and record.name == "seaclutter":
             return record.entries.get("config")
@@ -46,16 +46,16 @@ def recorded_config(source: Source) -> str | None:
 
 @dataclass(frozen=True)
 class Replayed:
-    """A frame and what a filter made of it, as the log has it.
+    """A frame and its filter result, as recorded in a filtered log.
 
     Parameters
     ----------
     frame : Frame
         The raw frame.
     numbers : Numbers
-        From its diagnostics.
+        Statistics from the diagnostics of the frame.
     removed : Message
-        The removed points with their reasons.
+        Removed points with their reasons.
     """
 
     frame: Frame
@@ -66,31 +66,31 @@ class Replayed:
     def result(self) -> FilterResult:
         """Reasons of the raw points.
 
-        Points are told apart by their bytes; equal ones are equal in all that is shown.
+        Points are matched by their bytes; points with equal bytes are interchangeable.
 
         Raises
         ------
         CloudError
-            If the removed points are not all among the raw ones.
+            If a removed point is not in the raw cloud.
         """
         codec = find_codec(self.removed.channel)
         if codec is None:
-            raise CloudError(f"topic {self.removed.channel.topic} holds no point clouds")
-        gone = codec.decode(self.removed.data)
+            raise CloudError(f"topic {self.removed.channel.topic} contains no point clouds")
+        removed = codec.decode(self.removed.data)
         raw = self.frame.cloud
-        reasons = gone.points[_reason_field(gone.dtype.names or ())]
-        place = _find(_keys(gone.points, raw.dtype.itemsize), _keys(raw.points, raw.dtype.itemsize))
-        if place is None:
-            raise CloudError(f"frame {self.frame.index}: the removed points are not those of the raw cloud")
+        reasons = removed.points[_reason_field(removed.dtype.names or ())]
+        indices = _find(_keys(removed.points, raw.dtype.itemsize), _keys(raw.points, raw.dtype.itemsize))
+        if indices is None:
+            raise CloudError(f"frame {self.frame.index}: a removed point is not in the raw cloud")
         reason = np.full(raw.size, Reason.KEPT, np.uint8)
-        reason[place] = np.minimum(reasons, max(Reason))
+        reason[indices] = np.minimum(reasons, max(Reason))
         return FilterResult(self.frame, reason, self.numbers.rings, self.numbers.scene)
 
 
 def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replayed]:
-    """Yield the frames of a topic with what the filter made of them.
+    """Yield the frames of a topic with their filter results.
 
-    A frame whose companions are missing or broken is left out.
+    Frames without removed points or valid diagnostics are left out.
     """
     clouds = [channel for channel in source.channels if channel.topic == topic]
     frame: Frame | None = None
@@ -114,14 +114,14 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replaye
 
 
 def _reason_field(names: Sequence[str]) -> str:
-    """Return the name of the field that the filter added: the last one, with underscores if there was one before."""
+    """Return the name of the field that the filter added: the last one, ``reason`` with or without underscores."""
     if not names or not names[-1].startswith("reason"):
-        raise CloudError("the removed points have no field 'reason'")
+        raise CloudError("the cloud of removed points has no field 'reason'")
     return names[-1]
 
 
 def _keys(points: NDArray[np.void], size: int) -> NDArray[np.uint64]:
-    """Return a number for each point that depends on its first ``size`` bytes, shape (N,)."""
+    """Return a hash of the first ``size`` bytes of each point, shape (N,)."""
     raw = np.ascontiguousarray(points).view(np.uint8).reshape(len(points), -1)[:, :size]
     words = np.zeros((len(raw), -(-size // 8) * 8), np.uint8)
     words[:, :size] = raw
@@ -133,13 +133,13 @@ def _keys(points: NDArray[np.void], size: int) -> NDArray[np.uint64]:
 
 
 def _find(sought: NDArray[np.uint64], among: NDArray[np.uint64]) -> NDArray[np.int64] | None:
-    """Return where each number stands, equal ones at different places; None if one is not there."""
+    """Return the index of each key in ``among``, distinct indices for equal keys; None if a key is missing."""
     order, others = np.argsort(sought, kind="stable"), np.argsort(among, kind="stable")
     ranked = sought[order]
     repeat = np.arange(len(ranked)) - np.searchsorted(ranked, ranked, side="left")
-    place = np.searchsorted(among[others], ranked, side="left") + repeat
-    if len(place) and (place.max() >= len(among) or (among[others][place] != ranked).any()):
+    index = np.searchsorted(among[others], ranked, side="left") + repeat
+    if len(index) and (index.max() >= len(among) or (among[others][index] != ranked).any()):
         return None
     found = np.empty(len(sought), np.int64)
-    found[order] = others[place]
+    found[order] = others[index]
     return found

@@ -1,4 +1,4 @@
-"""One frame to look at: its points, thinned, with reasons, truth, boxes and clusters."""
+"""Sample of a frame: a subset of its points with reasons and ground truth, boxes and clusters."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,37 +10,37 @@ from numpy.typing import NDArray
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.frame import FilterResult, Frame, Reason
-from seaclutter_cli.reporting.objects import Described, Objects, objects_later
+from seaclutter_cli.reporting.objects import Described, Objects, deferred_objects
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 UNKNOWN, IS_CLUTTER, IS_TARGET, IS_IGNORED = range(4)
-"""What a point truly is."""
+"""Codes for the ground truth of a point."""
 
-_FIRST_SHARE = 0.75
+_PRIORITY_SHARE = 0.75
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A frame to look at, n of its points.
+    """A frame and n of its points.
 
     Parameters
     ----------
     frame : int
         Number of the frame in its topic.
     size, valid : int
-        Points of the frame, and those of them that are returns.
+        Number of points of the frame, and of those that are valid returns.
     xyz : ndarray, shape (n, 3), float32
-        Metres.
+        Coordinates in metres.
     intensity : ndarray, shape (n,), float32
-        In the sensor's unit; NaN where there is none.
+        Intensity in the sensor's unit; NaN if unknown.
     reasons : ndarray, shape (methods, n), uint8
-        `Reason` by each method.
+        `Reason` according to each method.
     truth : ndarray, shape (n,), uint8
         `UNKNOWN`, `IS_CLUTTER`, `IS_TARGET` or `IS_IGNORED`.
     weight : ndarray, shape (n,), float32
-        Points of the frame that a shown one stands for.
+        Number of points of the frame that each point represents.
     find_objects : callable
-        Returns what `objects_in` does; called when boxes or clusters are first asked for.
+        Returns the objects of the frame; called when boxes or clusters are first needed.
     """
 
     frame: int
@@ -59,12 +59,12 @@ class Sample:
 
     @property
     def boxes(self) -> list[Described]:
-        """Labelled objects and areas to ignore, as `objects_in` describes them."""
+        """Labelled objects and areas to ignore, in the form of `find_objects`."""
         return self._objects[0]
 
     @property
     def clusters(self) -> list[list[Described]]:
-        """Clusters of each method, likewise."""
+        """Clusters of each method, in the form of `find_objects`."""
         return self._objects[1]
 
     @property
@@ -76,18 +76,18 @@ class Sample:
 def take_sample(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams, limit: int
 ) -> Sample:
-    """Return what there is to see in a frame, in at most ``limit`` points.
+    """Return a sample of a frame with at most ``limit`` points.
 
-    Points that a method keeps, or that belong to a target, come first: a buoy of five points is to be seen among tens
-    of thousands. Where not all of either kind can be shown, they are thinned evenly.
+    Points that a method keeps or that belong to a target take priority, so a buoy of five points stays visible among
+    tens of thousands. Each of the two groups is subsampled evenly if it does not fit.
     """
     points = np.zeros(frame.size, np.int64) if truth is None else point_truth(frame, truth, params)
     kept = np.zeros(frame.size, np.bool_)
     for result in results:
         if result is not None:
             kept |= result.keep
-    first = frame.valid & (kept | ((points != CLUTTER) & (points != IGNORED)))
-    shown, weight = _thin(np.flatnonzero(first), np.flatnonzero(frame.valid & ~first), limit)
+    priority = frame.valid & (kept | ((points != CLUTTER) & (points != IGNORED)))
+    shown, weight = _thin(np.flatnonzero(priority), np.flatnonzero(frame.valid & ~priority), limit)
     reasons = np.full((len(results), len(shown)), Reason.INVALID, np.uint8)
     for row, result in zip(reasons, results, strict=True):
         if result is not None:
@@ -102,29 +102,30 @@ def take_sample(
         reasons,
         _truth(points[shown], known=truth is not None),
         weight,
-        objects_later(frame, results, truth, params),
+        deferred_objects(frame, results, truth, params),
     )
 
 
 def _thin(
-    first: NDArray[np.int64], others: NDArray[np.int64], limit: int
+    priority: NDArray[np.int64], others: NDArray[np.int64], limit: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Return at most so many of the points, and how many each of them stands for."""
-    wanted = max(int(_FIRST_SHARE * limit), limit - len(others))
-    parts = [_evenly(first, wanted)]
-    parts.append(_evenly(others, limit - len(parts[0])))
+    """Return the indices of at most ``limit`` points, and the number of points that each of them represents."""
+    wanted = max(int(_PRIORITY_SHARE * limit), limit - len(others))
+    parts = [_subsample(priority, wanted)]
+    parts.append(_subsample(others, limit - len(parts[0])))
     weights = [
-        np.full(len(part), len(whole) / max(len(part), 1)) for part, whole in zip(parts, (first, others), strict=True)
+        np.full(len(part), len(whole) / max(len(part), 1))
+        for part, whole in zip(parts, (priority, others), strict=True)
     ]
     return np.concatenate(parts), np.concatenate(weights).astype(np.float32)
 
 
-def _evenly(members: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Return so many of the points, without a pattern: every n-th one could be all of the same beam."""
+def _subsample(members: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Return at most ``count`` points, chosen pseudo-randomly: every n-th point might come from the same beam."""
     if len(members) <= count:
         return members
-    scattered = np.arange(len(members), dtype=np.uint64) * np.uint64(2654435761) % np.uint64(2**32)
-    return members[np.sort(np.argpartition(scattered, count)[:count])]
+    keys = np.arange(len(members), dtype=np.uint64) * np.uint64(2654435761) % np.uint64(2**32)
+    return members[np.sort(np.argpartition(keys, count)[:count])]
 
 
 def _truth(points: NDArray[np.int64], *, known: bool) -> NDArray[np.uint8]:

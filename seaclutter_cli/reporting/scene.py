@@ -1,4 +1,4 @@
-"""Boxes and clusters of a filtered frame as a scene, for players that draw such."""
+"""Boxes and clusters of a filtered frame as a scene update, for players such as Foxglove."""
 
 from collections.abc import Callable
 
@@ -7,24 +7,24 @@ from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.messages.scene import SceneBox, SceneUpdate
 from seaclutter_cli.reporting import palette
-from seaclutter_cli.reporting.objects import Described, objects_in
+from seaclutter_cli.reporting.objects import Described, find_objects
 from seaclutter_cli.truth import Truth
 
 _CLUSTERS = {
-    "target": palette.STATES["found"],
+    "target": palette.STATES["detected"],
     "false": palette.STATES["false alarm"],
     "unknown": palette.TRUTH["clutter"],
 }
 _BOXES = {
-    "found": palette.STATES["found"],
-    "lost": palette.STATES["omitted alarm"],
+    "detected": palette.STATES["detected"],
+    "missed": palette.STATES["missed target"],
     "hidden": palette.TRUTH["unknown"],
     "ignored": palette.TRUTH["unknown"],
 }
 
 
 def scene_maker(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], SceneUpdate]:
-    """Return what makes the scene of a filtered frame: clusters, and boxes where there are labels."""
+    """Return a function that makes the scene update of a filtered frame: clusters and, with labels, boxes."""
 
     def make(result: FilterResult) -> SceneUpdate:
         frame = result.frame
@@ -36,8 +36,8 @@ def scene_maker(params: EvaluationParams, labels: Labels | None) -> Callable[[Fi
 
 
 def boxes_of(result: FilterResult, truth: Truth | None, params: EvaluationParams) -> dict[str, list[SceneBox]]:
-    """Return the boxes of a filtered frame: around its ``clusters``, and of its ``labels``."""
-    boxes, clusters = objects_in(result.frame, [result], truth, params)
+    """Return the boxes of a filtered frame, those of its ``clusters`` and those of its ``labels``."""
+    boxes, clusters = find_objects(result.frame, [result], truth, params)
     return {"clusters": [_cluster(one) for one in clusters[0]], "labels": [_box(one) for one in boxes]}
 
 
@@ -50,5 +50,5 @@ def _cluster(one: Described) -> SceneBox:
 
 def _box(one: Described) -> SceneBox:
     state = one["state"][0] if isinstance(one["state"], list) else one["state"]
-    text = {"found": one["class"], "lost": f"{one['class']} (lost)", "hidden": f"{one['class']} (not visible)"}
+    text = {"detected": one["class"], "missed": f"{one['class']} (lost)", "hidden": f"{one['class']} (not visible)"}
     return SceneBox(one["center"], one["size"], one["yaw"], _BOXES[state], text.get(state, ""))

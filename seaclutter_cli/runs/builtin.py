@@ -1,4 +1,4 @@
-"""What is built in: sensors, methods, formats, configurations, scenes, layouts, tiles, lidars to simulate."""
+"""Names of built-in sensors, methods, formats, configurations, scenes, layouts, tiles and lidars to simulate."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from seaclutter_cli.validation import builtin_files
 
 
 def list_builtin() -> "Builtin":
-    """Return the names of all that is built in."""
+    """Return the names of all built-in items."""
     methods = {name: (kind.__doc__ or "").splitlines()[0] for name, kind in FILTERS.items()}
     lists = {
         "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
@@ -34,16 +34,16 @@ def list_builtin() -> "Builtin":
 
 @dataclass(frozen=True)
 class Builtin(Result):
-    """What is built in.
+    """Built-in sensors and methods, and names of other built-in items.
 
     Parameters
     ----------
     sensors : mapping of str to SensorModel
-        Sensors that are recognised.
+        Sensors that the program recognises.
     methods : mapping of str to str
-        Filter methods and what each does.
+        Filter methods, each with a one-line description.
     lists : mapping of str to sequence of str
-        Names of all else, by kind.
+        Names of the other items, by kind.
     """
 
     sensors: Mapping[str, SensorModel]
@@ -51,15 +51,15 @@ class Builtin(Result):
     lists: Mapping[str, Sequence[str]]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the lists as JSON holds them."""
+        """Return the lists as JSON-compatible data."""
         sensors = {name: {"maker": s.maker, "beams": s.beams, "columns": s.columns} for name, s in self.sensors.items()}
         return {"sensors": sensors, "methods": self.methods, **self.lists}
 
     def as_text(self) -> str:
-        """Return the lists as people read them."""
+        """Return the lists as human-readable text."""
         rows = [(name, s.maker, s.beams, s.columns, s.intensity) for name, s in self.sensors.items()]
         sensors = table(("sensor", "maker", "beams", "columns", "intensity"), rows)
-        methods = table(("method", ""), [(f"{name:<24}{said}", "") for name, said in self.methods.items()])
+        methods = table(("method", ""), [(f"{name:<24}{summary}", "") for name, summary in self.methods.items()])
         lines = (f"{name:<9} {', '.join(values)}" for name, values in self.lists.items())
         lists = "\n".join(textwrap.fill(line, 79, subsequent_indent=" " * 10) for line in lines)
         return f"{sensors}\n\n{methods}\n\n{lists}"

@@ -1,4 +1,4 @@
-"""Calibration: thresholds and the far limit of clutter, from recordings that hold clutter."""
+"""Calibration: thresholds and the far limit of clutter, from recordings that contain clutter."""
 
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -37,24 +37,24 @@ from seaclutter_cli.text import count
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrateOptions:
-    """How thresholds are derived, and what is written.
+    """Options of a calibration: start values, input and output files.
 
     Parameters
     ----------
     config : ConfigOptions
-        Configuration to start from; its method must have ring thresholds.
+        Configuration to start from; its method must have a threshold for each range ring.
     filter_rate : float
-        Share of the clutter points of each ring that are to be below its threshold.
+        Share of the clutter points in each range ring that its threshold must remove.
     keep_end : bool
-        Keep the far limit of the configuration; so does an override of ``filter.end_m``.
+        Keep the far limit of the configuration; an override of ``filter.end_m`` has the same effect.
     labels : LabelSources
-        Labels of targets and areas that are left out.
+        Labels of targets and areas to leave out.
     reading : ReadOptions
-        What is read.
+        Part of each recording to read, and how.
     output : Path or None
-        Configuration with what was found.
+        File for the resulting configuration.
     plot_file : Path or None
-        Picture of clutter and thresholds over range.
+        File for a plot of clutter and thresholds over range.
     force : bool
         Replace existing files.
     """
@@ -70,27 +70,28 @@ class CalibrateOptions:
 
     @property
     def keeps_end(self) -> bool:
-        """Whether the far limit is given."""
+        """Whether the far limit is given, not derived."""
         keys = (override.partition("=")[0].strip() for override in self.config.overrides)
         return self.keep_end or "filter.end_m" in keys
 
 
 def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = SILENT) -> CalibrationResult:
-    """Derive the threshold of each ring and the far limit of clutter from recordings.
+    """Derive the threshold of each range ring and the far limit of clutter from recordings.
 
     Parameters
     ----------
     logs : path, or sequence of paths
-        Files, folders or globs that hold sea clutter and, unless there are labels, no targets.
+        Files, folders or globs. The recordings contain sea clutter and, unless there are labels, no targets.
     options : CalibrateOptions
-        How, and what is written.
+        Start values, input and output files.
     observer : Observer, optional
         Receives progress and warnings.
 
     Raises
     ------
     SeaclutterError
-        If any recording cannot be used: thresholds from a part of them would look like thresholds from all.
+        If any recording cannot be used. Thresholds from only some of the recordings could be mistaken for thresholds
+        from all of them.
     """
     config = _starting_config(options.config)
     recordings = expand(logs)
@@ -106,22 +107,22 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
     result = pass_.result()
     files = {options.output: result.config_text().encode()} if options.output else {}
     if options.plot_file:
-        files[options.plot_file] = pass_.picture(result.found, options.plot_file.suffix)
+        files[options.plot_file] = pass_.plot(result.found, options.plot_file.suffix)
     write_files(files)
     return result
 
 
 def _starting_config(options: ConfigOptions) -> Config:
-    """Return the configuration to start from; its thresholds are open."""
+    """Return the configuration to start from, with thresholds still to be found."""
     config = options.load(open_thresholds=True)
     if not isinstance(config.filter, RingIntensityParams):
-        fitting = (name for name, kind in FILTERS.items() if issubclass(kind.Params, RingIntensityParams))
-        raise UsageError(f"method {config.method} has no ring thresholds to find; choose -m {', -m '.join(fitting)}")
+        suitable = (name for name, kind in FILTERS.items() if issubclass(kind.Params, RingIntensityParams))
+        raise UsageError(f"method {config.method} has no thresholds to calibrate; choose -m {', -m '.join(suitable)}")
     return config
 
 
 class _Pass:
-    """The one pass over all recordings."""
+    """Single pass over all recordings."""
 
     def __init__(self, config: Config, options: CalibrateOptions, observer: Observer) -> None:
         self._config, self._options, self._observer = config, options, observer
@@ -133,41 +134,41 @@ class _Pass:
             self._density = ClutterDensity(params.start_m, params.ring_width_m, MAX_RINGS)
 
     def read(self, source: Source, labels: Labels | None) -> None:
-        """Take the clutter of a recording."""
+        """Add the clutter of a recording."""
         selection = self._options.reading.selection
         clouds = cloud_channels(source, selection.topics)
         topics = sorted({channel.topic for channel in clouds})
         if labels and len(topics) > 1:
-            raise UsageError(f"{source.name}: labels are of one topic; choose from: -t {' -t '.join(topics)}")
+            raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
         selector = ClutterSelector(self._config.filter, labels, self._config.evaluation.box_margin_m)
         total = expected_frames(source, clouds, selection)
         with warnings_of(source, self._observer), self._observer.progress(source.name, total) as step:
             for frame, clutter in map_frames(source, selection, selector.clutter):
-                self._take(frame, clutter)
-                self._tally.look_at(source.name, frame)
+                self._add(frame, clutter)
+                self._tally.note_sensor(source.name, frame)
                 step()
         require_frames(source, selector.frames + selector.unlabelled)
         finish_labels(labels, source, selection)
         self._tally.add(source, selector, topics)
 
-    def _take(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
+    def _add(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
         range_m, intensity = frame.range_m[clutter], frame.intensity[clutter]
         self._calibration.add(range_m, intensity)
         if self._density is not None:
             self._density.add(range_m, intensity)
 
     def result(self) -> CalibrationResult:
-        """Return what comes of all recordings."""
+        """Return the calibration from all recordings."""
         tally, calibration = self._tally, self._calibration
         if tally.unlabelled and not tally.frames:
             frames = count(tally.unlabelled, "frame")
-            raise LabelError(f"not one of {frames} is labelled: nothing tells what is clutter")
+            raise LabelError(f"{frames} read, none of them labelled; choose frames with labels, or leave out --labels")
         labelled = bool(self._options.labels.paths)
         output = self._options.output
         return CalibrationResult(self._config, calibration, calibration.thresholds(), tally, labelled, output)
 
-    def picture(self, found: Thresholds, suffix: str) -> bytes:
-        """Return the file of the picture."""
+    def plot(self, found: Thresholds, suffix: str) -> bytes:
+        """Return the content of the plot file."""
         density = self._density
-        assert density is not None  # noqa: S101 - there is one if a picture is asked for
+        assert density is not None  # noqa: S101 - always set if a plot is requested
         return render(lambda figure: draw_clutter(figure, density, found), suffix)

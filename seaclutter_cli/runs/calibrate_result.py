@@ -1,4 +1,4 @@
-"""What a calibration found: as a configuration, for people, and as data."""
+"""Result of a calibration: as a configuration, as text and as data."""
 
 import textwrap
 from collections.abc import Sequence
@@ -21,20 +21,20 @@ _TEXT_WIDTH = 79
 
 @dataclass
 class ClutterTally:
-    """What clutter was found in: sums over all recordings.
+    """Sums over all recordings of a calibration, and facts about their sensors.
 
     Parameters
     ----------
     frames, unlabelled : int
-        Frames used, and frames left out since they have no labels.
+        Frames used, and frames left out because they have no labels.
     marked : int
-        Points left out since labels mark them.
+        Points left out because labels mark them as targets or areas to ignore.
     recordings, sensors, intensity_fields : list of str
-        Names of each.
+        Names of the recordings, of the sensors they may come from, and of their intensity fields.
     damage : list of Damage
         Parts of the recordings that could not be used.
     facts : list of SensorFacts
-        What packets reveal of the sensors.
+        Facts about the sensors, from packets.
     """
 
     frames: int = 0
@@ -47,8 +47,8 @@ class ClutterTally:
     facts: list[SensorFacts] = field(default_factory=list)
     _seen: set[tuple[str, str]] = field(default_factory=set)
 
-    def look_at(self, recording: str, frame: Frame) -> None:
-        """Note what the first frame of a topic reveals of the sensor."""
+    def note_sensor(self, recording: str, frame: Frame) -> None:
+        """Note the sensor and the intensity field of a topic, from its first frame."""
         if (recording, frame.topic) in self._seen:
             return
         self._seen.add((recording, frame.topic))
@@ -69,7 +69,7 @@ class ClutterTally:
 
     @property
     def sensor(self) -> SensorParams:
-        """What packets reveal of the sensor, where recordings agree on it."""
+        """Sensor model and intensity mode from packets, if all recordings agree on them."""
         models = {facts.model for facts in self.facts}
         modes = {facts.details.get("intensity") for facts in self.facts}
         return SensorParams(
@@ -79,22 +79,22 @@ class ClutterTally:
 
 @dataclass(frozen=True)
 class CalibrationResult(Result):
-    """What a calibration found, and in what.
+    """Result of a calibration, and the input that it is derived from.
 
     Parameters
     ----------
     start : Config
-        Configuration that it started from.
+        Configuration that the calibration started from.
     calibration : Calibration
-        Clutter of all recordings.
+        Statistics of the clutter in all recordings.
     found : Thresholds
         Thresholds and far limit.
     tally : ClutterTally
-        What the clutter was found in.
+        Sums over the recordings.
     labelled : bool
-        Whether labels kept clutter and targets apart.
+        Whether labels separated clutter from targets.
     output : Path or None
-        Where the configuration was written.
+        File that the configuration was written to.
     """
 
     start: Config
@@ -111,33 +111,33 @@ class CalibrationResult(Result):
 
     @property
     def config(self) -> Config:
-        """The configuration with what was found."""
+        """Configuration with the thresholds and the far limit that were found."""
         found = self.found
         params = replace(self.start.filter, end_m=found.end_m, initial_thresholds=found.initial_thresholds)
         return replace(self.start, filter=params, sensor=self.tally.sensor)
 
     def config_text(self) -> str:
-        """Return the configuration with what was found, below comments that say where it comes from."""
+        """Return the configuration as YAML, with comments that describe its origin."""
         head = [
             f"Thresholds found by seaclutter calibrate with a filter rate of {self.calibration.filter_rate:g}",
             f"in {', '.join(map(printable, self.tally.recordings))}.",
         ]
-        lines = [*_wrapped(" ".join(head)), *(line for text in self._said() for line in _wrapped(text))]
+        lines = [*_wrapped(" ".join(head)), *(line for text in self._sentences() for line in _wrapped(text))]
         comments = [*lines, *self._table().splitlines()]
         body = self.config.to_yaml(comments=True)
         return "".join(f"# {line}".rstrip() + "\n" for line in comments) + body
 
     def as_text(self) -> str:
-        """Return what was found as people read it."""
-        said = [line for text in self._said() for line in textwrap.wrap(text, _TEXT_WIDTH - 2)]
-        body = [*said, *self._table().splitlines()]
+        """Return the result as human-readable text."""
+        sentences = [line for text in self._sentences() for line in textwrap.wrap(text, _TEXT_WIDTH - 2)]
+        body = [*sentences, *self._table().splitlines()]
         title = printable(", ".join(self.tally.recordings))
         if self.output:
             title += f" -> {printable(str(self.output))}"
         return "\n".join((title, *(f"  {line}" for line in body)))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what was found as JSON holds it."""
+        """Return the result as JSON-compatible data."""
         found, tally = self.found, self.tally
         return {
             "output": str(self.output) if self.output else None,
@@ -160,15 +160,15 @@ class CalibrationResult(Result):
             "damage": [str(item) for item in tally.damage],
         }
 
-    def _said(self) -> list[str]:
-        """Return sentences on what was read and where the clutter ends."""
+    def _sentences(self) -> list[str]:
+        """Return sentences about the input and the far limit of clutter."""
         found, tally = self.found, self.tally
         least, most = self.calibration.intensity
-        without = f", {count(tally.unlabelled, 'frame')} without labels left out" if tally.unlabelled else ""
-        labels = f"{tally.marked:,} labelled points left out" if self.labelled else "all taken for clutter, no labels"
+        without = f" ({count(tally.unlabelled, 'unlabelled frame')} left out)" if tally.unlabelled else ""
+        labels = f"{tally.marked:,} labelled points left out" if self.labelled else "no labels: all treated as clutter"
         name = printable(" or ".join(tally.intensity_fields)) or "none"
-        sensor = f"like {' or '.join(tally.sensors)}" if tally.sensors else "not recognised"
-        points = f"{self.calibration.points:,} clutter points from {found.rings[0].start_m:g} m on"
+        sensor = f"resembles {' or '.join(tally.sensors)}" if tally.sensors else "not recognised"
+        points = f"{self.calibration.points:,} clutter points from {found.rings[0].start_m:g} m outwards"
         frames = f"{count(tally.frames, 'frame')}{without}"
         return [
             f"{frames}; {points} ({labels}), {found.beyond:,} of them beyond {found.end_m:g} m.",
@@ -178,14 +178,14 @@ class CalibrationResult(Result):
 
     def _limit(self) -> str:
         found = self.found
-        gap = f"Past {found.last_m:.2f} m, clutter points differ in range by more than 1 m each"
+        gap = f"Beyond {found.last_m:.2f} m, consecutive clutter points are more than 1 m apart in range"
         if self.calibration.keep_end:
-            return f"{gap}; the far limit was given: {found.end_m:g} m."
-        return f"{gap}; in whole rings, clutter ends at {found.end_m:g} m."
+            return f"{gap}; the given far limit of {found.end_m:g} m is kept."
+        return f"{gap}; in whole range rings, clutter ends at {found.end_m:g} m."
 
     def _table(self) -> str:
         rows = [_ring_row(ring) for ring in self.found.rings]
-        lines = table(("ring", "clutter points", "threshold", "below"), rows).splitlines()
+        lines = table(("range ring", "clutter points", "threshold", "below"), rows).splitlines()
         notes = ["", *(_note(ring) for ring in self.found.rings)]
         return "\n".join(f"{line}  {note}".rstrip() for line, note in zip(lines, notes, strict=True))
 

@@ -1,4 +1,4 @@
-"""What an evaluation found, for people and as data."""
+"""Results of an evaluation, as text and as data."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,23 +17,23 @@ _TIMES = ("ms p50", "ms p99")
 
 @dataclass(kw_only=True)
 class Evaluated(Outcome):
-    """What the evaluation of one recording came to.
+    """Outcome of the evaluation of one recording.
 
     Parameters
     ----------
     methods : mapping of str to Summary
-        Sums over its frames for each variant.
+        Sums over the frames for each variant.
     """
 
     methods: Mapping[str, Summary] = field(default_factory=dict)
 
     @property
     def frames(self) -> int:
-        """Frames that any method could use, labelled or not."""
+        """Number of frames that at least one method could use, labelled or not."""
         return max((summary.frames + summary.unlabelled for summary in self.methods.values()), default=0)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the outcome as JSON holds it."""
+        """Return the outcome as JSON-compatible data."""
         return {
             "recording": self.recording,
             "error": self.error,
@@ -45,21 +45,21 @@ class Evaluated(Outcome):
 
 @dataclass(frozen=True)
 class Comparison(RecordingsResult):
-    """What an evaluation of several recordings came to.
+    """Result of the evaluation of several recordings.
 
     Parameters
     ----------
     variants : sequence of Variant
-        What was compared.
+        Methods that were compared.
     outcomes : sequence of Evaluated
-        How the evaluation of each recording ended.
+        Outcome of each recording.
     """
 
     variants: Sequence[Variant]
     outcomes: Sequence[Evaluated]
 
     def totals(self) -> dict[str, Summary]:
-        """Return the sums over all recordings that had no error."""
+        """Return the sums over all recordings without an error."""
         totals = {variant.name: Summary() for variant in self.variants}
         for outcome in self.outcomes:
             for name, summary in outcome.methods.items() if not outcome.error else ():
@@ -67,7 +67,7 @@ class Comparison(RecordingsResult):
         return totals
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the comparison as JSON holds it."""
+        """Return the comparison as JSON-compatible data."""
         return {
             "methods": {name: summary.as_dict() for name, summary in self.totals().items()},
             "recordings": [outcome.as_dict() for outcome in self.outcomes],
@@ -75,14 +75,14 @@ class Comparison(RecordingsResult):
         }
 
     def as_text(self) -> str:
-        """Return the comparison as people read it; with density-based clusters, the measures of S3 too."""
+        """Return the comparison as human-readable text; for DBSCAN clusters, include the measures of [Bi]."""
         if all(outcome.error for outcome in self.outcomes):
             return ""
         totals = self.totals()
         first = max(totals.values(), key=lambda summary: summary.frames)
         done = sum(not outcome.error for outcome in self.outcomes)
-        said = f"{count(done, 'recording')}, {count(first.frames, 'frame')} labelled, {first.unlabelled:,} not; "
-        said += f"{first.targets:,} targets, {first.targets - first.visible:,} of them not visible"
+        title = f"{count(done, 'recording')}; {count(first.frames, 'labelled frame')}, {first.unlabelled:,} unlabelled"
+        title += f"; {count(first.targets, 'target')}, {first.targets - first.visible:,} not visible"
         alarms = table(_ALARMS, [(name, *_alarm_cells(summary)) for name, summary in totals.items()])
         points_known = any(summary.points for summary in totals.values())
         head = ("method", *(_POINTS if points_known else ()), *_TIMES)
@@ -90,7 +90,7 @@ class Comparison(RecordingsResult):
             (name, *(_point_cells(summary) if points_known else ()), *_time_cells(summary))
             for name, summary in totals.items()
         ]
-        blocks = [said, alarms, table(head, rows)]
+        blocks = [title, alarms, table(head, rows)]
         if self.variants[0].config.evaluation.clustering == "dbscan":
             objects = [(name, *_object_cells(summary)) for name, summary in totals.items()]
             blocks.insert(2, table(("method", *_OBJECTS), objects))

@@ -1,4 +1,4 @@
-"""Evaluating recordings against labels, by several methods in one pass."""
+"""Evaluation of several methods against labels, in one pass over the recordings."""
 
 import json
 from collections.abc import Sequence
@@ -37,22 +37,22 @@ from seaclutter_cli.text import printable
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateOptions:
-    """What is compared with which labels, and what is written.
+    """Options of an evaluation: methods, labels, input and output files.
 
     Parameters
     ----------
     labels : LabelSources
         Labels of the recordings.
     methods : MethodOptions
-        Methods that are compared.
+        Methods to compare.
     clustering : {"euclidean", "dbscan"} or None
-        Kind of clusters; None: that of the configuration.
+        Clustering algorithm; None: that of the configuration.
     reading : ReadOptions
-        What is read.
+        Part of each recording to read, and how.
     frames_file : Path or None
-        Table with a line for each frame and method (CSV).
+        File for a table with a row for each frame and method (CSV).
     summary_file : Path or None
-        All figures (JSON).
+        File for all results (JSON).
     force : bool
         Replace existing files.
     """
@@ -67,24 +67,24 @@ class EvaluateOptions:
 
 
 def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SILENT) -> Comparison:
-    """Filter recordings, cluster what is left, and count false and omitted alarms against labels.
+    """Filter recordings, cluster the points that are left, and count false alarms and missed targets against labels.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Files, folders or globs.
     options : EvaluateOptions
-        Methods and labels.
+        Methods, labels, input and output files.
     observer : Observer, optional
         Receives progress and warnings.
 
     Raises
     ------
     SeaclutterError
-        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+        If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    further = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
-    evaluator = Evaluator(options.methods.variants(*further), options.reading, observer)
+    overrides = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
+    evaluator = Evaluator(options.methods.variants(*overrides), options.reading, observer)
     recordings = expand(logs)
     targets = [options.frames_file, options.summary_file]
     check_outputs(targets, inputs_of(recordings), options.labels.paths, force=options.force)
@@ -100,14 +100,14 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Runs several methods over recordings, and compares what each leaves with the labels.
+    """Evaluation of several methods, recording by recording.
 
     Parameters
     ----------
     variants : sequence of Variant
-        The methods.
+        Methods to compare.
     reading : ReadOptions
-        What is read.
+        Part of each recording to read, and how.
     observer : Observer
         Receives progress and warnings.
     """
@@ -124,7 +124,7 @@ class Evaluator:
         tables: Sequence[FrameTable] = (),
         listeners: Sequence[FrameListener] = (),
     ) -> Comparison:
-        """Evaluate one recording after the other."""
+        """Evaluate the recordings one after another."""
         pairs = zip(recordings, labels, strict=True)
         return Comparison(self.variants, [self.run(one, own, tables, listeners) for one, own in pairs])
 
@@ -135,7 +135,7 @@ class Evaluator:
         tables: Sequence[FrameTable] = (),
         listeners: Sequence[FrameListener] = (),
     ) -> Evaluated:
-        """Evaluate one recording; without labels, clusters are counted and nothing is compared."""
+        """Evaluate one recording; without labels, only count clusters."""
         methods = {variant.name: Summary() for variant in self.variants}
         outcome = Evaluated(recording=recording.name, methods=methods)
         for listener in listeners:
@@ -155,7 +155,7 @@ class Evaluator:
         clouds = cloud_channels(source, selection.topics)
         filtering = any(variant.config.method != "none" for variant in self.variants)
         if filtering and was_filtered(source, selection.topics):
-            text = "was filtered already; this filters what was left of it, and a target that was lost is not visible"
+            text = "already filtered; this run only filters the remaining points, and lost targets count as not visible"
             self.observer.warn(f"{source.name}: {text}")
         methods = ", ".join(variant.name for variant in self.variants)
         self.observer.note(f"{source.name}: {source.format}, {methods} on {printable(clouds[0].topic)}", detail=True)
@@ -171,15 +171,15 @@ class Evaluator:
             self.observer.warn(text)
 
     def _check(self, source: Source, labels: Labels | None, outcome: Evaluated) -> None:
-        """Check that a whole recording has been compared with all of its labels."""
+        """Check that frames could be read, and that they match the labels."""
         require_frames(source, outcome.frames)
         finish_labels(labels, source, self.reading.selection)
         if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
-            self.observer.warn(f"{source.name}: none of its frames is labelled")
+            self.observer.warn(f"{source.name}: no frame is labelled; check that the labels belong to this recording")
 
 
 class _FrameScorer:
-    """Compares the frames of one recording with its labels."""
+    """Comparison of the frames of one recording with its labels."""
 
     def __init__(
         self,
@@ -192,13 +192,13 @@ class _FrameScorer:
         self._variants, self._observer = evaluator.variants, evaluator.observer
         self._labels, self._outcome = labels, outcome
         self._tables, self._listeners = tables, listeners
-        # A method that finds its threshold in the log itself cannot have a wrong one.
+        # The threshold of a method that derives it from the log itself always fits.
         given = [variant.name for variant in self._variants if not variant.config.make_filter().needs_first_pass]
         self._fits = {name: IntensityFit() for name in given}
         self._warned: set[str] = set()
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
-        """Count a frame for every method that could use it."""
+        """Score a frame for every method that could use it."""
         truth = self._labels.truth(frame) if self._labels else None
         scores = score_frame(frame, results, truth, self._variants[0].config.evaluation)
         for listener in self._listeners:
@@ -213,7 +213,7 @@ class _FrameScorer:
                 self._warn(self._fits[variant.name].add(result))
 
     def finish(self) -> None:
-        """Warn of thresholds that fit none of the few frames there were."""
+        """Warn about thresholds that do not fit, even after only a few frames."""
         for fit in self._fits.values():
             self._warn(fit.verdict())
 

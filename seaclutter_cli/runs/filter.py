@@ -1,4 +1,4 @@
-"""Filtering recordings into drop-in MCAP files."""
+"""Filtering of recordings into drop-in MCAP files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -32,22 +32,22 @@ from seaclutter_cli.text import printable, share
 
 @dataclass(frozen=True, kw_only=True)
 class FilterOptions:
-    """How recordings are filtered, and what is written.
+    """Options of a filter run: method, input and output files.
 
     Parameters
     ----------
     config : ConfigOptions
-        The method and its parameters.
+        Method and parameters.
     reading : ReadOptions
-        What is read.
+        Part of each recording to read, and how.
     written : McapOptions
-        What goes into the filtered files; their configuration is filled in.
+        Content of the filtered files; the run fills in its ``config``.
     with_scene : bool
-        Write boxes around the clusters of what is kept to ``/seaclutter/scene``.
+        Write boxes around the clusters of kept points to ``/seaclutter/scene``.
     labels : LabelSources
-        Labels whose boxes are drawn too; for ``with_scene`` only.
+        Labels whose boxes are also written; only with ``with_scene``.
     csv_file : Path or None
-        Table with a line for each frame.
+        File for a table with a row for each frame.
     force : bool
         Replace existing files.
     """
@@ -71,19 +71,19 @@ def filter_logs(logs: Logs, output: Path, options: FilterOptions, observer: Obse
     output : Path
         File for one recording, folder for several.
     options : FilterOptions
-        How, and what is written.
+        Method, input and output files.
     observer : Observer, optional
         Receives progress and warnings.
 
     Raises
     ------
     SeaclutterError
-        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+        If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
     one = RecordingFilter(options, observer)
     recordings = expand(logs)
     if options.labels.paths and not options.with_scene:
-        raise UsageError("--labels: a filter run needs none; they are for the boxes of --with-scene")
+        raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
     targets = plan_outputs(recordings, output)
     labels = options.labels.open(recordings)
     check_outputs([*targets, options.csv_file], inputs_of(recordings), options.labels.paths, force=options.force)
@@ -94,12 +94,12 @@ def filter_logs(logs: Logs, output: Path, options: FilterOptions, observer: Obse
 
 
 class RecordingFilter:
-    """Filters one recording after the other by the same options.
+    """Filter run over one recording after another, with the same options.
 
     Parameters
     ----------
     options : FilterOptions
-        How, and what is written.
+        Method, input and output files.
     observer : Observer
         Receives progress and warnings.
     """
@@ -108,13 +108,13 @@ class RecordingFilter:
         self._options, self._config, self._observer = options, options.config.load(), observer
 
     def table(self, path: Path) -> CsvSink:
-        """Return a table of the frames of all recordings."""
+        """Return a table for the frames of all recordings."""
         return CsvSink(path, len(self._config.ring_edges[1:]), scenes=self._config.has_scenes)
 
     def run(
         self, recording: Recording, target: Path, tables: Sequence[Sink] = (), labels: Labels | None = None
     ) -> FilterOutcome:
-        """Filter a recording into a file; an error of its own goes into the outcome."""
+        """Filter a recording into a file; store an error in the outcome."""
         outcome = FilterOutcome(recording=recording.name, output=target, edges=self._config.ring_edges)
         with (
             keeping_errors(outcome, self._observer),
@@ -128,9 +128,9 @@ class RecordingFilter:
         clouds = cloud_channels(source, selection.topics)
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
         if labels and len(topics) > 1:
-            raise UsageError(f"{source.name}: labels are of one topic; choose one with -t")
+            raise UsageError(f"{source.name}: labels apply to one topic; choose one with -t")
         if self._config.method != "none" and was_filtered(source, selection.topics):
-            self._observer.warn(f"{source.name}: was filtered already; this filters what was left of it")
+            self._observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         self._observer.note(f"{source.name}: {source.format}, method {self._config.method} on {named}", detail=True)
         fits = {topic: IntensityFit() for topic in topics}
@@ -138,20 +138,22 @@ class RecordingFilter:
             self._observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             McapSink(outcome.output, self._written(labels)) as sink,
         ):
-            look = self._onlooker(fits, step)
-            outcome.topics = run(source, self._config.make_filter, [sink, *tables], selection, look)
+            on_result = self._result_callback(fits, step)
+            outcome.topics = run(source, self._config.make_filter, [sink, *tables], selection, on_result)
             require_frames(source, outcome.frames)
         for text in mismatches(self._config.sensor, source):
             self._observer.warn(text)
         for topic, fit in fits.items():
             self._warn(topic, fit.verdict() or _nothing_left(outcome.topics[topic]))
 
-    def _onlooker(self, fits: Mapping[str, IntensityFit], step: Callable[[], object]) -> Callable[[FilterResult], None]:
-        def look(result: FilterResult) -> None:
+    def _result_callback(
+        self, fits: Mapping[str, IntensityFit], step: Callable[[], object]
+    ) -> Callable[[FilterResult], None]:
+        def on_result(result: FilterResult) -> None:
             step()
             self._warn(result.frame.topic, fits[result.frame.topic].add(result))
 
-        return look
+        return on_result
 
     def _written(self, labels: Labels | None) -> McapOptions:
         written = replace(self._options.written, config=self._config.to_yaml())
@@ -167,9 +169,9 @@ class RecordingFilter:
 
 
 def _nothing_left(tally: TopicTally) -> str | None:
-    """Return a warning if not one point of a topic was kept."""
+    """Return a warning if no point of a topic was kept."""
     most = Reason(int(tally.counts.argmax()))
     if not tally.points_in or tally.counts[Reason.KEPT]:
         return None
-    what = most.name.lower().replace("_", " ")
-    return f"no point is left; {share(int(tally.counts[most]), tally.points_in)} were removed as {what}"
+    reason = most.name.lower().replace("_", " ")
+    return f"no points are left; {share(int(tally.counts[most]), tally.points_in)} were removed as {reason}"

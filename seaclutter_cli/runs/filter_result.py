@@ -1,4 +1,4 @@
-"""What filtering came to: for people and as data."""
+"""Results of filtering, as text and as data."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,14 +13,14 @@ from seaclutter_cli.text import count, indented, printable, share, table
 
 @dataclass(kw_only=True)
 class FilterOutcome(Outcome):
-    """What filtering one recording came to.
+    """Outcome of filtering one recording.
 
     Parameters
     ----------
     output : Path
-        The filtered file.
+        Filtered file.
     edges : sequence of float
-        Ring edges of the method in metres; empty without rings.
+        Edges of the method's range rings in metres; empty for methods without range rings.
     topics : mapping of str to TopicTally
         Sums over the frames of each cloud topic.
     """
@@ -31,11 +31,11 @@ class FilterOutcome(Outcome):
 
     @property
     def frames(self) -> int:
-        """Frames of all topics."""
+        """Number of frames of all topics."""
         return sum(tally.frames for tally in self.topics.values())
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the outcome as JSON holds it."""
+        """Return the outcome as JSON-compatible data."""
         return {
             "recording": self.recording,
             "output": None if self.error else str(self.output),
@@ -46,7 +46,7 @@ class FilterOutcome(Outcome):
         }
 
     def as_text(self) -> str:
-        """Return the outcome as people read it."""
+        """Return the outcome as human-readable text."""
         pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames else ""
         topics = [_as_text(topic, tally, self.edges) for topic, tally in self.topics.items()]
         last = f"{count(self.frames, 'frame')} in {self.seconds:.1f} s{pace}"
@@ -66,7 +66,7 @@ def _as_dict(tally: TopicTally, edges: Sequence[float]) -> dict[str, Any]:
 
 
 def _rings(tally: TopicTally, edges: Sequence[float]) -> list[dict[str, float]]:
-    """Return a row for each ring; thresholds are means over the frames."""
+    """Return a row for each range ring; thresholds are means over the frames."""
     if tally.rings is None:
         return []
     columns = zip(
@@ -90,13 +90,13 @@ def _as_text(topic: str, tally: TopicTally, edges: Sequence[float]) -> str:
     removed = [(r.name.lower().replace("_", " "), int(tally.counts[r])) for r in Reason if r and tally.counts[r]]
     if removed:
         rows = [(name, f"{points:,}", share(points, size)) for name, points in removed]
-        blocks.append(table(("removed because", "points", "share"), rows))
+        blocks.append(table(("reason", "removed", "share"), rows))
     if tally.rings is not None:
-        head = ("ring", "points", "low intensity", "outliers", "kept", "mean threshold")
+        head = ("range ring", "points", "low intensity", "outliers", "kept", "mean threshold")
         blocks.append(table(head, [_ring_row(ring) for ring in _rings(tally, edges)]))
     if tally.scenes:
-        scenes = (f"{printable(name)}: {count(number, 'frame')}" for name, number in tally.scenes.items())
-        blocks.append(f"filtered as {', '.join(scenes)}")
+        scenes = (f"{printable(name)} {number:,}" for name, number in tally.scenes.items())
+        blocks.append(f"frames by scene: {', '.join(scenes)}")
     return indented("\n".join(blocks))
 
 
@@ -109,20 +109,20 @@ def _ring_row(ring: Mapping[str, float]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class FilterSummary(RecordingsResult):
-    """What filtering several recordings came to.
+    """Outcomes of filtering several recordings.
 
     Parameters
     ----------
     outcomes : sequence of FilterOutcome
-        One for each recording.
+        Outcome of each recording.
     """
 
     outcomes: Sequence[FilterOutcome]
 
     def as_dict(self) -> list[dict[str, Any]]:
-        """Return the outcomes as JSON holds them."""
+        """Return the outcomes as JSON-compatible data."""
         return [outcome.as_dict() for outcome in self.outcomes]
 
     def as_text(self) -> str:
-        """Return the outcomes of the recordings that were filtered as people read them."""
+        """Return the outcomes without an error as human-readable text."""
         return "\n\n".join(outcome.as_text() for outcome in self.outcomes if not outcome.error)

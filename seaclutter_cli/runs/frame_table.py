@@ -1,4 +1,4 @@
-"""The table of an evaluation: a line a frame and method."""
+"""Table of an evaluation, with a row for each frame and method."""
 
 import csv
 import io
@@ -19,16 +19,16 @@ _UNKNOWN = b"," * len(POINT_COLUMNS) + b"\n"
 
 
 class FrameTable(AbstractContextManager["FrameTable"]):
-    """Writes the frames of all recordings of an evaluation to one table.
+    """Table of the frames of all recordings of an evaluation (CSV).
 
-    Lines wait in a temporary file, since the columns of points are there only if the truth of points is known in any
-    frame of any recording; cells of frames where it is not are empty then. A frame without a label has a line too,
-    with empty cells for what only labels tell.
+    Rows are kept in a temporary file until the end, because the columns for points are only written if the labels of
+    points are known for any frame of any recording. Cells are empty for frames without such labels. A frame without a
+    label also has a row, with empty cells for values that need labels.
 
     Parameters
     ----------
     path : Path
-        The file; it appears when the context is left without an error.
+        The file; it is created when the context exits without an error.
     """
 
     def __init__(self, path: Path) -> None:
@@ -44,12 +44,12 @@ class FrameTable(AbstractContextManager["FrameTable"]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Complete the file under its name, or remove it after an error."""
+        """Complete the file, or remove it after an error."""
         with self._stack as stack:
             if kind is not None:
                 stack.__exit__(kind, error, trace)
                 return
-            self._take_back()
+            self._discard_unfinished()
             self._lines.seek(0)
             columns = (*_COLUMNS, *POINT_COLUMNS) if self._points_known else _COLUMNS
             self._file.stream.write(_line(columns))
@@ -57,26 +57,26 @@ class FrameTable(AbstractContextManager["FrameTable"]):
                 self._file.stream.write(line if self._points_known else line.removesuffix(_UNKNOWN) + b"\n")
 
     def begin(self, recording: str) -> Self:
-        """Start a recording; the lines of one that did not end are taken back."""
-        self._take_back()
+        """Start a recording; discard the rows of an unfinished one."""
+        self._discard_unfinished()
         self._recording = recording
         return self
 
     def write(self, method: str, frame: Frame, score: FrameScore) -> None:
-        """Write a line."""
+        """Write a row."""
         self._points_seen |= score.points is not None
         line = _line((self._recording, method, frame.index, frame.stamp_ns, *score.cells()))
         try:
             self._lines.write(line)
         except OSError as error:
-            raise OutputError(f"{self._path}: its lines cannot be kept in {tempfile.gettempdir()} ({error})") from error
+            raise OutputError(f"{self._path}: cannot buffer rows in {tempfile.gettempdir()} ({error})") from error
 
     def end(self) -> None:
-        """End a recording: its lines stay."""
+        """End a recording and keep its rows."""
         self._complete = self._lines.tell()
         self._points_known |= self._points_seen
 
-    def _take_back(self) -> None:
+    def _discard_unfinished(self) -> None:
         self._lines.seek(self._complete)
         self._lines.truncate()
         self._points_seen = False

@@ -1,4 +1,4 @@
-"""The methods that one evaluation compares: each a method with its configuration, under a name of its own."""
+"""Methods that an evaluation compares, each with its configuration and a unique name."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -18,19 +18,19 @@ COMPARISONS: Mapping[str, Sequence[str]] = {
     "peers": _PEERS,
     "all": tuple(dict.fromkeys((*_PAPER, *_PEERS, "none"))),
 }
-"""Variants to compare: those of S0's Tables 4 and 5; the joint method and its peers; all of them and no filter."""
+"""Groups of methods: those of Tables 4 and 5 in [Li2023]; the joint method and its peers; all of these and ``none``."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A method as it is configured.
+    """A method with its configuration.
 
     Parameters
     ----------
     name : str
-        What it is called in tables: the method, with what tells it from others of the same method behind an ``@``.
+        Name in tables, such as ``joint``, ``global_intensity@0.80`` or ``update_weight=0.6``.
     config : Config
-        Its configuration.
+        Configuration of the method.
     """
 
     name: str
@@ -39,46 +39,46 @@ class Variant:
 
 @dataclass(frozen=True, kw_only=True)
 class ConfigOptions:
-    """What the configuration of a run is made of: defaults < file < single keys.
+    """Sources of the configuration of a run. Precedence: defaults < file < single keys.
 
     Parameters
     ----------
     file : Path, mapping, Config or None
-        Configuration file, or the name of a built-in one; its content; or a configuration.
+        Configuration file or the name of a built-in one, the content of a file, or a configuration.
     method : str or None
-        Filter method; None: that of the file, else the default.
+        Filter method; None: that of the file, or the default.
     overrides : tuple of str
-        ``section.key=value``; values are YAML.
+        Settings of the form ``section.key=value``; values are YAML.
     """
 
     file: ConfigSource | None = None
     method: str | None = None
     overrides: tuple[str, ...] = ()
 
-    def load(self, *further: str, open_thresholds: bool = False) -> Config:
-        """Return the configuration, with further overrides; see `load_config`, also for its errors."""
-        overrides = (*self.overrides, *further)
+    def load(self, *additional: str, open_thresholds: bool = False) -> Config:
+        """Return the configuration, with additional overrides; see `load_config` for parameters and errors."""
+        overrides = (*self.overrides, *additional)
         return load_config(self.file, method=self.method, overrides=overrides, open_thresholds=open_thresholds)
 
     def as_methods(self) -> "MethodOptions":
-        """Return the same choice of one method as a comparison of one."""
+        """Return the equivalent options for a comparison of one method."""
         return MethodOptions(file=self.file, methods=(self.method,) if self.method else (), overrides=self.overrides)
 
 
 @dataclass(frozen=True, kw_only=True)
 class MethodOptions:
-    """Which methods a run compares, and what their configurations are made of.
+    """Methods that a run compares, and the sources of their configurations.
 
     Parameters
     ----------
     file : Path, mapping, Config or None
-        Configuration file, or the name of a built-in one; its content; or a configuration.
+        Configuration file or the name of a built-in one, the content of a file, or a configuration.
     methods : tuple of str
-        Names of methods, ``none`` among them for the logs as they are; empty: that of the configuration.
+        Names of methods; ``none`` leaves the logs unfiltered. Empty: the method of the configuration.
     comparisons : tuple of str
         Keys of `COMPARISONS`.
     overrides : tuple of str
-        ``section.key=value`` for every method that has the key; values are YAML.
+        Settings of the form ``section.key=value``, for every method that has the key; values are YAML.
     """
 
     file: ConfigSource | None = None
@@ -88,41 +88,41 @@ class MethodOptions:
 
     @property
     def is_default(self) -> bool:
-        """Whether nothing was chosen."""
+        """Whether all options have their defaults."""
         return self == MethodOptions()
 
-    def variants(self, *further: str, configured_first: bool = False) -> list[Variant]:
-        """Return the methods with their configurations, each once; without any, the method of the configuration.
+    def variants(self, *additional: str, configured_first: bool = False) -> list[Variant]:
+        """Return each chosen method with its configuration, without duplicates; by default the configured method.
 
         Parameters
         ----------
-        *further : str
-            Further overrides.
+        *additional : str
+            Additional overrides.
         configured_first : bool, optional
-            Start with the configuration's own method if it is compared and none was named.
+            Put the configured method first if it is compared and no method is named.
 
         Raises
         ------
         ConfigError
-            If a name is unknown or anything is wrong with the configuration.
+            If a name is unknown or the configuration is not valid.
         """
         compared = [name for comparison in self.comparisons for name in COMPARISONS[comparison]]
         names = [*compared, *self.methods]
         if configured_first:
             own = [load_config(self.file).method] if compared and not self.methods else []
             names = [*self.methods, *(name for name in own if name in compared), *compared]
-        return choose_variants(names, self.file, (*self.overrides, *further))
+        return choose_variants(names, self.file, (*self.overrides, *additional))
 
 
 def choose_variants(names: Iterable[str], file: ConfigSource | None, overrides: Sequence[str]) -> list[Variant]:
-    """Return the variants of these names, each once; without any, the method of the configuration.
+    """Return the variants with these names, without duplicates; by default the configured method.
 
-    Keys that a method lacks do not reach it, as long as another one has them.
+    A key that a method lacks is ignored for this method if another method has it.
 
     Raises
     ------
     ConfigError
-        If a name is unknown or anything is wrong with the configuration.
+        If a name is unknown or the configuration is not valid.
     """
     chosen = list(dict.fromkeys(names))
     if not chosen:
@@ -136,7 +136,7 @@ def _variant(name: str, file: ConfigSource | None, overrides: Sequence[str]) -> 
     method = _method(name)
     config = load_config(file, method=method, overrides=(*overrides, *_GLOBAL_INTENSITY_AT.get(name, ())))
     if config.method != method:
-        raise ConfigError(f"--set filter.method={config.method}: where methods are compared, name them with --method")
+        raise ConfigError(f"--set filter.method={config.method}: to compare methods, name them with --method")
     return Variant(name, config)
 
 
@@ -150,11 +150,11 @@ def _keys(name: str) -> set[str]:
 
 
 def _fitting(overrides: Sequence[str], name: str, keys: Mapping[str, set[str]]) -> list[str]:
-    """Return the overrides without those that are for other methods only."""
+    """Return the overrides without those that only apply to other methods."""
     others = set().union(*keys.values()) - keys[name]
     return [override for override in overrides if _key(override) not in others]
 
 
 def _key(override: str) -> str:
-    """Return the key that an override sets, or sets a part of."""
+    """Return the section and key of an override, without nested keys."""
     return ".".join(override.partition("=")[0].strip().split(".")[:2])

@@ -1,4 +1,4 @@
-"""The progress, warnings and errors of a run, reported to whoever wants to show them."""
+"""Observers, which receive the progress, warnings and errors of a run."""
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
@@ -10,11 +10,11 @@ from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.records import Damage
 
 Step = Callable[[], object]
-"""Counts one more frame."""
+"""Function to call after each frame."""
 
 
 class Observer(Protocol):
-    """Receives what a run reports while it works.
+    """Receiver of the progress, warnings and errors of a run.
 
     Examples
     --------
@@ -30,28 +30,28 @@ class Observer(Protocol):
     """
 
     def progress(self, title: str, total: int | None) -> AbstractContextManager[Step]:
-        """Start a progress display of ``total`` frames, if known; yield the function that counts one."""
+        """Start a progress display of ``total`` frames, if known; yield the function to call after each frame."""
         ...
 
     def note(self, text: str, *, detail: bool = False) -> None:
-        """Take a line on the course of the run; a detail is for verbose output only."""
+        """Receive a message about the course of the run; a detail is for verbose output only."""
         ...
 
     def warn(self, text: str) -> None:
-        """Take a warning."""
+        """Receive a warning."""
         ...
 
     def damage(self, damage: Sequence[Damage]) -> None:
-        """Take the parts of a recording that could not be used."""
+        """Receive the parts of a recording that could not be used."""
         ...
 
     def fail(self, error: SeaclutterError) -> None:
-        """Take the error that ended the work on one recording; the run goes on with the others."""
+        """Receive the error that ended the work on one recording; the run continues with the others."""
         ...
 
 
 class Silent:
-    """An observer that shows nothing."""
+    """Observer that shows nothing."""
 
     @contextmanager
     def progress(self, title: str, total: int | None) -> Iterator[Step]:  # noqa: ARG002
@@ -65,17 +65,17 @@ class Silent:
         """Ignore a warning."""
 
     def damage(self, damage: Sequence[Damage]) -> None:
-        """Ignore damage; results hold it too."""
+        """Ignore damage; results also list it."""
 
     def fail(self, error: SeaclutterError) -> None:
-        """Ignore an error; results hold it too."""
+        """Ignore an error; results also contain it."""
 
 
 SILENT = Silent()
 
 
 class LoggingObserver:
-    """An observer that hands everything to a logger of the standard library.
+    """Observer that passes everything to a logger of the standard library.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class LoggingObserver:
     def progress(self, title: str, total: int | None) -> Iterator[Step]:
         """Log the start and the number of frames at the end."""
         counted = count()
-        self._logger.info("%s: %s", title, "started" if total is None else f"started, {total} frames to come")
+        self._logger.info("%s: %s", title, "started" if total is None else f"started, {total} frames expected")
         yield lambda: next(counted)
         self._logger.info("%s: %d frames", title, next(counted))
 

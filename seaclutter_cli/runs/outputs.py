@@ -1,4 +1,4 @@
-"""Where output goes, what it must not overwrite, and writing it."""
+"""Paths of output files: planning, checking and writing."""
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,28 +10,28 @@ from seaclutter_cli.sources import Recording
 
 
 def is_folder(output: Path, outputs: int) -> bool:
-    """Tell whether a path stands for a folder of outputs rather than for the only one."""
+    """Return whether a path denotes a folder for outputs and not a single output file."""
     return outputs > 1 or output.is_dir() or str(output).endswith((os.sep, "/"))
 
 
 def plan_outputs(recordings: Sequence[Recording], output: Path) -> list[Path]:
-    """Return the file for each recording: ``output`` itself for one, files in it for several.
+    """Return the output file of each recording: ``output`` itself for one, files in it for several.
 
     Raises
     ------
     UsageError
-        If two recordings would get the same file.
+        If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
     """
     if not is_folder(output, len(recordings)):
         return [output]
     if output.exists() and not output.is_dir():
-        raise UsageError(f"{output}: is a file, {len(recordings)} recordings need a folder")
+        raise UsageError(f"{output}: is a file, but {len(recordings)} recordings need a folder")
     targets: dict[Path, Recording] = {}
     for recording in recordings:
         target = output / f"{recording.name}.mcap"
         if target in targets:
             first = targets[target].paths[0]
-            raise UsageError(f"{first} and {recording.paths[0]} would both become {target}: filter them one by one")
+            raise UsageError(f"{first} and {recording.paths[0]} would both become {target}; filter them separately")
         targets[target] = recording
     return list(targets)
 
@@ -44,14 +44,15 @@ def inputs_of(recordings: Iterable[Recording]) -> list[Path]:
 def check_outputs(
     targets: Iterable[Path | None], inputs: Iterable[Path | None], labels: Iterable[Path] = (), *, force: bool
 ) -> None:
-    """Check where output goes before any is written.
+    """Check the paths of output files before anything is written.
 
     Parameters
     ----------
     targets : iterable of Path or None
-        Files that a run writes; None for one that was not asked for.
+        Files that a run writes; None for a file that is not requested.
     inputs : iterable of Path or None
-        Files and folders that it reads: recordings, configurations, models. Nothing new goes into such a folder either.
+        Files and folders that the run reads: recordings, configurations, models. New files in such folders are
+        refused, too.
     labels : iterable of Path, optional
         Files of labels, and folders whose files are labels.
     force : bool
@@ -60,7 +61,8 @@ def check_outputs(
     Raises
     ------
     UsageError
-        If two targets are the same file, or one is an input, lies in one, is a folder, or may not be replaced.
+        If two targets are the same file, or a target is an input, is inside an input folder, is a folder, or exists
+        and may not be replaced.
     """
     read, labelled = ({path.resolve() for path in paths if path} for paths in (inputs, labels))
     written: set[Path] = set()
@@ -69,7 +71,7 @@ def check_outputs(
             continue
         file = target.resolve()
         if file in written:
-            raise UsageError(f"{target}: is named for two outputs")
+            raise UsageError(f"{target}: is given for two outputs")
         written.add(file)
         parents = set(file.parents)
         if file in read | labelled or read & parents or (labelled & parents and target.exists()):
@@ -77,11 +79,11 @@ def check_outputs(
         if target.is_dir():
             raise UsageError(f"{target}: is a folder")
         if target.exists() and not force:
-            raise UsageError(f"{target}: exists already; --force replaces it")
+            raise UsageError(f"{target}: already exists; use --force to replace it")
 
 
 def write_files(files: Mapping[Path, bytes]) -> None:
-    """Write files, each complete or not at all; `OutputError` if one cannot be written."""
+    """Write files, each completely or not at all; raise `OutputError` if one cannot be written."""
     for path, data in files.items():
         with AtomicFile(path) as file:
             file.stream.write(data)

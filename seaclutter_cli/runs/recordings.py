@@ -1,4 +1,4 @@
-"""Runs over recordings: which part of them is read and how, and how the run over each of them ended."""
+"""Runs over recordings: read options, outcomes, errors and warnings."""
 
 import os
 from abc import ABC, abstractmethod
@@ -19,29 +19,29 @@ from seaclutter_cli.sources import Recording, find_recordings
 
 PathLike = str | os.PathLike[str]
 Logs = PathLike | Sequence[PathLike]
-"""A log or several: files, folders or globs."""
+"""One or several logs: files, folders or globs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """The part of each recording that is read, and what is needed to read it.
+    """Part of each recording to read, and settings needed to read it.
 
     Parameters
     ----------
     topics : tuple of str
-        Point-cloud topics; empty means the only one.
+        Point-cloud topics; empty: the only one.
     start_s, end_s : float or None
-        Seconds from the recording's start; the end is not included.
+        Limits in seconds from the start of the recording; the end is not included.
     frames : int or None
-        Frames of each topic, from the start of the selection.
+        Maximum number of frames of each topic, from the start of the selection.
     intensity_field : str or None
-        Name of the intensity field; None looks for a usual one.
+        Name of the intensity field; None: the first of the usual names.
     rate_hz : float
-        Frames per second where nothing carries a time.
+        Frames per second of recordings without time stamps.
     calibration : Path or None
-        Angles or metadata of the sensor, where recorded packets lack them.
+        File with angles or metadata of the sensor, for packets that lack them.
     sensor : str or None
-        Sensor model, where packets of several look alike.
+        Sensor model, for packets that do not identify it.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class ReadOptions:
 
     @property
     def selection(self) -> Selection:
-        """The part of each recording."""
+        """Selected part of each recording."""
         return Selection(
             topics=self.topics,
             start_s=self.start_s,
@@ -73,24 +73,24 @@ class ReadOptions:
         )
 
     def open(self, recording: Recording) -> Source:
-        """Open a recording; `InputError` if it cannot be read."""
+        """Open a recording; raise `InputError` if it cannot be read."""
         return recording.open(rate_hz=self.rate_hz, decoding=DecoderOptions(self.calibration, self.sensor))
 
 
 @dataclass(kw_only=True)
 class Outcome:
-    """How the run over one recording ended.
+    """Outcome of a run over one recording.
 
     Parameters
     ----------
     recording : str
-        Its name.
+        Name of the recording.
     damage : list of Damage
-        Parts of it that could not be used.
+        Parts of the recording that could not be used.
     seconds : float
-        How long it took.
+        Duration of the run.
     error : str or None
-        Why there is no result.
+        Reason why there is no result; None if there is one.
     """
 
     recording: str
@@ -100,7 +100,7 @@ class Outcome:
 
 
 class Result(ABC):
-    """What a run comes to: for people and as data."""
+    """Result of a run, as text and as data."""
 
     @property
     def failed(self) -> bool:
@@ -114,18 +114,18 @@ class Result(ABC):
 
     @abstractmethod
     def as_dict(self) -> Any:
-        """Return the result as JSON holds it."""
+        """Return the result as JSON-compatible data."""
 
     @abstractmethod
     def as_text(self) -> str:
-        """Return the result as people read it; empty if there is nothing to say."""
+        """Return the result as human-readable text; empty if there is nothing to report."""
 
 
 class RecordingsResult(Result):
-    """The result of a run over several recordings."""
+    """Result of a run over several recordings."""
 
     outcomes: Sequence[Outcome]
-    """How the run over each recording ended."""
+    """Outcome of each recording."""
 
     @property
     def failed(self) -> bool:
@@ -139,14 +139,14 @@ class RecordingsResult(Result):
 
 
 def expand(logs: Logs) -> list[Recording]:
-    """Return the recordings that files, folders and globs name; see `find_recordings`."""
-    named = [logs] if isinstance(logs, str | os.PathLike) else logs
-    return find_recordings([os.fspath(name) for name in named])
+    """Return the recordings in files, folders and globs; see `find_recordings`."""
+    paths = [logs] if isinstance(logs, str | os.PathLike) else logs
+    return find_recordings([os.fspath(name) for name in paths])
 
 
 @contextmanager
 def opened(recording: Recording, reading: ReadOptions, observer: Observer, outcome: Outcome) -> Iterator[Source]:
-    """Open a recording; pass on its warnings, and its damage, which goes into the outcome too."""
+    """Open a recording; report its warnings and damage, and store the damage in the outcome."""
     with closing(reading.open(recording)) as source:
         with warnings_of(source, observer):
             yield source
@@ -156,12 +156,12 @@ def opened(recording: Recording, reading: ReadOptions, observer: Observer, outco
 
 @contextmanager
 def keeping_errors(outcome: Outcome, observer: Observer) -> Iterator[None]:
-    """Keep an error of one recording in its outcome, so that the others are processed all the same; take the time.
+    """Store an error of one recording in its outcome, so that the others are still processed; measure the time.
 
     Raises
     ------
     UsageError
-        If it would be the same for all recordings.
+        If the error would be the same for all recordings.
     """
     started = perf_counter()
     try:
@@ -176,7 +176,7 @@ def keeping_errors(outcome: Outcome, observer: Observer) -> Iterator[None]:
 
 @contextmanager
 def warnings_of(source: Source, observer: Observer) -> Iterator[None]:
-    """Pass on the warnings that a source has when it is opened, and those that come up while it is read."""
+    """Report the warnings of a source: those from opening it, then those from reading it."""
     shown = len(source.warnings)
     for text in source.warnings:
         observer.warn(text)
@@ -186,18 +186,18 @@ def warnings_of(source: Source, observer: Observer) -> Iterator[None]:
 
 
 def expected_frames(source: Source, clouds: Sequence[Channel], selection: Selection) -> int | None:
-    """Return how many frames are to come, as far as that is known before reading."""
+    """Return the expected number of frames; None if it is unknown before reading."""
     total = sum(source.counts.get(channel.id, 0) for channel in clouds)
     return selection.frames or total or None
 
 
 def require_frames(source: Source, frames: int) -> None:
-    """Raise `InputError` if damage has left no frame that can be read."""
+    """Raise `InputError` if damage leaves no frame that can be read."""
     if not frames and source.damage:
         raise InputError(f"{source.name}: no frame can be read; {source.damage[0]}")
 
 
 def finish_labels(labels: Labels | None, source: Source, selection: Selection) -> None:
-    """Check that a recording that was read whole and undamaged had a frame for each label; `LabelError` if not."""
+    """Raise `LabelError` if a recording that was read completely and without damage lacks a frame for a label."""
     if labels and selection.is_whole and not source.damage:
         labels.finish()

@@ -1,4 +1,4 @@
-"""Filtered logs read back, and raw ones filtered, while a listener receives every frame."""
+"""Raw logs filtered, or filtered logs read back, frame by frame for a listener."""
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -22,7 +22,7 @@ from seaclutter_cli.sources import Recording
 L = TypeVar("L", bound=ReplayListener)
 
 
-def watch(
+def filter_or_replay(
     recordings: Sequence[Recording],
     labels: Sequence[Labels | None],
     methods: MethodOptions,
@@ -30,29 +30,29 @@ def watch(
     observer: Observer,
     make_listener: Callable[[Sequence[Variant]], L],
 ) -> tuple[Comparison, L]:
-    """Filter recordings, or read filtered ones back unless methods are chosen, while a listener receives every frame.
+    """Filter recordings, or read filtered ones back if no method is chosen, and pass every frame to a listener.
 
     Parameters
     ----------
     recordings : sequence of Recording
-        Raw logs, or logs that were filtered alike.
+        Raw logs, or logs filtered with the same configuration.
     labels : sequence of Labels or None
-        Of each recording.
+        Labels of each recording.
     methods : MethodOptions
         Methods that filter the logs.
     reading : ReadOptions
-        What is read.
+        Part of each recording to read, and how.
     observer : Observer
         Receives progress and warnings.
     make_listener : callable
-        Makes the listener that receives the results of some variants.
+        Returns the listener for the results of the given variants.
 
     Raises
     ------
     UsageError
-        If filtered logs do not go together, or a topic has to be chosen.
+        If filtered logs differ in their configuration, or a topic has to be chosen.
     InputError
-        If the configuration that they record is not valid.
+        If the recorded configuration is not valid, or a filtered log lacks the removed points.
     """
     recorded = recorded_run(recordings, reading) if methods.is_default else None
     if recorded is None:
@@ -68,14 +68,14 @@ def watch(
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """What filtered logs have in common.
+    """Method and topics of logs that were filtered with the same configuration.
 
     Parameters
     ----------
     variant : Variant
-        The method and configuration that they record.
+        Method and configuration recorded in the logs.
     topics : sequence of str
-        The raw topic of each.
+        Raw topic of each log.
     """
 
     variant: Variant
@@ -83,14 +83,14 @@ class RecordedRun:
 
 
 def recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> RecordedRun | None:
-    """Return what recordings have in common that are filtered logs; None if they are raw ones.
+    """Return the method and topics of filtered logs; None for raw logs.
 
     Raises
     ------
     UsageError
-        If they do not go together, or a topic has to be chosen.
+        If the logs differ in their configuration, or a topic has to be chosen.
     InputError
-        If the configuration that they record is not valid.
+        If the recorded configuration is not valid, or a filtered log lacks the removed points.
     """
     runs = [_recorded(recording, reading) for recording in recordings]
     known = [run for run in runs if run]
@@ -98,7 +98,9 @@ def recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> Recor
         return None
     for recording, run in zip(recordings, runs, strict=True):
         if run is None or run[1] != known[0][1]:
-            raise UsageError(f"{recording.name}: was not filtered as others here were: make a report of each")
+            raise UsageError(
+                f"{recording.name}: not filtered in the same way as the other logs; process each one alone"
+            )
     try:
         config = parse_config(known[0][1], f"{recordings[0].name}, recorded configuration")
     except ConfigError as error:
@@ -107,14 +109,14 @@ def recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> Recor
 
 
 def _recorded(recording: Recording, reading: ReadOptions) -> tuple[str, str] | None:
-    """Return the raw topic and the configuration of a filtered log; None of a raw one."""
+    """Return the raw topic and the configuration of a filtered log; None for a raw log."""
     with closing(reading.open(recording)) as source:
         topics = [topic for topic in filtered_topics(source) if not reading.topics or topic in reading.topics]
         if not topics:
             if was_filtered(source, reading.topics):
                 raise InputError(
-                    f"{source.name}: was filtered already, and what was removed is not in it; take the raw log, or "
-                    "one filtered with --keep-raw --with-removed; -m none shows what is left"
+                    f"{source.name}: already filtered, and the log lacks the removed points; use the raw log or one "
+                    "filtered with --keep-raw --with-removed, or show the remaining points with -m none"
                 )
             return None
         if len(topics) > 1:
@@ -124,14 +126,14 @@ def _recorded(recording: Recording, reading: ReadOptions) -> tuple[str, str] | N
 
 @dataclass(frozen=True)
 class ReplayReader:
-    """Reads filtered logs back, and compares them with labels if there are any.
+    """Reader of filtered logs, which also compares them with labels if there are any.
 
     Parameters
     ----------
     variant : Variant
-        The method and configuration that the logs record.
+        Method and configuration recorded in the logs.
     reading : ReadOptions
-        What is read.
+        Part of each recording to read, and how.
     observer : Observer
         Receives progress and warnings.
     listener : ReplayListener
@@ -144,7 +146,7 @@ class ReplayReader:
     listener: ReplayListener
 
     def run(self, recording: Recording, topic: str, labels: Labels | None) -> Evaluated:
-        """Read one recording; an error of its own goes into the outcome."""
+        """Read one recording; store an error in the outcome."""
         summary = Summary()
         outcome = Evaluated(recording=recording.name, methods={self.variant.name: summary})
         self.listener.begin(recording.name)
@@ -160,15 +162,15 @@ class ReplayReader:
         found = False
         with self.observer.progress(source.name, selection.frames or total or None) as step:
             for one in replay(source, topic, selection):
-                self._take(one, labels, summary)
+                self._add(one, labels, summary)
                 step()
                 found = True
         if not found:
-            reason = source.damage[0] if source.damage else f"{topic} has no frame with all that the filter wrote of it"
+            reason = source.damage[0] if source.damage else f"no frame of {topic} has removed points and diagnostics"
             raise InputError(f"{source.name}: nothing to show; {reason}")
         finish_labels(labels, source, selection)
 
-    def _take(self, one: Replayed, labels: Labels | None, summary: Summary) -> None:
+    def _add(self, one: Replayed, labels: Labels | None, summary: Summary) -> None:
         truth = labels.truth(one.frame) if labels else None
         score = None
         if truth is not None:

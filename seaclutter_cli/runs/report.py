@@ -1,4 +1,4 @@
-"""Reports: what a filter did, and how well, as one page that opens offline and as figures for print."""
+"""Reports on the effect and quality of a filter: a page that opens offline, and figures for print."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,32 +18,32 @@ from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import check_outputs, inputs_of, write_files
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
-from seaclutter_cli.runs.replay import watch
+from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.text import count, printable
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReportOptions:
-    """What a report shows, and where it goes.
+    """Options of a report: content, input and output files.
 
     Parameters
     ----------
     output : Path
-        The page.
+        The page (HTML).
     methods : MethodOptions
-        Methods that filter the logs; without any, filtered logs are read back.
+        Methods that filter the logs; by default, filtered logs are read back.
     labels : LabelSources
         Labels of the recordings.
     reading : ReadOptions
-        What is read.
+        Part of each recording to read, and how.
     figure_folder : Path or None
-        Folder for every figure as a picture.
+        Folder for all figures as separate files.
     figure_format : {"svg", "png"}
-        Format of these pictures.
+        Format of these files.
     shown : int
-        Frames whose points go into the page.
+        Number of frames whose points are included in the page.
     picks : tuple of int
-        Numbers of frames to show in any case.
+        Indices of frames to include in any case.
     force : bool
         Replace existing files.
     """
@@ -60,27 +60,27 @@ class ReportOptions:
 
     @property
     def figures(self) -> list[Path]:
-        """All files that figures can go to."""
+        """Paths of all figures that may be written."""
         folder = self.figure_folder
         return [folder / f"{name}.{self.figure_format}" for name in FIGURES] if folder else []
 
 
 def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -> "ReportResult":
-    """Write a page that shows what a filter did to recordings and, with labels, how well.
+    """Write a page that shows the effect of a filter on recordings and, with labels, its quality.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Raw logs, which are filtered; or logs filtered with all points kept, which are read back.
     options : ReportOptions
-        What is shown.
+        Content, input and output files.
     observer : Observer, optional
         Receives progress and warnings.
 
     Raises
     ------
     SeaclutterError
-        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+        If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
     recordings = expand(logs)
     if options.figure_folder:
@@ -90,15 +90,15 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
     check_outputs([options.output, *options.figures], inputs_of(recordings), options.labels.paths, force=options.force)
     labels = options.labels.open(recordings)
     make = partial(_collector, options=options)
-    comparison, collected = watch(recordings, labels, options.methods, options.reading, observer, make)
+    comparison, collected = filter_or_replay(recordings, labels, options.methods, options.reading, observer, make)
     if missing := _missing(collected, options.picks):
-        observer.warn(f"no log has a frame {', '.join(map(str, missing))}: --pick counts from 0")
+        observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
     files: dict[Path, bytes] = {}
     if not all(outcome.error for outcome in comparison.outcomes):
         files[options.output] = _page(comparison, collected)
         if folder := options.figure_folder:
-            pictures = draw_figures(collected, options.figure_format)
-            files |= {folder / name: content for name, content in pictures.items()}
+            figures = draw_figures(collected, options.figure_format)
+            files |= {folder / name: content for name, content in figures.items()}
     write_files(files)
     return ReportResult(comparison, collected, {path: len(content) for path, content in files.items()})
 
@@ -111,12 +111,12 @@ def _collector(variants: Sequence[Variant], options: ReportOptions) -> Collector
 
 
 def _missing(collected: Collector, picks: Sequence[int]) -> list[int]:
-    """Return the frames asked for that no recording has."""
+    """Return the requested frames that no recording has."""
     return sorted(set(picks) - {one.item.frame for one in collected.chosen if one.why == "picked"})
 
 
 def _page(comparison: Comparison, collected: Collector) -> bytes:
-    """Return the page; times are not in it, so that the same input gives the same bytes."""
+    """Return the page, without processing times: the same input must give the same bytes."""
     summaries = {name: summary.as_dict() for name, summary in comparison.totals().items()}
     for summary in summaries.values():
         del summary["filter_ms"]
@@ -128,16 +128,16 @@ def _page(comparison: Comparison, collected: Collector) -> bytes:
 
 @dataclass(frozen=True)
 class ReportResult(Result):
-    """What a report shows, and its files.
+    """Content of a report, and its files.
 
     Parameters
     ----------
     comparison : Comparison
-        Figures of each method and recording.
+        Scores of each method and recording.
     collected : Collector
-        Numbers of all frames and points of some.
+        Statistics of all frames, and points of the frames shown.
     sizes : mapping of Path to int
-        Files written, and their bytes.
+        Written files, and their sizes in bytes.
     """
 
     comparison: Comparison
@@ -156,11 +156,11 @@ class ReportResult(Result):
 
     @property
     def frames(self) -> int:
-        """Frames of all recordings."""
+        """Number of frames of all recordings."""
         return len(self.collected.timeline.frame)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON holds it."""
+        """Return the result as JSON-compatible data."""
         timeline, names = self.collected.timeline, self.collected.recordings
         shown = [
             {"recording": names[timeline.recording[one.row]], "frame": one.item.frame, "why": one.why}
@@ -170,9 +170,9 @@ class ReportResult(Result):
         return {"files": files, "frames": self.frames, "shown": shown, **self.comparison.as_dict()}
 
     def as_text(self) -> str:
-        """Return the result as people read it."""
+        """Return the result as human-readable text."""
         lines = [f"{printable(str(path))}: {_size(size)}" for path, size in self.sizes.items()]
-        lines.append(f"{count(self.frames, 'frame')}, {len(self.collected.chosen)} of them to look at")
+        lines.append(f"{count(self.frames, 'frame')}, {len(self.collected.chosen)} of them shown with points")
         return "\n".join(lines)
 
 

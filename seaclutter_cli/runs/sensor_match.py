@@ -1,4 +1,4 @@
-"""What packets tell of a sensor, and whether a configuration was made for it."""
+"""Comparison of the sensor in a log with the sensor that a configuration is for."""
 
 from typing import TYPE_CHECKING
 
@@ -11,23 +11,24 @@ if TYPE_CHECKING:
 
 
 def facts_of(source: "Source") -> "Mapping[str, SensorFacts]":
-    """Return what is known of the sensor behind each cloud topic; complete once the records have been read."""
+    """Return facts about the sensor of each cloud topic; complete once all records have been read."""
     found: Mapping[str, SensorFacts] = getattr(source, "facts", {})
     return found
 
 
 def mismatches(sensor: "SensorParams", source: "Source") -> list[str]:
-    """Return a warning for each sensor of a recording that the thresholds were not made for."""
-    said = []
+    """Return a warning for each sensor of a recording that the thresholds are not for."""
+    warnings = []
     for topic, facts in facts_of(source).items():
         mode = facts.details.get("intensity")
         if sensor.model and sensor.model != facts.model:
-            said.append(
-                f"{topic}: the configuration was made for {sensor.model}, the log is of {facts.model}: calibrate"
+            warnings.append(
+                f"{topic}: the configuration is for {sensor.model}, but the log is from {facts.model}; find thresholds "
+                "for it with: seaclutter calibrate"
             )
         elif sensor.intensity and mode and sensor.intensity != mode:
-            said.append(
-                f"{topic}: thresholds were found where intensities are {sensor.intensity}, in the log they are {mode}: "
-                "calibrate"
+            warnings.append(
+                f"{topic}: the thresholds are for intensities of the kind '{sensor.intensity}', but the log has "
+                f"'{mode}'; find thresholds for it with: seaclutter calibrate"
             )
-    return said
+    return warnings

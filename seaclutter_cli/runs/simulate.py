@@ -1,4 +1,4 @@
-"""Simulations: a recording of a lidar at sea or on land, or an airborne tile, as the output's name has it."""
+"""Simulation of a lidar recording or of an airborne tile, by the suffix of the output."""
 
 from pathlib import Path
 
@@ -12,25 +12,25 @@ TILE_SUFFIXES = (".las", ".laz")
 def simulate_scene(
     scene: PathLike, output: Path, options: SimulateOptions | None = None, observer: Observer = SILENT
 ) -> SimulationResult | TileSimulationResult:
-    """Make a labelled recording of a scene, or a tile where the output is a LAS or LAZ file.
+    """Simulate a labelled recording of a scene, or a tile if the output is a LAS or LAZ file.
 
     Parameters
     ----------
     scene : path or str
         Scene file (YAML), or the name of a built-in scene, layout or tile scene.
     output : Path
-        The file.
+        File of the recording or tile.
     options : SimulateOptions, optional
-        What differs from the scene.
+        Values that replace those of the scene, and output options.
     observer : Observer, optional
         Receives progress.
 
     Raises
     ------
     ConfigError
-        If anything is wrong with the scene.
+        If the scene is not valid.
     UsageError
-        If an output has no name that fits its format, or may not be written.
+        If the name of an output does not fit its format, or the file may not be written.
     """
     if output.suffix.lower() in TILE_SUFFIXES:
         from seaclutter_cli.runs.simulate_tile import simulate_tile

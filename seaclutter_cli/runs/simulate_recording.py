@@ -1,4 +1,4 @@
-"""Simulated recordings of a lidar at sea or on land, with the truth of every point."""
+"""Simulated lidar recordings, with the true class of every point."""
 
 from pathlib import Path
 from time import perf_counter
@@ -19,30 +19,30 @@ from seaclutter_cli.simulation.marine.scene import save_scene
 def simulate_recording(
     scene: PathLike, output: Path, options: SimulateOptions | None = None, observer: Observer = SILENT
 ) -> SimulationResult:
-    """Make a labelled recording of a scene.
+    """Simulate a labelled recording of a scene.
 
     Parameters
     ----------
     scene : path or str
         Scene file (YAML), or the name of a built-in scene or layout.
     output : Path
-        The recording; its labels go beside it, with the ending ``.labels.csv``.
+        File of the recording; the labels are written beside it, with the suffix ``.labels.csv``.
     options : SimulateOptions, optional
-        What differs from the scene.
+        Values that replace those of the scene, and output options.
     observer : Observer, optional
         Receives progress.
 
     Raises
     ------
     ConfigError
-        If anything is wrong with the scene.
+        If the scene is not valid.
     UsageError
-        If an output has no name that fits its format, or may not be written.
+        If the name of an output does not fit its format, or the file may not be written.
     """
     options = options or SimulateOptions()
     name = str(scene)
     if is_tile_scene(name):
-        raise UsageError(f"{output}: {name} is seen from the air; the name of its tile must end in .las or .laz")
+        raise UsageError(f"{output}: {name} is an airborne tile; the name of its file must end in .las or .laz")
     chosen = find_scene(name, options.seed).with_recording(frames=options.frames, lidar=options.lidar)
     _check_name(output, options.form)
     labels = output.with_suffix(".labels.csv")
@@ -54,11 +54,11 @@ def simulate_recording(
     started = perf_counter()
     with observer.progress(output.stem, chosen.recording.frames) as step:
 
-        def on_turn(turn: SimulatedFrame) -> None:
-            tally.add(turn)
+        def on_frame(frame: SimulatedFrame) -> None:
+            tally.add(frame)
             step()
 
-        record(chosen, output, labels, on_turn)
+        record(chosen, output, labels, on_frame)
     return SimulationResult(chosen, tally, output, labels, perf_counter() - started)
 
 

@@ -1,4 +1,4 @@
-"""Simulated airborne tiles, with the truth of every point."""
+"""Simulated airborne tiles, with the true class of every point."""
 
 from collections import Counter
 from pathlib import Path
@@ -17,7 +17,7 @@ from seaclutter_cli.simulation.marine.scene import write_scene
 
 
 def simulate_tile(scene: PathLike, output: Path, options: SimulateOptions | None = None) -> TileSimulationResult:
-    """Make a labelled airborne tile of a scene.
+    """Simulate a labelled airborne tile of a scene.
 
     Parameters
     ----------
@@ -26,20 +26,20 @@ def simulate_tile(scene: PathLike, output: Path, options: SimulateOptions | None
     output : Path
         LAS or LAZ file.
     options : SimulateOptions, optional
-        What differs from the scene.
+        Values that replace those of the scene, and output options.
 
     Raises
     ------
     ConfigError
-        If anything is wrong with the scene.
+        If the scene is not valid.
     UsageError
-        If an option is for recordings only, or an output may not be written.
+        If an option only applies to recordings, or an output may not be written.
     """
     options, name = options or SimulateOptions(), str(scene)
     for option, value in (("frames", options.frames), ("lidar", options.lidar), ("format", options.form)):
         if value is not None:
             raise UsageError(
-                f"--{option}: tiles have none; height, density and returns stand in the scene's lidar section"
+                f"--{option}: not available for tiles; set height, density and returns in the scene's section lidar"
             )
     chosen = load_tile_scene(name).with_tile(seed=options.seed)
     inputs = [Path(name)] if Path(name).exists() else []

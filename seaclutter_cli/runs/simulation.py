@@ -1,4 +1,4 @@
-"""Simulations: their options, and what they made for people and as data."""
+"""Simulations: options, and results as text and as data."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -19,20 +19,20 @@ _MOST_TARGETS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class SimulateOptions:
-    """What differs from the scene, and what is written beside the recording.
+    """Options of a simulation: values that replace those of the scene, and additional output.
 
     Parameters
     ----------
     frames : int or None
         Number of frames; None: that of the scene.
     seed : int or None
-        Seed of all that is random; None: that of the scene, 1 of a layout.
+        Seed of all random numbers; None: that of the scene, 1 for a layout.
     lidar : str or None
         Lidar; None: that of the scene.
     form : str or None
-        Key of `FORMATS`; None: by the ending of the recording's name.
+        Key of `FORMATS`; None: from the suffix of the recording.
     scene_file : Path or None
-        Copy of the scene, which can be edited.
+        File for an editable copy of the scene.
     force : bool
         Replace existing files.
     """
@@ -46,16 +46,16 @@ class SimulateOptions:
 
 
 class PointTally:
-    """Frames of a recording, and its points by what they belong to."""
+    """Numbers of frames of a recording, and of points by label."""
 
     def __init__(self) -> None:
         self.frames = 0
         self.points: Counter[int] = Counter()
 
-    def add(self, turn: SimulatedFrame) -> None:
+    def add(self, frame: SimulatedFrame) -> None:
         """Add a frame."""
         self.frames += 1
-        labels, counts = np.unique(turn.points["label"], return_counts=True)
+        labels, counts = np.unique(frame.points["label"], return_counts=True)
         self.points.update(dict(zip(labels.tolist(), counts.tolist(), strict=True)))
 
 
@@ -66,13 +66,13 @@ class SimulationResult(Result):
     Parameters
     ----------
     scene : Scene
-        What was recorded.
+        Scene that was recorded.
     tally : PointTally
-        Its frames and points.
+        Numbers of frames and points.
     log, labels : Path
-        The files.
+        Files of the recording and its labels.
     seconds : float
-        How long it took.
+        Duration of the simulation.
     """
 
     scene: Scene
@@ -87,7 +87,7 @@ class SimulationResult(Result):
         shown = [(name, points[item.track_id]) for name, item in targets if not item.ignore]
         if len(shown) > _MOST_TARGETS:
             shown = self._by_class()
-        return [("clutter", points[CLUTTER]), *shown, ("own vessel or ignored", points[IGNORED])]
+        return [("clutter", points[CLUTTER]), *shown, ("own ship or ignored", points[IGNORED])]
 
     def _by_class(self) -> list[tuple[str, int]]:
         points, targets = Counter[str](), Counter[str]()
@@ -99,16 +99,16 @@ class SimulationResult(Result):
         return [(f"{name}, {number} of them", points[name]) for name, number in sorted(targets.items())]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the recording as JSON holds it."""
+        """Return the result as JSON-compatible data."""
         rows = [{"what": name, "points": points} for name, points in self._rows()]
         return {"output": str(self.log), "labels": str(self.labels), "frames": self.tally.frames, "points": rows}
 
     def as_text(self) -> str:
-        """Return the recording as people read it."""
+        """Return the result as human-readable text."""
         frames = self.tally.frames
         rows = [(name, f"{points / frames:,.0f}") for name, points in self._rows()]
         pace = f"{count(frames, 'frame')} in {self.seconds:.1f} s ({frames / self.seconds:.0f} frames/s)"
-        return f"{self.log}, {self.labels}\n{indented(table(('what', 'points a frame'), rows))}\n{pace}"
+        return f"{self.log}, {self.labels}\n{indented(table(('label', 'points per frame'), rows))}\n{pace}"
 
 
 @dataclass(frozen=True)
@@ -118,13 +118,13 @@ class TileSimulationResult(Result):
     Parameters
     ----------
     scene : TileScene
-        What was recorded.
+        Scene that was recorded.
     points : counter of int
-        Points by the code of their class; 0 is the sea.
+        Number of points by class code; 0 is the sea.
     output : Path
-        The file.
+        File of the tile.
     seconds : float
-        How long it took.
+        Duration of the simulation.
     """
 
     scene: TileScene
@@ -133,17 +133,17 @@ class TileSimulationResult(Result):
     seconds: float
 
     def _rows(self) -> list[tuple[str, int, int]]:
-        objects = Counter(thing.kind for thing in self.scene.objects)
+        objects = Counter(item.kind for item in self.scene.objects)
         named = enumerate(OBJECT_CLASSES, 1)
         return [(name, objects[name], self.points[code]) for code, name in named if objects[name]]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the tile as JSON holds it."""
+        """Return the result as JSON-compatible data."""
         listed = [{"class": name, "objects": objects, "points": points} for name, objects, points in self._rows()]
         return {"output": str(self.output), "sea": self.points[0], "objects": listed}
 
     def as_text(self) -> str:
-        """Return the tile as people read it."""
+        """Return the result as human-readable text."""
         rows = [(name, objects, f"{points:,}") for name, objects, points in self._rows()]
-        shown = table(("what", "objects", "points"), [("sea", "", f"{self.points[0]:,}"), *rows])
+        shown = table(("class", "objects", "points"), [("sea", "", f"{self.points[0]:,}"), *rows])
         return f"{self.output}\n{indented(shown)}\n{self.points.total():,} points in {self.seconds:.1f} s"

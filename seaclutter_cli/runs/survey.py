@@ -1,4 +1,4 @@
-"""What recordings hold: topics, frames, fields, extents, sensors, and what a filter run needs to know."""
+"""Content of recordings: topics, frames, fields, extents, sensors, and settings that a filter run needs."""
 
 import textwrap
 from collections import Counter
@@ -30,21 +30,21 @@ _DEFAULT_THRESHOLD = 4
 
 
 def survey_logs(logs: Logs, reading: ReadOptions | None = None, observer: Observer = SILENT) -> "SurveyResult":
-    """Return what recordings hold; every selected frame is read.
+    """Return the content of recordings; every selected frame is read.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Files, folders or globs.
     reading : ReadOptions, optional
-        What is read.
+        Part of each recording to read, and how.
     observer : Observer, optional
         Receives progress and warnings.
 
     Raises
     ------
     SeaclutterError
-        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+        If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
     reading = reading or ReadOptions()
     contents = []
@@ -74,22 +74,22 @@ def _read(source: Source, content: "Content", selection: Selection, observer: Ob
 
 @dataclass(kw_only=True)
 class Content(Outcome):
-    """What a recording holds.
+    """Content of a recording.
 
     Parameters
     ----------
     path, format : str
-        Where it is, and its format.
+        Path and format of the recording.
     channels : sequence of Channel
         All topics.
     messages : counter of str
-        Messages by topic.
+        Number of messages by topic.
     times_ns : list of int
         Log times of the first and last message; empty without messages.
     clouds : mapping of str to TopicSurvey
-        What each cloud topic holds.
+        Content of each cloud topic.
     facts : mapping of str to SensorFacts
-        What packets reveal of the sensor behind a topic.
+        Facts about the sensor of each topic, from packets.
     """
 
     path: str
@@ -101,7 +101,7 @@ class Content(Outcome):
     facts: Mapping[str, SensorFacts] = field(default_factory=dict)
 
     def note_time(self, time_ns: int) -> None:
-        """Widen the recording's extent in time."""
+        """Extend the time span of the recording."""
         self.times_ns = [min([time_ns, *self.times_ns]), max([time_ns, *self.times_ns])]
 
     @property
@@ -110,7 +110,7 @@ class Content(Outcome):
         return (self.times_ns[1] - self.times_ns[0]) / _NANO if self.times_ns else 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the content as JSON holds it."""
+        """Return the content as JSON-compatible data."""
         topics = [
             {"topic": c.topic, "type": c.schema.name if c.schema else None, "encoding": c.message_encoding}
             for c in self.channels
@@ -130,7 +130,7 @@ class Content(Outcome):
         }
 
     def as_text(self) -> str:
-        """Return the content as people read it."""
+        """Return the content as human-readable text."""
         began = ""
         if self.times_ns and self.times_ns[0] > _NANO * 86400 * 365:
             began = f", from {datetime.fromtimestamp(self.times_ns[0] / _NANO, UTC):%Y-%m-%d %H:%M:%S} UTC"
@@ -142,19 +142,19 @@ class Content(Outcome):
         return "\n".join(lines)
 
     def needs(self) -> list[str]:
-        """Return what a filter run would need to be told, a line each."""
+        """Return descriptions of the settings that a filter run needs, one line each."""
         needs = []
         if len(self.clouds) > 1:
             choices = " ".join(f"-t {topic}" for topic in self.clouds)
-            needs.append(f"a filter run needs to know which topics: {choices}")
+            needs.append(f"several point-cloud topics; for a filter run, choose from: {choices}")
         for topic, survey in self.clouds.items():
             if survey.problem:
                 needs.append(f"{topic}: {survey.problem}")
             elif survey.frames and survey.intensity_name is None:
-                needs.append(f"{topic} has no intensity field of a usual name: name one with --intensity-field")
+                needs.append(f"{topic}: no intensity field with a usual name; name one with --intensity-field")
             elif survey.frames and survey.intensity[1] < _DEFAULT_THRESHOLD:
                 least, most = survey.intensity
-                needs.append(f"{topic}: intensities of {least:g} to {most:g} need thresholds of their own (-c)")
+                needs.append(f"{topic}: intensities of {least:g} to {most:g} do not fit the default thresholds; use -c")
         if not self.clouds:
             needs.append("there are no point clouds that can be read")
         return needs
@@ -167,16 +167,16 @@ def _describe(topic: str, survey: TopicSurvey, facts: SensorFacts | None) -> str
         ("frames", f"{survey.frames}{rate}, frame id {survey.frame_id!r}"),
         (
             "points",
-            f"{least:,} to {most:,} a frame, median {middle:,.0f}; {share(survey.invalid, survey.points)} invalid",
+            f"{least:,} to {most:,} per frame, median {middle:,.0f}; {share(survey.invalid, survey.points)} invalid",
         ),
         ("fields", ", ".join(f"{f.name} {f.type}{f'x{f.count}' if f.count > 1 else ''}" for f in survey.fields)),
         ("intensity", f"{survey.intensity_name or 'none'}{_span(survey.intensity)}"),
         ("range", f"{_span(survey.range_m).strip() or 'none'} m"),
-        ("sensor", f"like {' or '.join(survey.sensors)}" if survey.sensors else "not recognised"),
+        ("sensor", f"resembles {' or '.join(survey.sensors)}" if survey.sensors else "not recognised"),
     ]
     if facts:
-        told = (f"{name}: {text}" for name, text in facts.details.items())
-        rows[-1] = ("sensor", "; ".join((facts.model, *told)))
+        details = (f"{name}: {text}" for name, text in facts.details.items())
+        rows[-1] = ("sensor", "; ".join((facts.model, *details)))
         rows.append(("packets", f"{facts.lost_packets:,} missing, {facts.bad_packets:,} not decodable"))
     return "\n".join((printable(topic), *(_wrap(f"  {name:<10} {text}") for name, text in rows)))
 
@@ -193,20 +193,20 @@ def _span(limits: Sequence[float]) -> str:
 
 @dataclass(frozen=True)
 class SurveyResult(RecordingsResult):
-    """What several recordings hold.
+    """Content of several recordings.
 
     Parameters
     ----------
     outcomes : sequence of Content
-        One for each recording.
+        Content of each recording.
     """
 
     outcomes: Sequence[Content]
 
     def as_dict(self) -> list[dict[str, Any]]:
-        """Return the contents as JSON holds them."""
+        """Return the contents as JSON-compatible data."""
         return [content.as_dict() for content in self.outcomes]
 
     def as_text(self) -> str:
-        """Return the contents of the recordings that could be read as people read them."""
+        """Return the contents without an error as human-readable text."""
         return "\n\n".join(content.as_text() for content in self.outcomes if not content.error)

@@ -25,9 +25,9 @@ class Sweep:
     Parameters
     ----------
     key : str
-        Config key of the filter, without its section; keys of keys go on with a dot.
+        Configuration key of the filter, without its section; nested keys are separated by dots.
     values : tuple
-        As YAML gives them.
+        Values as parsed from YAML.
     """
 
     key: str
@@ -50,7 +50,7 @@ class Sweep:
 
 
 def shown(value: Any) -> str:
-    """Return a value as it stands in YAML, on one line."""
+    """Return a value as YAML on one line."""
     return str(yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False)).splitlines()[0]
 
 
@@ -60,7 +60,7 @@ def parse_sweep(text: str) -> Sweep:
     Raises
     ------
     UsageError
-        If it is written otherwise.
+        If the text has another form.
 
     Examples
     --------
@@ -80,10 +80,10 @@ def parse_sweep(text: str) -> Sweep:
     try:
         values = _steps(given) if _RANGE.fullmatch(given) else yaml.safe_load(f"[{given}]")
     except (yaml.YAMLError, ValueError) as error:
-        raise UsageError(f"--sweep {text}: the values are no YAML") from error
+        raise UsageError(f"--sweep {text}: the values are not valid YAML") from error
     unique = [value for number, value in enumerate(values) if value not in values[:number]]
     if not unique:
-        raise UsageError(f"--sweep {text}: there are no values")
+        raise UsageError(f"--sweep {text}: no values given")
     return Sweep(key, tuple(unique))
 
 
@@ -113,11 +113,11 @@ def grid(sweeps: Sequence[Sweep], options: ConfigOptions) -> list[Variant]:
     keys = [sweep.key for sweep in sweeps]
     for key in keys:
         if key.partition(".")[0] not in known:
-            raise UsageError(f"--sweep {key}: method {base.method} has: {', '.join(known)}")
+            raise UsageError(f"--sweep {key}: unknown key; method {base.method} has: {', '.join(known)}")
     if len(set(keys)) < len(keys):
-        raise UsageError("--sweep: the same key twice")
+        raise UsageError("--sweep: the same key is given twice")
     if (count := math.prod(len(sweep.values) for sweep in sweeps)) > _MOST_VARIANTS:
-        raise UsageError(f"--sweep: {count} combinations are more than {_MOST_VARIANTS}")
+        raise UsageError(f"--sweep: {count} combinations; at most {_MOST_VARIANTS} are allowed")
     variants = []
     for values in itertools.product(*(sweep.values for sweep in sweeps)):
         settings = [f"{key}={shown(value)}" for key, value in zip(keys, values, strict=True)]

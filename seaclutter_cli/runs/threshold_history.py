@@ -1,4 +1,4 @@
-"""The thresholds of a ring over the frames of a recording, for each of several variants, and the ideal one."""
+"""Thresholds of a range ring over the frames of a recording, for several variants, and the ideal threshold."""
 
 from collections.abc import Sequence
 
@@ -13,46 +13,47 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tuning import draw_thresholds
 from seaclutter_cli.runs.methods import Variant
+from seaclutter_cli.text import count
 from seaclutter_cli.truth import Truth
 
 
 class ThresholdHistory:
-    """Listens to an evaluation; keeps a number for each frame and variant (S0, Fig. 7).
+    """Listener that stores the threshold of each frame and variant ([Li2023], Fig. 7).
 
     Parameters
     ----------
     variants : sequence of Variant
-        Methods with rings, V of them.
+        Methods with range rings; V variants.
     ring : int
-        Which ring, from 1.
+        Number of the range ring, from 1.
 
     Raises
     ------
     UsageError
-        If a variant has no such ring.
+        If a variant has no such range ring.
     """
 
     def __init__(self, variants: Sequence[Variant], ring: int) -> None:
         for variant in variants:
             rings = max(len(variant.config.ring_edges) - 1, 0)
             if ring > rings:
-                raise UsageError(f"--ring {ring}: {variant.name} has {rings} rings")
+                raise UsageError(f"--ring {ring}: {variant.name} has {count(rings, 'range ring')}")
         self._variants, self._ring = variants, ring - 1
         self._evaluation = variants[0].config.evaluation
         self._edges = variants[0].config.ring_edges[ring - 1 : ring + 1]
         self._rows: list[list[float]] = []
 
     def begin(self, recording: str) -> None:
-        """Start a recording; its frames follow those of the one before."""
+        """Start a recording; its frames follow those of the previous one."""
 
     def see(
         self,
         frame: Frame,
         results: Sequence[FilterResult | None],
         truth: Truth | None,
-        scores: Sequence[FrameScore | None],  # noqa: ARG002 - thresholds are all that counts
+        scores: Sequence[FrameScore | None],  # noqa: ARG002 - scores are not needed
     ) -> None:
-        """Take the thresholds of a frame, and find the ideal one."""
+        """Store the thresholds of a frame, and find the ideal one."""
         ideal = None
         if truth is not None:
             start_m, end_m = self._edges
@@ -64,11 +65,11 @@ class ThresholdHistory:
 
     @property
     def table(self) -> NDArray[np.float64]:
-        """Ideal threshold and those of the variants, shape (frames, 1 + V); NaN where there is none."""
+        """Ideal threshold and those of the variants, shape (F, 1 + V) for F frames; NaN if there is no threshold."""
         return np.array(self._rows, np.float64).reshape(-1, 1 + len(self._variants))
 
-    def picture(self, suffix: str) -> bytes:
-        """Return the picture as a file; ``suffix`` is ``.png`` or ``.svg``."""
+    def plot(self, suffix: str) -> bytes:
+        """Return the content of the plot file; ``suffix`` is ``.png`` or ``.svg``."""
         ideal, *curves = self.table.T
         start_m, end_m = self._edges
         names = [variant.name for variant in self._variants]

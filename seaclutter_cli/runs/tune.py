@@ -19,28 +19,28 @@ from seaclutter_cli.runs.tune_result import TuningResult
 
 @dataclass(frozen=True, kw_only=True)
 class TuneOptions:
-    """What is swept over which labels, and what is written.
+    """Options of a sweep: parameters, labels, input and output files.
 
     Parameters
     ----------
     sweeps : tuple of Sweep
-        Parameters and the values to try; of several, all combinations.
+        Parameters and the values to try, in all combinations.
     labels : LabelSources
         Labels of the recordings.
     config : ConfigOptions
         Configuration to start from.
     reading : ReadOptions
-        What is read.
+        Part of each recording to read, and how.
     output : Path or None
-        Configuration with the best values.
+        File for the configuration with the best values.
     csv_file : Path or None
-        Table with a line for each combination.
+        File for a table with a row for each combination.
     curve_file : Path or None
-        Picture of the rates over the values of a single sweep.
+        File for a plot of the rates over the values of a single sweep.
     thresholds_file : Path or None
-        Picture of a ring's threshold over the frames, for each combination and the ideal one.
+        File for a plot of a range ring's threshold over the frames, for each combination, and the ideal threshold.
     ring : int
-        Ring of that picture, from 1.
+        Number of the range ring in that plot, from 1.
     force : bool
         Replace existing files.
     """
@@ -58,7 +58,7 @@ class TuneOptions:
 
     @property
     def targets(self) -> Sequence[Path | None]:
-        """Files that are written."""
+        """Output files; None for a file that is not requested."""
         return self.output, self.csv_file, self.curve_file, self.thresholds_file
 
 
@@ -70,19 +70,19 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     logs : path, or sequence of paths
         Files, folders or globs.
     options : TuneOptions
-        What is swept.
+        Parameters, labels, input and output files.
     observer : Observer, optional
         Receives progress and warnings.
 
     Raises
     ------
     SeaclutterError
-        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+        If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
     variants = grid(options.sweeps, options.config)
     recordings = expand(logs)
     check_outputs(options.targets, inputs_of(recordings), options.labels.paths, force=options.force)
-    _check_pictures(options, len(recordings))
+    _check_plots(options, len(recordings))
     history = ThresholdHistory(variants, options.ring) if options.thresholds_file else None
     evaluator = Evaluator(variants, options.reading, observer)
     labels = options.labels.open(recordings)
@@ -92,14 +92,14 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     return result
 
 
-def _check_pictures(options: TuneOptions, recordings: int) -> None:
+def _check_plots(options: TuneOptions, recordings: int) -> None:
     for path in (options.curve_file, options.thresholds_file):
         if path:
             check_target(path)
     if options.curve_file and len(options.sweeps) > 1:
-        raise UsageError("--plot: a curve needs a single --sweep")
+        raise UsageError("--plot: needs a single --sweep")
     if options.thresholds_file and recordings > 1:
-        raise UsageError("--plot-thresholds: one recording at a time")
+        raise UsageError("--plot-thresholds: needs a single recording")
 
 
 def _files(result: TuningResult, history: ThresholdHistory | None, options: TuneOptions) -> dict[Path, bytes]:
@@ -111,5 +111,5 @@ def _files(result: TuningResult, history: ThresholdHistory | None, options: Tune
     if options.curve_file:
         files[options.curve_file] = result.curve(options.curve_file.suffix)
     if options.thresholds_file and history:
-        files[options.thresholds_file] = history.picture(options.thresholds_file.suffix)
+        files[options.thresholds_file] = history.plot(options.thresholds_file.suffix)
     return files

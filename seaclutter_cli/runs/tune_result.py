@@ -1,4 +1,4 @@
-"""What tuning found, for people and as data."""
+"""Results of tuning, as text and as data."""
 
 import csv
 import io
@@ -24,16 +24,16 @@ _RATES = ("frames", "N_FP", "N_FN", "R_FP", "R_FN", "precision", "recall", "f1",
 
 @dataclass(frozen=True)
 class TuningResult(RecordingsResult):
-    """What a sweep over parameter values found.
+    """Result of a sweep over parameter values.
 
     Parameters
     ----------
     sweeps : sequence of Sweep
-        What was tried.
+        Parameters and values that were tried.
     variants : sequence of Variant
-        Each combination.
+        All combinations.
     outcomes : sequence of Evaluated
-        How the evaluation of each recording ended.
+        Outcome of each recording.
     """
 
     sweeps: Sequence[Sweep]
@@ -47,18 +47,18 @@ class TuningResult(RecordingsResult):
 
     @cached_property
     def best(self) -> str | None:
-        """Name of the best combination."""
+        """Name of the best combination; None if no frame is labelled."""
         return best(self.totals)
 
     def best_config(self) -> str:
         """Return the best configuration as a commented file."""
         config = next(variant.config for variant in self.variants if variant.name == self.best)
         recordings = ", ".join(outcome.recording for outcome in self.outcomes if not outcome.error)
-        said = f"# Best of {len(self.variants)} combinations on {recordings}: {self.best}"
-        return f"{said}\n{config.to_yaml(comments=True)}"
+        comment = f"# Best of {len(self.variants)} combinations on {recordings}: {self.best}"
+        return f"{comment}\n{config.to_yaml(comments=True)}"
 
     def curve(self, suffix: str) -> bytes:
-        """Return the picture of the rates over a single parameter."""
+        """Return the content of a plot of the rates over a single parameter."""
         rates = [(summary.r_fp, summary.r_fn) for summary in self.totals.values()]
         r_fp, r_fn = np.array(rates, np.float64).reshape(-1, 2).T
         chosen = list(self.totals).index(self.best) if self.best else None
@@ -74,7 +74,7 @@ class TuningResult(RecordingsResult):
         return rows
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON holds it."""
+        """Return the result as JSON-compatible data."""
         return {
             "combinations": self._rows(),
             "best": self.best,
@@ -85,7 +85,7 @@ class TuningResult(RecordingsResult):
         }
 
     def as_csv(self) -> str:
-        """Return a line for each combination."""
+        """Return the result as CSV, with a row for each combination."""
         rows, text = self._rows(), io.StringIO()
         writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
         writer.writeheader()
@@ -93,12 +93,12 @@ class TuningResult(RecordingsResult):
         return text.getvalue()
 
     def as_text(self) -> str:
-        """Return the result as people read it."""
+        """Return the result as human-readable text."""
         head = (*(sweep.key for sweep in self.sweeps), "N_FP", "N_FN", "R_FP %", "R_FN %", "F1", "")
         rows = [self._cells(variant) for variant in self.variants]
         frames = max(summary.frames for summary in self.totals.values())
         best = f"best on {count(frames, 'frame')}: {self.best}"
-        return f"{table(head, rows)}\n\n{best if self.best else 'no frame is labelled, so none is best'}"
+        return f"{table(head, rows)}\n\n{best if self.best else 'no best combination: no frame is labelled'}"
 
     def _cells(self, variant: Variant) -> tuple[str, ...]:
         config, summary = variant.config.as_dict()["filter"], self.totals[variant.name]

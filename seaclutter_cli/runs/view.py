@@ -1,4 +1,4 @@
-"""Recordings in the viewer of Rerun: raw and filtered points, boxes, clusters and curves."""
+"""Recordings in the Rerun viewer: raw and filtered points, boxes, clusters and curves."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -13,26 +13,26 @@ from seaclutter_cli.runs.methods import ConfigOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import check_outputs, inputs_of
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
-from seaclutter_cli.runs.replay import watch
+from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.viewing.stream import FrameStream, check_target, complete_file, require_rerun, viewer
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions:
-    """What the viewer shows, and where.
+    """Options of the viewer: target, method, labels.
 
     Parameters
     ----------
     target : Path or None
-        File for the viewer; None opens it.
+        File for the viewer; None opens the viewer.
     port : int
         Port of the viewer on this computer.
     config : ConfigOptions
-        Method that filters the logs; where nothing is chosen, filtered logs are read back.
+        Method that filters the logs; by default, filtered logs are read back.
     labels : LabelSources
         Labels of the recordings.
     reading : ReadOptions
-        What is read.
+        Part of each recording to read, and how.
     force : bool
         Replace an existing file.
 
@@ -52,14 +52,14 @@ class ViewOptions:
 
 
 def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> "ViewResult":
-    """Show recordings in the viewer of Rerun, or write a file for it.
+    """Show recordings in the Rerun viewer, or write a file for it.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Raw logs, which are filtered; or logs filtered with all points kept, which are read back.
     options : ViewOptions
-        What is shown.
+        Target, method, labels.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -68,7 +68,7 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
     MissingExtraError
         If Rerun is not installed.
     SeaclutterError
-        If nothing can be shown at all; what goes wrong with one recording is kept in its outcome.
+        If no recording can be shown; an error in a single recording is stored in its outcome.
 
     Examples
     --------
@@ -86,26 +86,26 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
     with ExitStack() as stack:
 
         def open_stream(variants: Sequence[Variant]) -> FrameStream:
-            place = stack.enter_context(complete_file(options.target) if options.target else viewer(options.port))
-            return FrameStream(variants[0].config.evaluation, place)
+            sink = stack.enter_context(complete_file(options.target) if options.target else viewer(options.port))
+            return FrameStream(variants[0].config.evaluation, sink)
 
-        comparison, stream = watch(recordings, labels, methods, options.reading, observer, open_stream)
+        comparison, stream = filter_or_replay(recordings, labels, methods, options.reading, observer, open_stream)
         stream.finish()
         if all(outcome.error for outcome in comparison.outcomes):
-            raise InputError("there is nothing to show: no recording could be read")
+            raise InputError("nothing to show: no recording could be read")
     return ViewResult(comparison, options.target)
 
 
 @dataclass(frozen=True)
 class ViewResult(Result):
-    """What was shown.
+    """Result of showing recordings.
 
     Parameters
     ----------
     comparison : Comparison
-        Figures of each recording.
+        Scores of each recording.
     target : Path or None
-        The file that was written.
+        File that was written; None for the viewer.
     """
 
     comparison: Comparison
@@ -122,9 +122,9 @@ class ViewResult(Result):
         return self.comparison.damaged
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON holds it."""
+        """Return the result as JSON-compatible data."""
         return {"output": str(self.target) if self.target else None, **self.comparison.as_dict()}
 
     def as_text(self) -> str:
-        """Return the file and its size; nothing for a viewer."""
+        """Return the file and its size as text; empty for the viewer."""
         return f"{self.target}: {self.target.stat().st_size / 1e6:.1f} MB" if self.target else ""

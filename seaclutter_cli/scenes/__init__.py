@@ -1,6 +1,6 @@
-"""Scenes: a small network looks at a frame from above and tells what surroundings it shows (S3).
+"""Scene classification: a small network recognises the surroundings of a frame in its top view [Bi].
 
-Importing this costs nothing; what is heavy comes in when a judge is made.
+Importing this package is cheap; heavy dependencies are imported when a tracker is made.
 """
 
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ __all__ = ["SceneParams", "make_scene_tracker"]
 
 
 def make_scene_tracker(params: SceneParams) -> "SceneTracker":
-    """Return a scene tracker, as `seaclutter_cli.scenes.tracker.make_scene_tracker` does."""
+    """Return a scene tracker; see `seaclutter_cli.scenes.tracker.make_scene_tracker`."""
     from seaclutter_cli.scenes import tracker
 
     return tracker.make_scene_tracker(params)

@@ -1,4 +1,4 @@
-"""Labelled frames to train on: what was seen from above, finer than an image, so that it can be turned."""
+"""Labelled frames for training, stored as top views finer than an image to allow rotation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,22 +15,22 @@ _WIDER = 1.5
 _ENOUGH_CELLS = 1500
 _SKETCH_SIZE = int(_FINER * _WIDER * IMAGE_SIZE)
 SHARES = (0.6, 0.2, 0.2)
-"""Shares of the recordings of each class for training, validation and test, as in S3."""
+"""Shares of the recordings of each class for training, validation and test, as in [Bi]."""
 
 
 @dataclass
 class Examples:
-    """Frames with their scenes, as sketches: a few kilobytes each, whatever the frame's size.
+    """Frames with their scenes, stored as sketches of a few kilobytes, regardless of the frame size.
 
-    A sketch is the cells that hold points, four times finer than those of a `top_view` and half as far out again, so
-    that a turned view has no empty corners.
+    A sketch lists the cells with points. Its cells are four times finer than those of a `top_view`, and it extends 1.5
+    times as far, which leaves no empty corners in a rotated view.
 
     Parameters
     ----------
     classes : sequence of str
         Names of the scenes.
     extent_m : float
-        Half side of the square that images show.
+        Half the side of the square that images show.
     """
 
     classes: Sequence[str]
@@ -39,14 +39,14 @@ class Examples:
     """Name and class of each recording."""
     _recording: list[int] = field(default_factory=list)
     _sketches: list[NDArray[np.int32]] = field(default_factory=list)
-    _straight: dict[int, float] = field(default_factory=dict)
+    _alignments_rad: dict[int, float] = field(default_factory=dict)
 
     def begin(self, recording: str, scene: int) -> None:
-        """Start a recording of a scene, given by its place among the classes."""
+        """Start a recording; ``scene`` is the index of its class."""
         self.recordings.append((recording, scene))
 
     def add(self, xyz: NDArray[np.float64]) -> bool:
-        """Add a frame of the recording, coordinates of shape (3, N); False if nothing of it is in view."""
+        """Add a frame of the recording, coordinates of shape (3, N); return whether any point is in view."""
         sketch = np.flatnonzero(mark_cells(xyz, self.extent_m * _WIDER, _SKETCH_SIZE)).astype(np.int32)
         if len(sketch):
             self._recording.append(len(self.recordings) - 1)
@@ -59,49 +59,49 @@ class Examples:
 
     @property
     def scenes(self) -> NDArray[np.int64]:
-        """Class of each frame, shape (N,)."""
+        """Class index of each frame, shape (N,)."""
         return np.array([self.recordings[recording][1] for recording in self._recording], np.int64)
 
-    def image(self, index: int, turn_rad: float = 0.0) -> NDArray[np.uint8]:
-        """Return the top view of a frame, shape (224, 224), with the lidar turned; as it was seen if not turned."""
-        x, y = self._places(index)
-        cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    def image(self, index: int, rotation_rad: float = 0.0) -> NDArray[np.uint8]:
+        """Return the top view of a frame, shape (224, 224), rotated about the lidar."""
+        x, y = self._coordinates(index)
+        cos, sin = np.cos(rotation_rad), np.sin(rotation_rad)
         return mark_cells(np.stack((cos * x - sin * y, sin * x + cos * y, np.zeros(len(x)))), self.extent_m, IMAGE_SIZE)
 
     def images(self, indices: Sequence[int] | NDArray[np.int64], rng: np.random.Generator | None) -> NDArray[np.uint8]:
-        """Return top views, shape (B, 1, 224, 224), turned at random if there is a generator.
+        """Return top views, shape (B, 1, 224, 224), rotated at random if there is a generator.
 
-        Half of them are turned by any angle, a quarter by whole quarters, and a quarter so that the `straight` lines in
-        them run along rows or columns: a quay parallel to the vessel looks unlike all others, and would hardly come up.
+        Half of them are rotated by any angle, a quarter by multiples of 90°, and a quarter by `alignment_rad` plus such
+        a multiple: a quay parallel to own ship looks unlike all others, and would hardly ever occur.
         """
-        turns = np.zeros(len(indices))
+        rotations = np.zeros(len(indices))
         if rng is not None:
             kinds, quarters = rng.integers(4, size=(2, len(indices)))
-            turns = np.where(kinds < 2, rng.uniform(0, 2 * np.pi, len(indices)), quarters * np.pi / 2)
-            turns += [
-                self.straight(int(index)) if kind == 3 else 0.0 for index, kind in zip(indices, kinds, strict=True)
+            rotations = np.where(kinds < 2, rng.uniform(0, 2 * np.pi, len(indices)), quarters * np.pi / 2)
+            rotations += [
+                self.alignment_rad(int(index)) if kind == 3 else 0.0 for index, kind in zip(indices, kinds, strict=True)
             ]
-        views = [self.image(int(index), turn) for index, turn in zip(indices, turns.tolist(), strict=True)]
+        views = [self.image(int(index), angle) for index, angle in zip(indices, rotations.tolist(), strict=True)]
         return np.stack(views)[:, None]
 
-    def straight(self, index: int) -> float:
-        """Return by how many radians a frame has to be turned so that its straight lines run along rows or columns."""
-        if index not in self._straight:
-            x, y = self._places(index)
+    def alignment_rad(self, index: int) -> float:
+        """Return the rotation that aligns the straight lines of a frame with rows or columns."""
+        if index not in self._alignments_rad:
+            x, y = self._coordinates(index)
             step = -(-len(x) // _ENOUGH_CELLS)
-            turn = _most_in_line(x[::step], y[::step], np.radians(np.arange(90)), 2 * self.extent_m / IMAGE_SIZE)
-            nearby = turn + np.radians(np.linspace(-1, 1, 21))
-            self._straight[index] = _most_in_line(x[::step], y[::step], nearby, 2 * self.extent_m / IMAGE_SIZE)
-        return self._straight[index]
+            coarse = _best_alignment(x[::step], y[::step], np.radians(np.arange(90)), 2 * self.extent_m / IMAGE_SIZE)
+            nearby = coarse + np.radians(np.linspace(-1, 1, 21))
+            self._alignments_rad[index] = _best_alignment(x[::step], y[::step], nearby, 2 * self.extent_m / IMAGE_SIZE)
+        return self._alignments_rad[index]
 
-    def _places(self, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return x and y of a frame's cells in metres."""
+    def _coordinates(self, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return x and y of the cells of a frame in metres."""
         row, column = np.divmod(self._sketches[index], _SKETCH_SIZE)
         middle, cell_m = _SKETCH_SIZE / 2 - 0.5, 2 * self.extent_m / (IMAGE_SIZE * _FINER)
         return (middle - row) * cell_m, (middle - column) * cell_m
 
     def split(self, seed: int) -> "Split":
-        """Part the frames by their recordings, each class in the shares of `SHARES`.
+        """Return the frames split by recording, each class in the shares of `SHARES`.
 
         Raises
         ------
@@ -115,28 +115,30 @@ class Examples:
             members = [i for i, (_, kind) in enumerate(self.recordings) if kind == scene and i in known]
             if len(members) < len(SHARES):
                 raise InputError(
-                    f"{len(members)} recordings of {name}: at least {len(SHARES)} are needed, one each to train on, to "
-                    "choose the best epoch by, and to test on"
+                    f"{len(members)} recordings of {name}: at least {len(SHARES)} are needed, one each for training, "
+                    "validation and test"
                 )
-            held = [max(1, round(share * len(members))) for share in SHARES[1:]]
-            part[rng.permutation(members)] = np.repeat(range(len(SHARES)), (len(members) - sum(held), *held))
+            held_out = [max(1, round(share * len(members))) for share in SHARES[1:]]
+            part[rng.permutation(members)] = np.repeat(range(len(SHARES)), (len(members) - sum(held_out), *held_out))
         of_frame = part[self._recording]
         return Split(*(np.flatnonzero(of_frame == number) for number in range(len(SHARES))))
 
 
-def _most_in_line(x: NDArray[np.float64], y: NDArray[np.float64], turns: NDArray[np.float64], cell_m: float) -> float:
-    """Return the one of some turns, in radians, that gathers most cells in few rows and columns."""
+def _best_alignment(
+    x: NDArray[np.float64], y: NDArray[np.float64], rotations: NDArray[np.float64], cell_m: float
+) -> float:
+    """Return the rotation, in radians, that gathers the most cells in the fewest rows and columns."""
 
-    def gathered(turn: float) -> int:
-        cos, sin = np.cos(turn), np.sin(turn)
+    def concentration(rotation: float) -> int:
+        cos, sin = np.cos(rotation), np.sin(rotation)
         lines = ((axis - axis.min()) / cell_m for axis in (cos * x - sin * y, sin * x + cos * y))
         return sum(int((np.bincount(line.astype(np.int64)) ** 2).sum()) for line in lines)
 
-    return float(max(turns.tolist(), key=gathered))
+    return float(max(rotations.tolist(), key=concentration))
 
 
 class Split(NamedTuple):
-    """Frames to train on, to choose the best epoch by, and to test on; no recording is in two of them."""
+    """Indices of the frames for training, validation and test; no recording is in two parts."""
 
     train: NDArray[np.int64]
     validation: NDArray[np.int64]

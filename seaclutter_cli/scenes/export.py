@@ -1,4 +1,4 @@
-"""A trained network as an ONNX file, its batch normalisation folded into the convolutions."""
+"""Export of a trained network as an ONNX file, with batch normalisation folded into the convolutions."""
 
 import json
 from collections.abc import Sequence
@@ -12,14 +12,14 @@ from seaclutter_cli.scenes.image import IMAGE_SIZE
 from seaclutter_cli.scenes.model import CLASSES_KEY, EXTENT_KEY
 from seaclutter_cli.scenes.network import BLOCKS, STEM_MAPS
 
-_OPSET, _IR_VERSION = 17, 8  # of 2022, so that older runtimes read the file
+_OPSET, _IR_VERSION = 17, 8  # from 2022, to be readable by older runtimes
 
 
 def to_onnx(network: Any, classes: Sequence[str], extent_m: float) -> bytes:
-    """Return the ONNX file of a network of `make_network`.
+    """Return a network of `make_network` as the content of an ONNX file.
 
-    It takes images as bytes, shape (N, 1, 224, 224), and gives probabilities, shape (N, C), float32. Names of the
-    classes and extent are in its metadata. The same weights give the same bytes.
+    Its input is images as bytes, shape (N, 1, 224, 224), its output probabilities, shape (N, C), float32. The metadata
+    contains the class names and the extent. The same weights give the same bytes.
     """
     from onnx import TensorProto, checker, helper
 
@@ -57,14 +57,14 @@ def to_onnx(network: Any, classes: Sequence[str], extent_m: float) -> bytes:
 
 
 class _Writer:
-    """Nodes and weights of a graph in the making."""
+    """Nodes and weights of a graph under construction."""
 
     def __init__(self) -> None:
         self.nodes: list[Any] = []
         self.initializers: list[Any] = []
 
     def add(self, kind: str, inputs: Sequence[str], **attributes: Any) -> str:
-        """Add a node and return the name of what it gives."""
+        """Add a node and return the name of its output."""
         from onnx import helper
 
         name = f"{kind.lower()}{len(self.nodes)}"
@@ -80,7 +80,7 @@ class _Writer:
         return name
 
     def convolution(self, maps: str, step: Any) -> str:
-        """Add a convolution with its batch normalisation and, if it has one, ReLU6."""
+        """Add a convolution with its batch normalisation and, if present, ReLU6; return the name of its output."""
         convolution, normal = step[0], step[1]
         scale = _array(normal.weight) / np.sqrt(_array(normal.running_var) + np.float32(normal.eps))
         kernel = _array(convolution.weight) * scale[:, None, None, None]

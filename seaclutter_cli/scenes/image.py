@@ -1,34 +1,34 @@
-"""Top views of frames: what the scene classifier looks at."""
+"""Top views of frames, the input of the scene classifier."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 IMAGE_SIZE = 224
-"""Rows and columns of a top view."""
+"""Number of rows, and of columns, of a top view."""
 
 _BLOCK = 16384
 
 
 def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
-    """Return a frame as seen from above: which cells of a square around the lidar hold a point.
+    """Return the top view of a frame: the cells of a square around the lidar that contain a point.
 
     Parameters
     ----------
     xyz : ndarray, shape (3, N), float64
         Coordinates in metres; x points forward, which is up in the image, y to the left. Points with a coordinate that
-        is not finite, and those exactly at the origin, are no returns and not seen.
+        is not finite, and points exactly at the origin, are not returns and are ignored.
     extent_m : float
-        Half the side of the square; > 0.
+        Half the side of the square in metres; > 0.
 
     Returns
     -------
     ndarray, shape (224, 224), uint8
-        1 where there is a point, else 0; all 0 if there is none. The upper and the left edge of a cell belong to it.
+        1 where there is a point, otherwise 0. The upper and the left edge of a cell belong to it.
 
     Notes
     -----
-    The binary image of S3 (its point cloud to image converter), computed in single precision: a cell's edge is as good
-    some micrometres further on.
+    This is the binary image of [Bi] (point cloud to image converter). It is computed in single precision, which may
+    shift the edge of a cell by some micrometres.
 
     Examples
     --------
@@ -39,10 +39,10 @@ def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
 
 
 def mark_cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[np.uint8]:
-    """Return a `top_view` of any even size: uint8, shape (size, size)."""
+    """Return a `top_view` of any even size, shape (size, size), uint8."""
     image = np.zeros(size * size, np.uint8)
     middle, in_middle = (size + 1) * (size // 2), 0
-    # Arrays of a whole frame would be new memory from the system each time, which costs more than the work itself.
+    # In blocks, because allocating arrays for a whole frame each time costs more than the computation.
     for start in range(0, xyz.shape[1], _BLOCK):
         cells = _cells(xyz[:, start : start + _BLOCK], extent_m, size)
         image[cells] = 1
@@ -54,13 +54,13 @@ def mark_cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[
 
 
 def _cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[np.int32]:
-    """Return the cells of the points that lie in the square, counted along the rows."""
+    """Return the row-major indices of the cells of the points inside the square."""
     with np.errstate(invalid="ignore", over="ignore"):
-        place = xyz[:2].astype(np.float32)
-        np.subtract(np.float32(extent_m), place, out=place)
-        place *= np.float32(size / (2 * extent_m))
-        row, column = place
-        inside = np.minimum(row, column) >= 0  # not where either is NaN
+        position = xyz[:2].astype(np.float32)
+        np.subtract(np.float32(extent_m), position, out=position)
+        position *= np.float32(size / (2 * extent_m))
+        row, column = position
+        inside = np.minimum(row, column) >= 0  # False where either is NaN
         inside &= np.maximum(row, column) < size
         inside &= np.isfinite(xyz[2])
     seen = np.flatnonzero(inside)

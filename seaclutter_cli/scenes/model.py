@@ -1,4 +1,4 @@
-"""The trained scene classifier as an ONNX file: no code in it, nothing is unpickled."""
+"""Trained scene classifiers as ONNX files, which contain no code and are not unpickled."""
 
 import json
 import math
@@ -14,7 +14,7 @@ from seaclutter_cli.text import printable
 
 CLASSES_KEY = "seaclutter.classes"
 EXTENT_KEY = "seaclutter.extent_m"
-"""Keys of the file's metadata: a JSON list of class names in the order of the outputs; half side of the square."""
+"""Metadata keys: a JSON list of class names in the order of the outputs; half the side of the square."""
 
 _IMAGE_SHAPE = [1, IMAGE_SIZE, IMAGE_SIZE]
 _MAX_BYTES = 2**26
@@ -26,21 +26,21 @@ class SceneModel:
     Parameters
     ----------
     name : str
-        An ONNX file, or the name of one that comes with the program.
+        Path of an ONNX file, or name of a built-in model.
 
     Attributes
     ----------
     classes : tuple of str
         Names of the scenes.
     extent_m : float
-        Half side of the square seen from above.
+        Half the side of the square in the top view.
 
     Raises
     ------
     MissingExtraError
         If onnxruntime is not installed.
     ModelError
-        If there is no such file, or it is no scene classifier.
+        If the file does not exist, or is not a scene classifier.
     """
 
     def __init__(self, name: str) -> None:
@@ -49,11 +49,11 @@ class SceneModel:
         data = _read(_find(name))
         options = runtime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = 4  # what fails is raised as well
+        options.log_severity_level = 4  # errors are raised instead
         try:
             self._session = runtime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's errors have no class in common
-            raise ModelError(f"{name}: no ONNX file that can be used ({_first_line(error)})") from error
+            raise ModelError(f"{name}: not a usable ONNX file ({_first_line(error)})") from error
         self._input = self._check_shape()
         self.classes, self.extent_m = self._check_metadata()
         self._check_run()
@@ -66,46 +66,46 @@ class SceneModel:
     def _check_shape(self) -> str:
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         if len(inputs) != 1 or len(outputs) != 1:
-            raise self._foreign(f"it has {len(inputs)} inputs and {len(outputs)} outputs")
+            raise self._error(f"it has {len(inputs)} inputs and {len(outputs)} outputs, expected one of each")
         kind, shape = inputs[0].type, list(inputs[0].shape)
         if kind != "tensor(uint8)" or shape[1:] != _IMAGE_SHAPE or shape[0] not in (None, 1, "N"):
-            raise self._foreign(f"it takes {kind} of {shape}, not images of {IMAGE_SIZE} by {IMAGE_SIZE} bytes")
+            raise self._error(f"its input is {kind} of {shape}, expected images of {IMAGE_SIZE} by {IMAGE_SIZE} bytes")
         return str(inputs[0].name)
 
     def _check_metadata(self) -> tuple[tuple[str, ...], float]:
-        said = self._session.get_modelmeta().custom_metadata_map
-        missing = [key for key in (CLASSES_KEY, EXTENT_KEY) if key not in said]
+        metadata = self._session.get_modelmeta().custom_metadata_map
+        missing = [key for key in (CLASSES_KEY, EXTENT_KEY) if key not in metadata]
         if missing:
-            raise self._foreign(f"its metadata has no {' and no '.join(missing)}")
+            raise self._error(f"its metadata lacks {' and '.join(missing)}")
         try:
-            classes, extent_m = json.loads(said[CLASSES_KEY]), float(said[EXTENT_KEY])
+            classes, extent_m = json.loads(metadata[CLASSES_KEY]), float(metadata[EXTENT_KEY])
         except ValueError as error:
-            raise self._foreign(f"its metadata cannot be read: {_first_line(error)}") from error
+            raise self._error(f"its metadata cannot be read: {_first_line(error)}") from error
         names = classes if isinstance(classes, list) and all(isinstance(item, str) for item in classes) else []
         if len(names) < 2 or len(set(names)) < len(names) or not all(names):
-            raise self._foreign("its metadata names no two different classes")
+            raise self._error("its metadata must list two or more different class names")
         if not 0 < extent_m < math.inf:
-            raise self._foreign(f"its metadata gives an extent of {extent_m} m")
+            raise self._error(f"the extent in its metadata must be positive and finite, got {extent_m} m")
         return tuple(names), extent_m
 
     def _check_run(self) -> None:
-        """Check what comes out for an image of nothing."""
+        """Check the output for an empty image."""
         try:
             out = self._session.run(None, {self._input: np.zeros((1, *_IMAGE_SHAPE), np.uint8)})[0]
         except Exception as error:
-            raise self._foreign(f"it does not run: {_first_line(error)}") from error
+            raise self._error(f"it does not run: {_first_line(error)}") from error
         expected = (1, len(self.classes))
         if not isinstance(out, np.ndarray) or out.shape != expected or out.dtype != np.float32:
-            raise self._foreign(f"it does not give {len(self.classes)} probabilities")
+            raise self._error(f"its output is not {len(self.classes)} probabilities")
         if not (np.all(out >= 0) and abs(float(out.sum()) - 1) < 1e-3):
-            raise self._foreign("what it gives are no probabilities")
+            raise self._error("its output is not a probability distribution")
 
-    def _foreign(self, why: str) -> ModelError:
-        return ModelError(f"{self.name}: no scene classifier of this program; {printable(why)}")
+    def _error(self, why: str) -> ModelError:
+        return ModelError(f"{self.name}: not a seaclutter scene classifier; {printable(why)}")
 
 
 def builtin_models() -> dict[str, Path]:
-    """Return the models that come with the program, by name."""
+    """Return the paths of the built-in models by name."""
     return {path.stem: path for path in sorted(Path(__file__).parent.glob("*.onnx"))}
 
 
@@ -124,7 +124,7 @@ def _read(path: Path) -> bytes:
         builtin = ", ".join(builtin_models()) or "none"
         raise ModelError(f"{path}: cannot be read ({error.strerror}); built-in models: {builtin}") from error
     if len(data) > _MAX_BYTES:
-        raise ModelError(f"{path}: is larger than {_MAX_BYTES // 2**20} MB, and so no scene classifier of this program")
+        raise ModelError(f"{path}: larger than {_MAX_BYTES // 2**20} MB; not a seaclutter scene classifier")
     return data
 
 

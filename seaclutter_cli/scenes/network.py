@@ -1,4 +1,4 @@
-"""The network of S3, Fig. 2: a slim MobileNetV2. Its shape is here; PyTorch trains it, ONNX stores it."""
+"""Network of the scene classifier, a slim MobileNetV2 ([Bi], Fig. 2)."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,16 +8,16 @@ STEM_MAPS = 3
 
 @dataclass(frozen=True)
 class BottleneckBlock:
-    """A bottleneck: 1x1 convolution that widens, 3x3 depthwise, 1x1 that narrows; ReLU6 after the first two.
+    """A bottleneck: 1x1 expansion, 3x3 depthwise convolution, 1x1 projection; ReLU6 after the first two.
 
     Parameters
     ----------
     maps : int
-        Maps that come out.
+        Number of output maps.
     stride : int
-        Of the depthwise convolution.
+        Stride of the depthwise convolution.
     expansion : int
-        How many times as many maps there are in between.
+        Factor by which the expansion multiplies the number of maps.
     """
 
     maps: int
@@ -25,7 +25,7 @@ class BottleneckBlock:
     expansion: int = 4
 
     def is_residual(self, maps_in: int) -> bool:
-        """Tell whether what comes in is added to what comes out."""
+        """Return whether the input is added to the output."""
         return self.stride == 1 and self.maps == maps_in
 
 
@@ -39,16 +39,16 @@ BLOCKS = (
     BottleneckBlock(64, 2),
     BottleneckBlock(64, 1),
 )
-"""Bottlenecks and residual bottlenecks in turn, from 3 maps of 112 by 112 to 64 maps of 7 by 7.
+"""Alternating bottlenecks and residual bottlenecks, from 3 maps of 112 by 112 to 64 maps of 7 by 7.
 
-The figure gives both ends and the kinds of layers; how many there are and how wide they are is ours.
+The figure gives both ends and the types of the layers; their number and widths are our choice.
 """
 
 
 def make_network(classes: int) -> Any:
     """Return the network as a torch module with random weights.
 
-    It takes images of shape (B, 1, 224, 224) as float32 of 0 and 1, and gives scores (B, classes) before softmax.
+    Its input is images of shape (B, 1, 224, 224), float32, of 0 and 1; its output scores before softmax, shape (B, C).
     """
     from torch import nn
 

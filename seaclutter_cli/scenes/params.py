@@ -1,4 +1,4 @@
-"""What a configuration says of the scene classifier."""
+"""Configuration keys of the scene classifier."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -6,23 +6,23 @@ from typing import Annotated
 from annotated_types import Ge, Gt
 
 DEFAULT_MODEL = "open_confined"
-"""The model that comes with the program: open water, or confined by quay walls, moored rows, the banks of a channel."""
+"""Built-in model: open water, or water confined by quay walls, moored rows or the banks of a channel."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneParams:
-    """How the scene is told from frames.
+    """Parameters of the scene classification.
 
     Parameters
     ----------
     scene_model : str
-        ONNX file of the scene classifier, or the name of one that comes with the program.
+        ONNX file of the scene classifier, or the name of a built-in one.
     scene_extent_m : float or None
-        Half side of the square seen from above; none: that of the model, which fits no other.
+        Half the side of the square in the top view, which must match the model; null: the extent of the model.
     scene_every : int
-        Only every so many frames are looked at.
+        Interval in frames at which the classifier runs.
     scene_hold : int
-        Looks in a row that must agree on another scene before it changes.
+        Consecutive classifications that must agree on another scene before it changes.
     """
 
     scene_model: str = DEFAULT_MODEL

@@ -1,4 +1,4 @@
-"""How well scenes are told."""
+"""Scores of scene classifiers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from seaclutter_cli.evaluation.confusion import Confusion
 
 @dataclass(frozen=True)
 class SceneScores(Confusion):
-    """Which scenes frames were taken for.
+    """Confusion matrix of scenes.
 
     Parameters
     ----------
     counts : ndarray, shape (C, C), int64
-        Frames by what they show (row) and what they were taken for (column).
+        Frames by true class (row) and predicted class (column).
     classes : sequence of str
         Names of the scenes.
     """
@@ -25,20 +25,20 @@ class SceneScores(Confusion):
     classes: Sequence[str]
 
     @classmethod
-    def count(cls, classes: Sequence[str], truth: NDArray[np.int64], told: NDArray[np.int64]) -> "SceneScores":
-        """Count frames, shape (N,), by the places of their true and told classes."""
-        return cls(Confusion.of(truth, told, range(len(classes))).counts, classes)
+    def count(cls, classes: Sequence[str], truth: NDArray[np.int64], predicted: NDArray[np.int64]) -> "SceneScores":
+        """Return the scores of frames from the indices of their true and predicted classes, shape (N,)."""
+        return cls(Confusion.of(truth, predicted, range(len(classes))).counts, classes)
 
     @property
     def mean_precision(self) -> float:
-        """Mean of the classes' precisions; one that was never told counts as 0."""
+        """Mean precision of the classes; a class that is never predicted counts as 0."""
         return float(np.nan_to_num(self.precision).mean())
 
     def as_dict(self) -> dict[str, Any]:
-        """Return counts, precision and recall as JSON holds them."""
+        """Return counts, precision and recall as JSON-compatible data."""
         columns = zip(self.classes, self.counts.tolist(), _plain(self.precision), _plain(self.recall), strict=True)
         return {
-            name: {"told": dict(zip(self.classes, row, strict=True)), "precision": precision, "recall": recall}
+            name: {"predicted": dict(zip(self.classes, row, strict=True)), "precision": precision, "recall": recall}
             for name, row, precision, recall in columns
         }
 

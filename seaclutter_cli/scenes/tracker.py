@@ -1,4 +1,4 @@
-"""The scene of each frame: looked at every so often, and held steady."""
+"""Scene of each frame, classified at intervals and kept stable."""
 
 import math
 from collections.abc import Mapping
@@ -13,18 +13,18 @@ from seaclutter_cli.scenes.params import SceneParams
 
 @dataclass(frozen=True)
 class SceneDecision:
-    """Which scene a frame is taken for.
+    """The scene of a frame.
 
     Parameters
     ----------
     name : str
-        The scene.
+        Class of the scene.
     probability : float
-        What the classifier gave this scene when it last looked.
+        Probability of this class in the latest classification.
     decided : bool
-        Whether it looked at this very frame; else the decision is carried on from an earlier one.
+        Whether this frame was classified; otherwise the decision is carried over from an earlier one.
     probabilities : mapping of str to float
-        What it gave each scene when it last looked.
+        Probability of each class in the latest classification.
     """
 
     name: str
@@ -34,14 +34,15 @@ class SceneDecision:
 
 
 class SceneTracker:
-    """Tells the scene of the frames of one topic.
+    """Scene of each frame of one topic.
 
-    The classifier looks at the first frame and then at one in ``scene_every``. Its first look decides; from then on the
-    scene changes only when ``scene_hold`` looks in a row take the same other scene for the most probable. A frame with
-    nothing in view says nothing: the next one is looked at in its place. Before any look the scene is the first of
-    the model's, all being equally probable.
+    The first frame is classified, and then one frame in ``scene_every``. The first classification decides; after that,
+    the scene changes only when ``scene_hold`` consecutive classifications find the same other scene most probable. A
+    frame with nothing in view is not classified; the next frame is used instead. Before the first classification, the
+    scene is the first class of the model, and all classes are equally probable.
 
-    **State**: the decision, frames to the next look, and how many looks in a row spoke for which other scene.
+    **State**: the decision, the number of frames until the next classification, and the rival scene with its number of
+    consecutive classifications.
 
     Parameters
     ----------
@@ -57,19 +58,19 @@ class SceneTracker:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """Scenes that the model knows."""
+        """Classes of the model."""
         return self._model.classes
 
     def reset(self) -> None:
-        """Forget all state: a recording starts."""
+        """Forget all state at the start of a recording."""
         even = dict.fromkeys(self.classes, 1 / len(self.classes))
         self._decision = SceneDecision(self.classes[0], 1 / len(self.classes), False, even)
         self._wait = 0
-        self._looked = False
-        self._rival, self._for_rival = self.classes[0], 0
+        self._has_decided = False
+        self._rival, self._rival_count = self.classes[0], 0
 
     def scene(self, frame: Frame) -> SceneDecision:
-        """Return the scene of a frame; called once a frame, in order."""
+        """Return the scene of a frame; called once for each frame, in order."""
         self._wait -= 1
         if self._wait < 0:
             image = top_view(frame.coordinates, self._model.extent_m)
@@ -80,30 +81,31 @@ class SceneTracker:
         return replace(self._decision, decided=False)
 
     def _decide(self, probabilities: dict[str, float]) -> SceneDecision:
-        likeliest = max(probabilities, key=lambda name: probabilities[name])
+        most_probable = max(probabilities, key=lambda name: probabilities[name])
         name = self._decision.name
-        self._for_rival = self._for_rival + 1 if likeliest == self._rival else 1
-        self._rival = likeliest
-        if not self._looked or self._for_rival >= self._hold:
-            name = likeliest
-        self._looked = True
+        self._rival_count = self._rival_count + 1 if most_probable == self._rival else 1
+        self._rival = most_probable
+        if not self._has_decided or self._rival_count >= self._hold:
+            name = most_probable
+        self._has_decided = True
         self._decision = SceneDecision(name, probabilities[name], True, probabilities)
         return self._decision
 
 
 def make_scene_tracker(params: SceneParams) -> SceneTracker:
-    """Return a judge without state.
+    """Return a scene tracker in its initial state.
 
     Raises
     ------
     MissingExtraError
         If onnxruntime is not installed.
     ModelError
-        If the model cannot be used, or sees another square than the configuration asks for.
+        If the model cannot be used, or its extent differs from the configured one.
     """
     model = SceneModel(params.scene_model)
     if params.scene_extent_m is not None and not math.isclose(params.scene_extent_m, model.extent_m, rel_tol=1e-6):
         raise ModelError(
-            f"{params.scene_model}: sees {model.extent_m:g} m to each side, scene_extent_m is {params.scene_extent_m:g}"
+            f"{params.scene_model}: the model covers {model.extent_m:g} m to each side, but scene_extent_m is "
+            f"{params.scene_extent_m:g}; leave it out to use the extent of the model"
         )
     return SceneTracker(model, every=params.scene_every, hold=params.scene_hold)

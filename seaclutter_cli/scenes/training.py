@@ -19,18 +19,18 @@ _TEST_BATCH = 64
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingParams:
-    """How the network is trained.
+    """Parameters of the training.
 
     Parameters
     ----------
     epochs : int
-        How often it sees all frames.
+        Number of passes over all training frames.
     batch : int
-        Frames a step.
+        Number of frames per step.
     learning_rate : float
-        Of Adam, at its highest.
+        Initial learning rate of Adam.
     seed : int
-        What all chance comes from: split, first weights, order, turns.
+        Seed of all random choices: split, initial weights, order, rotations.
     """
 
     epochs: Annotated[int, Ge(1)] = 30
@@ -41,7 +41,7 @@ class TrainingParams:
 
 @dataclass(frozen=True)
 class Epoch:
-    """How far training got: mean loss and mean precision of the classes, on both parts."""
+    """Mean loss and mean precision of the classes after an epoch, in training and on validation."""
 
     train_loss: float
     validation_loss: float
@@ -58,13 +58,13 @@ class Trained:
     network : object
         Torch module with the weights of the best epoch.
     epochs : sequence of Epoch
-        How training went.
+        Loss and precision of each epoch.
     best : int
-        The epoch with the lowest loss on the validation part, from 0.
+        Index of the epoch with the lowest loss on the validation part.
     split : Split
         Frames of each part.
     test : SceneScores
-        What it made of the test part.
+        Scores on the test part.
     """
 
     network: Any
@@ -75,9 +75,9 @@ class Trained:
 
 
 def train(examples: Examples, params: TrainingParams, on_epoch: Callable[[Epoch], object] = lambda _: None) -> Trained:
-    """Train the network of S3 on labelled frames: softmax cross-entropy, Adam, frames turned at random.
+    """Return the network of [Bi], trained on labelled frames: softmax cross-entropy, Adam, random rotations.
 
-    One thread computes, so that the same examples and seed give the same weights on the same machine; another makes
+    Only one thread computes; the same examples and seed give the same weights on the same machine. Another thread makes
     the next images. The learning rate falls to 0 along half a cosine.
 
     Raises
@@ -99,9 +99,9 @@ def train(examples: Examples, params: TrainingParams, on_epoch: Callable[[Epoch]
 
 
 def check_torch() -> Any:
-    """Return PyTorch, or raise `MissingExtraError`; training needs the package onnx too."""
+    """Return PyTorch; raise `MissingExtraError` if it, or the package onnx, is not installed."""
     try:
-        import onnx  # noqa: F401 - only whether it is there
+        import onnx  # noqa: F401 - must be installed
         import torch
     except ImportError as error:
         raise MissingExtraError("training", "train") from error
@@ -109,7 +109,7 @@ def check_torch() -> Any:
 
 
 class _Trainer:
-    """The network and its optimiser at work on the parts of a split."""
+    """The network and its optimiser, for one split of the examples."""
 
     def __init__(self, examples: Examples, params: TrainingParams, split: Split) -> None:
         import torch
@@ -123,12 +123,12 @@ class _Trainer:
         self._rng = np.random.default_rng(params.seed)
 
     def run(self, on_epoch: Callable[[Epoch], object]) -> Trained:
-        """Train, and return the network as it was in its best epoch."""
+        """Train the network and return it with the weights of its best epoch."""
         epochs: list[Epoch] = []
         weights: dict[str, Any] = {}
         for _ in range(self._params.epochs):
-            train_loss, on_train = self._learn()
-            loss, on_validation = self._judge(self._split.validation)
+            train_loss, on_train = self._train_epoch()
+            loss, on_validation = self._evaluate(self._split.validation)
             if not epochs or loss < min(epoch.validation_loss for epoch in epochs):
                 weights = {name: value.clone() for name, value in self._network.state_dict().items()}
             epochs.append(Epoch(train_loss, loss, on_train.mean_precision, on_validation.mean_precision))
@@ -136,62 +136,62 @@ class _Trainer:
         self._network.load_state_dict(weights)
         self._network.eval()
         best = int(np.argmin([epoch.validation_loss for epoch in epochs]))
-        return Trained(self._network, epochs, best, self._split, self._judge(self._split.test)[1])
+        return Trained(self._network, epochs, best, self._split, self._evaluate(self._split.test)[1])
 
-    def _learn(self) -> tuple[float, SceneScores]:
-        """Go through the training part once; return the mean loss and what the network made of it meanwhile."""
+    def _train_epoch(self) -> tuple[float, SceneScores]:
+        """Train on the training part once; return the mean loss and the scores over the steps."""
         from torch.nn.functional import cross_entropy
 
         self._network.train()
         batches = _batches(self._rng.permutation(self._split.train), self._params.batch)
-        losses, told = [], []
+        losses, predicted = [], []
         for batch, images in zip(batches, self._prepared(batches, self._rng), strict=True):
             scores = self._network(images)
-            loss = cross_entropy(scores, self._wanted(batch))
+            loss = cross_entropy(scores, self._targets(batch))
             self._optimiser.zero_grad()
             loss.backward()
             self._optimiser.step()
             self._schedule.step()
             losses.append(float(loss.detach()) * len(batch))
-            told.append(scores.detach().argmax(1).numpy())
-        return self._sum_up(np.concatenate(batches), losses, told)
+            predicted.append(scores.detach().argmax(1).numpy())
+        return self._sum_up(np.concatenate(batches), losses, predicted)
 
-    def _judge(self, part: NDArray[np.int64]) -> tuple[float, SceneScores]:
-        """Return the mean loss on a part and what the network makes of it."""
+    def _evaluate(self, part: NDArray[np.int64]) -> tuple[float, SceneScores]:
+        """Return the mean loss and the scores on a part."""
         import torch
         from torch.nn.functional import cross_entropy
 
         self._network.eval()
-        losses, told = [], []
+        losses, predicted = [], []
         batches = _batches(part, _TEST_BATCH)
         with torch.no_grad():
             for batch, images in zip(batches, self._prepared(batches, None), strict=True):
                 scores = self._network(images)
-                losses.append(float(cross_entropy(scores, self._wanted(batch))) * len(batch))
-                told.append(scores.argmax(1).numpy())
-        return self._sum_up(part, losses, told)
+                losses.append(float(cross_entropy(scores, self._targets(batch))) * len(batch))
+                predicted.append(scores.argmax(1).numpy())
+        return self._sum_up(part, losses, predicted)
 
     def _prepared(self, batches: Sequence[NDArray[np.int64]], rng: np.random.Generator | None) -> Iterator[Any]:
-        """Yield the images of each batch, the next one made while one is worked on."""
+        """Yield the images of each batch, and prepare the next batch in the meantime."""
         import torch
 
         with ThreadPoolExecutor(1, thread_name_prefix="images") as pool:
-            coming = pool.submit(self._examples.images, batches[0], rng)
+            pending = pool.submit(self._examples.images, batches[0], rng)
             for following in (*batches[1:], None):
-                images = coming.result()
+                images = pending.result()
                 if following is not None:
-                    coming = pool.submit(self._examples.images, following, rng)
+                    pending = pool.submit(self._examples.images, following, rng)
                 yield torch.from_numpy(images).float()
 
-    def _wanted(self, batch: NDArray[np.int64]) -> Any:
+    def _targets(self, batch: NDArray[np.int64]) -> Any:
         import torch
 
         return torch.from_numpy(self._scenes[batch])
 
     def _sum_up(
-        self, part: NDArray[np.int64], losses: Sequence[float], told: Sequence[NDArray[np.int64]]
+        self, part: NDArray[np.int64], losses: Sequence[float], predicted: Sequence[NDArray[np.int64]]
     ) -> tuple[float, SceneScores]:
-        confusion = SceneScores.count(self._examples.classes, self._scenes[part], np.concatenate(told))
+        confusion = SceneScores.count(self._examples.classes, self._scenes[part], np.concatenate(predicted))
         return sum(losses) / len(part), confusion
 
 

@@ -1,1 +1,1 @@
-"""Lidar models (`catalog`) and the decoders of their packets (`families`)."""
+"""Lidar models (`catalog`) and decoders for their packets (`families`)."""

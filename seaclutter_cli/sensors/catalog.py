@@ -1,4 +1,4 @@
-"""Sensors that are known by name: what `info` compares a log with."""
+"""Known lidar models, which `info` compares with a log."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ class SensorModel:
     Parameters
     ----------
     maker : str
-        Who makes it.
+        Manufacturer.
     beams : int
-        Lasers, which is the number of rings in its clouds.
+        Number of lasers, which is the number of rings in its clouds.
     columns : int
-        Firings per turn at 10 Hz in its usual mode.
+        Firings per revolution at 10 Hz in its usual mode.
     intensity : str
         Unit of the intensity that its driver writes.
     fields : frozenset of str
-        Field names that its driver uses beside x, y, z and intensity.
+        Field names that its driver uses in addition to x, y, z and intensity.
     """
 
     maker: str
@@ -59,18 +59,18 @@ SENSORS: Mapping[str, SensorModel] = {
     "Pandar40P": SensorModel("Hesai", 40, 1800, "0 to 255", _HESAI),
     "PandarXT-32": SensorModel("Hesai", 32, 2000, "0 to 255", _HESAI),
 }
-"""Sensors by name. A new one is one line here."""
+"""Sensors by name. Register new ones here."""
 
 
 def guess_sensors(fields: Collection[str], rings: int | None, points: int) -> list[str]:
-    """Return the sensors that a cloud could come from, the likeliest first; several share a layout.
+    """Return the names of the sensors that match a cloud, most likely first; several sensors share a layout.
 
     Parameters
     ----------
     fields : collection of str
         Field names of the cloud.
     rings : int or None
-        Number of different values in its ring field, if it has one.
+        Number of distinct values in its ring field; None without such a field.
     points : int
         Points per frame.
 

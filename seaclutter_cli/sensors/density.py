@@ -1,4 +1,4 @@
-"""How far apart the points of a lidar are at a distance (S3, Eq. 1 to 4); docs/density.md derives it."""
+"""Spacing and density of lidar points by distance ([Bi], Eq. 1 to 4); docs/density.md derives the equations."""
 
 from collections.abc import Mapping
 
@@ -17,22 +17,22 @@ STEPS_DEG: Mapping[str, tuple[float, float]] = {
     "Pandar40P": (0.2, 1 / 3),
     "CE30-D": (60 / 320, 4 / 20),
 }
-"""Horizontal and vertical angle between neighbouring beams, in degrees, at 10 turns a second.
+"""Horizontal and vertical angle between neighbouring beams, in degrees, at 10 revolutions per second.
 
-Of lidars whose beams are unevenly spread, the vertical one is that of the dense part, about the horizon. CE30-D is the
-solid-state lidar of S3: 60° by 4°, 320 by 20 pixels.
+For unevenly spaced beams, the vertical angle is that of the dense part around the horizon. CE30-D is the solid-state
+lidar of [Bi]: 60° by 4°, 320 by 20 pixels.
 """
 
 
 def points_in_rectangle(distance_m: ArrayLike, size_m: tuple[float, float], steps_rad: tuple[float, float]) -> Values:
-    r"""Return how many points a rectangle that faces the lidar has on average (S3, Eq. 1).
+    r"""Return the mean number of points on a rectangle that faces the lidar ([Bi], Eq. 1).
 
     .. math:: m = \frac{2 \arctan(w / 2l)}{r_h} \cdot \frac{2 \arctan(h / 2l)}{r_v}
 
     Parameters
     ----------
     distance_m : array_like
-        Distance l of its centre in metres; more than 0.
+        Distance l of its centre in metres; greater than 0.
     size_m : tuple of float
         Width w and height h in metres.
     steps_rad : tuple of float
@@ -48,11 +48,11 @@ def points_in_rectangle(distance_m: ArrayLike, size_m: tuple[float, float], step
 
 
 def mean_spacing(distance_m: ArrayLike, size_m: tuple[float, float], steps_rad: tuple[float, float]) -> Values:
-    r"""Return the geometric mean spacing of the points in such a rectangle, in metres (S3, Eq. 2).
+    r"""Return the geometric mean spacing of the points on such a rectangle, in metres ([Bi], Eq. 2).
 
     .. math:: s = \sqrt{h w / m}
 
-    Far away it is :math:`l \sqrt{r_h r_v}`. Parameters are those of `points_in_rectangle`.
+    At long range, it is :math:`l \sqrt{r_h r_v}`. The parameters are those of `points_in_rectangle`.
 
     Examples
     --------
@@ -63,11 +63,11 @@ def mean_spacing(distance_m: ArrayLike, size_m: tuple[float, float], steps_rad: 
 
 
 def density(distance_m: ArrayLike, size_m: tuple[float, float], steps_rad: tuple[float, float]) -> Values:
-    r"""Return the density as S3 has it, in metres: how much less than that of a single point the spacing is (Eq. 3).
+    r"""Return the density in metres ([Bi], Eq. 3): the spacing of a single point minus the mean spacing.
 
     .. math:: \rho = -s + c, \quad c = \sqrt{h w}
 
-    It is c where points lie together, and 0 where the rectangle has one. Parameters are those of
+    It is c where points coincide, and 0 where the rectangle contains one point. The parameters are those of
     `points_in_rectangle`.
 
     Examples
@@ -79,12 +79,12 @@ def density(distance_m: ArrayLike, size_m: tuple[float, float], steps_rad: tuple
 
 
 def density_slope(distance_m: ArrayLike, size_m: tuple[float, float], steps_rad: tuple[float, float]) -> Values:
-    r"""Return how the density changes with distance (S3, Eq. 4): no more than :math:`-\sqrt{r_h r_v}` far away.
+    r"""Return the derivative of the density with respect to distance ([Bi], Eq. 4).
 
     .. math:: \rho'(l) = -\frac{s}{4} \left( \frac{w}{(l^2 + w^2/4) \arctan(w / 2l)}
         + \frac{h}{(l^2 + h^2/4) \arctan(h / 2l)} \right)
 
-    Parameters are those of `points_in_rectangle`.
+    At long range, it is :math:`-\sqrt{r_h r_v}`. The parameters are those of `points_in_rectangle`.
 
     Examples
     --------
@@ -97,9 +97,10 @@ def density_slope(distance_m: ArrayLike, size_m: tuple[float, float], steps_rad:
 
 
 def radius_ratio(steps_deg: tuple[float, float], spacings: float) -> float:
-    r"""Return the share of the range that is as much as some spacings of points, :math:`K = a \sqrt{r_h r_v}`.
+    r"""Return the ratio of search radius to range, :math:`K = a \sqrt{r_h r_v}`, with ``spacings`` as a.
 
-    A disc of that radius on a surface that faces the lidar has about :math:`\pi a^2` points, whatever its range.
+    The radius is a times the point spacing: a disc of this radius on a surface that faces the lidar contains about
+    :math:`\pi a^2` points at any range.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Makers of lidars whose packets are decoded."""
+"""Packet decoders by lidar maker."""
 
 from collections.abc import Mapping
 from typing import Protocol, runtime_checkable
@@ -18,16 +18,16 @@ PACKET_FAMILIES: Mapping[str, PacketFamily] = {
     "hesai": Hesai(),
     "ouster": Ouster(),
 }
-"""Families by name, asked in this order. A new one is one line here."""
+"""Families by name, tried in this order. Register new ones here."""
 
 CALIBRATIONS_BESIDE: Mapping[str, str] = {"ouster": ".json"}
-"""Families whose calibration usually lies beside a capture, and the ending of its name."""
+"""Suffix of the calibration file that usually accompanies a capture, by family."""
 
 
 @runtime_checkable
 class SelfCalibrating(Protocol):
-    """A family whose sensors send their calibration among their packets."""
+    """A family whose sensors send their calibration in packets."""
 
     def is_calibration(self, payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Tell which UDP payloads, shape (P, L), hold a calibration."""
+        """Return which UDP payloads, shape (P, L), contain a calibration."""
         ...

@@ -1,4 +1,4 @@
-"""Packets of a sensor, and what turns them into frames."""
+"""Packets of a sensor and the interface of their decoders."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from seaclutter_cli.records import SensorFacts
 
 @dataclass(frozen=True)
 class Packets:
-    """Some packets of one sensor in the order of their arrival, P of them, all of one length.
+    """P packets of one sensor in order of arrival, all of the same length.
 
     Parameters
     ----------
     times_ns : ndarray, shape (P,), int64
-        When each was recorded, in nanoseconds of Unix time.
+        Recording times in nanoseconds of Unix time.
     payloads : ndarray, shape (P, L), uint8
         UDP payloads of L bytes.
     """
@@ -32,19 +32,19 @@ class Packets:
 
 @dataclass(frozen=True)
 class PacketFrame:
-    """One turn of a sensor.
+    """Points of one revolution.
 
     Parameters
     ----------
     points : ndarray, shape (N,)
         Structured: x, y, z in metres and intensity as float32, ring as uint16, timestamp in seconds of Unix time as
-        float64, and ``return_number`` as uint8 where the sensor gives two; in the order of firing.
+        float64, and ``return_number`` as uint8 if the sensor sends two returns; in firing order.
     stamp_ns : int
-        Stamp of the frame.
+        Stamp of the frame in nanoseconds of Unix time.
     height : int
-        Rows, where the frame is organised; 1 otherwise.
+        Number of rows of an organised frame; 1 otherwise.
     partial : bool
-        Whether the recording begins or ends within the turn.
+        Whether the recording begins or ends within the revolution.
     """
 
     points: NDArray[np.void]
@@ -55,14 +55,14 @@ class PacketFrame:
 
 @dataclass(frozen=True)
 class DecoderOptions:
-    """What packets cannot tell.
+    """Settings that packets do not contain.
 
     Parameters
     ----------
     calibration : Path or None
-        Angles of the unit (RoboSense, Hesai) or its metadata (Ouster), where the recording lacks them.
+        File with the unit's angles (RoboSense, Hesai, Velodyne) or metadata (Ouster), if the recording lacks them.
     model : str or None
-        Sensor model, where packets of several look alike.
+        Sensor model, for packets that several models share.
     """
 
     calibration: Path | None = None
@@ -70,37 +70,37 @@ class DecoderOptions:
 
 
 class PacketDecoder(Protocol):
-    """Decodes the packets of one sensor; keeps the turn that is not complete yet."""
+    """Decoder for the packets of one sensor; keeps the incomplete revolution between calls."""
 
     facts: SensorFacts
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
-        """Yield the frames that these packets complete. Bad packets are counted, never raised."""
+        """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
         ...
 
     def finish(self) -> Iterator[PacketFrame]:
-        """Yield what is left, as a partial frame."""
+        """Yield the remaining points as a partial frame."""
         ...
 
 
 class PacketFamily(Protocol):
-    """The sensors of one maker, as far as one decoder covers them."""
+    """Sensors of one maker that share a decoder."""
 
     title: str
-    """What it is, for people."""
+    """Name shown to users."""
     scan_types: Mapping[str, str]
-    """ROS message types that hold packets (``velodyne_msgs/msg/VelodyneScan``), and the field that has them."""
+    """ROS message types that contain packets (``velodyne_msgs/msg/VelodyneScan``), each with its packet field."""
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
-        """Tell by its content whether a UDP payload, shape (L,), is a packet of this family, data or calibration."""
+        """Return whether a UDP payload, shape (L,), is a data or calibration packet of this family."""
         ...
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> PacketDecoder:
-        """Return a decoder for a sensor, told by some of its packets; `InputError` if it needs to know more."""
+        """Return a decoder for the sensor that sent these packets; `InputError` if information is missing."""
         ...
 
 
 def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
-    """Return the dtype of decoded points: RoboSense's driver layout, with the number of the return if there are two."""
+    """Return the dtype of decoded points: RoboSense's driver layout, plus ``return_number`` for two returns."""
     fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")]
     return np.dtype([*fields, ("return_number", "u1")] if returns else fields)

@@ -1,1 +1,1 @@
-"""A lidar at sea: labelled recordings of scenes."""
+"""Simulated lidar recordings and airborne tiles, with labels."""

@@ -1,4 +1,4 @@
-"""Consumers of filtered frames: the filtered MCAP and the table of frames."""
+"""Consumers of filtered frames: the filtered MCAP file and the CSV table of frames."""
 
 from seaclutter_cli.sinks.csv import CsvSink
 from seaclutter_cli.sinks.mcap import McapOptions, McapSink

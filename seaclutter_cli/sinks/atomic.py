@@ -1,4 +1,4 @@
-"""Output files that exist under their name only when they are complete."""
+"""Output files that appear under their name only when they are complete."""
 
 import errno
 import io
@@ -12,7 +12,7 @@ from seaclutter_cli.errors import OutputError
 
 
 class _PartFile(io.FileIO):
-    """The unfinished file: its errors name the target, and are told from those of other files."""
+    """The incomplete file; its errors are `OutputError` and name the target."""
 
     def __init__(self, part: Path, target: Path) -> None:
         super().__init__(part, "wb")
@@ -26,34 +26,34 @@ class _PartFile(io.FileIO):
 
 
 class AtomicFile(AbstractContextManager["AtomicFile"]):
-    """A file that is written beside its target and renamed on success, removed otherwise.
+    """A file that is written in the folder of its target, then renamed on success or removed after an error.
 
     Parameters
     ----------
     path : Path
-        Target; its folder is made if need be. A link stays one: the file that it names is written.
+        Target; its folder is created if necessary. If it is a symbolic link, the file it refers to is replaced.
 
     Raises
     ------
     OutputError
-        If the file cannot be made or written; a full disk is such a case.
+        If the file cannot be created or written, for example because the disk is full.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._target = Path(os.path.realpath(path))
-        # A name may be as long as the file system allows, and this one is longer.
+        # Cut, since the target's name may already have the maximum length of the file system.
         self._part = self._target.with_name(f".{self._target.name[-60:]}.{os.getpid()}.part")
         try:
             if self._target.exists() and not self._target.is_file():
-                raise OutputError(f"{path}: is no regular file, so it cannot be replaced")
+                raise OutputError(f"{path}: not a regular file, cannot be replaced")
             self._target.parent.mkdir(parents=True, exist_ok=True)
             self.stream = cast("BinaryIO", io.BufferedWriter(_PartFile(self._part, path)))
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
 
     def __enter__(self) -> Self:
-        """Return the file itself; write to its ``stream``."""
+        """Return the file; write to its ``stream``."""
         return self
 
     def __exit__(
@@ -81,5 +81,5 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
 
 def _explain(path: Path, error: OSError) -> str:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return f"{path}: the disk is full; nothing was left behind"
-    return f"{path}: writing failed ({error.strerror or error}); nothing was left behind"
+        return f"{path}: the disk is full; the incomplete file was removed"
+    return f"{path}: writing failed ({error.strerror or error}); the incomplete file was removed"

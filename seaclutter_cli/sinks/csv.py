@@ -1,4 +1,4 @@
-"""The table of a filter run: a line a frame."""
+"""CSV table of a filter run, with one row for each frame."""
 
 import csv
 import io
@@ -26,20 +26,20 @@ _COLUMNS = (
 
 
 class CsvSink(AbstractContextManager["CsvSink"]):
-    """Writes the frames of all recordings of a run to one table.
+    """Sink that writes one row for each frame of all recordings to a CSV file.
 
     Parameters
     ----------
     path : Path
-        The file; it appears when the context is left without an error.
+        Target; the file appears when the context exits without an error.
     rings : int
-        Number of rings of the method; 0 for methods without.
+        Number of range rings of the method; 0 for methods without range rings.
     scenes : bool, optional
-        Whether the method knows scenes: there is a column for them then.
+        Whether the method distinguishes scenes; adds a column for the class of scene.
 
     Notes
     -----
-    The lines of a recording that fails midway are taken back.
+    The rows of a recording that fails midway are removed.
     """
 
     def __init__(self, path: Path, rings: int, *, scenes: bool = False) -> None:
@@ -47,7 +47,7 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         self._states, self._scenes = 2 * rings, scenes
         numbers = range(1, rings + 1)
         states = (*(f"threshold_{k}" for k in numbers), *(f"correction_{k}" for k in numbers))
-        self._line((*_COLUMNS, *states, *(["scene"] if scenes else [])))
+        self._write_row((*_COLUMNS, *states, *(["scene"] if scenes else [])))
         self._complete = self._file.stream.tell()
         self._recording = ""
 
@@ -63,34 +63,34 @@ class CsvSink(AbstractContextManager["CsvSink"]):
             self._file.__exit__(kind, error, trace)
             return
         with self._file:
-            self._take_back()
+            self._discard_incomplete()
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:  # noqa: ARG002
         """Start a recording."""
-        self._take_back()
+        self._discard_incomplete()
         self._recording = source.name
 
     def copy(self, record: Message | Attachment | Metadata) -> None:
-        """Ignore what no filter touches."""
+        """Ignore records that are not filtered."""
 
     def write(self, result: FilterResult) -> None:
-        """Write a line."""
+        """Write the row of a frame."""
         frame, counts, rings = result.frame, result.counts, result.rings
         values = (self._recording, frame.topic, frame.index, frame.stamp_ns, frame.size)
         states = [""] * self._states if rings is None else [*rings.thresholds.tolist(), *rings.corrections.tolist()]
         scene = [result.scene or ""] if self._scenes else []
-        self._line((*values, *(counts[reason] for reason in _REASONS), counts[Reason.KEPT], *states, *scene))
+        self._write_row((*values, *(counts[reason] for reason in _REASONS), counts[Reason.KEPT], *states, *scene))
 
     def end(self) -> None:
-        """End a recording: its lines stay."""
+        """End a recording and keep its rows."""
         self._complete = self._file.stream.tell()
 
-    def _line(self, values: Sequence[object]) -> None:
+    def _write_row(self, values: Sequence[object]) -> None:
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerow(values)
-        # File names need not be UTF-8; their bytes come out as they are.
+        # File names may not be valid UTF-8; their bytes are written unchanged.
         self._file.stream.write(text.getvalue().encode(errors="surrogateescape"))
 
-    def _take_back(self) -> None:
+    def _discard_incomplete(self) -> None:
         self._file.stream.seek(self._complete)
         self._file.stream.truncate()

@@ -1,4 +1,4 @@
-"""LAS and LAZ that keep everything of the file they come from."""
+"""LAS and LAZ files that preserve everything in their source file."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
@@ -14,69 +14,70 @@ from seaclutter_cli.sinks.atomic import AtomicFile
 
 Column = NDArray[Any]
 ExtraDims = Mapping[str, tuple[str, str]]
-"""Type, as numpy writes it, and description by the name of a dimension."""
+"""Numpy type string and description of each extra dimension, by name."""
 
 _DIMENSIONS = ("LASF_Spec", 4)
-"""The record that describes further dimensions, in so many bytes each."""
+"""User id and record id of the record that describes extra dimensions."""
 _DIMENSION_BYTES = 192
+"""Size of the description of one extra dimension."""
 _KEPT = ("maxs", "mins", "number_of_points_by_return")
 
 
 def _add(laspy: Any, header: Any, added: ExtraDims) -> None:
-    """Add dimensions to a header, and what describes them to its records, of which all else stays as it is."""
+    """Add dimensions to a header and their descriptions to its records; other records are not changed."""
     records = list(header.vlrs)
     header.add_extra_dims([laspy.ExtraBytesParams(name, kind, text) for name, (kind, text) in added.items()])
     whole = header.vlrs.get("ExtraBytesVlr")[0].record_data_bytes()
     new = whole[-_DIMENSION_BYTES * len(added) :]
     old = next((one for one in records if (one.user_id, one.record_id) == _DIMENSIONS), None)
-    sound = old is not None and len(old.record_data_bytes()) + len(new) == len(whole)
-    data = old.record_data_bytes() + new if old is not None and sound else whole
+    intact = old is not None and len(old.record_data_bytes()) + len(new) == len(whole)
+    data = old.record_data_bytes() + new if old is not None and intact else whole
     described = laspy.VLR(*_DIMENSIONS, old.description if old is not None else "Extra Bytes Record", data)
     header.vlrs[:] = [described if one is old else one for one in records] + ([described] if old is None else [])
 
 
 class LasSink(AbstractContextManager["LasSink"]):
-    """Writes the points of a LAS or LAZ file again, with some of their dimensions changed or added.
+    """Writer that copies the points of a LAS or LAZ file with some dimensions changed or added.
 
-    Scale, offset and every dimension stay as they are; so do coordinates, which are never unpacked, and the header with
-    the records (VLR and EVLR) that it holds. LAZ or LAS goes by the ending of the target.
+    Scale, offset and all other dimensions are preserved, as are the packed coordinates, the header and its records (VLR
+    and EVLR). The file extension of the target selects LAZ or LAS.
 
     Parameters
     ----------
     path : Path
-        The file; it appears when the context is left without an error.
+        Target; the file appears when the context exits without an error.
     header : laspy.LasHeader
-        That of the source, with its ``evlrs``.
+        Header of the source, with its ``evlrs``.
     extra : mapping of str to (str, str), optional
-        Dimensions to add. One of that name that is there already is overwritten.
+        Dimensions to add; existing dimensions of the same name are overwritten.
     whole : bool, optional
-        All points of the source are written, so its extents and counts stay as they are, even if they are wrong.
+        Whether all points of the source are written; its extents and counts are then kept, even if they are wrong.
 
     Raises
     ------
     MissingExtraError
-        If laspy, or its part for LAZ, is not installed.
+        If laspy or its LAZ backend is not installed.
     OutputError
-        If the file cannot be written, or the source has waveforms between its points and records.
+        If the file cannot be written, or the source contains waveform packets, which would be lost.
     """
 
     def __init__(self, path: Path, header: Any, extra: ExtraDims | None = None, *, whole: bool = True) -> None:
         try:
-            import laspy  # an extra
+            import laspy  # optional dependency
         except ImportError as error:
             raise MissingExtraError("LAS/LAZ", "las") from error
         self._laspy, self._whole = laspy, whole
         self._header = deepcopy(header)
         known = set(header.point_format.dimension_names)
-        added = {name: said for name, said in (extra or {}).items() if name not in known}
+        added = {name: spec for name, spec in (extra or {}).items() if name not in known}
         if added:
             _add(laspy, self._header, added)
-        self._grown = bool(added)
+        self._extended = bool(added)
         packed = path.suffix.lower() == ".laz"
         if packed and not laspy.LazBackend.LazrsParallel.is_available():
             raise MissingExtraError("LAZ", "las")
         if self._header.global_encoding.waveform_data_packets_internal:
-            raise OutputError(f"{path}: the tile holds waveforms, which would be lost; keep them in a file beside it")
+            raise OutputError(f"{path}: internal waveform packets cannot be copied; store them in a separate file")
         self._file = AtomicFile(path)
         try:
             backend = laspy.LazBackend.LazrsParallel if packed else None
@@ -95,7 +96,7 @@ class LasSink(AbstractContextManager["LasSink"]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Finish the file, or remove it after an error."""
+        """Complete the file, or remove it after an error."""
         try:
             if kind is None:
                 self._finish()
@@ -105,17 +106,17 @@ class LasSink(AbstractContextManager["LasSink"]):
         self._file.__exit__(kind, error, trace)
 
     def write(self, points: Any, columns: Mapping[str, Column]) -> None:
-        """Write points of the source, with other values in some dimensions.
+        """Write points of the source, with new values for some dimensions.
 
         Parameters
         ----------
         points : laspy.PackedPointRecord
-            Points as they were read, N of them; they are not changed.
+            N points of the source; not modified.
         columns : mapping of str to ndarray, shape (N,)
-            Values by the name of the dimension.
+            New values by the name of the dimension.
         """
         record = self._laspy.PackedPointRecord(points.array.copy(), points.point_format)
-        if self._grown:
+        if self._extended:
             record = self._laspy.PackedPointRecord.from_point_record(record, self._header.point_format)
         for name, values in columns.items():
             record[name] = values
@@ -132,12 +133,12 @@ class LasSink(AbstractContextManager["LasSink"]):
 
 
 def columns_at(columns: Mapping[str, Column], start: int, count: int) -> dict[str, Column]:
-    """Return a part of every column: ``count`` values from ``start`` on."""
+    """Return ``count`` values of every column, beginning at index ``start``."""
     return {name: values[start : start + count] for name, values in columns.items()}
 
 
 def write_las(path: Path, header: Any, points: Iterable[Any], columns: Mapping[str, Column], extra: ExtraDims) -> None:
-    """Write the points of a source, chunk by chunk, with columns that are as long as all chunks together."""
+    """Write the points of a source chunk by chunk; each column has one value per point of the whole source."""
     start = 0
     with LasSink(path, header, extra) as sink:
         for part in points:

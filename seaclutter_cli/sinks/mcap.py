@@ -1,4 +1,4 @@
-"""The filtered MCAP: a drop-in for the input."""
+"""Filtered MCAP file, a drop-in replacement for the input."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -26,24 +26,24 @@ _MAX_CHANNELS = 2**16
 
 @dataclass(frozen=True, kw_only=True)
 class McapOptions:
-    """What goes into the file.
+    """Contents of a filtered MCAP file.
 
     Parameters
     ----------
     keep_raw : bool
-        The raw cloud stays on its topic, the filtered one goes to ``<topic>/filtered``.
+        Keep the raw cloud on its topic and write the filtered cloud to ``<topic>/filtered``.
     with_removed : bool
-        Removed points go to ``<topic>/removed`` with their reason.
+        Write the removed points with their reasons to ``<topic>/removed``.
     keep_organized : bool
-        Organised clouds keep their shape; removed points become NaN.
+        Preserve the shape of organised clouds; removed points become NaN.
     diagnostics : bool
-        One message a frame with thresholds, corrections and counts.
+        Write a message with thresholds, corrections and counts for each frame.
     compression : str or None
-        ``zstd``, ``lz4`` or empty for none; None: as in the input, else zstd.
+        ``zstd``, ``lz4`` or empty for none; None uses the compression of the input, zstd if unknown.
     config : str
-        The effective config as text, for the file's metadata.
+        Effective configuration as YAML, for the metadata of the file.
     scene : callable, optional
-        Makes the boxes of a filtered frame, which go to ``/seaclutter/scene``.
+        Function that returns the boxes of a filtered frame, which are written to ``/seaclutter/scene``.
 
     Examples
     --------
@@ -65,8 +65,8 @@ class McapOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class _Outlet:
-    """Where a cloud topic's messages go: channel ids, and the codec that makes them."""
+class _Outputs:
+    """Channel ids and encoders of the messages that are written for a cloud topic."""
 
     codec: CloudCodec
     filtered: int
@@ -78,14 +78,14 @@ class _Outlet:
 
 
 class McapSink(AbstractContextManager["McapSink"]):
-    """Writes one recording to a filtered MCAP.
+    """Sink that writes a recording to a filtered MCAP file.
 
     Parameters
     ----------
     path : Path
-        The file; it appears when the context is left without an error.
+        Target; the file appears when the context exits without an error.
     options : McapOptions
-        What goes into it.
+        Contents of the file.
     """
 
     def __init__(self, path: Path, options: McapOptions) -> None:
@@ -94,7 +94,7 @@ class McapSink(AbstractContextManager["McapSink"]):
         self._writer: McapWriter | None = None
         self._channels: dict[Channel, int] = {}
         self._used: set[int] = set()
-        self._outlets: dict[Channel, _Outlet] = {}
+        self._outputs: dict[Channel, _Outputs] = {}
 
     def __enter__(self) -> Self:
         """Return the sink."""
@@ -121,10 +121,10 @@ class McapSink(AbstractContextManager["McapSink"]):
         for channel in source.channels:
             self._declare(channel)
         for channel in clouds:
-            self._outlets[channel] = self._open_outlet(channel, taken)
+            self._outputs[channel] = self._add_outputs(channel, taken)
 
     def copy(self, record: Message | Attachment | Metadata) -> None:
-        """Write a record as it is."""
+        """Write a record unchanged."""
         if isinstance(record, Message):
             number = self._channels.get(record.channel)
             if number is None:
@@ -136,20 +136,20 @@ class McapSink(AbstractContextManager["McapSink"]):
             self._open_writer.add_metadata(record)
 
     def write(self, result: FilterResult) -> None:
-        """Write a frame's points where they belong."""
+        """Write the messages of a filtered frame."""
         message, cloud = _record_of(result), result.frame.cloud
-        outlet = self._outlets[message.channel]
+        outputs = self._outputs[message.channel]
         if self._options.keep_raw:
             self.copy(message)
-        self._put(outlet.filtered, message, self._filtered(outlet.codec, result))
-        if outlet.removed is not None:
-            gone = ~result.keep
-            removed = cloud.select(gone).with_field("reason", result.reason[gone])
-            self._put(outlet.removed, message, outlet.codec.encode(removed))
-        if outlet.diagnostics is not None:
-            self._put(outlet.diagnostics, message, outlet.serialise(Diagnostics.of(result)))
-        if outlet.scene is not None and self._options.scene is not None:
-            self._put(outlet.scene, message, outlet.draw(self._options.scene(result)))
+        self._put(outputs.filtered, message, self._filtered(outputs.codec, result))
+        if outputs.removed is not None:
+            mask = ~result.keep
+            removed = cloud.select(mask).with_field("reason", result.reason[mask])
+            self._put(outputs.removed, message, outputs.codec.encode(removed))
+        if outputs.diagnostics is not None:
+            self._put(outputs.diagnostics, message, outputs.serialise(Diagnostics.of(result)))
+        if outputs.scene is not None and self._options.scene is not None:
+            self._put(outputs.scene, message, outputs.draw(self._options.scene(result)))
 
     def end(self) -> None:
         """Write the summary."""
@@ -164,10 +164,10 @@ class McapSink(AbstractContextManager["McapSink"]):
             return codec.encode(cloud.blank(~result.keep))
         return codec.encode(cloud.select(result.keep))
 
-    def _open_outlet(self, channel: Channel, taken: set[str]) -> _Outlet:
+    def _add_outputs(self, channel: Channel, taken: set[str]) -> _Outputs:
         codec = find_codec(channel)
         if codec is None:
-            raise UsageError(f"topic {channel.topic} holds no point clouds")
+            raise UsageError(f"topic {channel.topic} contains no point clouds")
         options = self._options
         encoding, schema, serialise = diagnostics_format(channel.message_encoding)
         filtered, removed, diagnostics = self._channels[channel], None, None
@@ -176,16 +176,16 @@ class McapSink(AbstractContextManager["McapSink"]):
         if options.with_removed:
             removed = self._add(replace(channel, topic=f"{channel.topic}/removed"), taken)
         if options.diagnostics:
-            diagnostics = self._own_channel(Channel(_NEW, DIAGNOSTICS_TOPIC, encoding, schema), taken)
+            diagnostics = self._shared_channel(Channel(_NEW, DIAGNOSTICS_TOPIC, encoding, schema), taken)
         draw: Callable[[SceneUpdate], bytes] = _no_scene
         scene = None
         if options.scene:
             encoding, schema, draw = scene_format(channel.message_encoding)
-            scene = self._own_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
-        return _Outlet(codec, filtered, removed, diagnostics, serialise, scene, draw)
+            scene = self._shared_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
+        return _Outputs(codec, filtered, removed, diagnostics, serialise, scene, draw)
 
-    def _own_channel(self, channel: Channel, taken: set[str]) -> int:
-        """Return the one channel for all topics; a log filtered before has one already, which stays apart."""
+    def _shared_channel(self, channel: Channel, taken: set[str]) -> int:
+        """Return the id of a channel shared by all topics; a number is added if the log already has the topic."""
         number, name = 2, channel.topic
         while channel.topic in taken:
             channel = replace(channel, topic=f"{name}_{number}")
@@ -196,17 +196,17 @@ class McapSink(AbstractContextManager["McapSink"]):
 
     def _add(self, channel: Channel, taken: set[str]) -> int:
         if channel.topic in taken:
-            raise UsageError(f"topic {channel.topic} is in the log already, the filter cannot write to it")
+            raise UsageError(f"topic {channel.topic} already exists in the log; the filter cannot write to it")
         kept = tuple(pair for pair in channel.metadata if pair[0] != "topic")  # quality of service, latching
         return self._declare(replace(channel, id=_NEW, metadata=kept))
 
     def _declare(self, channel: Channel) -> int:
-        """Declare a channel under its own id where that is free, else under the lowest that is."""
+        """Declare a channel under its own id if it is free, otherwise under the lowest free id."""
         number: int | None = channel.id
         if number not in range(_MAX_CHANNELS) or number in self._used:
             number = next((free for free in range(1, _MAX_CHANNELS) if free not in self._used), None)
         if number is None:
-            raise OutputError(f"topic {channel.topic}: an MCAP file cannot hold so many channels")
+            raise OutputError(f"topic {channel.topic}: an MCAP file can have at most {_MAX_CHANNELS} channels")
         self._used.add(number)
         self._channels[channel] = number
         self._open_writer.add_channel(replace(channel, id=number))
@@ -218,15 +218,15 @@ class McapSink(AbstractContextManager["McapSink"]):
     @property
     def _open_writer(self) -> McapWriter:
         if self._writer is None:
-            raise RuntimeError("the sink has not begun")
+            raise RuntimeError("begin() has not been called")
         return self._writer
 
 
 def _record_of(result: FilterResult) -> Message:
     if result.frame.message is None:
-        raise ValueError("only frames that were read from a log can be written to one")
+        raise ValueError("the frame has no message; only frames read from a log can be written")
     return result.frame.message
 
 
 def _no_scene(_: SceneUpdate) -> bytes:
-    raise RuntimeError("no scenes are written")
+    raise RuntimeError("the options have no scene")

@@ -1,6 +1,7 @@
-"""Writes MCAP files in chunks that other threads compress; the bytes do not depend on how many.
+"""Writer for MCAP files that compresses chunks in other threads.
 
-The ``mcap`` library's writer compresses in the thread that calls it, which takes longer than all the rest of a run.
+The writer of the ``mcap`` library compresses in the calling thread, which takes longer than the rest of a filter run.
+The output bytes do not depend on the number of threads.
 """
 
 import os
@@ -23,7 +24,7 @@ from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
 
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_SIZE = 1 << 20
-"""Bytes at which a chunk is closed, as in other writers."""
+"""Size in bytes at which a chunk is closed, as in other writers."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _thread = local()
@@ -44,7 +45,7 @@ COMPRESSIONS: dict[str, Callable[[bytearray], Buffer | bytearray]] = {
 
 @dataclass(slots=True)
 class _Chunk:
-    """Messages on their way into the file, copied: a small view would hold a large input chunk in memory."""
+    """Messages to be written, copied because a small view would keep a large input chunk in memory."""
 
     data: bytearray = field(default_factory=bytearray)
     start_ns: int = 2**64 - 1
@@ -60,14 +61,14 @@ class _Chunk:
 
 
 class McapWriter:
-    """Writer of one MCAP file.
+    """Writer for one MCAP file.
 
     Parameters
     ----------
     stream : BinaryIO
-        Where the file goes; only ever written to, front to back.
+        Output; written sequentially, without seeking.
     profile, library : str
-        For the file's header.
+        Fields of the file header.
     compression : str
         A key of `COMPRESSIONS`.
     """
@@ -80,7 +81,7 @@ class McapWriter:
         threads = min(4, os.cpu_count() or 1)
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix="compress")
         self._pending: deque[tuple[_Chunk, Future[tuple[int, Buffer | bytearray]]]] = deque()
-        self._most_pending = threads + 1
+        self._max_pending = threads + 1
         self._schemas: dict[Schema, int] = {}
         self._channels: dict[int, tuple[Channel, int]] = {}
         self._counts: Counter[int] = Counter()
@@ -111,7 +112,7 @@ class McapWriter:
             self._submit()
 
     def attach(self, attachment: Attachment) -> None:
-        """Write an attachment, its data not copied."""
+        """Write an attachment without copying its data."""
         head = struct.pack("<QQ", attachment.log_time_ns, attachment.create_time_ns)
         for text in (attachment.name, attachment.media_type):
             head += _prefixed(text)
@@ -128,17 +129,17 @@ class McapWriter:
             name=attachment.name,
             media_type=attachment.media_type,
         )
-        self._note(Opcode.ATTACHMENT_INDEX, entry)
+        self._add_index_entry(Opcode.ATTACHMENT_INDEX, entry)
 
     def add_metadata(self, metadata: Metadata) -> None:
         """Write a metadata record."""
         offset = self._offset
         self._write_record(mcap_records.Metadata(name=metadata.name, metadata=metadata.entries))
         entry = mcap_records.MetadataIndex(offset=offset, length=self._offset - offset, name=metadata.name)
-        self._note(Opcode.METADATA_INDEX, entry)
+        self._add_index_entry(Opcode.METADATA_INDEX, entry)
 
     def finish(self) -> None:
-        """Write what is pending, the summary and the footer."""
+        """Write pending chunks, the summary and the footer."""
         if self._chunk.data:
             self._submit()
         while self._pending:
@@ -149,13 +150,13 @@ class McapWriter:
         self._write(MAGIC)
 
     def abort(self) -> None:
-        """Stop the threads; the file stays incomplete."""
+        """Stop the threads and leave the file incomplete."""
         self._pool.shutdown(cancel_futures=True)
 
     def _submit(self) -> None:
         chunk, self._chunk = self._chunk, _Chunk()
         self._pending.append((chunk, self._pool.submit(_compress, chunk.data, self._compression)))
-        if len(self._pending) > self._most_pending:
+        if len(self._pending) > self._max_pending:
             self._write_chunk(*self._pending.popleft())
 
     def _write_chunk(self, chunk: _Chunk, compressed: Future[tuple[int, Buffer | bytearray]]) -> None:
@@ -165,9 +166,9 @@ class McapWriter:
         head += _prefixed(self._compression) + struct.pack("<Q", len(data))
         self._write(struct.pack("<BQ", Opcode.CHUNK, len(head) + len(data)), head, data)
         length = self._offset - offset
-        places: dict[int, int] = {}
+        index_offsets: dict[int, int] = {}
         for channel, entries in chunk.index.items():
-            places[channel] = self._offset
+            index_offsets[channel] = self._offset
             array = struct.pack(f"<{len(entries)}Q", *entries)
             self._write(struct.pack("<BQHI", Opcode.MESSAGE_INDEX, len(array) + 6, channel, len(array)), array)
         entry = mcap_records.ChunkIndex(
@@ -177,20 +178,20 @@ class McapWriter:
             compressed_size=len(data),
             message_end_time=chunk.end_ns,
             message_index_length=self._offset - offset - length,
-            message_index_offsets=places,
+            message_index_offsets=index_offsets,
             message_start_time=chunk.start_ns,
             uncompressed_size=len(chunk.data),
         )
-        self._note(Opcode.CHUNK_INDEX, entry)
+        self._add_index_entry(Opcode.CHUNK_INDEX, entry)
         self._start_ns, self._end_ns = min(self._start_ns, chunk.start_ns), max(self._end_ns, chunk.end_ns)
 
-    def _note(self, opcode: Opcode, entry: mcap_records.McapRecord) -> None:
-        """Keep an index entry for the summary, in the form in which it takes least memory."""
+    def _add_index_entry(self, opcode: Opcode, entry: mcap_records.McapRecord) -> None:
+        """Store an index entry for the summary, serialised to save memory."""
         self._indexes[opcode] += _serialise(entry)
         self._indexed[opcode] += 1
 
     def _write_summary(self) -> None:
-        """Write schemas, channels, statistics and indexes, each group found through the footer."""
+        """Write schemas, channels, statistics and indexes, the offsets of these groups, and the footer."""
         schemas = (_schema_record(number, schema) for schema, number in self._schemas.items())
         channels = (_channel_record(channel, schema) for channel, schema in self._channels.values())
         groups: dict[Opcode, Buffer | bytearray] = {

@@ -1,4 +1,4 @@
-"""A writer of UDP captures: classic PCAP over Ethernet."""
+"""Records of packet captures with UDP packets: classic PCAP over Ethernet."""
 
 import ipaddress
 import struct
@@ -11,7 +11,7 @@ _DONT_FRAGMENT = 0x4000
 
 @dataclass(frozen=True)
 class Endpoints:
-    """From where to where datagrams go."""
+    """Addresses and ports of UDP packets."""
 
     source: str = "192.168.1.200"
     target: str = "192.168.1.102"
@@ -20,17 +20,17 @@ class Endpoints:
 
 
 def pcap_header(link: int = _ETHERNET) -> bytes:
-    """Return the beginning of a capture with times in nanoseconds."""
+    """Return the file header of a capture with nanosecond timestamps."""
     return struct.pack("<IHHiIII", _MAGIC_NS, 2, 4, 0, 0, _SNAP, link)
 
 
 def pcap_record(time_ns: int, packet: bytes) -> bytes:
-    """Return the record of a packet that was taken at a Unix time."""
+    """Return the record of a packet with its Unix time in nanoseconds."""
     return struct.pack("<IIII", *divmod(time_ns, 10**9), len(packet), len(packet)) + packet
 
 
 def ethernet_udp(ends: Endpoints, payload: bytes) -> bytes:
-    """Return a payload as UDP over IPv4 over Ethernet."""
+    """Return an Ethernet frame that carries a payload in a UDP packet over IPv4."""
     udp = struct.pack(">HHHH", ends.source_port, ends.target_port, 8 + len(payload), 0) + payload
     source, target = (ipaddress.IPv4Address(address).packed for address in (ends.source, ends.target))
     head = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(udp), 0, _DONT_FRAGMENT, 64, 17, 0) + source + target

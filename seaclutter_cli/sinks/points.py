@@ -1,4 +1,4 @@
-"""Single clouds as files: PCD, PLY, MCAP."""
+"""Writers for single point clouds: PCD, PLY, MCAP."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -23,7 +23,7 @@ _PCD_KINDS = {"i": "I", "u": "U", "f": "F"}
 
 
 def with_columns(cloud: Cloud, columns: Mapping[str, NDArray[Any]]) -> Cloud:
-    """Return an unorganised cloud with columns, shape (N,) each, in place of those of that name or behind."""
+    """Return an unorganised cloud with columns of shape (N,) added or, if fields of that name exist, replaced."""
     points = cloud.points
     names = list(points.dtype.names or ())
     layout: list[Any] = [(name, points.dtype[name]) for name in names if name not in columns]
@@ -35,7 +35,13 @@ def with_columns(cloud: Cloud, columns: Mapping[str, NDArray[Any]]) -> Cloud:
 
 
 def write_pcd(path: Path, cloud: Cloud) -> None:
-    """Write a binary PCD file; `OutputError` if that cannot be done."""
+    """Write a binary PCD file.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
     fields = cloud.fields
     rows = {
         "FIELDS": [field.name for field in fields],
@@ -50,7 +56,7 @@ def write_pcd(path: Path, cloud: Cloud) -> None:
 
 
 def write_ply(path: Path, cloud: Cloud) -> None:
-    """Write a binary PLY file; a field of several values becomes as many properties."""
+    """Write a binary PLY file; each value of a field with several values becomes a property."""
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {cloud.size}"]
     for field in cloud.fields:
         names = [field.name] if field.count <= 1 else [f"{field.name}_{number}" for number in range(field.count)]
@@ -82,4 +88,4 @@ POINT_WRITERS: Mapping[str, Callable[[Path, Cloud], None]] = {
     ".ply": write_ply,
     ".mcap": write_mcap,
 }
-"""Writers of single clouds, unorganised and packed, by file suffix; a new format is a line here."""
+"""Writers for unorganised, packed clouds by file extension. To add a format, add a line here."""

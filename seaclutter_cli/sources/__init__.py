@@ -21,18 +21,18 @@ _HEAD_BYTES = 16
 
 @dataclass(frozen=True)
 class Format:
-    """A log format that is one file.
+    """A log format with single-file recordings.
 
     Parameters
     ----------
     title : str
-        Name for people.
+        Name shown to the user.
     suffixes : tuple of str
-        Usual file name endings.
+        Usual file name suffixes.
     magics : tuple of bytes
-        First bytes of a file; they decide before the ending does.
+        First bytes of a file; they take precedence over the suffix.
     open : callable
-        Opens a file as a source, if needed with what sensors' packets cannot tell.
+        Opens a file as a source, given the settings that packets do not contain.
     """
 
     title: str
@@ -41,7 +41,7 @@ class Format:
     open: Callable[[Path, DecoderOptions], Source]
 
 
-# Each source is imported when a file is of its kind, so that a run starts without the others.
+# Each source is imported on demand, which keeps the start of a run fast.
 
 
 def _open_mcap(path: Path, _: DecoderOptions) -> Source:
@@ -74,7 +74,7 @@ SOURCES: Mapping[str, Format] = {
     "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), _open_db3),
     "capture": Format("PCAP", (".pcap", ".pcapng", ".cap"), CAPTURE_MAGICS, _open_capture),
 }
-"""Formats of log files. A new one is one line here; formats of single frames are in `FRAME_READERS`."""
+"""Formats of log files. Add a new format here; formats of single frames are in `FRAME_READERS`."""
 
 _LOG_SUFFIXES = tuple(suffix for form in SOURCES.values() for suffix in form.suffixes)
 
@@ -87,14 +87,14 @@ def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions |
     path : Path
         File or folder.
     rate_hz : float, optional
-        Frames per second where nothing carries a time.
+        Frames per second if the frames have no times.
     decoding : DecoderOptions, optional
-        What sensors' packets cannot tell.
+        Settings that packets do not contain.
 
     Raises
     ------
     InputError
-        If it is no recording that can be read.
+        If the path is not a readable recording.
     """
     decoding = decoding or DecoderOptions()
     if path.is_dir():
@@ -102,7 +102,7 @@ def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions |
             return wrap_packets(open_rosbag2(path, partial(_open_file, decoding=decoding)), decoding)
         if is_frame_folder(path):
             return FolderSource(path, rate_hz=rate_hz)
-        raise InputError(f"{path}: the folder holds no log and no frames ({_formats()} are read)")
+        raise InputError(f"{path}: no logs or frames in this folder; supported formats: {_formats()}")
     if path.suffix.lower() in FRAME_READERS and not _has_magic(path):
         return FolderSource(path, rate_hz=rate_hz)
     return wrap_packets(_open_file(path, decoding), decoding)
@@ -116,7 +116,7 @@ def _open_file(path: Path, decoding: DecoderOptions) -> Source:
     for form in SOURCES.values():
         if path.name.lower().endswith(form.suffixes):
             return form.open(path, decoding)
-    raise InputError(f"{path}: the format is not known ({_formats()} are read)")
+    raise InputError(f"{path}: unknown format; supported formats: {_formats()}")
 
 
 def _head(path: Path) -> bytes:
@@ -138,7 +138,7 @@ def _formats() -> str:
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording that the command line names: one path, or the files of a split one.
+    """A recording named on the command line: one path, or the files of a split recording.
 
     Parameters
     ----------
@@ -165,15 +165,15 @@ class Recording:
 
 
 def find_recordings(patterns: Iterable[str]) -> list[Recording]:
-    """Expand what the command line names into recordings.
+    """Return the recordings that names, folders and globs on the command line refer to.
 
-    A folder that is no recording itself stands for the recordings in it. Globs are expanded here, since not every shell
-    does; a name that exists is never taken for one.
+    A folder that is not a recording itself refers to the recordings in it. Globs are expanded here because not every
+    shell expands them; an existing name is never treated as a glob.
 
     Raises
     ------
     UsageError
-        If a glob or a folder holds nothing, or a path does not exist.
+        If a glob or a folder contains no recording, or a path does not exist.
     """
     found: dict[Path, Recording] = {}
     for pattern in patterns:
@@ -181,9 +181,9 @@ def find_recordings(patterns: Iterable[str]) -> list[Recording]:
         is_glob = re.search(r"[*?\[]", pattern) and not named.exists()
         paths = sorted(map(Path, glob(pattern, recursive=True))) if is_glob else [named]  # noqa: PTH207 - any root
         if not paths:
-            raise UsageError(f"{pattern}: nothing fits this pattern")
+            raise UsageError(f"{pattern}: no file matches this pattern")
         if not paths[0].exists():
-            raise UsageError(f"{pattern}: there is no such file or folder")
+            raise UsageError(f"{pattern}: no such file or folder")
         for recording in (recording for path in paths for recording in _expand(path)):
             found.setdefault(recording.paths[0].resolve(), recording)
     return list(found.values())
@@ -199,7 +199,7 @@ def _expand(path: Path) -> list[Recording]:
     recordings = [Recording(tuple(group)) for group in split_groups(files)]
     recordings += [Recording((child,)) for child in children if child.is_dir() and _is_recording(child)]
     if not recordings:
-        raise UsageError(f"{path}: the folder holds no logs and no frames ({_formats()} are read)")
+        raise UsageError(f"{path}: no logs or frames in this folder; supported formats: {_formats()}")
     return recordings
 
 

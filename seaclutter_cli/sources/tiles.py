@@ -23,7 +23,7 @@ _KEPT_BYTES = 1 << 28
 
 
 class Tile(Protocol):
-    """The points of one file, in an order that stays."""
+    """The points of one file, in a fixed order."""
 
     path: Path
     size: int
@@ -34,7 +34,7 @@ class Tile(Protocol):
         ...
 
     def parts(self) -> Iterator[Any]:
-        """Yield the points, some at a time; can be called again."""
+        """Yield the points in parts; can be called again."""
         ...
 
     def xyz(self, part: Any) -> NDArray[np.float64]:
@@ -47,7 +47,9 @@ class Tile(Protocol):
 
 
 class LasTile:
-    """A LAS or LAZ file. Its points are kept as they are packed if they take less than 256 MB, else read each time.
+    """A LAS or LAZ file.
+
+    Packed points of up to 256 MiB are kept in memory; those of larger files are read at every pass.
 
     Parameters
     ----------
@@ -59,7 +61,7 @@ class LasTile:
     CloudError
         If it cannot be read.
     MissingExtraError
-        If laspy, or its part for LAZ, is not installed.
+        If laspy, or its LAZ backend, is not installed.
     """
 
     def __init__(self, path: Path) -> None:
@@ -76,7 +78,7 @@ class LasTile:
         return tuple(self.header.point_format.dimension_names)
 
     def parts(self) -> Iterator[Any]:
-        """Yield the points in parts, as laspy's records."""
+        """Yield the points in parts, as laspy point records."""
         if self._kept is None and self._small:
             self._kept = list(self._read())
         yield from self._read() if self._kept is None else self._kept
@@ -88,10 +90,10 @@ class LasTile:
                 count += len(part)
                 yield part
         if count != self.size:
-            raise CloudError(f"{count} points where the header announces {self.size}")
+            raise CloudError(f"{count} points found, but the header declares {self.size}")
 
     def xyz(self, part: Any) -> NDArray[np.float64]:
-        """Return coordinates in metres, shape (3, n): scaled and offset."""
+        """Return coordinates in metres, shape (3, n), with scale and offset applied."""
         return np.stack([np.asarray(part[axis], np.float64) for axis in "xyz"])
 
     def column(self, part: Any, name: str) -> NDArray[Any]:
@@ -100,7 +102,7 @@ class LasTile:
 
 
 class CloudTile:
-    """A file that holds one frame, of any of the other formats.
+    """A file that contains one frame, in any other format.
 
     Parameters
     ----------
@@ -141,7 +143,7 @@ class CloudTile:
 
 
 class PointsOf:
-    """The points of a tile, as classification wants them (`seaclutter_cli.interfaces.TilePoints`).
+    """The points of a tile in the form that classification reads (`seaclutter_cli.interfaces.TilePoints`).
 
     Parameters
     ----------
@@ -182,10 +184,10 @@ def open_tile(path: Path) -> LasTile | CloudTile:
 
 
 def read_columns(tile: Tile, names: Iterable[str]) -> Columns:
-    """Return whole fields of a tile, shape (N,) each; names that it does not have are left out."""
+    """Return whole fields of a tile, shape (N,) each; missing names are left out."""
     wanted = [name for name in names if name in tile.names]
     parts = [[tile.column(part, name) for name in wanted] for part in tile.parts()]
-    return {name: np.concatenate([part[at] for part in parts]) for at, name in enumerate(wanted) if parts}
+    return {name: np.concatenate([part[index] for part in parts]) for index, name in enumerate(wanted) if parts}
 
 
 def intensity_name(tile: Tile) -> str | None:
@@ -195,12 +197,12 @@ def intensity_name(tile: Tile) -> str | None:
 
 
 def find_tiles(patterns: Iterable[str]) -> list[Path]:
-    """Return the files that names, folders and globs stand for; a folder stands for the tiles in it.
+    """Return the tiles that names, folders and globs refer to; a folder refers to the tiles in it.
 
     Raises
     ------
     InputError
-        If one stands for nothing, or is no tile.
+        If one of them refers to no tile.
     """
     found: dict[Path, None] = {}
     for pattern in patterns:
@@ -208,7 +210,6 @@ def find_tiles(patterns: Iterable[str]) -> list[Path]:
         files = [file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
         tiles = [file for file in files if file.suffix.lower() in FRAME_READERS]
         if not tiles:
-            said = "the folder holds no tiles" if Path(pattern).is_dir() else "no such tile"
-            raise InputError(f"{pattern}: {said}; known are {', '.join(FRAME_READERS)}")
+            raise InputError(f"{pattern}: no tile found; supported suffixes: {', '.join(FRAME_READERS)}")
         found.update(dict.fromkeys(tiles))
     return list(found)

@@ -1,1 +1,1 @@
-"""A live look: frames as Rerun shows them. The only part that imports rerun."""
+"""Output for the Rerun viewer; the only part that imports rerun."""

@@ -1,4 +1,4 @@
-"""Frames, reasons, boxes, clusters and curves on one timeline, for the viewer of Rerun."""
+"""Streaming of frames, reasons, boxes, clusters and curves to the Rerun viewer, on one timeline."""
 
 import os
 import subprocess
@@ -28,7 +28,13 @@ _FLUSH_S = 30.0
 
 
 def require_rerun() -> Any:
-    """Return the library; `MissingExtraError` if it is not installed."""
+    """Return the ``rerun`` module.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
     try:
         import rerun
     except ImportError as error:
@@ -37,14 +43,14 @@ def require_rerun() -> Any:
 
 
 class FrameStream(ReplayListener):
-    """Tells a viewer what a method made of each frame, with raw points, in full.
+    """Listener that sends all points of each frame and the result of a method to a viewer.
 
     Parameters
     ----------
     params : EvaluationParams
-        Limits of clusters and targets.
+        Parameters of clustering and matching.
     sink : callable
-        Is told of the new recording stream before anything goes into it.
+        Connects the new recording stream to a file or viewer; called before any data are logged.
     """
 
     def __init__(self, params: EvaluationParams, sink: Callable[[Any], None]) -> None:
@@ -57,7 +63,7 @@ class FrameStream(ReplayListener):
         self._frames = 0
 
     def begin(self, recording: str) -> None:
-        """Start a recording; its frames follow those of the one before."""
+        """Start a recording; its frames follow those of the previous one."""
         self._name = recording
 
     def add(
@@ -65,10 +71,10 @@ class FrameStream(ReplayListener):
         frame: Frame,
         numbers: Sequence[Numbers | None],
         truth: Truth | None,
-        scores: Sequence[FrameScore | None],  # noqa: ARG002 - boxes and clusters say it
+        scores: Sequence[FrameScore | None],  # noqa: ARG002 - boxes and clusters show them
         results: Callable[[], Sequence[FilterResult | None]],
     ) -> None:
-        """Take a frame and its numbers."""
+        """Take a frame and its statistics."""
         self._recording.set_time("time", timestamp=np.datetime64(frame.stamp_ns, "ns"))
         self._recording.set_time("frame", sequence=self._frames)
         self._frames += 1
@@ -83,7 +89,7 @@ class FrameStream(ReplayListener):
             self._curves(numbers[0])
 
     def finish(self) -> None:
-        """Send all that is left, and end."""
+        """Send the remaining data and disconnect."""
         self._recording.flush(timeout_sec=_FLUSH_S)
         self._recording.disconnect()
 
@@ -91,26 +97,26 @@ class FrameStream(ReplayListener):
         self._recording.log(path, entity)
 
     def _points(self, frame: Frame, result: FilterResult | None) -> None:
-        """Log raw points shaded by intensity, those kept, and those removed for each reason."""
+        """Log raw points shaded by intensity, kept points, and removed points by reason."""
         valid = frame.valid
         shades = _shades(frame, valid)
         self._log(
-            "world/raw", self._rerun.Points3D(_places(frame, valid), colors=shades, radii=_pixels(self._rerun, 1.0))
+            "world/raw", self._rerun.Points3D(_positions(frame, valid), colors=shades, radii=_pixels(self._rerun, 1.0))
         )
         for reason, color in palette.REASONS.items():
             if reason is Reason.INVALID or result is None:
                 continue
             path = "world/kept" if reason is Reason.KEPT else f"world/removed/{reason.name.lower()}"
             size = _pixels(self._rerun, 2.0 if reason in (Reason.KEPT, Reason.OUTLIER) else 1.2)
-            places = _places(frame, valid & (result.reason == reason))
-            self._log(path, self._rerun.Points3D(places, colors=_colors([color]), radii=size))
+            positions = _positions(frame, valid & (result.reason == reason))
+            self._log(path, self._rerun.Points3D(positions, colors=_colors([color]), radii=size))
 
     def _boxes(self, name: str, boxes: Sequence[SceneBox]) -> None:
-        turns = [[0.0, 0.0, np.sin(box.yaw / 2), np.cos(box.yaw / 2)] for box in boxes]
+        rotations = [[0.0, 0.0, np.sin(box.yaw / 2), np.cos(box.yaw / 2)] for box in boxes]
         entity = self._rerun.Boxes3D(
             centers=np.array([box.center for box in boxes], np.float64).reshape(-1, 3),
             sizes=np.array([box.size for box in boxes], np.float64).reshape(-1, 3),
-            quaternions=np.array(turns, np.float64).reshape(-1, 4),
+            quaternions=np.array(rotations, np.float64).reshape(-1, 4),
             colors=_colors([box.color for box in boxes]),
             labels=[box.text.encode(errors="replace").decode() for box in boxes],
         )
@@ -125,12 +131,12 @@ class FrameStream(ReplayListener):
                     self._log(f"{name}/ring_{ring}", self._rerun.Scalars(value))
 
 
-def _places(frame: Frame, shown: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _positions(frame: Frame, shown: NDArray[np.bool_]) -> NDArray[np.float32]:
     return frame.coordinates[:, shown].T.astype(np.float32)
 
 
 def _shades(frame: Frame, shown: NDArray[np.bool_]) -> NDArray[np.uint8] | None:
-    """Return a grey for each shown point, lighter where the echo is stronger; None without intensities."""
+    """Return a grey value for each shown point, lighter for higher intensity; None without intensities."""
     if frame.intensity_name is None or not shown.any():
         return None
     intensity = frame.intensity[shown]
@@ -148,27 +154,29 @@ def _pixels(rerun: Any, size: float) -> Any:
 
 
 def _blueprint(rerun: Any) -> Any:
-    """Return the arrangement of panels: raw, filtered with boxes, and curves."""
+    """Return the layout of the viewer: raw points, filtered points with boxes, and curves."""
     views = rerun.blueprint
     clouds = views.Horizontal(
         views.Spatial3DView(origin="world", contents=["+ world/raw"], name="Raw"),
-        views.Spatial3DView(origin="world", contents=["+ world/**", "- world/raw"], name="Kept, removed, boxes"),
+        views.Spatial3DView(
+            origin="world", contents=["+ world/**", "- world/raw"], name="Kept and removed points, boxes"
+        ),
     )
     curves = views.Horizontal(
-        views.TimeSeriesView(origin="thresholds", name="Threshold of each ring"),
-        views.TimeSeriesView(origin="counts", name="Points of a frame"),
+        views.TimeSeriesView(origin="thresholds", name="Threshold of each range ring"),
+        views.TimeSeriesView(origin="counts", name="Points per frame by reason"),
     )
     return views.Blueprint(views.Vertical(clouds, curves, row_shares=[7, 3]), collapse_panels=True)
 
 
 @contextmanager
 def complete_file(target: Path) -> Iterator[Callable[[Any], None]]:
-    """Yield the sink of a `FrameStream` that is written to a file, which has its name when it is complete.
+    """Yield the sink of a `FrameStream` for a file, which appears under its name when it is complete.
 
     Raises
     ------
     OutputError
-        If it cannot be written.
+        If the file cannot be written.
     """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -182,7 +190,7 @@ def complete_file(target: Path) -> Iterator[Callable[[Any], None]]:
 
 @contextmanager
 def viewer(port: int) -> Iterator[Callable[[Any], None]]:
-    """Start a viewer that listens on the loopback only; yield the sink of a `FrameStream`. The viewer stays open.
+    """Start a viewer that listens only on the loopback interface and stays open; yield the sink of a `FrameStream`.
 
     Raises
     ------
@@ -193,8 +201,8 @@ def viewer(port: int) -> Iterator[Callable[[Any], None]]:
     """
     require_rerun()
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise UsageError("there is no display to open a viewer on: write a file with --save FILE.rrd")
-    process = subprocess.Popen(viewer_command(port), start_new_session=True)  # noqa: S603 - our own words
+        raise UsageError("no display found for the viewer: write a file with --save FILE.rrd")
+    process = subprocess.Popen(viewer_command(port), start_new_session=True)  # noqa: S603 - fixed arguments
     try:
         yield lambda recording: recording.connect_grpc(f"rerun+http://{LOOPBACK}:{port}/proxy")
     except BaseException:
@@ -203,12 +211,12 @@ def viewer(port: int) -> Iterator[Callable[[Any], None]]:
 
 
 def viewer_command(port: int) -> list[str]:
-    """Return what starts a viewer; without ``--bind`` it would listen on all networks."""
+    """Return the command that starts a viewer; without ``--bind`` it would listen on all network interfaces."""
     options = ["--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", "--expect-data-soon"]
     return [sys.executable, "-m", "rerun_cli", *options]
 
 
 def check_target(path: Path) -> None:
-    """Raise `UsageError` unless a file has the ending by which viewers know it."""
+    """Raise `UsageError` if a file name does not end in ``.rrd``, by which viewers recognise recordings."""
     if path.suffix != ".rrd":
-        raise UsageError(f"{path}: files of Rerun end in .rrd")
+        raise UsageError(f"{path}: Rerun files must end in .rrd")

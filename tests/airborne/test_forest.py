@@ -1,4 +1,4 @@
-"""Division by tile and object, training, and models as files."""
+"""Split by tile and object, training, and model files."""
 
 import io
 import zipfile
@@ -26,13 +26,13 @@ def samples(tiles=1, objects=4, points=30, classes=(1, 2, 3), width=14, seed=0):
 
 
 @pytest.mark.parametrize(("tiles", "split"), [(1, "object"), (3, "object"), (4, "tile"), (9, "tile")])
-def test_what_is_held_out(tiles, split):
+def test_whole_tiles_or_objects_are_held_out(tiles, split):
     data = samples(tiles)
-    test, said = hold_out(data, PARAMS)
-    assert said == split
+    test, unit = hold_out(data, PARAMS)
+    assert unit == split
     assert set(data.code[test]) == set(data.code[~test]) == {1, 2, 3}
     pairs = [set(zip(data.tile[part].tolist(), data.number[part].tolist(), strict=True)) for part in (test, ~test)]
-    assert not pairs[0] & pairs[1], "an object is on both sides"
+    assert not pairs[0] & pairs[1], "an object is in both parts"
     if split == "tile":
         assert not set(data.tile[test]) & set(data.tile[~test])
     assert 0.15 < test.mean() < 0.45
@@ -56,7 +56,7 @@ def test_points_of_no_object_are_left_out_and_one_class_is_refused():
     data = samples()
     data.code[:10] = 0
     assert len(join([data, data]).code) == 2 * (len(data.code) - 10)
-    with pytest.raises(InputError, match="no points left"):
+    with pytest.raises(InputError, match="no labelled points"):
         join([replace(data, code=np.zeros_like(data.code))])
     with pytest.raises(InputError, match=r"one class \(reef\)"):
         join([replace(data, code=np.full_like(data.code, 2))])
@@ -74,7 +74,7 @@ def test_training_is_the_same_each_time_and_for_any_number_of_threads(monkeypatc
 
 
 def test_a_large_object_does_not_outweigh_the_others():
-    """The bootstrap draws as many samples as there are; so many are seen."""
+    """The bootstrap draws as many samples as there are training points."""
     pytest.importorskip("sklearn")
     large = samples(1, objects=1, points=5000, classes=(1,))
     small = samples(1, objects=3, points=30, classes=(2,))
@@ -94,7 +94,7 @@ def model(features="full"):
 
 
 @pytest.mark.parametrize("features", ["texture", "full"])
-def test_a_model_comes_back_with_its_settings(tmp_path, features):
+def test_a_model_is_read_with_its_settings(tmp_path, features):
     one, data = model(features)
     (tmp_path / "m").write_bytes(one.to_bytes())
     again = load_model(tmp_path / "m")
@@ -103,7 +103,7 @@ def test_a_model_comes_back_with_its_settings(tmp_path, features):
 
 
 def rewritten(data, change):
-    """Return a model's file with its description changed as text."""
+    """Return the content of a model file with its schema changed as text."""
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(out, "w") as new:
         for name in old.namelist():
@@ -125,11 +125,11 @@ def test_a_file_that_names_other_code_is_refused_before_any_of_it_runs(tmp_path)
 def test_a_model_for_other_features_is_refused(tmp_path):
     one, _ = model()
     (tmp_path / "m").write_bytes(rewritten(one.to_bytes(), lambda text: text.replace("planarity", "colour")))
-    with pytest.raises(InputError, match="for other features"):
+    with pytest.raises(InputError, match="its features differ"):
         load_model(tmp_path / "m")
     texture, _ = model("texture")
     (tmp_path / "n").write_bytes(ObjectModel(one.settings, texture.forest).to_bytes())
-    with pytest.raises(InputError, match="another number of features"):
+    with pytest.raises(InputError, match="not a random forest of 14 features"):
         load_model(tmp_path / "n")
 
 
@@ -142,9 +142,9 @@ def test_a_tree_that_never_ends_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"PK", b"pickle", None])
-def test_files_that_are_none(tmp_path, content):
+def test_files_that_are_not_models(tmp_path, content):
     pytest.importorskip("skops")
     if content is not None:
         (tmp_path / "m").write_bytes(content)
-    with pytest.raises(InputError, match=r"no model of seaclutter|cannot be read"):
+    with pytest.raises(InputError, match=r"not a seaclutter model|cannot be read"):
         load_model(tmp_path / "m")

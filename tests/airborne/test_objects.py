@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.airborne.features import NonSeaPoints
-from seaclutter_cli.airborne.objects import ObjectFindingParams, as_csv, as_geojson, find_objects, least_rectangle
+from seaclutter_cli.airborne.objects import ObjectFindingParams, as_csv, as_geojson, find_objects, smallest_rectangle
 
 
 def rectangle(rng, center, size, yaw, count=300):
@@ -20,9 +20,9 @@ def rectangle(rng, center, size, yaw, count=300):
 
 @given(seed=st.integers(0, 2**32), yaw=st.floats(-1.5, 1.5), length=st.floats(5, 50), width=st.floats(1, 4))
 @settings(deadline=None, max_examples=40)
-def test_the_least_rectangle_about_a_rectangle_is_itself(seed, yaw, length, width):
+def test_the_smallest_rectangle_around_a_rectangle_is_itself(seed, yaw, length, width):
     points = rectangle(np.random.default_rng(seed), (5e5, 4e6), (length, width), yaw)
-    center, size, found, area = least_rectangle(points)
+    center, size, found, area = smallest_rectangle(points)
     np.testing.assert_allclose(center, (5e5, 4e6), atol=1e-5)
     np.testing.assert_allclose(size, (length, width), atol=1e-5)
     assert found == pytest.approx(yaw, abs=1e-4)
@@ -31,7 +31,7 @@ def test_the_least_rectangle_about_a_rectangle_is_itself(seed, yaw, length, widt
 
 @pytest.mark.parametrize("points", [[(1, 2)], [(1, 2), (4, 6)], [(0, 0), (3, 4), (6, 8)]])
 def test_points_on_a_line(points):
-    center, size, yaw, area = least_rectangle(np.array(points, float))
+    center, size, yaw, area = smallest_rectangle(np.array(points, float))
     assert size == pytest.approx((5.0 * (len(points) - 1), 0))
     assert area == 0
     np.testing.assert_allclose(center, np.mean(points, axis=0))
@@ -42,15 +42,15 @@ def test_points_on_a_line(points):
 def two_objects():
     rng = np.random.default_rng(0)
     ship, mat = rectangle(rng, (100, 50), (40, 8), 0.4), rectangle(rng, (200, 80), (10, 9), 0.0, 60)
-    stray = np.array([[300.0, 300], [301, 300]])
-    xy = np.concatenate([ship, mat, stray])
+    isolated = np.array([[300.0, 300], [301, 300]])
+    xy = np.concatenate([ship, mat, isolated])
     probability = np.tile([0.7, 0.3], (len(xy), 1))
     probability[300:360] = [0.2, 0.8]
     probability[310:320] = [1.0, 0.0]
     height = np.concatenate([np.linspace(1, 9, 300), np.full(62, 0.8)])
     points = NonSeaPoints(xy.T, height, np.ones(len(xy)), 1.0)
     objects, number, left_out = find_objects(points, probability, (1, 5), ObjectFindingParams())
-    assert not left_out.any(), "strays are no cluster"
+    assert not left_out.any(), "isolated points are not a cluster"
     return objects, number
 
 
@@ -63,10 +63,10 @@ def test_objects_have_the_class_of_most_of_their_points():
     assert objects[0].height_m == pytest.approx(9, abs=0.1)
 
 
-def test_unlikely_clusters_are_none():
+def test_unlikely_clusters_are_left_out():
     rng = np.random.default_rng(0)
-    places = np.concatenate([rectangle(rng, (100, 50), (9, 8), 0.0), rectangle(rng, (200, 80), (9, 8), 0.0)])
-    points = NonSeaPoints(places.T, np.ones(600), np.ones(600), 1.0)
+    xy = np.concatenate([rectangle(rng, (100, 50), (9, 8), 0.0), rectangle(rng, (200, 80), (9, 8), 0.0)])
+    points = NonSeaPoints(xy.T, np.ones(600), np.ones(600), 1.0)
     probability = np.repeat([[0.3, 0.3, 0.2, 0.2], [0.1, 0.7, 0.1, 0.1]], 300, axis=0)
     objects, number, left_out = find_objects(points, probability, (1, 2, 3, 4), ObjectFindingParams())
     assert [(one.number, one.code) for one in objects] == [(1, 2)]
@@ -80,15 +80,15 @@ def test_no_points_no_objects():
     assert (objects, len(number), len(left_out)) == ([], 0, 0)
 
 
-def test_tables_and_maps_of_objects():
+def test_csv_and_geojson_of_objects():
     objects, _ = two_objects()
     rows = list(csv.DictReader(io.StringIO(as_csv([("a", objects), ("b", [])]))))
     assert [row["class"] for row in rows] == ["ship", "seaweed"]
     assert (rows[0]["tile"], float(rows[0]["length"]), float(rows[0]["yaw"])) == ("a", 40.0, 0.4)
     features = json.loads(as_geojson([("a", objects)]))["features"]
-    ring = np.array(features[0]["geometry"]["coordinates"][0])
-    assert (ring[0] == ring[-1]).all()
-    x, y = ring[:-1].T
+    outline = np.array(features[0]["geometry"]["coordinates"][0])
+    assert (outline[0] == outline[-1]).all()
+    x, y = outline[:-1].T
     shoelace = 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
-    assert shoelace == pytest.approx(320, rel=1e-3), "counter-clockwise, as GeoJSON has it"
+    assert shoelace == pytest.approx(320, rel=1e-3), "counter-clockwise, as GeoJSON requires"
     assert features[1]["properties"]["class"] == "seaweed"

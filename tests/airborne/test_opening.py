@@ -1,4 +1,4 @@
-"""The opening equals scipy's on full grids and the definition, cell by cell, on any."""
+"""Morphological opening: equal to scipy on full grids, and to the definition, cell by cell, on any grid."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_a_full_grid_is_opened_as_by_scipy(half):
 @given(values=GRIDS, half=st.integers(0, 4))
 @settings(deadline=None)
 def test_any_grid_is_opened_as_defined(values, half):
-    """The loops know a grid by its cells with points; corners make it end where the array does."""
+    """The reference gets only the cells with points; points in the corners give it the extent of the array."""
     values[0, 0], values[-1, -1] = 1.0, 2.0
     loops = Opening({cell: values[cell] for cell in zip(*np.nonzero(np.isfinite(values)), strict=True)}, half)
     found = opened(filled(values, 2 * half + 1), half)
@@ -49,7 +49,7 @@ def test_any_grid_is_opened_as_defined(values, half):
 
 @given(values=GRIDS, half=st.integers(0, 4))
 @settings(deadline=None)
-def test_an_opening_lies_below_and_changes_nothing_the_second_time(values, half):
+def test_an_opening_is_not_above_the_grid_and_is_idempotent(values, half):
     once = opened(values, half)
     assert (once <= values).all()
     known = np.where(np.isinf(once), np.inf, once)
@@ -58,7 +58,7 @@ def test_an_opening_lies_below_and_changes_nothing_the_second_time(values, half)
 
 
 @pytest.mark.parametrize("bits", [3, 4])
-def test_blocks_do_not_show(monkeypatch, bits):
+def test_the_result_does_not_depend_on_blocks(monkeypatch, bits):
     rng = np.random.default_rng(3)
     xyz = np.vstack([rng.uniform(-40, 50, (2, 900)), rng.normal(size=(1, 900))])
     whole = ElevationGrid(1.0)
@@ -67,18 +67,18 @@ def test_blocks_do_not_show(monkeypatch, bits):
     for module in (grids, __import__("seaclutter_cli.airborne.opening", fromlist=["opening"])):
         monkeypatch.setattr(module, "BLOCK", 1 << bits)
     monkeypatch.setattr(grids, "_BITS", bits)
-    parted = ElevationGrid(1.0)
+    divided = ElevationGrid(1.0)
     for start in range(0, 900, 250):
-        parted.add(xyz[:, start : start + 250])
-    assert len(parted.blocks) > 30
-    np.testing.assert_array_equal(open_grid(parted, 7.0).ravel()[parted.locate(*xyz[:2])], expected)
+        divided.add(xyz[:, start : start + 250])
+    assert len(divided.blocks) > 30
+    np.testing.assert_array_equal(open_grid(divided, 7.0).ravel()[divided.locate(*xyz[:2])], expected)
 
 
 def test_window_in_cells():
     assert [half_window(w, 0.1) for w in (0.1, 0.2, 0.6, 20.0)] == [0, 1, 3, 100]
 
 
-def test_a_stray_point_costs_one_block_and_many_are_refused():
+def test_an_outlying_point_costs_one_block_and_many_are_refused():
     grid = ElevationGrid(1.0)
     grid.add(np.array([[0.0, 1e9, -1e300], [0, 1e9, 1e300], [0, 1, 2]]))
     assert len(grid.blocks) == 3

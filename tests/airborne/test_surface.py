@@ -1,4 +1,4 @@
-"""What is sea: waves, edges, empty cells, islands."""
+"""Separation of sea and non-sea points: waves, edges, empty cells, islands."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ PLAIN = SeparationParams(island_m=None)
 
 
 def plane(width=120, height=100, z=lambda x, y: 0 * x):
-    """Return a point in the middle of each cell of 1 m, shape (3, N)."""
+    """Return one point in the centre of each cell of 1 m, shape (3, N)."""
     x, y = (side.ravel() + 0.5 for side in np.mgrid[:width, :height].astype(float))
     return np.stack((x, y, z(x, y)))
 
@@ -30,13 +30,13 @@ def raised(xyz, where, by):
     return out
 
 
-def test_what_is_narrower_than_the_window_stands_out_whatever_its_length():
+def test_an_object_narrower_than_the_window_is_non_sea_regardless_of_its_length():
     flat = plane()
     ship = inside(flat, (40, 60), (10, 90))
     np.testing.assert_array_equal(other(raised(flat, ship, 3.0)), ship)
 
 
-def test_what_is_wider_stays_unless_it_is_an_island():
+def test_a_wider_object_is_sea_unless_it_is_an_island():
     flat = plane()
     island = inside(flat, (40, 80), (30, 70))
     assert not other(raised(flat, island, 3.0)).any()
@@ -44,7 +44,7 @@ def test_what_is_wider_stays_unless_it_is_an_island():
 
 
 def test_a_low_shore_belongs_to_a_peak_that_is_narrower_than_the_window():
-    """The opening leaves the shore alone standing, lower than ``island_m``."""
+    """Only the shore remains in the opened surface, lower than ``island_m``."""
     flat = plane()
     shore, peak = inside(flat, (40, 80), (30, 70)), inside(flat, (52, 68), (42, 58))
     found = other(raised(raised(flat, shore, 1.5), peak, 3.0), SeparationParams())
@@ -57,7 +57,7 @@ def test_a_ship_does_not_make_an_island_of_the_sea():
     np.testing.assert_array_equal(other(raised(flat, ship, 9.0), SeparationParams()), ship)
 
 
-def test_a_low_bank_that_is_wide_is_no_island():
+def test_a_low_wide_bank_is_not_an_island():
     flat = plane()
     assert not other(raised(flat, inside(flat, (40, 80), (30, 70)), 1.5), SeparationParams()).any()
 
@@ -83,19 +83,19 @@ def test_long_swell_is_sea_and_a_wide_window_cuts_its_crests():
 def test_a_shadow_beside_a_ship_does_not_widen_it():
     flat = plane()
     ship = inside(flat, (40, 56), (20, 80))
-    shown = ~inside(flat, (56, 68), (20, 80))
-    np.testing.assert_array_equal(other(raised(flat, ship, 3.0)[:, shown]), ship[shown])
+    visible = ~inside(flat, (56, 68), (20, 80))
+    np.testing.assert_array_equal(other(raised(flat, ship, 3.0)[:, visible]), ship[visible])
 
 
 def test_a_point_in_four_of_ten_cells_is_enough():
     rng = np.random.default_rng(1)
     flat = plane(z=lambda x, y: 0.3 * np.sin(2 * np.pi * x / 60))
     ship = inside(flat, (40, 50), (20, 80))
-    shown = rng.random(flat.shape[1]) < 0.4
-    np.testing.assert_array_equal(other(raised(flat, ship, 3.0)[:, shown]), ship[shown])
+    visible = rng.random(flat.shape[1]) < 0.4
+    np.testing.assert_array_equal(other(raised(flat, ship, 3.0)[:, visible]), ship[visible])
 
 
-def test_an_object_that_the_edge_cuts_counts_with_what_is_there():
+def test_an_object_cut_by_the_edge_is_separated_by_the_part_inside():
     flat = plane()
     for side in ((0, 12), (108, 120)):
         ship = inside(flat, side, (20, 80))
@@ -103,8 +103,8 @@ def test_an_object_that_the_edge_cuts_counts_with_what_is_there():
 
 
 @pytest.mark.parametrize("at", [(60.5, 50.5), (60.5, 95.5), (2.5, 3.5)])
-def test_an_echo_from_below_spoils_nothing(at):
-    """Near the edge no window can avoid it."""
+def test_an_echo_from_below_the_surface_is_ignored(at):
+    """Near the edge, no window avoids it."""
     flat = plane()
     deep = np.append(flat, [[at[0]], [at[1]], [-20.0]], axis=1)
     found = separate([deep], PLAIN)
@@ -112,14 +112,14 @@ def test_an_echo_from_below_spoils_nothing(at):
     assert found.height_m[-1] == -20
 
 
-def test_water_beside_a_few_points_of_a_ship_is_no_pit():
+def test_water_beside_a_few_points_of_a_ship_is_not_a_pit():
     flat = plane(30, 30)
     ship = inside(flat, (10, 12), (10, 12))
-    shown = ship | ((flat[0] == 12.5) & (flat[1] == 12.5)) | (flat[0] > 16)
-    np.testing.assert_array_equal(other(raised(flat, ship, 5.0)[:, shown]), ship[shown])
+    visible = ship | ((flat[0] == 12.5) & (flat[1] == 12.5)) | (flat[0] > 16)
+    np.testing.assert_array_equal(other(raised(flat, ship, 5.0)[:, visible]), ship[visible])
 
 
-def test_points_without_a_place_are_never_classified():
+def test_points_without_finite_coordinates_are_never_classified():
     flat = plane(40, 40)
     flat[1, 7], flat[2, 9] = np.nan, np.inf
     found = separate([flat[:, :500], flat[:, 500:]], PLAIN)

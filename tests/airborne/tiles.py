@@ -1,4 +1,4 @@
-"""Small tiles for the tests, made with laspy."""
+"""Small tiles for tests, written with laspy."""
 
 import struct
 
@@ -16,12 +16,12 @@ def sea(rng, size=4000, extent=(60.0, 50.0), wave=0.05):
 
 
 def box(rng, x, y, z, size=400):
-    """Return points of the top of a box, each side given as (low, high)."""
+    """Return random points in a box; each side is given as (low, high)."""
     return np.column_stack([rng.uniform(*side, size) for side in (x, y, z)])
 
 
 def write(path, xyz, *, point_format=6, classification=None, extra=(), scale=0.001, offset=(500_000, 4_000_000, 0)):
-    """Write a LAS or LAZ file; ``extra`` are names, types and values of further dimensions."""
+    """Write a LAS or LAZ file; ``extra`` contains names, types and values of additional dimensions."""
     laspy = pytest.importorskip("laspy")
     header = laspy.LasHeader(point_format=point_format, version="1.4" if point_format > 5 else "1.2")
     header.scales, header.offsets = [scale] * 3, offset
@@ -50,20 +50,20 @@ def write(path, xyz, *, point_format=6, classification=None, extra=(), scale=0.0
 
 
 def raw_records(path):
-    """Return a file's header and its records, before and behind the points, as bytes; without laspy."""
+    """Return the header of a file and its records before and after the points, as bytes, without laspy."""
     data = path.read_bytes()
     size, (count,) = int.from_bytes(data[94:96], "little"), struct.unpack_from("<I", data, 100)
     before = _records(data, size, count, "<xx16sHH32s")
-    behind = _records(data, *struct.unpack_from("<QI", data, 235), "<xx16sHQ32s") if data[25] > 3 else []
-    return data[:size], [one for one in before if one[1] != 22204], behind
+    after = _records(data, *struct.unpack_from("<QI", data, 235), "<xx16sHQ32s") if data[25] > 3 else []
+    return data[:size], [one for one in before if one[1] != 22204], after
 
 
 def _records(data, at, count, layout):
     out = []
     for _ in range(count):
-        user, number, length, said = struct.unpack_from(layout, data, at)
+        user, number, length, description = struct.unpack_from(layout, data, at)
         at += struct.calcsize(layout)
-        out.append((user.rstrip(b"\0"), number, said.rstrip(b"\0"), data[at : at + length]))
+        out.append((user.rstrip(b"\0"), number, description.rstrip(b"\0"), data[at : at + length]))
         at += length
     return out
 

@@ -1,4 +1,4 @@
-"""Density-based clusters: those of scikit-learn where it is installed, and those of plain loops everywhere."""
+"""Density-based clusters compared with plain loops and, where installed, with scikit-learn."""
 
 import tracemalloc
 
@@ -22,9 +22,9 @@ def distances(xyz):
 
 
 def check(labels, xyz, eps_m, min_points):
-    """Hold clusters against the definition, point by point."""
-    apart = distances(xyz)
-    near = apart <= eps_m
+    """Assert that clusters agree with the definition, point by point."""
+    separation = distances(xyz)
+    near = separation <= eps_m
     core = near.sum(axis=1) >= min_points
     component = np.full(len(core), -1)
     for first in np.flatnonzero(core):
@@ -40,7 +40,7 @@ def check(labels, xyz, eps_m, min_points):
     assert (labels[core] >= 0).all()
     for point in np.flatnonzero(~core):
         cores = np.flatnonzero(near[point] & core)
-        nearest = cores[apart[point, cores] == apart[point, cores].min()] if len(cores) else []
+        nearest = cores[separation[point, cores] == separation[point, cores].min()] if len(cores) else []
         assert labels[point] in (set(labels[nearest].tolist()) or {-1})
     clustered = labels[labels >= 0]
     firsts = [int(np.flatnonzero(labels == number)[0]) for number in range(clustered.max(initial=-1) + 1)]
@@ -62,7 +62,7 @@ def test_random_points(extent, seed, size, eps_m, min_points):
 )
 @SEARCH
 def test_lattices_whose_spacing_is_the_distance(steps, eps_m, min_points):
-    """Points exactly that far apart are near, and there are many equal ones."""
+    """Points exactly at the distance are near, and many points are equal."""
     for spacing in (1, 0.5, np.nextafter(1, 2)):
         xyz = steps * (eps_m * spacing)
         check(dbscan(xyz, eps_m, min_points), xyz, eps_m, min_points)
@@ -77,7 +77,7 @@ def test_far_from_the_origin():
 @pytest.mark.parametrize("extent", [3, 8, 20])
 @pytest.mark.parametrize("min_points", [1, 3, 8])
 def test_clusters_of_scikit_learn(extent, min_points):
-    """Border points of several clusters may differ; all else is the same."""
+    """Only border points near several clusters may differ."""
     cluster = pytest.importorskip("sklearn.cluster")
     xyz = RNG.uniform(0, extent, (3, 2000)) * np.array([[1], [1], [0.3]])
     theirs = cluster.DBSCAN(eps=0.5, min_samples=min_points).fit(xyz.T)
@@ -89,12 +89,12 @@ def test_clusters_of_scikit_learn(extent, min_points):
     renamed = dict(pairs)
     border = np.setdiff1d(np.flatnonzero(ours >= 0), core)
     for point in border[[renamed[label] for label in ours[border]] != theirs.labels_[border]]:
-        apart = np.sqrt(((xyz[:, core] - xyz[:, [point]]) ** 2).sum(axis=0))
-        assert len(set(ours[core[apart <= 0.5]])) > 1
+        separation = np.sqrt(((xyz[:, core] - xyz[:, [point]]) ** 2).sum(axis=0))
+        assert len(set(ours[core[separation <= 0.5]])) > 1
 
 
-def test_a_border_point_goes_to_the_nearest_core():
-    """Two rows with a core point at the end; what lies between is near both and no core point itself."""
+def test_a_border_point_belongs_to_the_nearest_core_point():
+    """The point between two rows is near the core points at both ends and not a core point itself."""
     line = np.array([0.0, 0.1, 0.2, 0.5])
     for between, expected in ((0.8, 0), (0.9, 1)):
         xyz = np.zeros((3, 9))
@@ -129,7 +129,7 @@ LUMP = np.concatenate((np.ones((3, 30_000)), RNG.uniform(0, 60, (3, 30_000))), a
     [np.ones((3, 60_000)), RNG.uniform(-0.5, 0.5, (3, 60_000)), RNG.uniform(-1e6, 1e6, (3, 60_000)), LUMP],
     ids=["equal", "ball", "far apart", "equal and around"],
 )
-def test_memory_is_bounded_whatever_the_points(xyz):
+def test_memory_is_bounded_for_any_points(xyz):
     tracemalloc.start()
     dbscan(xyz, 1.5, 5)
     peak = tracemalloc.get_traced_memory()[1]

@@ -1,4 +1,4 @@
-"""Euclidean clusters: equal to single linkage by brute force on whatever points, in bounded memory."""
+"""Euclidean clusters: equal to brute-force single linkage on any points, in bounded memory."""
 
 import tracemalloc
 
@@ -40,7 +40,7 @@ def check(xyz, tolerance_m, min_points):
 
 
 @pytest.fixture(params=["table", "search", "small blocks"])
-def ways(request, monkeypatch):
+def implementations(request, monkeypatch):
     if request.param == "search":
         monkeypatch.setattr(cells, "_TABLE_COLUMNS", 0)
         monkeypatch.setattr(cells, "_FEW_CELLS", 0)
@@ -73,13 +73,13 @@ def test_any_coordinates(xyz, tolerance_m):
 
 
 @pytest.mark.parametrize("origin", [0, 5e5, 1e9, 1e12, 1e15, 1e16, 1e20])
-def test_far_from_the_origin(origin, ways):
+def test_far_from_the_origin(origin, implementations):
     rng = np.random.default_rng(1)
     check(rng.normal(0, 3, (3, 300)) + origin, 1.5, 3)
     check(np.concatenate((rng.normal(0, 3, (3, 100)), rng.normal(0, 3, (3, 100)) + origin), axis=1), 1.5, 3)
 
 
-def test_all_ways_of_looking_up_cells(ways):
+def test_all_implementations_of_the_cell_search(implementations):
     rng = np.random.default_rng(2)
     for extent in (1, 5, 20, 200):
         check(rng.uniform(-extent, extent, (3, 400)), 1.5, 3)
@@ -87,7 +87,7 @@ def test_all_ways_of_looking_up_cells(ways):
 
 
 @pytest.mark.parametrize("distance", [1.5, np.nextafter(1.5, 0), np.nextafter(1.5, 2), 1.4999])
-def test_dense_lumps_that_all_but_touch(distance, ways):
+def test_dense_lumps_that_almost_touch(distance, implementations):
     rng = np.random.default_rng(3)
     lump = rng.uniform(0, 0.5, (3, 60))
     lump[0, 0], lump[1:, 0] = 0.5, 0.2
@@ -105,7 +105,7 @@ def test_points_on_a_line_exactly_the_tolerance_apart():
     assert euclidean_clusters(diagonal, 1.5, 2).max() == -1
 
 
-def test_clusters_are_numbered_by_their_first_points_and_small_ones_are_none():
+def test_clusters_are_numbered_by_their_first_points_and_small_ones_are_left_out():
     x = np.array([9, 50, 0, 0.5, 9.5, 1.0, 10, 70, 70.5])
     labels = euclidean_clusters(np.stack((x, 0 * x, 0 * x)), 1.5, 3)
     assert labels.tolist() == [0, -1, 1, 1, 0, 1, 0, -1, -1]
@@ -117,7 +117,7 @@ def test_few_points(size, min_points):
     assert labels.tolist() == ([0] * size if size >= min_points else [-1] * size)
 
 
-def test_subsets_get_the_clusters_that_they_have_alone():
+def test_subsets_have_the_same_clusters_as_alone():
     rng = np.random.default_rng(4)
     xyz = rng.uniform(-15, 15, (3, 800)) * np.array([[1], [1], [0.2]])
     among = rng.random(800) < 0.9
@@ -147,7 +147,7 @@ EDGE = np.arange(39) * 0.87
     ],
     ids=["equal", "ball", "far apart", "facing shells", "lattice"],
 )
-def test_memory_is_bounded_whatever_the_points(xyz, clusters):
+def test_memory_is_bounded_for_any_points(xyz, clusters):
     tracemalloc.start()
     labels = euclidean_clusters(xyz, 1.5, 5)
     peak = tracemalloc.get_traced_memory()[1]

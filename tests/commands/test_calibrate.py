@@ -1,4 +1,4 @@
-"""``seaclutter calibrate`` from the outside: the configuration that it writes, what it tells, what it refuses."""
+"""Tests of ``seaclutter calibrate``: written configuration, printed summary, errors."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from tests.paths import SAMPLE
 
 
 def sea(number, *, size=2000, last_m=64, scale=1.0, whole=True):
-    """Return clutter without gaps from 5 m to ``last_m``, the weaker the farther; equal numbers give equal points."""
+    """Return clutter without gaps from 5 m to ``last_m``, weaker with range; equal numbers give equal points."""
     rng = np.random.default_rng(number)
     cloud = np.zeros(size, POINT)
     range_m = 5 + (last_m - 5) * np.linspace(0, 1, size) ** 2
@@ -52,7 +52,7 @@ def out(tmp_path):
     return tmp_path / "new.yaml"
 
 
-def test_the_configuration_is_what_sorting_gives(log, out):
+def test_the_thresholds_are_quantiles_of_sorted_intensities(log, out):
     result = invoke(log, "-o", out)
     assert result.exit_code == 0, result.output
     config = load_config(out)
@@ -66,7 +66,7 @@ def test_the_configuration_is_what_sorting_gives(log, out):
         assert isinstance(threshold, int)
 
 
-def test_filter_takes_the_configuration(log, out, tmp_path):
+def test_filter_accepts_the_configuration(log, out, tmp_path):
     found = data(log, "-o", out)
     arguments = ["filter", str(log), "-c", str(out), "-o", str(tmp_path / "f.mcap"), "-m", "ring_intensity", "--json"]
     result = CliRunner().invoke(cli, arguments)
@@ -77,7 +77,7 @@ def test_filter_takes_the_configuration(log, out, tmp_path):
     assert [ring["low_intensity"] for ring in rings] == [ring["below"] for ring in found["rings"]]
 
 
-def test_what_is_printed_and_what_is_data_are_the_same(log, out, tmp_path):
+def test_the_printed_summary_equals_the_data(log, out, tmp_path):
     printed = invoke(log, "-o", out).stdout
     found = data(log, "-o", tmp_path / "b.yaml")
     for ring in found["rings"]:
@@ -93,18 +93,18 @@ def test_what_is_printed_and_what_is_data_are_the_same(log, out, tmp_path):
     assert all(len(line) <= 80 for line in printed.splitlines()[1:])
 
 
-def test_the_configuration_says_where_it_comes_from(log, out, tmp_path):
+def test_comments_describe_the_origin_of_the_configuration(log, out, tmp_path):
     invoke(log, "-o", out, "--filter-rate", "0.9")
     text = out.read_text(encoding="utf-8")
     head = " ".join(line[2:] for line in text.splitlines() if line.startswith("# "))
-    for said in (
+    for phrase in (
         "filter rate of 0.9 in log.",
         "5 frames",
         "no labels",
         "Sensor not recognised",
         "field intensity, 0 to",
     ):
-        assert said in head
+        assert phrase in head
     assert "10 to 25 m" in head
     assert str(tmp_path) not in text
     assert all(len(line) <= 100 for line in text.splitlines() if line.startswith("#"))
@@ -112,8 +112,8 @@ def test_the_configuration_says_where_it_comes_from(log, out, tmp_path):
 
 def test_the_same_input_gives_the_same_bytes(log, tmp_path):
     files = [tmp_path / f"{number}.{kind}" for number in range(2) for kind in ("yaml", "svg", "yaml", "png")]
-    for target, picture in zip(files[::2], files[1::2], strict=True):
-        assert invoke(log, "-o", target, "--plot", picture, "--force").exit_code == 0
+    for target, plot in zip(files[::2], files[1::2], strict=True):
+        assert invoke(log, "-o", target, "--plot", plot, "--force").exit_code == 0
     for kind in ("yaml", "svg", "png"):
         first, second = (tmp_path / f"{number}.{kind}" for number in range(2))
         assert first.read_bytes() == second.read_bytes()
@@ -163,14 +163,14 @@ def test_a_far_limit_that_is_given(log, out, tmp_path, monkeypatch, arguments):
     (tmp_path / "start.yaml").write_text("filter: {end_m: 50, initial_thresholds: [1, 1, 1]}\n")
     config = load_config_after(log, out, *arguments)
     assert (config.filter.end_m, len(config.filter.initial_thresholds)) == (50, 3)
-    assert "the far limit was given: 50 m" in " ".join(out.read_text().replace("#", "").split())
+    assert "the given far limit of 50 m is kept" in " ".join(out.read_text().replace("#", "").split())
 
 
-def test_ring_methods_stay_what_they_are(log, out):
+def test_the_method_is_kept(log, out):
     assert load_config_after(log, out, "-m", "ring_intensity").method == "ring_intensity"
 
 
-def test_rings_with_few_points_or_none(tmp_path, out):
+def test_rings_with_few_or_no_points(tmp_path, out):
     cloud = np.zeros(500, POINT)
     cloud["x"] = np.where(np.arange(500) < 480, 30, 41)
     cloud["intensity"] = np.arange(500) % 10
@@ -215,9 +215,9 @@ class TestLabels:
         assert found["clutter_points"] == np.count_nonzero((ranges >= 10) & ~ship & ~area)
         assert found["labelled_points"] == np.count_nonzero((ranges >= 10) & (ship | area)) > 0
         assert (found["frames"], found["unlabelled_frames"], found["labelled"]) == (4, 1, True)
-        assert "4 frames, 1 frame without labels left out" in out.read_text().replace("\n# ", " ")
+        assert "4 frames (1 unlabelled frame left out)" in out.read_text().replace("\n# ", " ")
 
-    def test_the_margin_is_that_of_the_configuration(self, log, tmp_path):
+    def test_the_box_margin_comes_from_the_configuration(self, log, tmp_path):
         rows = [f"{n},1,ship,20,0,0,10,8,4,0\n" for n in range(5)]
         labels = self.labels(tmp_path / "l.csv", rows)
         few, many = (
@@ -252,26 +252,26 @@ class TestLabels:
         assert by_folder["frames"] == 5
 
     @pytest.mark.parametrize(
-        ("arguments", "status", "said"),
+        ("arguments", "status", "message"),
         [
-            (("--labels", "none.csv"), 2, "none.csv: there are no such labels"),
-            (("--labels", "l.csv", "--labels", "l.csv"), 2, "2 --labels for 1 recordings"),
+            (("--labels", "none.csv"), 2, "none.csv: no such file or folder of labels"),
+            (("--labels", "l.csv", "--labels", "l.csv"), 2, "2 --labels for 1 recording:"),
             (("--labels", "far.csv"), 1, "far.csv"),
             (("--labels", "other.csv"), 1, "other.csv"),
-            (("--labels", "l.csv", "--clutter-ids", "sea"), 2, "write whole numbers with commas between"),
-            (("--labels", "l.csv", "--start", "3"), 1, "not one of 2 frames is labelled"),
+            (("--labels", "l.csv", "--clutter-ids", "sea"), 2, "expected whole numbers separated by commas"),
+            (("--labels", "l.csv", "--start", "3"), 1, "2 frames read, none of them labelled"),
         ],
     )
-    def test_what_is_refused(self, log, tmp_path, monkeypatch, arguments, status, said):
+    def test_refused_arguments(self, log, tmp_path, monkeypatch, arguments, status, message):
         monkeypatch.chdir(tmp_path)
         self.labels(tmp_path / "l.csv", ["0,,none,,,,,,,\n"])
         self.labels(tmp_path / "far.csv", ["0,,none,,,,,,,\n", "77,,none,,,,,,,\n"])
         (tmp_path / "other.csv").write_text("time,temperature\n1,2\n")
         result = invoke(log, "-o", "new.yaml", *arguments)
-        assert (result.exit_code, said in result.stderr) == (status, True), result.stderr
+        assert (result.exit_code, message in result.stderr) == (status, True), result.stderr
         assert not (tmp_path / "new.yaml").exists()
 
-    def test_a_folder_that_lacks_one(self, tmp_path, out):
+    def test_a_folder_that_lacks_labels_of_a_recording(self, tmp_path, out):
         for name in "ab":
             write_log(tmp_path / f"{name}.mcap", make=sea)
         self.labels(tmp_path / "a.labels.csv", [])
@@ -279,7 +279,7 @@ class TestLabels:
         assert result.exit_code == 2
         assert "missing: b.labels.csv" in result.stderr
 
-    def test_a_folder_cannot_tell_recordings_of_one_name_apart(self, tmp_path, out):
+    def test_recordings_with_the_same_name_cannot_share_a_folder_of_labels(self, tmp_path, out):
         for name in ("x", "y"):
             (tmp_path / name).mkdir()
             write_log(tmp_path / name / "a.mcap", make=sea)
@@ -298,13 +298,13 @@ class TestLabels:
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".PNG"])
-def test_the_picture(log, out, tmp_path, suffix):
-    picture = tmp_path / f"sub/picture{suffix}"
-    assert invoke(log, "-o", out, "--plot", picture).exit_code == 0
+def test_the_plot(log, out, tmp_path, suffix):
+    plot = tmp_path / f"sub/plot{suffix}"
+    assert invoke(log, "-o", out, "--plot", plot).exit_code == 0
     if suffix == ".svg":
-        assert b"<svg" in picture.read_bytes()
+        assert b"<svg" in plot.read_bytes()
     else:
-        with Image.open(picture) as image:
+        with Image.open(plot) as image:
             image.load()
             assert image.width == 1050
             assert "Software" not in image.info
@@ -317,20 +317,20 @@ def test_the_sample(out):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "status", "said"),
+    ("arguments", "status", "message"),
     [
-        (("none.mcap", "-o", "x.yaml"), 2, "none.mcap: there is no such file or folder"),
+        (("none.mcap", "-o", "x.yaml"), 2, "none.mcap: no such file or folder"),
         (("log.mcap",), 2, "Missing option '-o'"),
-        (("log.mcap", "-o", "old.yaml"), 2, "old.yaml: exists already; --force replaces it"),
+        (("log.mcap", "-o", "old.yaml"), 2, "old.yaml: already exists; use --force to replace it"),
         (("log.mcap", "-o", "log.mcap", "--force"), 2, "is part of the input"),
         (("log.mcap", "-o", "."), 2, "is a folder"),
-        (("log.mcap", "-o", "x.yaml", "--plot", "old.png"), 2, "old.png: exists already"),
-        (("log.mcap", "-o", "x.yaml", "--plot", "x.jpg"), 2, "x.jpg: pictures end in .png or .svg"),
-        (("log.mcap", "-o", "x.svg", "--plot", "x.svg"), 2, "named for two outputs"),
+        (("log.mcap", "-o", "x.yaml", "--plot", "old.png"), 2, "old.png: already exists"),
+        (("log.mcap", "-o", "x.yaml", "--plot", "x.jpg"), 2, "x.jpg: figure files must end in .png or .svg"),
+        (("log.mcap", "-o", "x.svg", "--plot", "x.svg"), 2, "given for two outputs"),
         (("log.mcap", "-o", "x.yaml", "--filter-rate", "0"), 2, "--filter-rate"),
         (("log.mcap", "-o", "x.yaml", "--filter-rate", "1.1"), 2, "--filter-rate"),
-        (("log.mcap", "-o", "x.yaml", "-m", "sor"), 2, "method sor has no ring thresholds to find; choose -m joint"),
-        (("log.mcap", "-o", "x.yaml", "-s", "filter.ring_width_m=0"), 2, "filter.ring_width_m: must be greater than 0"),
+        (("log.mcap", "-o", "x.yaml", "-m", "sor"), 2, "method sor has no thresholds to calibrate; choose -m joint"),
+        (("log.mcap", "-o", "x.yaml", "-s", "filter.ring_width_m=0"), 2, "must be a number greater than 0"),
         (("log.mcap", "-o", "x.yaml", "-s", "filter.end_m=5"), 2, "end_m (5) must be greater"),
         (("log.mcap", "-o", "x.yaml", "-s", "filter.start_m=far"), 2, "filter.start_m"),
         (
@@ -339,14 +339,14 @@ def test_the_sample(out):
             "no clutter point between",
         ),
         (("log.mcap", "-o", "x.yaml", "-s", "filter.start_m=69"), 1, "no clutter point from 69 m on"),
-        (("log.mcap", "-o", "x.yaml", "-s", "filter.ring_width_m=0.2"), 2, "makes 300 rings, at most 250"),
+        (("log.mcap", "-o", "x.yaml", "-s", "filter.ring_width_m=0.2"), 2, "gives 300 range rings; the maximum is 250"),
         (("frameless.mcap", "-o", "x.yaml"), 1, "no clutter point from 10 m on"),
         (("plain.mcap", "-o", "x.yaml"), 1, "no intensity field; the cloud has x, y, z"),
         (("cloudless.mcap", "-o", "x.yaml"), 1, "no point clouds that can be read"),
         (("log.mcap", "broken.mcap", "-o", "x.yaml"), 1, "broken.mcap"),
     ],
 )
-def test_what_is_refused(tmp_path, monkeypatch, arguments, status, said):
+def test_refused_arguments(tmp_path, monkeypatch, arguments, status, message):
     monkeypatch.chdir(tmp_path)
     write_log(tmp_path / "log.mcap", make=sea)
     write_log(tmp_path / "frameless.mcap", frames=0)
@@ -356,7 +356,7 @@ def test_what_is_refused(tmp_path, monkeypatch, arguments, status, said):
         (tmp_path / name).write_bytes(b"")
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     result = invoke(*arguments)
-    assert (result.exit_code, said in result.stderr) == (status, True), result.stderr
+    assert (result.exit_code, message in result.stderr) == (status, True), result.stderr
     assert isinstance(result.exception, SystemExit)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
 
@@ -371,7 +371,7 @@ def test_matplotlib_is_an_extra(log, out, tmp_path, monkeypatch):
     assert invoke(log, "-o", out).exit_code == 0
 
 
-def test_damage_is_left_out_and_told(log, tmp_path, out):
+def test_damage_is_left_out_and_reported(log, tmp_path, out):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(log.read_bytes()[:-2000])
     result = invoke(cut, "-o", out)

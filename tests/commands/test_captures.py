@@ -1,4 +1,4 @@
-"""Captures through the whole command line: all commands work on them, and thresholds know what sensor they are for."""
+"""Tests of commands on packet captures, and of warnings about thresholds for another sensor."""
 
 import json
 
@@ -24,12 +24,12 @@ def trial(tmp_path_factory):
 
 
 def uncalibrated(capture, target):
-    """Copy a capture as if the sensor did not calibrate its intensities."""
+    """Copy a capture, marked as having uncalibrated intensities."""
     data = bytearray(capture.read_bytes())
-    place = data.find(INFO_ID)
-    while place >= 0:
-        data[place + 291] = 0
-        place = data.find(INFO_ID, place + 1)
+    index = data.find(INFO_ID)
+    while index >= 0:
+        data[index + 291] = 0
+        index = data.find(INFO_ID, index + 1)
     target.write_bytes(data)
     return target
 
@@ -41,7 +41,7 @@ def test_info_names_the_sensor(trial):
     assert content["sensors"]["/points"]["lost_packets"] == 0
 
 
-def test_filter_and_evaluate_give_what_they_give_on_the_points(trial, tmp_path):
+def test_filter_and_evaluate_give_the_same_results_on_packets_and_points(trial, tmp_path):
     run("simulate", "buoy_speedboat", "-n", 6, "-o", tmp_path / "trial.mcap")
     counts = []
     for log in (trial, tmp_path / "trial.mcap"):
@@ -54,14 +54,14 @@ def test_filter_and_evaluate_give_what_they_give_on_the_points(trial, tmp_path):
     assert counts[0] == counts[1]
 
 
-def test_a_calibration_knows_its_sensor(trial, tmp_path):
+def test_a_calibration_records_its_sensor(trial, tmp_path):
     config = tmp_path / "my.yaml"
     result = run("calibrate", trial, "--labels", trial.with_suffix(".labels.csv"), "-o", config)
     assert result.exit_code == 0, result.output
     sensor = load_config(config).sensor
     assert sensor.model == "RS-LiDAR-32"
     assert "calibrated" in sensor.intensity
-    assert "thresholds were found" not in run("filter", trial, "-c", config, "-o", tmp_path / "f.mcap").stderr
+    assert "the thresholds are for" not in run("filter", trial, "-c", config, "-o", tmp_path / "f.mcap").stderr
     other = uncalibrated(trial, tmp_path / "other.pcap")
     for arguments in (
         ("filter", other, "-o", tmp_path / "g.mcap"),
@@ -69,9 +69,9 @@ def test_a_calibration_knows_its_sensor(trial, tmp_path):
     ):
         result = run(*arguments, "-c", config)
         assert result.exit_code == 0
-        assert "thresholds were found where intensities are calibrated" in result.stderr
+        assert "the thresholds are for intensities of the kind 'calibrated" in result.stderr
 
 
-def test_a_configuration_of_another_sensor(trial, tmp_path):
+def test_a_configuration_for_another_sensor(trial, tmp_path):
     result = run("filter", trial, "-o", tmp_path / "f.mcap", "-s", "sensor.model=VLP-16")
-    assert "made for VLP-16, the log is of RS-LiDAR-32" in result.stderr
+    assert "for VLP-16, but the log is from RS-LiDAR-32" in result.stderr

@@ -1,4 +1,4 @@
-"""``classify separate``: everything of a tile stays but the class."""
+"""``classify separate``: everything in a tile is kept except the class."""
 
 import json
 
@@ -22,10 +22,10 @@ def points():
 
 
 def headers(path, added):
-    """Return header and records, the former without lengths, offsets and counts of what is compressed or added."""
-    head, before, behind = raw_records(path)
+    """Return header and records, without the header bytes that compression or an additional field changes."""
+    head, before, after = raw_records(path)
     changing = {*range(96, 105), *range(235, 243), *([105, 106] if added else [])}
-    return bytes(byte for at, byte in enumerate(head) if at not in changing), before, behind
+    return bytes(byte for at, byte in enumerate(head) if at not in changing), before, after
 
 
 def assert_same_but_class(source, target, added=()):
@@ -59,7 +59,7 @@ def test_las_keeps_everything(tmp_path, suffix, point_format):
 
 
 def _describe(path, name):
-    """Say of a dimension which value stands for none, and its extent, which laspy would not write again."""
+    """Add a no-data value and a value range to the description of a dimension, which laspy would not write again."""
     data = bytearray(path.read_bytes())
     at = data.index(name) - 4
     data[at + 3] |= 0b111
@@ -68,17 +68,17 @@ def _describe(path, name):
     path.write_bytes(data)
 
 
-def test_waveforms_inside_are_refused(tmp_path):
+def test_internal_waveforms_are_refused(tmp_path):
     tile = write(tmp_path / "tile.las", points())
     data = bytearray(tile.read_bytes())
     data[6] |= 2
     tile.write_bytes(data)
     result = run(tile, "-o", tmp_path / "out.las")
-    assert (result.exit_code, "waveforms, which would be lost" in result.stderr) == (1, True)
+    assert (result.exit_code, "waveform packets cannot be copied" in result.stderr) == (1, True)
 
 
 @pytest.mark.parametrize("described", [False, True])
-def test_height_as_a_further_dimension(tmp_path, described):
+def test_height_as_an_additional_dimension(tmp_path, described):
     extra = [("echo_width", "f8", np.arange(4400))] if described else []
     tile = write(tmp_path / "tile.laz", points(), extra=extra)
     if described:
@@ -119,7 +119,7 @@ def test_other_formats(tmp_path, suffix):
     assert set(FRAME_READERS[suffix](again).points["classification"]) == {1, 9}
 
 
-def test_several_tiles_go_to_a_folder(tmp_path):
+def test_several_tiles_are_written_to_a_folder(tmp_path):
     (tmp_path / "in").mkdir()
     for name in "ab":
         write(tmp_path / "in" / f"{name}.las", points())
@@ -155,13 +155,13 @@ def test_bad_tiles(tmp_path):
     assert not list(tmp_path.glob("o.*"))
 
 
-def test_evlrs_that_lie_are_refused(tmp_path):
+def test_evlrs_with_a_wrong_length_are_refused(tmp_path):
     good = write(tmp_path / "good.las", points())
     data = bytearray(good.read_bytes())
     at = int.from_bytes(data[235:243], "little")
     data[at + 20 : at + 28] = (2**60).to_bytes(8, "little")
     (tmp_path / "bad.las").write_bytes(data)
-    assert "it was cut short" in run(tmp_path / "bad.las", "-o", tmp_path / "o.las").stderr
+    assert "it is truncated" in run(tmp_path / "bad.las", "-o", tmp_path / "o.las").stderr
 
 
 def test_a_real_tile_of_land(tmp_path):
@@ -185,7 +185,7 @@ def test_the_sample_tile(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["calm_ships", "reefs", "farms", "high"])
 def test_kappa_rises_to_20_m_and_falls(name):
-    """Table 1 of S1, by the paper's method; ours holds it."""
+    """Table 1 of [Shi2022] with the method of the paper; the default method keeps the best value."""
     from dataclasses import replace
 
     from seaclutter_cli.airborne.separation import separate

@@ -1,4 +1,4 @@
-"""``classify train`` and ``predict``: from labelled tiles to named objects."""
+"""``classify train`` and ``predict``: from labelled tiles to classified objects."""
 
 import csv
 import json
@@ -38,7 +38,7 @@ def tiles(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def trained(tiles):
-    """Return a model and the report on it."""
+    """Return the path of a model and its test report."""
     files = [tiles / f"t{seed}.laz" for seed in range(4)]
     model, plot = tiles / "model.skops", tiles / "confusion.png"
     result = run("classify", "train", *files, "-o", model, "--plot", plot, "--json", "-s", "forest.trees=20")
@@ -62,7 +62,7 @@ def test_training_again_gives_the_same_model(trained, tiles):
     files = [tiles / f"t{seed}.laz" for seed in range(4)]
     result = run("classify", "train", *files, "-o", tiles / "again.skops", "-s", "forest.trees=20")
     assert "overall accuracy" in result.stdout
-    assert "points    F1 of objects" in result.stdout
+    assert "points    object F1" in result.stdout
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
     one, other = (
         run("classify", "predict", tiles / "t4.laz", "--model", m, "-o", tiles / "o.laz", "--json", "--force")
@@ -80,14 +80,15 @@ def test_predict_writes_points_objects_and_a_picture(trained, tiles, tmp_path):
     for name in one.point_format.dimension_names:
         if name != "classification":
             np.testing.assert_array_equal(one[name], other[name], err_msg=name)
-    called, sure, number = (np.asarray(other[name]) for name in ("predicted_class", "probability", "predicted_object"))
+    names = ("predicted_class", "probability", "predicted_object")
+    predicted, probability, number = (np.asarray(other[name]) for name in names)
     water = np.asarray(other.classification) == 9
-    assert (called[water] == 0).all()
-    assert set(called[~water]) <= {1, 2, 3}
-    assert ((sure > 0) == ~water).all()
-    assert sure.max() <= 1
+    assert (predicted[water] == 0).all()
+    assert set(predicted[~water]) <= {1, 2, 3}
+    assert ((probability > 0) == ~water).all()
+    assert probability.max() <= 1
     truth = np.asarray(one["object_class"])
-    assert (called == truth)[~water & (truth > 0)].mean() > 0.7
+    assert (predicted == truth)[~water & (truth > 0)].mean() > 0.7
     rows = list(csv.DictReader(out[1].open()))
     assert len(rows) == number.max() == len(json.loads(out[2].read_text())["features"])
     counts = np.bincount(number)[1:]
@@ -98,7 +99,7 @@ def test_predict_writes_points_objects_and_a_picture(trained, tiles, tmp_path):
     assert out[3].read_bytes().startswith(b"\x89PNG")
 
 
-def test_clusters_that_are_left_out_are_told(trained, tiles, tmp_path):
+def test_clusters_that_are_left_out_are_reported(trained, tiles, tmp_path):
     predict = ("classify", "predict", tiles / "t4.laz", "--model", trained[0], "--force", "-o", tmp_path / "o.laz")
     strict = (*predict, "--plot", tmp_path / "o.svg", "-s", "objects.min_probability=1")
     kept, none = (json.loads(run(*options, "--json").stdout)[0] for options in (predict, strict))
@@ -106,8 +107,8 @@ def test_clusters_that_are_left_out_are_told(trained, tiles, tmp_path):
     assert none["clusters_left_out"] == len(kept["objects"]) + kept["clusters_left_out"] > 1
     points = sum(one["points"] for one in kept["objects"]) + kept["points_left_out"]
     assert none["points_left_out"] == points
-    said = f"{none['clusters_left_out']} clusters left out: {points:,} points, probability below 1 (objects.min_prob"
-    assert said in run(*strict).stdout
+    message = f"{none['clusters_left_out']} clusters left out: {points:,} points, probability below 1 (objects.min_prob"
+    assert message in run(*strict).stdout
     picture = (tmp_path / "o.svg").read_text()
     assert "<!-- left out -->" in picture
     assert "<!-- ship -->" not in picture
@@ -115,11 +116,11 @@ def test_clusters_that_are_left_out_are_told(trained, tiles, tmp_path):
 
 def test_objects_are_listed_with_numbers_in_80_columns():
     from seaclutter_cli.airborne.objects import FoundObject
-    from seaclutter_cli.runs.classify.predict_result import NamedTile
+    from seaclutter_cli.runs.classify.predict_result import TileObjects
 
     far = FoundObject(1, 7, 0.621, 123456, (833978.4, 9997964.9), (1234.5, 234.5), 0.1, 12.34, 123456.7)
     objects = [replace(far, number=number) for number in range(1, 100)]
-    lines = NamedTile("t", 3, objects, 1, 2, 0.1).as_text(0.4).splitlines()
+    lines = TileObjects("t", 3, objects, 1, 2, 0.1).as_text(0.4).splitlines()
     assert max(map(len, lines)) <= 80
     assert " ".join(lines[2].split()) == "1 fishing fence 0.62 123,456 833978 9997965 1234.5 234.5 12.3 123,457"
     assert lines[-3].startswith("99 fishing fence")
@@ -137,7 +138,7 @@ def test_predict_takes_other_clouds(trained, tmp_path):
     assert {"predicted_class", "probability", "predicted_object", "gps_time"} <= set(points.dtype.names)
 
 
-def test_a_tile_of_nothing_but_sea_has_no_objects(trained, tmp_path):
+def test_a_tile_of_sea_has_no_objects(trained, tmp_path):
     tile = write(tmp_path / "sea.laz", sea(np.random.default_rng(1)))
     options = ("--csv", tmp_path / "o.csv", "--plot", tmp_path / "o.png")
     result = run("classify", "predict", tile, "--model", trained[0], "-o", tmp_path / "o.laz", *options)
@@ -146,12 +147,12 @@ def test_a_tile_of_nothing_but_sea_has_no_objects(trained, tmp_path):
     assert (tmp_path / "o.csv").read_text().count("\n") == 1
 
 
-def test_a_model_for_another_feature_set_is_refused(trained, tiles, tmp_path):
+def test_a_model_trained_with_other_features_is_refused(trained, tiles, tmp_path):
     for setting in ("features.features=texture", "features.radius_m=2"):
         result = run(
             "classify", "predict", tiles / "t4.laz", "--model", trained[0], "-o", tmp_path / "o.laz", "-s", setting
         )
-        assert (result.exit_code, "for another feature set" in result.stderr) == (2, True)
+        assert (result.exit_code, "was trained with other features" in result.stderr) == (2, True)
     ok = ("-s", "objects.min_points=40", "-s", "separation.height_m=0.6")
     assert (
         run("classify", "predict", tiles / "t4.laz", "--model", trained[0], "-o", tmp_path / "o.laz", *ok).exit_code
@@ -189,35 +190,35 @@ def test_objects_without_numbers_are_clusters(tmp_path):
 def test_bad_tiles_for_training(tmp_path):
     plain = write(tmp_path / "plain.laz", sea(np.random.default_rng(1)))
     cases = {
-        plain: "no ground truth: no field 'object_class'",
+        plain: "no field 'object_class' with ground truth",
         labelled(tmp_path / "one.laz", [2, 2, 2]): "all objects are of one class (reef)",
-        labelled(tmp_path / "none.laz", [0, 0, 0]): "no points left",
+        labelled(tmp_path / "none.laz", [0, 0, 0]): "no labelled points",
         labelled(tmp_path / "nine.laz", [1, 2, 9]): "classes are 1 to 8",
     }
     train = ("classify", "train", "-o", tmp_path / "m")
-    for tile, said in cases.items():
+    for tile, message in cases.items():
         result = run(*train, tile)
-        assert (result.exit_code, said in result.stderr) == (1, True), result.stderr
+        assert (result.exit_code, message in result.stderr) == (1, True), result.stderr
     (tmp_path / "empty").mkdir()
-    assert "empty: the folder holds no tiles; known are" in run(*train, tmp_path / "empty").stderr
-    assert "none.las: no such tile" in run(*train, tmp_path / "none.las").stderr
+    assert "empty: no tile found; supported suffixes:" in run(*train, tmp_path / "empty").stderr
+    assert "none.las: no tile found" in run(*train, tmp_path / "none.las").stderr
     assert not (tmp_path / "m").exists()
 
 
-def test_what_could_not_be_tested_is_said(tmp_path):
+def test_classes_that_could_not_be_tested_are_reported(tmp_path):
     tile = labelled(tmp_path / "t.laz", [1, 1, 2])
     result = run("classify", "train", tile, "-o", tmp_path / "m", "-s", "forest.trees=5")
-    assert "nothing of reef could be held out" in result.stderr
-    assert "kappa -\n" in result.stdout, "a test of ships alone has none"
+    assert "no points of reef were held out" in result.stderr
+    assert "kappa -\n" in result.stdout, "a test with ships only has no kappa"
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
 
 
-def test_without_anything_held_out_there_is_no_test(tmp_path):
+def test_without_held_out_data_there_is_no_test(tmp_path):
     tile = labelled(tmp_path / "t.laz", [1, 2])
     train = ("classify", "train", tile, "-s", "forest.trees=5", "--force", "-o", tmp_path / "m")
     result = run(*train, "--plot", tmp_path / "p.png")
     assert result.exit_code == 0, result.output
-    assert result.stdout == "trained on 400 points; there is no test, as nothing could be held out\n"
+    assert result.stdout == "trained on 400 points; no test, because nothing could be held out\n"
     assert "no class has two objects; train on more tiles, or on more objects" in result.stderr
     assert "p.png: not drawn" in result.stderr
     assert not (tmp_path / "p.png").exists()
@@ -226,7 +227,7 @@ def test_without_anything_held_out_there_is_no_test(tmp_path):
     assert (report["held_out"], report["points_tested"], report["kappa"]) == (None, 0, None)
 
 
-def test_no_output_takes_the_place_of_an_input_or_another(trained, tiles, tmp_path):
+def test_an_output_cannot_replace_an_input_or_another_output(trained, tiles, tmp_path):
     model, settings = trained[0], _file(tmp_path, "objects: {min_points: 9}")
     before = model.read_bytes()
     predict = ("classify", "predict", tiles / "t4.laz", "--model", model, "-c", settings, "--force")
@@ -234,7 +235,7 @@ def test_no_output_takes_the_place_of_an_input_or_another(trained, tiles, tmp_pa
         result = run(*predict, "-o", tmp_path / "o.laz", "--csv", name)
         assert (result.exit_code, "is part of the input" in result.stderr) == (2, True)
     result = run(*predict, "-o", tmp_path / "o.laz", "--geojson", tmp_path / "." / "o.laz")
-    assert (result.exit_code, "is named for two outputs" in result.stderr) == (2, True)
+    assert (result.exit_code, "is given for two outputs" in result.stderr) == (2, True)
     result = run("classify", "train", tiles / "t4.laz", "-c", settings, "-o", settings, "--force")
     assert (result.exit_code, "is part of the input" in result.stderr) == (2, True)
     assert (model.read_bytes(), settings.read_text()) == (before, "objects: {min_points: 9}")
@@ -242,13 +243,13 @@ def test_no_output_takes_the_place_of_an_input_or_another(trained, tiles, tmp_pa
 
 def test_bad_command_lines(trained, tiles, tmp_path):
     predict = ("classify", "predict", tiles / "t4.laz", "-o", tmp_path / "o.laz")
-    (tmp_path / "text").write_text("no model")
-    assert "no model of seaclutter" in run(*predict, "--model", tmp_path / "text").stderr
+    (tmp_path / "text").write_text("not a model")
+    assert "not a seaclutter model" in run(*predict, "--model", tmp_path / "text").stderr
     result = run(*predict, "--model", tmp_path)
     assert (result.exit_code, "is a directory" in result.stderr) == (2, True)
     both = ("classify", "predict", tiles / "t3.laz", tiles / "t4.laz", "-o", tmp_path / "o", "--model", trained[0])
-    assert "one tile at a time" in run(*both, "--plot", tmp_path / "p.png").stderr
-    assert "pictures end in" in run(*predict, "--model", trained[0], "--plot", tmp_path / "p.gif").stderr
+    assert "needs a single tile, got 2" in run(*both, "--plot", tmp_path / "p.png").stderr
+    assert "must end in .png or .svg" in run(*predict, "--model", trained[0], "--plot", tmp_path / "p.gif").stderr
     assert "unknown section" in run(*predict, "--model", trained[0], "-c", _file(tmp_path, "filter: {}")).stderr
     assert "write it as SECTION.KEY=VALUE" in run(*predict, "--model", trained[0], "-s", "radius=3").stderr
     assert not (tmp_path / "o.laz").exists()

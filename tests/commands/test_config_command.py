@@ -1,4 +1,4 @@
-"""``seaclutter config``: what it prints is what it takes."""
+"""Tests of ``seaclutter config``: shown configurations can be read again."""
 
 import json
 
@@ -16,7 +16,7 @@ def invoke(*arguments):
 
 
 @pytest.mark.parametrize("method", FILTERS)
-def test_what_show_prints_is_a_config(tmp_path, method):
+def test_a_shown_configuration_is_valid(tmp_path, method):
     file = tmp_path / "shown.yaml"
     file.write_text(invoke("show", "-m", method).stdout)
     assert load_config(file) == load_config(method=method)
@@ -24,7 +24,7 @@ def test_what_show_prints_is_a_config(tmp_path, method):
     assert json.loads(invoke("show", "-m", method, "--json").stdout) == load_config(method=method).as_dict()
 
 
-def test_check_tells_of_every_file(tmp_path):
+def test_check_reports_every_file(tmp_path):
     (tmp_path / "good.yaml").write_text("filter: {far: drop}\n")
     (tmp_path / "bad.yaml").write_text("filter: {colour: red}\n")
     (tmp_path / "worse.yaml").write_text("filter: [")
@@ -32,10 +32,10 @@ def test_check_tells_of_every_file(tmp_path):
     assert result.exit_code == 2
     assert "good.yaml: valid, method joint" in result.stdout
     assert "colour" in result.stderr
-    assert "worse.yaml, line 1: no valid YAML" in result.stderr
+    assert "worse.yaml, line 1: not valid YAML" in result.stderr
 
 
-def test_sensors_lists_what_is_built_in():
+def test_sensors_lists_built_in_items():
     text = invoke("sensors").stdout
     listed = json.loads(invoke("sensors", "--json").stdout)
     for name in (*SENSORS, *FILTERS):

@@ -1,4 +1,4 @@
-"""``seaclutter evaluate`` from the outside: figures, tables, several methods and recordings, what it refuses."""
+"""Tests of ``seaclutter evaluate``: rates, tables, several methods and recordings, errors."""
 
 import csv
 import json
@@ -33,7 +33,7 @@ def lump(range_m, intensity, label=0):
 
 
 def sea(number):
-    """Return a frame: spray always, a wave in 1 and 3, a boat in all but 2, a dim one in 4."""
+    """Return a frame with spray, a wave in frames 1 and 3, and a boat in all but frame 2, a dim one in frame 4."""
     lumps = [lump(SPRAY, 1)]
     if number in (1, 3):
         lumps.append(lump(WAVE, 100))
@@ -55,7 +55,7 @@ def make_log(path, dtype=POINT, make=sea, topics=("/points",)):
 
 
 def make_labels(path, *, frames=range(5)):
-    """Label the frames of the sea: nothing in frame 2, frame 5 not at all."""
+    """Label the frames of `sea`: frame 2 as empty, frame 5 not at all."""
     rows = [f"{number},,none,,,,,,," if number == 2 else f"{number},{BOX}" for number in frames]
     path.write_text("\n".join((HEAD, *rows, "")))
     return path
@@ -111,7 +111,7 @@ def test_a_recording_by_hand(log, labels):
     assert found["filter_ms"]["median"] > 0
 
 
-def test_the_log_as_it_is(log, labels):
+def test_the_unfiltered_log(log, labels):
     found = figures(log, "--labels", labels, "-m", "none")["methods"]["none"]
     assert (found["detected"], found["false_alarms"], found["N_FP"], found["N_FN"]) == (4, 7, 5, 0)
 
@@ -131,7 +131,7 @@ def test_the_table_of_frames(log, labels, tmp_path):
     assert [table[-1][name] for name in ALARM_COLUMNS] == ["", "", "", "", "2", "", "20", "20"]
 
 
-def test_point_truth_brings_its_columns(tmp_path):
+def test_point_labels_add_columns(tmp_path):
     log, out = make_log(tmp_path / "log.mcap", LABELLED), tmp_path / "frames.csv"
     found = figures(log, "--labels", log, "-m", "ring_intensity", "-o", out)["methods"]["ring_intensity"]
     assert (found["frames"], found["N_FP"], found["N_FN"]) == (6, 2, 1)
@@ -145,7 +145,7 @@ def test_point_truth_brings_its_columns(tmp_path):
     assert {name: sum(int(row[name]) for row in table) for name in POINT_COLUMNS} == counts
 
 
-def test_recordings_with_and_without_point_truth(log, labels, tmp_path):
+def test_recordings_with_and_without_point_labels(log, labels, tmp_path):
     inside = make_log(tmp_path / "points.mcap", LABELLED)
     out = tmp_path / "frames.csv"
     result = invoke(log, inside, "--labels", labels, "--labels", inside, "-m", "none", "-o", out)
@@ -174,7 +174,7 @@ def test_comparisons(log, labels, tmp_path, comparison, names):
     assert all(name in result.stdout for name in expected)
 
 
-def test_all_methods_in_one_pass_give_what_each_gives_alone(log, labels, tmp_path):
+def test_all_methods_in_one_pass_give_the_same_as_each_alone(log, labels, tmp_path):
     together = tmp_path / "together.csv"
     assert invoke(log, "--labels", labels, "--compare", "all", "-o", together).exit_code == 0
     table = rows(together)
@@ -197,7 +197,7 @@ def test_every_recording_starts_without_state(labels, tmp_path):
     assert result.exit_code == 0, result.output
     first, second = ([row | {"recording": ""} for row in rows(out) if row["recording"] == name] for name in "ab")
     assert first == second
-    assert "2 recordings, 10 frames labelled, 2 not" in result.stdout
+    assert "2 recordings; 10 labelled frames, 2 unlabelled; " in result.stdout
 
 
 def test_configuration_reaches_the_methods_that_have_the_key(log, labels, tmp_path):
@@ -215,14 +215,14 @@ def test_configuration_reaches_the_methods_that_have_the_key(log, labels, tmp_pa
     assert all(made["evaluation"]["min_cluster_points"] == 3 for made in found.values())
 
 
-def test_a_key_of_a_key_reaches_the_method_that_has_it(log, labels):
+def test_a_nested_key_reaches_the_method_that_has_it(log, labels):
     arguments = (log, "--labels", labels, "-m", "adaptive_radius", "-m", "none")
     found = figures(*arguments, "-s", "filter.presets.open.min_neighbors=3")["configs"]
     assert found["adaptive_radius"]["filter"]["presets"]["open"] == {"radius_ratio": 0.015, "min_neighbors": 3}
 
 
 def test_density_based_clusters(log, labels):
-    """Lumps are rows of ten points, an eighth of a metre apart: a core point has at most four others within 0.25 m."""
+    """Lumps are rows of ten points, an eighth of a metre apart: a core point has up to four neighbours in 0.25 m."""
     arguments = (log, "--labels", labels, "-m", "none", "-s", "evaluation.cluster_tolerance_m=0.25")
     for needed, clusters, unclustered in ((5, 2, 0), (6, 0, 20)):
         options = ("--clustering", "dbscan", "-s", f"evaluation.dbscan_min_points={needed}")
@@ -235,14 +235,14 @@ def test_density_based_clusters(log, labels):
     assert "unclustered" not in invoke(*arguments).stdout
 
 
-def test_without_a_method_the_configuration_decides(log, labels, tmp_path):
+def test_the_default_method_is_that_of_the_configuration(log, labels, tmp_path):
     assert list(figures(log, "--labels", labels)["methods"]) == ["joint"]
     config = tmp_path / "c.yaml"
     config.write_text("filter: {method: ror}\n")
     assert list(figures(log, "--labels", labels, "-c", config)["methods"]) == ["ror"]
 
 
-def test_a_part_of_a_recording_needs_not_all_labels(log, labels):
+def test_a_part_of_a_recording_does_not_need_all_labels(log, labels):
     found = figures(log, "--labels", labels, "-m", "none", "-n", 2)["methods"]["none"]
     assert (found["frames"], found["unlabelled_frames"]) == (2, 0)
     found = figures(log, "--labels", labels, "-m", "none", "--start", 0.35)["methods"]["none"]
@@ -290,14 +290,14 @@ def test_a_frame_that_no_method_can_use_is_damage(tmp_path, labels):
     assert len(found["recordings"][0]["damage"]) == 1
 
 
-def test_frames_without_labels_only_are_warned_of(log, labels):
+def test_a_warning_if_no_frame_is_labelled(log, labels):
     result = invoke(log, "--labels", labels, "-m", "none", "--start", 0.45)
     assert result.exit_code == 0, result.output
-    assert "none of its frames is labelled" in result.stderr
+    assert "no frame is labelled" in result.stderr
     assert result.stdout.splitlines()[3].split() == ["none", "0", "0", "0", "-", "-", "-", "-"]
 
 
-def test_thresholds_that_cannot_fit_are_warned_of_once(tmp_path, labels):
+def test_a_single_warning_about_thresholds_that_cannot_fit(tmp_path, labels):
     def make(number):
         points = sea(number)
         points["intensity"] /= 100
@@ -321,7 +321,7 @@ def test_an_interrupted_run_leaves_no_table(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_that_fails_midway_leaves_neither_lines_nor_columns(tmp_path):
+def test_a_recording_that_fails_midway_leaves_no_rows_and_no_columns(tmp_path):
     frame = frame_of(lump_at(20))
     plain = FrameScore(10, 5, 1, 0, Alarms(1, 1, 1, 1, 0), None)
     with FrameTable(tmp_path / "frames.csv") as table:
@@ -336,27 +336,27 @@ def test_a_recording_that_fails_midway_leaves_neither_lines_nor_columns(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("arguments", "status", "said"),
+    ("arguments", "status", "message"),
     [
         (("log.mcap",), 2, "Missing option '--labels'"),
-        (("none.mcap", "--labels", "boxes.csv"), 2, "there is no such file"),
+        (("none.mcap", "--labels", "boxes.csv"), 2, "none.mcap: no such file or folder"),
         (("log.mcap", "--labels", "no.csv"), 2, "no.csv"),
         (("log.mcap", "--labels", "boxes.csv", "-m", "magic"), 2, "unknown method 'magic'"),
         (("log.mcap", "--labels", "boxes.csv", "--compare", "magic"), 2, "magic"),
         (("log.mcap", "--labels", "boxes.csv", "-m", "ror", "-s", "filter.end_m=5"), 2, "unknown key"),
         (("log.mcap", "--labels", "boxes.csv", "-m", "ror", "-s", "filter.method=sor"), 2, "name them with --method"),
-        (("log.mcap", "--labels", "boxes.csv", "-o", "old.csv"), 2, "old.csv: exists already"),
-        (("log.mcap", "--labels", "boxes.csv", "--summary", "old.csv"), 2, "old.csv: exists already"),
+        (("log.mcap", "--labels", "boxes.csv", "-o", "old.csv"), 2, "old.csv: already exists"),
+        (("log.mcap", "--labels", "boxes.csv", "--summary", "old.csv"), 2, "old.csv: already exists"),
         (("log.mcap", "--labels", "boxes.csv", "-o", "log.mcap", "--force"), 2, "is part of the input"),
         (("log.mcap", "--labels", "boxes.csv", "-o", "boxes.csv", "--force"), 2, "is part of the input"),
-        (("log.mcap", "--labels", "boxes.csv", "-o", "x.csv", "--summary", "x.csv"), 2, "named for two outputs"),
+        (("log.mcap", "--labels", "boxes.csv", "-o", "x.csv", "--summary", "x.csv"), 2, "given for two outputs"),
         (("log.mcap", "--labels", "boxes.csv", "--intensity-field", "power"), 1, "no field 'power'"),
         (("two.mcap", "--labels", "boxes.csv"), 2, "choose from: -t /a -t /b"),
-        (("two.mcap", "--labels", "boxes.csv", "-t", "/a", "-t", "/b"), 2, "one cloud topic at a time: -t /a or -t /b"),
+        (("two.mcap", "--labels", "boxes.csv", "-t", "/a", "-t", "/b"), 2, "choose one: -t /a or -t /b"),
         (("plain.mcap", "--labels", "boxes.csv"), 1, "no intensity field"),
     ],
 )
-def test_what_is_refused(tmp_path, monkeypatch, arguments, status, said):
+def test_refused_arguments(tmp_path, monkeypatch, arguments, status, message):
     monkeypatch.chdir(tmp_path)
     make_log(tmp_path / "log.mcap")
     make_log(tmp_path / "two.mcap", topics=("/a", "/b"))
@@ -365,7 +365,7 @@ def test_what_is_refused(tmp_path, monkeypatch, arguments, status, said):
     (tmp_path / "old.csv").write_bytes(b"")
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     result = invoke(*arguments)
-    assert (result.exit_code, said in result.stderr) == (status, True), result.stderr
+    assert (result.exit_code, message in result.stderr) == (status, True), result.stderr
     assert isinstance(result.exception, SystemExit)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
 

@@ -1,4 +1,4 @@
-"""``seaclutter filter`` from the outside: summaries, selections, several recordings, what it refuses."""
+"""Tests of ``seaclutter filter``: summaries, selections, several recordings, errors."""
 
 import csv
 import json
@@ -33,18 +33,18 @@ def points(number, size=300, top=255):
 
 
 def write_log(path, topics=("/points",), frames=5, make=points):
-    """Write a log of one frame a second on each topic, and a string topic beside."""
+    """Write a log with one frame per second on each topic, and a JSON topic."""
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start(profile="ros2")
         schema = ros2_schema(TYPE)
-        number = writer.register_schema(schema.name, schema.encoding, schema.data)
-        channels = [writer.register_channel(topic, "cdr", number) for topic in topics]
+        schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+        channels = [writer.register_channel(topic, "cdr", schema_id) for topic in topics]
         note = writer.register_channel("/note", "json", writer.register_schema("note", "jsonschema", b"{}"))
         for index in range(frames):
             stamp = (100 + index) * SECOND_NS
-            for place, channel in enumerate(channels):
-                data = CODECS[TYPE, "cdr"].encode(from_array(make(index + 100 * place), stamp_ns=stamp))
+            for number, channel in enumerate(channels):
+                data = CODECS[TYPE, "cdr"].encode(from_array(make(index + 100 * number), stamp_ns=stamp))
                 writer.add_message(channel, stamp, data, stamp, index)
             writer.add_message(note, stamp, b"{}", stamp, index)
         writer.finish()
@@ -77,7 +77,7 @@ def test_the_real_sample(out):
     assert len(messages(out, "/points")) == 3
 
 
-def test_the_summary_is_the_table_of_frames_summed_up(log, out, tmp_path):
+def test_the_summary_is_the_sum_of_the_table_of_frames(log, out, tmp_path):
     result = invoke(log, "-o", out, "--csv", tmp_path / "frames.csv", "--json")
     (outcome,) = json.loads(result.stdout)
     topic = outcome["topics"]["/points"]
@@ -93,7 +93,7 @@ def test_the_summary_is_the_table_of_frames_summed_up(log, out, tmp_path):
 
 
 @pytest.mark.parametrize("scene", ["open", "confined", "auto"])
-def test_the_summary_says_which_scene_the_frames_were_filtered_for(log, out, tmp_path, scene):
+def test_the_summary_counts_frames_by_scene(log, out, tmp_path, scene):
     if scene == "auto":
         pytest.importorskip("onnxruntime", reason="needs the extra scene")
     table = tmp_path / "frames.csv"
@@ -103,7 +103,7 @@ def test_the_summary_says_which_scene_the_frames_were_filtered_for(log, out, tmp
         scenes = [row["scene"] for row in csv.DictReader(stream)]
     assert outcome["topics"]["/points"]["scenes"] == dict(Counter(scenes))
     assert set(scenes) <= ({"open", "confined"} if scene == "auto" else {scene})
-    assert f"filtered as {scenes[0]}: " in invoke(*arguments).stdout
+    assert f"frames by scene: {scenes[0]} " in invoke(*arguments).stdout
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_a_part_of_a_recording(log, out, tmp_path, options, frames, notes):
     assert len(messages(out, "/note")) == notes
 
 
-def test_two_lidars_have_a_state_each(tmp_path):
+def test_each_topic_has_its_own_state(tmp_path):
     both = write_log(tmp_path / "both.mcap", ("/port", "/starboard"))
     result = invoke(both, "-o", tmp_path / "x.mcap")
     assert result.exit_code == 2
@@ -168,32 +168,32 @@ def test_one_bad_recording_does_not_stop_the_others(tmp_path):
         assert {row["recording"] for row in csv.DictReader(stream)} == {"a", "c"}
 
 
-def test_globs_are_expanded_here_and_names_that_exist_are_not(tmp_path):
+def test_globs_are_expanded_unless_a_file_has_that_name(tmp_path):
     odd = write_log(tmp_path / "log [1] ä.mcap")
     assert invoke(odd, "-o", tmp_path / "odd.mcap").exit_code == 0
     assert invoke(tmp_path / "log*.mcap", "-o", tmp_path / "star.mcap").exit_code == 0
     assert (tmp_path / "odd.mcap").read_bytes() == (tmp_path / "star.mcap").read_bytes()
 
 
-def test_an_existing_folder_takes_a_single_recording(log, tmp_path):
+def test_a_single_recording_can_go_into_an_existing_folder(log, tmp_path):
     (tmp_path / "out").mkdir()
     assert invoke(log, "-o", tmp_path / "out").exit_code == 0
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["log.mcap"]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "status", "said"),
+    ("arguments", "status", "message"),
     [
-        (("none.mcap", "-o", "x.mcap"), 2, "none.mcap: there is no such file or folder"),
-        (("no*.mcap", "-o", "x.mcap"), 2, "no*.mcap: nothing fits this pattern"),
-        (("notes.txt", "-o", "x.mcap"), 1, "notes.txt: the format is not known"),
+        (("none.mcap", "-o", "x.mcap"), 2, "none.mcap: no such file or folder"),
+        (("no*.mcap", "-o", "x.mcap"), 2, "no*.mcap: no file matches this pattern"),
+        (("notes.txt", "-o", "x.mcap"), 1, "notes.txt: unknown format"),
         (("empty.mcap", "-o", "x.mcap"), 1, "empty.mcap: the file is empty"),
-        (("hollow", "-o", "x.mcap"), 2, "hollow: the folder holds no logs"),
+        (("hollow", "-o", "x.mcap"), 2, "hollow: no logs or frames in this folder"),
         (("log.mcap",), 2, "Missing option '-o'"),
         (("log.mcap", "-o", "log.mcap", "--force"), 2, "is part of the input"),
-        (("log.mcap", "-o", "old.mcap"), 2, "old.mcap: exists already; --force replaces it"),
-        (("log.mcap", "-o", "x.mcap", "--csv", "old.csv"), 2, "old.csv: exists already"),
-        (("log.mcap", "log2.mcap", "-o", "old.mcap"), 2, "is a file, 2 recordings need a folder"),
+        (("log.mcap", "-o", "old.mcap"), 2, "old.mcap: already exists; use --force to replace it"),
+        (("log.mcap", "-o", "x.mcap", "--csv", "old.csv"), 2, "old.csv: already exists"),
+        (("log.mcap", "log2.mcap", "-o", "old.mcap"), 2, "is a file, but 2 recordings need a folder"),
         (("log.mcap", "sub/log.mcap", "-o", "dir"), 2, "would both become"),
         (("log.mcap", "-o", "x.mcap", "-t", "/note"), 2, "no point-cloud topic /note; choose from: -t /points"),
         (("log.mcap", "-o", "x.mcap", "--intensity-field", "power"), 1, "no field 'power'; the cloud has x, y, z"),
@@ -204,7 +204,7 @@ def test_an_existing_folder_takes_a_single_recording(log, tmp_path):
         (("cloudless.mcap", "-o", "x.mcap"), 1, "no point clouds that can be read; the log has /note"),
     ],
 )
-def test_what_is_refused(tmp_path, monkeypatch, arguments, status, said):
+def test_refused_arguments(tmp_path, monkeypatch, arguments, status, message):
     monkeypatch.chdir(tmp_path)
     for name in ("log", "log2", "sub/log"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -217,7 +217,7 @@ def test_what_is_refused(tmp_path, monkeypatch, arguments, status, said):
         (tmp_path / name).write_bytes(b"")
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     result = invoke(*arguments)
-    assert (result.exit_code, said in result.stderr) == (status, True), result.stderr
+    assert (result.exit_code, message in result.stderr) == (status, True), result.stderr
     assert isinstance(result.exception, SystemExit)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
 
@@ -237,13 +237,13 @@ def test_frames_that_lack_a_field_are_left_out_unless_all_do(tmp_path, out, bad,
         assert not out.exists()
 
 
-def test_methods_without_intensity_need_no_such_field(tmp_path):
+def test_methods_without_intensity_need_no_intensity_field(tmp_path):
     log = write_log(tmp_path / "plain.mcap", make=lambda number: points(number)[["x", "y", "z"]])
     for method in ("sor", "ror", "none"):
         assert invoke(log, "-o", tmp_path / f"{method}.mcap", "-m", method).exit_code == 0
 
 
-def test_a_log_without_frames_is_no_error(tmp_path, out):
+def test_a_log_without_frames_is_not_an_error(tmp_path, out):
     log = write_log(tmp_path / "none.mcap", frames=0)
     result = invoke(log, "-o", out)
     assert result.exit_code == 0
@@ -258,11 +258,11 @@ def test_a_log_without_frames_is_no_error(tmp_path, out):
     [
         (1, "[30,16,7,4]", "no point can pass: intensities are 0"),
         (255, "[30,16,7,4]", None),
-        (255, "[0,0,0,0]", "no point is weaker than its threshold"),
+        (255, "[0,0,0,0]", "no point is below its threshold"),
         (1, "[0.5,0.4,0.3,0.2]", None),
     ],
 )
-def test_thresholds_that_cannot_fit_are_warned_of(tmp_path, out, top, thresholds, warned):
+def test_warnings_about_thresholds_that_cannot_fit(tmp_path, out, top, thresholds, warned):
     log = write_log(tmp_path / "log.mcap", make=lambda number: points(number, top=top))
     result = invoke(log, "-o", out, "-s", f"filter.initial_thresholds={thresholds}")
     assert result.exit_code == 0
@@ -303,14 +303,14 @@ def test_summaries_fit_a_terminal_of_80_columns(log, out):
         (("--keep-raw",), ("-t", "/points/filtered"), True),
     ],
 )
-def test_what_was_filtered_already_is_warned_of(log, out, tmp_path, first, second, warned):
+def test_a_warning_about_filtered_logs(log, out, tmp_path, first, second, warned):
     invoke(log, "-o", out, "-q", *first)
     result = invoke(out, "-o", tmp_path / "again.mcap", *second)
     assert result.exit_code == 0
-    assert ("was filtered already" in result.stderr) == warned
+    assert ("already filtered" in result.stderr) == warned
 
 
-def test_a_log_of_which_nothing_is_left(log, out):
+def test_a_log_without_remaining_points(log, out):
     result = invoke(log, "-o", out, "-s", "filter.start_m=500", "-s", "filter.end_m=560")
-    assert "/points: no point is left; " in result.stderr
+    assert "/points: no points are left; " in result.stderr
     assert "were removed as near" in result.stderr

@@ -1,4 +1,4 @@
-"""Help: there for every command, quick, and true to the README."""
+"""Tests of the help texts: complete, fast, and consistent with the README."""
 
 import subprocess
 import sys
@@ -42,14 +42,14 @@ def test_every_command_is_in_the_readme(path):
     assert f"seaclutter {' '.join(path)}" in README
 
 
-def test_the_short_help_is_the_commands_own():
+def test_the_short_help_is_that_of_the_command():
     for path, command in ALL:
         if len(path) == 1:
             assert command.get_short_help_str(200) == COMMANDS[path[0]]
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["--version"], *([*path, "--help"] for path in PATHS)])
-def test_help_does_not_import_what_takes_time(arguments):
+def test_help_does_not_import_slow_packages(arguments):
     code = (
         "import sys; sys.argv = ['seaclutter', *%r]\n"
         "from seaclutter_cli.commands import main\n"

@@ -1,4 +1,4 @@
-"""``seaclutter info``: figures checked against numpy, hints checked against logs that need them."""
+"""Tests of ``seaclutter info``: figures against NumPy, and hints on logs that need them."""
 
 import json
 
@@ -21,7 +21,7 @@ def survey(*arguments):
     return json.loads(result.stdout)
 
 
-def test_the_figures_are_those_of_the_points(tmp_path):
+def test_the_figures_match_the_points(tmp_path):
     def make(number):
         cloud = points(number, size=100 + 10 * number)
         cloud["x"][0] = np.nan
@@ -48,21 +48,21 @@ def test_the_figures_are_those_of_the_points(tmp_path):
 @pytest.mark.parametrize(
     ("options", "need"),
     [
-        ({"topics": ("/port", "/starboard")}, "which topics: -t /port -t /starboard"),
-        ({"make": lambda number: points(number, top=1)}, "need thresholds of their own"),
+        ({"topics": ("/port", "/starboard")}, "choose from: -t /port -t /starboard"),
+        ({"make": lambda number: points(number, top=1)}, "do not fit the default thresholds"),
         ({"make": lambda number: points(number)[["x", "y", "z"]]}, "--intensity-field"),
         ({"make": lambda number: points(number)[["x", "y", "intensity"]]}, "no field 'z'"),
         ({"topics": ()}, "there are no point clouds"),
     ],
 )
-def test_what_a_filter_run_would_need(tmp_path, options, need):
+def test_settings_that_a_filter_run_needs(tmp_path, options, need):
     log = write_log(tmp_path / "log.mcap", **options)
     (content,) = survey(log)
     assert any(need in line for line in content["needs"])
     assert need in invoke(log).stdout
 
 
-def test_frames_limit_what_is_read(tmp_path):
+def test_frames_limits_the_input(tmp_path):
     (content,) = survey(write_log(tmp_path / "log.mcap"), "-n", "2")
     assert content["clouds"]["/points"]["frames"] == 2
 
@@ -78,7 +78,7 @@ def test_a_log_without_frames(tmp_path):
     assert "frames     0" in result.stdout
 
 
-def test_a_log_that_is_none(tmp_path):
+def test_a_file_that_is_not_a_log(tmp_path):
     (tmp_path / "no.mcap").write_bytes(b"nothing")
     result = invoke(tmp_path / "no.mcap")
     assert result.exit_code == 1

@@ -1,4 +1,4 @@
-"""``seaclutter report`` from the outside: pages of raw logs, of filtered ones, and of odd ones."""
+"""``seaclutter report``: pages of raw logs, filtered logs and unusual logs."""
 
 import json
 import re
@@ -38,17 +38,17 @@ def bits(data, method=0):
     return unpacked(data["methods"][method]["alarms"], "u1").tolist()
 
 
-def test_a_recording_by_hand(log, labels, page):
+def test_a_small_recording(log, labels, page):
     report(log, "--labels", labels, "-m", "ring_intensity", "-m", "none", "-o", page)
     data = data_of(page)
     assert data["recordings"] == ["log"]
-    assert bits(data) == [1, 3, 1, 3, 5, 0]  # labelled 1, false alarm 2, omitted alarm 4
+    assert bits(data) == [1, 3, 1, 3, 5, 0]  # labelled 1, false alarm 2, missed target 4
     assert [method["name"] for method in data["methods"]] == ["ring_intensity", "none"]
     assert data["methods"][0]["summary"]["N_FP"] == 2
     assert "filter_ms" not in data["methods"][0]["summary"]
     rows = [sample["row"] for sample in data["samples"]]
     assert sorted(rows) == list(range(6))
-    assert sorted(rows[:3]) == [1, 3, 4], "those that went wrong come first"
+    assert sorted(rows[:3]) == [1, 3, 4], "frames with errors come first"
     counts = unpacked(data["methods"][0]["counts"], "<f4").reshape(7, 6)
     assert counts[3].tolist() == [10, 10, 10, 10, 20, 10]
 
@@ -61,11 +61,11 @@ def test_points_of_a_frame(log, labels, page):
     assert np.abs(np.sort(xyz[:, 0]) - np.sort(np.r_[15 + np.arange(10) / 8, 30 + np.arange(10) / 8])).max() < 0.001
     assert set(unpacked(sample["reasons"][0], "u1")) == {3}
     assert sample["boxes"][0]["class"] == "boat"
-    assert sample["boxes"][0]["state"] == ["lost"]
+    assert sample["boxes"][0]["state"] == ["missed"]
 
 
-def test_a_frame_that_is_not_there(log, page):
-    assert "no log has a frame 7, 99:" in report(log, "-o", page, "--pick", 2, "--pick", 99, "--pick", 7).stderr
+def test_a_frame_that_does_not_exist(log, page):
+    assert "no log has frame 7, 99;" in report(log, "-o", page, "--pick", 2, "--pick", 99, "--pick", 7).stderr
     assert [one["why"] for one in data_of(page)["samples"] if one["row"] == 2] == ["picked"]
 
 
@@ -103,14 +103,14 @@ def test_scenes_are_read_back(log, page, tmp_path):
 
 
 @pytest.mark.parametrize(("more", "first"), [([], "joint"), (["-m", "ring_intensity"], "ring_intensity")])
-def test_the_method_to_look_at_first(log, labels, page, more, first):
+def test_the_first_method(log, labels, page, more, first):
     report(log, "--labels", labels, "--compare", "paper", *more, "-o", page)
     names = [method["name"] for method in data_of(page)["methods"]]
     assert names[0] == first
     assert len(names) == len(set(names)) == 5
 
 
-def test_a_filtered_log_without_its_raw_clouds_is_told_of(log, page, tmp_path):
+def test_a_filtered_log_without_its_raw_clouds_is_an_error(log, page, tmp_path):
     filter_log(log, tmp_path / "f.mcap")
     assert "--keep-raw --with-removed" in report(tmp_path / "f.mcap", "-o", page, status=1).stderr
     assert not page.exists()
@@ -126,7 +126,7 @@ def test_other_methods_on_a_filtered_log(log, page, tmp_path):
 
 def test_a_raw_log_and_a_filtered_one_do_not_mix(log, page, tmp_path):
     filter_log(log, tmp_path / "f.mcap", keep_raw=True, with_removed=True)
-    assert "a report of each" in report(log, tmp_path / "f.mcap", "-o", page, status=2).stderr
+    assert "process each one alone" in report(log, tmp_path / "f.mcap", "-o", page, status=2).stderr
     assert not page.exists()
 
 
@@ -156,7 +156,7 @@ def test_hostile_names(page, tmp_path):
 def test_the_page_names_no_address(log, page):
     report(log, "-o", page)
     found = set(re.findall(r"https?://[^\s\"'<>]*", page.read_text(encoding="utf-8")))
-    assert found == {"http://www.w3.org/2000/svg"}  # the name of a kind of element, which nothing loads
+    assert found == {"http://www.w3.org/2000/svg"}  # an XML namespace, which is never loaded
 
 
 def test_no_labels(log, page):
@@ -216,7 +216,7 @@ def test_several_recordings(log, labels, page, tmp_path):
     assert bits(data)[:6] == bits(data)[6:]
 
 
-def test_very_many_frames_and_points_stay_small(page, tmp_path, monkeypatch):
+def test_large_logs_give_small_pages(page, tmp_path, monkeypatch):
     stamps = [START_NS + k * PERIOD_NS for k in range(1500)]
     points = np.zeros(4, [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
     points["x"] = 20
@@ -250,7 +250,7 @@ def test_figures(log, labels, page, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         (["-o", "{log}"], "part of the input"),
         (["-o", "{labels}", "--labels", "{labels}", "--force"], "is part of the input"),
@@ -258,9 +258,9 @@ def test_figures(log, labels, page, tmp_path):
         (["-o", "{tmp}"], "is a folder"),
     ],
 )
-def test_what_is_refused(log, labels, tmp_path, arguments, says):
+def test_rejected_arguments(log, labels, tmp_path, arguments, message):
     filled = [text.format(log=log, labels=labels, tmp=tmp_path) for text in arguments]
-    assert says in report(log, *filled, status=2).stderr
+    assert message in report(log, *filled, status=2).stderr
 
 
 def test_an_existing_page_is_kept(log, page):
@@ -269,7 +269,7 @@ def test_an_existing_page_is_kept(log, page):
     assert page.read_text() == "mine"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signal")
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ on Windows")
 def test_an_interrupted_run_leaves_nothing(tmp_path):
     page = tmp_path / "report.html"
     command = [sys.executable, "-m", "seaclutter_cli", "report", str(SEA), "--compare", "all", "-o", str(page), "-v"]
@@ -278,10 +278,10 @@ def test_an_interrupted_run_leaves_nothing(tmp_path):
         time.sleep(0.3)
         process.send_signal(signal.SIGINT)
         process.communicate()
-        # Python ends by the signal after all where KeyboardInterrupt came while a class was made.
+        # Python exits by the signal if KeyboardInterrupt was raised during the creation of a class.
         assert process.returncode in (1, -signal.SIGINT)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_help_tells_how_frames_are_chosen():
+def test_the_help_describes_the_selection_of_frames():
     assert "worst" in report_command.help

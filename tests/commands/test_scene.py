@@ -1,4 +1,4 @@
-"""``seaclutter scene``: what it prints and writes, and every way to ask for the impossible."""
+"""``seaclutter scene``: its output, and its errors for all kinds of invalid command lines."""
 
 import csv
 import json
@@ -29,14 +29,14 @@ def toys(tmp_path_factory):
 
 @pytest.fixture
 def model(tmp_path):
-    """Return a classifier that takes frames with few full cells for open."""
+    """Return a classifier that treats frames with few occupied cells as open."""
     pytest.importorskip("onnxruntime", reason="needs the extra scene")
     path = tmp_path / "model.onnx"
-    path.write_bytes(model_bytes(turn_at=0.008))
+    path.write_bytes(model_bytes(threshold=0.008))
     return path
 
 
-def test_predict_tells_the_scene_of_each_log(toys, model, tmp_path):
+def test_predict_prints_the_scene_of_each_log(toys, model, tmp_path):
     table = tmp_path / "scenes.csv"
     result = run("predict", toys / "open", toys / "confined" / "confined0", "--model", model, "--csv", table)
     assert result.exit_code == 0, result.output
@@ -64,7 +64,7 @@ def test_predict_as_json(toys, model):
     }
 
 
-def test_the_scene_is_held_as_a_filter_holds_it(tmp_path, model):
+def test_every_and_hold_work_as_in_a_filter(tmp_path, model):
     folder = tmp_path / "trip"
     folder.mkdir()
     few, many = np.ones((1, 3), "f4"), np.random.default_rng(1).uniform(-59, 59, (5000, 3)).astype("f4")
@@ -83,18 +83,18 @@ def test_the_scene_is_held_as_a_filter_holds_it(tmp_path, model):
     assert scenes("-n", "2") == ("oc", "11")
 
 
-def test_evaluate_counts_what_is_told(toys, model):
+def test_evaluate_prints_the_confusion_matrix(toys, model):
     result = run("evaluate", toys, "--model", model)
     assert result.exit_code == 0, result.output
-    assert result.stdout.splitlines()[0] == "12 frames of 6 recordings, 6 of them right throughout"
+    assert result.stdout.splitlines()[0] == "12 frames of 6 recordings, 6 of them without a misclassified frame"
     assert [line.split() for line in result.stdout.splitlines()[1:]] == [
-        ["is", "\\", "told", "open", "confined", "recall"],
+        ["true", "\\", "predicted", "open", "confined", "recall"],
         ["open", "6", "0", "100.0", "%"],
         ["confined", "0", "6", "100.0", "%"],
         ["precision", "100.0", "%", "100.0", "%"],
     ]
     wrong = run("evaluate", "--scene", f"open={toys}/confined/*", "--scene", f"confined={toys}/open", "--model", model)
-    assert "12 frames of 6 recordings, 0 of them right throughout" in wrong.stdout
+    assert "12 frames of 6 recordings, 0 of them without a misclassified frame" in wrong.stdout
 
 
 def test_evaluate_in_detail(toys, model, tmp_path):
@@ -103,12 +103,12 @@ def test_evaluate_in_detail(toys, model, tmp_path):
     result = run("evaluate", *options, "--model", model, "--json")
     found = json.loads(result.stdout)
     assert found["classes"]["open"] == {
-        "told": {"open": 6, "confined": 2},
+        "predicted": {"open": 6, "confined": 2},
         "precision": 1.0,
         "recall": 0.75,
     }
     assert found["classes"]["confined"]["recall"] is None
-    assert found["wrong"] == [{"recording": "confined1", "is": "open", "wrong": 2, "frames": 2}]
+    assert found["misclassified"] == [{"recording": "confined1", "scene": "open", "wrong": 2, "frames": 2}]
     assert {line["truth"] for line in csv.DictReader(table.open())} == {"open"}
     text = run("evaluate", *options, "--model", model, "-v", "--force").stdout
     assert text.splitlines()[-1].split() == ["confined1", "open", "2", "2"]
@@ -126,14 +126,14 @@ def test_one_bad_log_does_not_stop_the_others(toys, model, tmp_path):
     assert list(json.loads(result.stdout)["errors"]) == ["broken"]
 
 
-def test_damage_is_told(toys, model, tmp_path):
+def test_damage_is_reported(toys, model, tmp_path):
     folder = write_toys(tmp_path / "t", 1)
-    (folder / "open" / "open0" / "1.npy").write_bytes(b"no array")
+    (folder / "open" / "open0" / "1.npy").write_bytes(b"not an array")
     result = run("evaluate", folder, "--model", model)
     assert result.exit_code == 3
     assert "Damaged: " in result.stderr
     assert "3 frames of 2 recordings" in result.stdout
-    (folder / "open" / "open0" / "0.npy").write_bytes(b"no array")
+    (folder / "open" / "open0" / "0.npy").write_bytes(b"not an array")
     assert "open0: no frame can be read" in run("evaluate", folder, "--model", model).stderr
 
 
@@ -144,24 +144,24 @@ def first_error(result, code):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
-        ([], "no logs: name a folder that holds a folder for each class"),
+        ([], "no logs: give a folder that contains a folder for each class"),
         (["--scene", "open"], "--scene open: write it as CLASS=LOGS"),
         (["--scene", "=x"], "write it as CLASS=LOGS"),
-        (["--scene", "open=none/*"], "none/*: nothing fits this pattern"),
-        (["{toys}/none"], "there is no such folder"),
+        (["--scene", "open=none/*"], "none/*: no file matches this pattern"),
+        (["{toys}/none"], "none: no such folder"),
         (["{toys}/open"], "open0 is a recording"),
         (["{toys}/open/open0"], "open0 is a recording"),
-        (["{empty}"], "but it holds no folders"),
-        (["{toys}", "--scene", "open={toys}/confined/confined0"], "confined0: is said to be open and confined"),
-        (["--scene", "ice={toys}/open"], "tells open and confined, not ice"),
+        (["{empty}"], "but it contains no folders"),
+        (["{toys}", "--scene", "open={toys}/confined/confined0"], "confined0: labelled as both open and confined"),
+        (["--scene", "ice={toys}/open"], "unknown class ice; the model has open, confined"),
     ],
 )
-def test_logs_that_cannot_be(arguments, said, toys, model, tmp_path):
+def test_invalid_logs(arguments, message, toys, model, tmp_path):
     (tmp_path / "empty").mkdir()
     filled = [argument.format(toys=toys, empty=tmp_path / "empty") for argument in arguments]
-    assert said in first_error(run("evaluate", *filled, "--model", model), 2)
+    assert message in first_error(run("evaluate", *filled, "--model", model), 2)
 
 
 def test_outputs_are_not_overwritten(toys, model, tmp_path):
@@ -169,14 +169,14 @@ def test_outputs_are_not_overwritten(toys, model, tmp_path):
     table.write_text("kept")
     for command in ("predict", "evaluate"):
         logs = toys / "open" if command == "predict" else toys
-        assert "exists already" in first_error(run(command, logs, "--model", model, "--csv", table), 2)
+        assert "already exists" in first_error(run(command, logs, "--model", model, "--csv", table), 2)
         assert table.read_text() == "kept"
 
 
-def test_a_model_that_is_none(toys, tmp_path):
+def test_a_file_that_is_not_a_model(toys, tmp_path):
     pytest.importorskip("onnxruntime", reason="needs the extra scene")
     (tmp_path / "m.onnx").write_bytes(b"none")
-    assert "no ONNX file that can be used" in first_error(run("predict", SEA, "--model", tmp_path / "m.onnx"), 1)
+    assert "not a usable ONNX file" in first_error(run("predict", SEA, "--model", tmp_path / "m.onnx"), 1)
 
 
 def test_without_the_extra(toys, tmp_path, monkeypatch):
@@ -189,7 +189,7 @@ def test_without_the_extra(toys, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("scene", "expected"), [("harbour", "confined"), ("buoy_speedboat", "open")])
-def test_the_model_that_comes_with_the_program(scene, expected, tmp_path):
+def test_the_built_in_model(scene, expected, tmp_path):
     pytest.importorskip("onnxruntime", reason="needs the extra scene")
     log = tmp_path / "log.mcap"
     CliRunner().invoke(cli, ["simulate", scene, "-n", "2", "--seed", "77", "-o", str(log)])
@@ -198,12 +198,12 @@ def test_the_model_that_comes_with_the_program(scene, expected, tmp_path):
 
 @pytest.fixture
 def trainable():
-    """Skip where there is nothing to train with."""
+    """Skip the test if the extra train is not installed."""
     for name in ("torch", "onnx", "onnxruntime"):
         pytest.importorskip(name, reason="needs the extra train")
 
 
-def test_train_writes_a_model_that_the_others_take(toys, trainable, tmp_path):
+def test_train_writes_a_model_for_the_other_commands(toys, trainable, tmp_path):
     files = tmp_path / "m.onnx", tmp_path / "curves.png"
     arguments = ("--epochs", 2, "--batch", 4, "--extent", 50, "--plot", files[1])
     scenes = ("--scene", f"open={toys}/open", "--scene", f"confined={toys}/confined")
@@ -217,9 +217,9 @@ def test_train_writes_a_model_that_the_others_take(toys, trainable, tmp_path):
     again = run("train", *scenes, "-o", files[0], *arguments, "--force", "-q", "--json")
     assert again.stderr == ""
     assert [file.read_bytes() for file in files] == first
-    said = json.loads(again.stdout)
-    assert said["frames"] == {"train": 4, "validation": 4, "test": 4}
-    assert len(said["epochs"]) == 2
+    report = json.loads(again.stdout)
+    assert report["frames"] == {"train": 4, "validation": 4, "test": 4}
+    assert len(report["epochs"]) == 2
     confusion = json.loads(run("evaluate", toys, "--model", files[0], "--json").stdout)
     assert confusion["frames"] == 12
 
@@ -230,17 +230,17 @@ def test_train_takes_one_frame_in_n(toys, trainable, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "said"),
+    ("arguments", "code", "message"),
     [
-        (["{toys}", "-o", "{tmp}/m.pt"], 2, "the name of a classifier ends in .onnx"),
-        (["{toys}", "-o", "{tmp}/m.onnx", "--plot", "c.pdf"], 2, "pictures end in .png or .svg"),
-        (["--scene", "open={toys}/open", "-o", "{tmp}/m.onnx"], 2, "all logs are of class open"),
+        (["{toys}", "-o", "{tmp}/m.pt"], 2, "the name of a model file must end in .onnx"),
+        (["{toys}", "-o", "{tmp}/m.onnx", "--plot", "c.pdf"], 2, "figure files must end in .png or .svg"),
+        (["--scene", "open={toys}/open", "-o", "{tmp}/m.onnx"], 2, "all logs are of class open; training needs"),
         (["{toys}", "-o", "{toys}/open/open0/0.npy"], 2, "is part of the input"),
         (["{few}", "-o", "{tmp}/m.onnx"], 1, "2 recordings of confined: at least 3 are needed"),
     ],
 )
-def test_training_that_cannot_be(arguments, code, said, toys, trainable, tmp_path):
+def test_invalid_training(arguments, code, message, toys, trainable, tmp_path):
     few = write_toys(tmp_path / "few", 2)
     filled = [argument.format(toys=toys, tmp=tmp_path, few=few) for argument in arguments]
-    assert said in first_error(run("train", *filled, "-q"), code)
+    assert message in first_error(run("train", *filled, "-q"), code)
     assert not (tmp_path / "m.onnx").exists()

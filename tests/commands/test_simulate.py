@@ -36,18 +36,18 @@ def test_a_scene_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("sea: {waves: 3}\n", "sea.waves: unknown key"),
-        ("sea: [\n", "no valid YAML"),
-        ("- 1\n", "must hold the sections"),
+        ("sea: [\n", "not valid YAML"),
+        ("- 1\n", "must contain sections"),
     ],
 )
-def test_a_wrong_scene_file(tmp_path, text, said):
+def test_a_wrong_scene_file(tmp_path, text, message):
     (tmp_path / "my.yaml").write_text(text)
     result = run("simulate", tmp_path / "my.yaml", "-o", tmp_path / "a.mcap")
     assert result.exit_code == 2
-    assert said in result.stderr
+    assert message in result.stderr
     assert not (tmp_path / "a.mcap").exists()
 
 
@@ -60,7 +60,7 @@ def test_wrong_command_lines(tmp_path):
     assert (result.exit_code, (tmp_path / "a.labels.csv").read_text()) == (2, "mine")
 
 
-def test_a_layout_makes_another_recording_of_each_seed(tmp_path):
+def test_a_layout_makes_a_different_recording_for_each_seed(tmp_path):
     made = {}
     for name, seed in (("a", ()), ("b", ("--seed", 1)), ("c", ("--seed", 2))):
         result = run("simulate", "harbour_basin", "-o", tmp_path / f"{name}.mcap", "-n", 1, *seed)

@@ -26,10 +26,10 @@ def test_a_scene_file(tmp_path, scene):
     result = run(scene, "-o", tmp_path / "a.laz")
     assert result.exit_code == 0, result.output
     assert "reef" in result.stdout
-    told = json.loads(run(scene, "-o", tmp_path / "b.las", "--seed", 5, "--json").stdout)
-    assert told["objects"][0]["class"] == "reef"
-    assert told["objects"][0]["points"] > 10
-    assert told["sea"] > 2000
+    found = json.loads(run(scene, "-o", tmp_path / "b.las", "--seed", 5, "--json").stdout)
+    assert found["objects"][0]["class"] == "reef"
+    assert found["objects"][0]["points"] > 10
+    assert found["sea"] > 2000
 
 
 def test_a_scene_that_is_saved_makes_the_same_tile(tmp_path, scene):
@@ -44,8 +44,8 @@ def test_a_scene_that_is_saved_makes_the_same_tile(tmp_path, scene):
 def test_wrong_command_lines(tmp_path, scene):
     (tmp_path / "a.laz").write_text("mine")
     assert "--force" in run(scene, "-o", tmp_path / "a.laz").stderr
-    assert "tiles have none" in run(scene, "-o", tmp_path / "b.laz", "-n", 3).stderr
-    assert "there is no such tile scene; built in are" in run("nowhere", "-o", tmp_path / "b.laz").stderr
+    assert "not available for tiles" in run(scene, "-o", tmp_path / "b.laz", "-n", 3).stderr
+    assert "no such tile scene; built-in ones: " in run("nowhere", "-o", tmp_path / "b.laz").stderr
     for name in (scene, "small"):
         result = run(name, "-o", tmp_path / "b.mcap")
         assert (result.exit_code, "must end in .las or .laz" in result.stderr) == (2, True)

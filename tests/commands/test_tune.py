@@ -27,7 +27,7 @@ def tune(trial, *arguments):
     return run("tune", trial, "--labels", trial.with_suffix(".labels.csv"), *arguments)
 
 
-def test_every_combination_is_evaluated_as_evaluate_does(trial):
+def test_every_combination_gives_the_same_as_evaluate(trial):
     result = tune(trial, "--sweep", "update_weight=0.2,1", "--sweep", "std_ratio=0.5:1:0.5", "--json")
     rows = json.loads(result.stdout)["combinations"]
     assert [(row["update_weight"], row["std_ratio"]) for row in rows] == [(0.2, 0.5), (0.2, 1), (1, 0.5), (1, 1)]
@@ -54,7 +54,7 @@ def test_the_best_configuration_is_written(trial, tmp_path):
     assert "Best of 2 combinations on trial" in out.read_text()
 
 
-def test_table_and_pictures(trial, tmp_path):
+def test_table_and_plots(trial, tmp_path):
     files = [tmp_path / name for name in ("t.csv", "curve.png", "thresholds.svg")]
     options = zip(("--csv", "--plot", "--plot-thresholds"), files, strict=True)
     arguments = [part for option in options for part in option]
@@ -63,8 +63,8 @@ def test_table_and_pictures(trial, tmp_path):
     assert "best on 8 frames: update_weight=" in result.stdout
     rows = list(csv.DictReader(io.StringIO(files[0].read_text())))
     assert [row["update_weight"] for row in rows] == ["0.2", "0.4", "0.6", "0.8"]
-    with Image.open(files[1]) as picture:
-        assert picture.width > 900
+    with Image.open(files[1]) as plot:
+        assert plot.width > 900
     assert files[2].read_text().startswith("<?xml")
     first = [file.read_bytes() for file in files]
     tune(trial, "--sweep", "update_weight=0.2:0.8:0.2", *arguments, "--force")
@@ -72,31 +72,31 @@ def test_table_and_pictures(trial, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--sweep", "update_weight"], "write it as KEY=V1,V2"),
         (["--sweep", "evaluation.box_margin_m=1,2"], "with a key of the filter"),
-        (["--sweep", "colour=1,2"], "method joint has: start_m"),
+        (["--sweep", "colour=1,2"], "unknown key; method joint has: start_m"),
         (["--sweep", "update_weight=2"], "filter.update_weight"),
-        (["--sweep", "update_weight=[1"], "no YAML"),
-        (["--sweep", "update_weight=1:0:0.1"], "no YAML"),
-        (["--sweep", "update_weight="], "there are no values"),
-        (["--sweep", "update_weight=0.1", "--sweep", "update_weight=0.2"], "the same key twice"),
+        (["--sweep", "update_weight=[1"], "not valid YAML"),
+        (["--sweep", "update_weight=1:0:0.1"], "not valid YAML"),
+        (["--sweep", "update_weight="], "no values given"),
+        (["--sweep", "update_weight=0.1", "--sweep", "update_weight=0.2"], "the same key is given twice"),
         (["--sweep", "max_neighbors=1:400:1", "--sweep", "std_ratio=0,1"], "800 combinations"),
         (["--sweep", "update_weight=0.1", "--sweep", "std_ratio=1", "--plot", "a.png"], "a single --sweep"),
-        (["--sweep", "update_weight=0.1", "--plot", "a.jpg"], "pictures end in"),
-        (["--sweep", "update_weight=0.1", "--plot-thresholds", "a.png", "--ring", "5"], "has 4 rings"),
-        (["--sweep", "std_ratio=1", "-m", "sor", "--plot-thresholds", "a.png"], "has 0 rings"),
+        (["--sweep", "update_weight=0.1", "--plot", "a.jpg"], "must end in .png or .svg"),
+        (["--sweep", "update_weight=0.1", "--plot-thresholds", "a.png", "--ring", "5"], "has 4 range rings"),
+        (["--sweep", "std_ratio=1", "-m", "sor", "--plot-thresholds", "a.png"], "has 0 range rings"),
         ([], "Missing option '--sweep'"),
     ],
 )
-def test_wrong_command_lines(trial, arguments, said):
+def test_wrong_command_lines(trial, arguments, message):
     result = tune(trial, *arguments)
     assert result.exit_code == 2
-    assert said in result.stderr
+    assert message in result.stderr
 
 
-def test_what_is_swept():
+def test_values_of_a_sweep():
     assert parse_sweep("k=1,1,2").values == (1, 2)
     assert parse_sweep("k=1:3:1").values == (1, 2, 3)
     assert parse_sweep("k=0:0.3:0.1").values == (0, 0.1, 0.2, 0.3)
@@ -104,7 +104,7 @@ def test_what_is_swept():
         parse_sweep("=1")
 
 
-def test_a_log_that_is_not_there(tmp_path):
+def test_a_missing_log(tmp_path):
     result = run("tune", tmp_path / "none.mcap", "--labels", tmp_path, "--sweep", "update_weight=1")
     assert result.exit_code in (1, 2)
     assert "none.mcap" in result.stderr

@@ -1,4 +1,4 @@
-"""Hand-made frames: lumps of points at known places, boxes around them."""
+"""Synthetic frames: lumps of points at known positions and boxes around them."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
 
 
 def lump(x, count=10, y=0.0, spread=0.1):
-    """Return points close to each other around a place on the water, shape (count, 3)."""
+    """Return points close to each other in a row on the water, shape (count, 3)."""
     points = np.zeros((count, 3))
     points[:, 0], points[:, 1] = x + spread * np.arange(count), y
     return points
@@ -32,7 +32,7 @@ def result_of(frame, removed=()):
 
 
 def boxes(*rows):
-    """Return boxes of 2 m by 2 m by 2 m; a row is x, or x and length."""
+    """Return boxes of width and height 2 m; a row is x with a length of 2 m, or x and length."""
     rows = [row if isinstance(row, tuple) else (row, 2.0) for row in rows]
     centers = np.array([[x, 0, 0] for x, _ in rows], float).reshape(-1, 3)
     sizes = np.array([[length, 2, 2] for _, length in rows], float).reshape(-1, 3)

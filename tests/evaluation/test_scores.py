@@ -1,4 +1,4 @@
-"""Sums and rates, against figures worked out by hand."""
+"""Sums and rates compared with values computed by hand."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def score(alarms=None, points=None):
 
 
 def test_the_rates_of_table_4():
-    """S0: the global threshold has 13 false-alarm and 32 omitted-alarm frames of 196."""
+    """In [Li2023], the global threshold has 13 frames with false alarms and 32 with missed targets of 196."""
     summary = Summary()
     for number in range(196):
         alarms = Alarms(targets=3, visible=2, detected=2 - (number >= 164), clusters=3, false_alarms=2 * (number < 13))
@@ -48,7 +48,7 @@ def test_the_points_of_table_3():
     assert points.f1 == pytest.approx(2 * points.precision * recall / (points.precision + recall))
 
 
-def test_invalid_and_ignored_points_count_nowhere():
+def test_invalid_and_ignored_points_are_not_counted():
     lumps = lump(20, 20)
     lumps[:2, 1] = np.nan
     frame = frame_of(lumps)
@@ -58,7 +58,7 @@ def test_invalid_and_ignored_points_count_nowhere():
     assert found.cells() == [1, 1, 1, 0, 1, 0, 20, 16, 6, 5, 6, 4]
 
 
-def test_nothing_to_divide_by():
+def test_rates_without_frames_are_none():
     found = Summary().as_dict()
     for name in ("R_FP", "R_FN", "precision", "recall", "f1", "false_alarms_per_frame", "clusters_per_frame"):
         assert found[name] is None
@@ -79,7 +79,7 @@ def test_recordings_add_up():
     assert whole.points == PointCounts(20, 16, 12, 8)
 
 
-def test_empty_cells_where_there_is_no_truth():
+def test_cells_without_truth_are_empty():
     assert score().cells() == ["", "", "", "", 3, "", 100, 50, "", "", "", ""]
 
 
@@ -94,7 +94,7 @@ def test_durations_are_exact_to_one_percent(size):
         assert durations.quantile(share) == pytest.approx(exact, rel=0.01)
 
 
-def test_durations_beyond_all_bounds():
+def test_durations_outside_the_histogram():
     durations = Durations()
     for seconds in (0.0, -1e-9, 1e9):
         durations.add(seconds)

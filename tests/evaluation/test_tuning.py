@@ -10,7 +10,7 @@ from seaclutter_cli.truth import CLUTTER, IGNORED
 POINTS = st.lists(st.tuples(st.integers(0, 12), st.sampled_from([CLUTTER, 3, 7, IGNORED])), max_size=30)
 
 
-def goodness(threshold, clutter, target):
+def sum_of_shares(threshold, clutter, target):
     return np.mean([i < threshold for i in clutter]) + np.mean([i >= threshold for i in target])
 
 
@@ -24,8 +24,8 @@ def test_the_ideal_threshold_against_all_others(points):
     if not len(clutter) or not len(target):
         assert found is None
         return
-    every = [goodness(threshold, clutter, target) for threshold in np.arange(0, 14, 0.5)]
-    assert goodness(found, clutter, target) == pytest.approx(max(every))
+    every = [sum_of_shares(threshold, clutter, target) for threshold in np.arange(0, 14, 0.5)]
+    assert sum_of_shares(found, clutter, target) == pytest.approx(max(every))
 
 
 def summary(frames=10, n_fp=0, n_fn=0, false_alarms=0, omitted=0):

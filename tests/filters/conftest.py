@@ -1,4 +1,4 @@
-"""What tests of all filters use."""
+"""Fixtures for the tests of all filters."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from tests.filters.reference import REFERENCES
 
 @pytest.fixture(params=["program", "reference"])
 def make(request):
-    """Return a function that makes a filter, of the program or of the reference, from a name and params."""
+    """Return a function that makes a filter of the program or of the reference from a name and params."""
 
     def made(name, **params):
         method = FILTERS[name]

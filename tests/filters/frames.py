@@ -1,4 +1,4 @@
-"""Frames for the tests of the filters: from arrays, from a random sea, from recordings."""
+"""Frames for the tests of the filters: from arrays and from a random sea."""
 
 import math
 from dataclasses import replace
@@ -13,13 +13,13 @@ CHANNEL = Channel(1, "/points", "cdr", None)
 
 
 def frame_of(cloud: Cloud, index: int = 0) -> Frame:
-    """Return the frame of a cloud, as if it had come in a log."""
+    """Return the frame of a cloud, with the stamp of a log at 10 frames per second."""
     time_ns = index * 100_000_000
     return Frame(cloud, stamp_ns=time_ns, index=index)
 
 
 def make_frame(xyz, intensity=None, *, index=0, coordinates="f8", intensities="f8") -> Frame:
-    """Return the frame of points of shape (N, 3); ``intensity`` is one a point, one for all or none."""
+    """Return a frame of points of shape (N, 3); ``intensity`` is an array, one value for all points, or None."""
     xyz = np.asarray(xyz, float).reshape(-1, 3)
     fields = [(axis, coordinates) for axis in "xyz"]
     if intensity is not None:
@@ -33,24 +33,24 @@ def make_frame(xyz, intensity=None, *, index=0, coordinates="f8", intensities="f
 
 
 def on_axis(ranges, intensity=100, **kwargs) -> Frame:
-    """Return a frame of points on the x axis, whose range is x."""
+    """Return a frame of points on the x axis at the given ranges."""
     ranges = np.atleast_1d(np.asarray(ranges, float))
     return make_frame(np.column_stack([ranges, np.zeros((len(ranges), 2))]), intensity, **kwargs)
 
 
 def take(frame: Frame, order) -> Frame:
-    """Return the frame with the points at ``order``."""
+    """Return a frame with the points at the indices ``order``."""
     return frame_of(from_array(frame.cloud.points[order]), frame.index)
 
 
 def big_endian(frame: Frame) -> Frame:
-    """Return the same points in the other byte order."""
+    """Return a frame with the same points in big-endian byte order."""
     data = frame.cloud.points.astype(frame.cloud.dtype.newbyteorder(">")).tobytes()
     return frame_of(replace(frame.cloud, big_endian=True, data=data), frame.index)
 
 
 def organised(frame: Frame, *, height: int, padding: int) -> Frame:
-    """Return the same points as an image whose rows end with bytes that mean nothing."""
+    """Return a frame with the same points as an organised cloud whose rows end with padding bytes."""
     cloud = frame.cloud
     width = cloud.size // height
     rows = np.full((height, width * cloud.point_step + padding), 255, np.uint8)
@@ -60,26 +60,26 @@ def organised(frame: Frame, *, height: int, padding: int) -> Frame:
 
 
 def around(rng, size, ranges, heights):
-    """Return points all round the lidar, shape (size, 3), uniform between two ranges and two heights."""
+    """Return points all around the lidar, shape (size, 3), uniform between two ranges and two heights."""
     bearing = rng.uniform(-math.pi, math.pi, size)
     range_m = rng.uniform(*ranges, size)
     return np.column_stack([range_m * np.cos(bearing), range_m * np.sin(bearing), rng.uniform(*heights, size)])
 
 
 def sea_frame(seed, *, size=400, index=0, coordinates="f4", intensities="f4", scale=1) -> Frame:
-    """Return a random frame of about ``size`` points.
+    """Return a random frame of roughly ``size`` points.
 
-    It has the sea surface in dense dark rings, bright targets, sparse bright spray, own structure, a far coast,
-    duplicates, points without a return and, where the types can hold them, NaN and infinity.
+    It contains the sea surface in dense dark circles, bright targets, sparse bright spray, own structure, a far coast,
+    duplicates, points without a return and, in floating-point fields, NaN and infinity.
 
     Parameters
     ----------
     seed : int
         Equal seeds give equal frames.
     size, index : int, optional
-        Points wanted and number of the frame.
+        Approximate number of points, and index of the frame.
     coordinates, intensities : str, optional
-        Types of the fields. Intensities of a whole-number type are whole.
+        Types of the fields. Intensities are rounded down for integer types.
     scale : int, optional
         Factor of the intensities, for types of more than 8 bits.
     """

@@ -1,7 +1,7 @@
-"""The filters once more, as plain loops: slow, easy to check by eye, and what the program is held against.
+"""Reference implementations of the filters as plain loops: slow, easy to verify, and compared with the program.
 
-Nothing here shares code with the program but the numbers of `Reason` and the config keys. Each method is a class with
-``observe``, ``step`` and ``reset``, made from the method's params; `REFERENCES` lists them under the program's names.
+They share no code with the program except the codes of `Reason` and the config keys. Each method is a class with
+``observe``, ``step`` and ``reset``, made from the method's params; `REFERENCES` maps the program's names to them.
 """
 
 import math
@@ -17,17 +17,17 @@ from seaclutter_cli.frame import Frame, Reason
 TIE = 1 + 1e-9
 """Relative excess over the limit from which a distance counts as longer.
 
-Distances that are equal on paper differ in their last bits by the order of the additions, so a strict comparison would
-remove points of an evenly spaced row by chance. This is far above rounding (1e-16 for each of a few thousand terms) and
-far below anything that a lidar resolves.
+Distances that are mathematically equal differ in their last bits with the order of the additions, so a strict
+comparison would remove arbitrary points of an evenly spaced row. The value is far above rounding (1e-16 for each of a
+few thousand terms) and far below the resolution of any lidar.
 """
 
 MANY = 400
-"""Number of points from which a row of distances is computed by numpy, which takes a tenth of the time."""
+"""Number of points from which distances are computed by numpy, ten times as fast."""
 
 
 class Point(NamedTuple):
-    """A point in double precision; the intensity is None where the cloud has none."""
+    """Point in double precision; the intensity is None if the cloud has no intensity."""
 
     x: float
     y: float
@@ -35,7 +35,7 @@ class Point(NamedTuple):
     intensity: float | None
 
     @property
-    def place(self) -> tuple[float, float, float]:
+    def xyz(self) -> tuple[float, float, float]:
         return self.x, self.y, self.z
 
     @property
@@ -44,8 +44,8 @@ class Point(NamedTuple):
 
     @property
     def invalid(self) -> bool:
-        numbers = [*self.place, 0.0 if self.intensity is None else self.intensity]
-        return not all(math.isfinite(number) for number in numbers) or self.place == (0, 0, 0)
+        numbers = [*self.xyz, 0.0 if self.intensity is None else self.intensity]
+        return not all(math.isfinite(number) for number in numbers) or self.xyz == (0, 0, 0)
 
     def inside(self, box: tuple[float, ...]) -> bool:
         x_min, x_max, y_min, y_max, z_min, z_max = box
@@ -54,7 +54,7 @@ class Point(NamedTuple):
 
 @dataclass
 class RingCounts:
-    """What happened in the rings, a value a ring."""
+    """Thresholds, corrections and counts, one value per range ring."""
 
     thresholds: list[float]
     corrections: list[float]
@@ -65,14 +65,14 @@ class RingCounts:
 
 @dataclass
 class Answer:
-    """A reason for every point."""
+    """Reason of every point, and counts of the range rings."""
 
     reason: list[int]
     rings: RingCounts | None = None
 
 
 def points_of(frame: Frame) -> list[Point]:
-    """Return the points of a frame whose intensity field, if any, is called ``intensity``."""
+    """Return the points of a frame; an intensity field must be called ``intensity``."""
     columns = [frame.cloud.points[axis].tolist() for axis in "xyz"]
     if "intensity" in frame.cloud.points.dtype.names:
         columns.append(frame.cloud.points["intensity"].tolist())
@@ -82,7 +82,7 @@ def points_of(frame: Frame) -> list[Point]:
 
 
 def reason_before_rings(point: Point, params: Any) -> Reason | None:
-    """Return the reason of a point that lies in no ring; None for all others."""
+    """Return the reason of a point outside the range rings; None for all others."""
     if point.invalid:
         return Reason.INVALID
     if any(point.inside(box) for box in params.exclude_boxes):
@@ -95,7 +95,7 @@ def reason_before_rings(point: Point, params: Any) -> Reason | None:
 
 
 def ring_of(range_m: float, params: Any) -> int:
-    """Return the number of the half-open ring, from 0, of a range between ``start_m`` and ``end_m`` (Eq. 3)."""
+    """Return the index of the half-open range ring of a range between ``start_m`` and ``end_m`` (Eq. 3)."""
     last = len(params.initial_thresholds) - 1
     for ring in range(last):
         if range_m < params.start_m + (ring + 1) * params.ring_width_m:
@@ -104,19 +104,19 @@ def ring_of(range_m: float, params: Any) -> int:
 
 
 def distances_to_others(points: list[Point]) -> Iterator[list[float]]:
-    """Yield for each point the distances to all others, the nearest first."""
+    """Yield the distances of each point to all others, nearest first."""
     if len(points) < MANY:
         for index, here in enumerate(points):
-            yield sorted(math.dist(here.place, there.place) for i, there in enumerate(points) if i != index)
+            yield sorted(math.dist(here.xyz, there.xyz) for i, there in enumerate(points) if i != index)
     else:
-        places = np.array([point.place for point in points])
-        for index, here in enumerate(places):
-            distances = np.sqrt(((places - here) ** 2).sum(axis=1))
+        xyz = np.array([point.xyz for point in points])
+        for index, here in enumerate(xyz):
+            distances = np.sqrt(((xyz - here) ** 2).sum(axis=1))
             yield np.sort(np.delete(distances, index)).tolist()
 
 
 def mean_distances(points: list[Point], neighbors: int) -> list[float]:
-    """Return the mean distance of each of at least two points to its nearest others."""
+    """Return the mean distance of each point to its nearest others, for at least two points."""
     nearest = [distances[:neighbors] for distances in distances_to_others(points)]
     return [math.fsum(distances) / len(distances) for distances in nearest]
 
@@ -137,8 +137,8 @@ def outliers_of(points: list[Point], neighbors: int, std_ratio: float) -> list[i
     return [index for index, value in enumerate(means) if value > limit]
 
 
-def sparse_of(points: list[Point], radius_ratio: float, min_neighbors: int) -> list[int]:
-    """Return the indices of points with too few others within a share of their range: by counting (S3, Eq. 5, 6)."""
+def isolated_by_count(points: list[Point], radius_ratio: float, min_neighbors: int) -> list[int]:
+    """Return the indices of points with too few others within a share of their range, by counting ([Bi], Eq. 5, 6)."""
     found = []
     for index, distances in enumerate(distances_to_others(points)):
         radius = radius_ratio * points[index].range_m * TIE
@@ -147,8 +147,8 @@ def sparse_of(points: list[Point], radius_ratio: float, min_neighbors: int) -> l
     return found
 
 
-def sparse_by_rank(points: list[Point], radius_ratio: float, min_neighbors: int) -> list[int]:
-    """Return the same by the distance to the N-th nearest other point; too few others are infinitely far."""
+def isolated_by_rank(points: list[Point], radius_ratio: float, min_neighbors: int) -> list[int]:
+    """Return the same indices from the distance to the N-th nearest other point; it is infinite if there is none."""
     found = []
     for index, distances in enumerate(distances_to_others(points)):
         farthest = [*distances, *[math.inf] * min_neighbors][min_neighbors - 1]
@@ -158,10 +158,10 @@ def sparse_by_rank(points: list[Point], radius_ratio: float, min_neighbors: int)
 
 
 class Rings:
-    """A threshold a ring, then outliers, then the correction of the next frame's thresholds; the last two on request.
+    """Range-ring thresholds, optionally followed by outliers and the correction of the next frame's thresholds.
 
-    Thresholds are the numbers that Eq. 4 gives in double precision, for those stand in the tables that a run writes.
-    Shares are exact fractions: 0.29 of 100 points are 29.
+    Thresholds are computed by Eq. 4 in double precision, as in the tables that a run writes. Shares are exact
+    fractions: 0.29 of 100 points is 29.
     """
 
     def __init__(self, params: Any, *, outliers: bool, correction: bool) -> None:
@@ -188,26 +188,26 @@ class Rings:
         for ring, threshold in enumerate(thresholds):
             members = [i for i, point in enumerate(points) if reasons[i] is None and self.ring(point) == ring]
             bright = [i for i in members if points[i].intensity >= threshold]
-            lonely = self.find_outliers(points, bright, everywhere) if self.outliers else []
+            outliers = self.find_outliers(points, bright, everywhere) if self.outliers else []
             for i in set(members) - set(bright):
                 reasons[i] = Reason.LOW_INTENSITY
-            for i in lonely:
+            for i in outliers:
                 reasons[i] = Reason.OUTLIER
-            for i in set(bright) - set(lonely):
+            for i in set(bright) - set(outliers):
                 reasons[i] = Reason.KEPT
             counts.points.append(len(members))
             counts.low_intensity.append(len(members) - len(bright))
-            counts.outliers.append(len(lonely))
-            # Eq. 8; without outliers it is 0 / 1.
-            total = math.fsum(points[i].intensity for i in lonely)
-            self.corrections.append(total / (len(lonely) + 1) if self.correction else 0.0)
+            counts.outliers.append(len(outliers))
+            # Eq. 8; 0 / 1 without outliers.
+            total = math.fsum(points[i].intensity for i in outliers)
+            self.corrections.append(total / (len(outliers) + 1) if self.correction else 0.0)
         return Answer([int(reason) for reason in reasons], counts)
 
     def ring(self, point: Point) -> int:
         return ring_of(point.range_m, self.params)
 
     def threshold(self, ring: int) -> float:
-        """Return the threshold of a ring in this frame (Eq. 4)."""
+        """Return the threshold of a range ring in this frame (Eq. 4)."""
         initial = self.params.initial_thresholds[ring]
         if self.corrections[ring] == 0:
             return initial
@@ -215,10 +215,10 @@ class Rings:
         return weight * initial + (1 - weight) * self.corrections[ring]
 
     def find_outliers(self, points: list[Point], bright: list[int], everywhere: list[int]) -> list[int]:
-        """Return the outliers among the bright points of a ring; some rules look at those everywhere."""
+        """Return the outliers among a range ring's bright points; the adaptive radius rule uses all bright points."""
         if self.params.outlier_stage == "adaptive_radius":
             ratio, needed = self.params.outlier_radius_ratio, self.params.outlier_min_neighbors
-            found = sparse_of([points[i] for i in everywhere], ratio, needed)
+            found = isolated_by_count([points[i] for i in everywhere], ratio, needed)
             return [everywhere[index] for index in found if everywhere[index] in bright]
         share = math.floor(Fraction(str(self.params.neighbor_fraction)) * len(bright))
         neighbors = max(1, min(self.params.max_neighbors, share))
@@ -227,9 +227,9 @@ class Rings:
 
 
 class GlobalIntensity:
-    """One threshold a recording, given or found as the smallest one below which lies a share of all points.
+    """One threshold per recording: given, or the smallest one with a given share of all points below it.
 
-    What it does from ``start_m`` to ``end_m`` is told as of one ring.
+    The counts from ``start_m`` to ``end_m`` are reported as one range ring.
     """
 
     def __init__(self, params: Any) -> None:
@@ -268,7 +268,7 @@ class GlobalIntensity:
 
 
 class WholeFrame:
-    """A method without state that looks at all valid points together."""
+    """Method without state that processes all valid points together."""
 
     reason = Reason.OUTLIER
 
@@ -296,7 +296,7 @@ class WholeFrame:
 
 
 class StatisticalOutliers(WholeFrame):
-    """Outliers among all points."""
+    """Statistical outliers among all points."""
 
     def removed(self, points: list[Point]) -> list[int]:
         return outliers_of(points, self.params.neighbors, self.params.std_ratio)
@@ -315,13 +315,13 @@ class RadiusOutliers(WholeFrame):
 
 
 class DynamicRadiusOutliers(WholeFrame):
-    """Points with too few, themselves included, within a distance that grows with horizontal range."""
+    """Points with too few points, including themselves, within a distance that grows with horizontal range."""
 
     def removed(self, points: list[Point]) -> list[int]:
         params, found = self.params, []
         for index, distances in enumerate(distances_to_others(points)):
-            beside = math.hypot(points[index].x, points[index].y) * math.sin(math.radians(params.angle_deg))
-            radius = max(params.min_radius_m, params.radius_multiplier * 2 * beside) * TIE
+            spacing = math.hypot(points[index].x, points[index].y) * math.sin(math.radians(params.angle_deg))
+            radius = max(params.min_radius_m, params.radius_multiplier * 2 * spacing) * TIE
             within = [0.0, *(distance for distance in distances if distance <= radius)]
             if len(within) < params.min_points:
                 found.append(index)
@@ -329,11 +329,11 @@ class DynamicRadiusOutliers(WholeFrame):
 
 
 class AdaptiveRadiusOutliers(WholeFrame):
-    """Points with too few others within a share of their range, which goes by the scene."""
+    """Points with too few others within a share of their range, by the preset of the scene."""
 
     def removed(self, points: list[Point]) -> list[int]:
         preset = self.params.presets[self.params.scene]
-        return sparse_of(points, preset.radius_ratio, preset.min_neighbors)
+        return isolated_by_count(points, preset.radius_ratio, preset.min_neighbors)
 
 
 class DynamicStatisticalOutliers(WholeFrame):
@@ -343,7 +343,7 @@ class DynamicStatisticalOutliers(WholeFrame):
         return [index for index, mean, limit in self.limits(points) if mean >= limit / TIE]
 
     def limits(self, points: list[Point]) -> list[tuple[int, float, float]]:
-        """Return each point's number, mean distance and limit."""
+        """Return index, mean distance and limit of each point."""
         if len(points) < 2:
             return []
         means = mean_distances(points, self.params.neighbors)
@@ -353,11 +353,11 @@ class DynamicStatisticalOutliers(WholeFrame):
 
 
 class WeakDynamicStatisticalOutliers(DynamicStatisticalOutliers):
-    """Weak, near points whose mean distance exceeds such a limit, which is that of all points."""
+    """Weak, near points whose mean distance exceeds the limit from all points."""
 
     def removed(self, points: list[Point]) -> list[int]:
-        beyond = [index for index, mean, limit in self.limits(points) if mean > limit * TIE]
-        return [index for index in beyond if self.weak_and_near(points[index])]
+        outliers = [index for index, mean, limit in self.limits(points) if mean > limit * TIE]
+        return [index for index in outliers if self.weak_and_near(points[index])]
 
     def weak_and_near(self, point: Point) -> bool:
         return point.intensity < self.params.intensity_threshold and point.range_m < self.params.max_range_m
@@ -374,7 +374,7 @@ class WeakRadiusOutliers(RadiusOutliers):
 
 
 class WeakAndNear(WholeFrame):
-    """Weak, near points, whatever lies around them."""
+    """Weak, near points, regardless of their neighbours."""
 
     reason = Reason.LOW_INTENSITY
 
@@ -384,7 +384,7 @@ class WeakAndNear(WholeFrame):
 
 
 class SeaSurface(WholeFrame):
-    """What is not above the opened surface of the lowest points of cells."""
+    """Points not above the opened surface of the lowest points of cells."""
 
     def removed(self, points: list[Point]) -> list[int]:
         params = self.params
@@ -393,16 +393,16 @@ class SeaSurface(WholeFrame):
         half = math.floor(params.window_m / (2 * params.cell_m))
         cells, lowest = [], {}
         for point in points:
-            place = [point.place[(axis + turn) % 3] for turn in (1, 2, 0)]
-            cell = math.floor(place[0] / params.cell_m), math.floor(place[1] / params.cell_m)
-            cells.append((cell, sign * place[2]))
-            lowest[cell] = min(lowest.get(cell, math.inf), sign * place[2])
+            xyz = [point.xyz[(axis + step) % 3] for step in (1, 2, 0)]
+            cell = math.floor(xyz[0] / params.cell_m), math.floor(xyz[1] / params.cell_m)
+            cells.append((cell, sign * xyz[2]))
+            lowest[cell] = min(lowest.get(cell, math.inf), sign * xyz[2])
         surface = Opening(lowest, half)
         return [i for i, (cell, height) in enumerate(cells) if height - surface.opened(cell) <= params.height_m]
 
 
 class Opening:
-    """Erosion and dilation of a grid that is a dict, cell by cell; it ends with its outermost cells."""
+    """Erosion and dilation, cell by cell, of a grid stored as a dict and bounded by its outermost cells."""
 
     def __init__(self, lowest: dict[tuple[int, int], float], half: int) -> None:
         self.lowest = lowest
@@ -411,7 +411,7 @@ class Opening:
         self.known: dict[tuple[str, tuple[int, int]], float] = {}
 
     def filled(self, cell: tuple[int, int]) -> float:
-        """Return a cell's value, or the least of the nearest to four sides, no farther than a window is wide."""
+        """Return a cell's value, or the least of the nearest values on four sides, at most a window width away."""
         if cell in self.lowest:
             return self.lowest[cell]
         found = [math.inf]
@@ -434,21 +434,21 @@ class Opening:
         return max((value for value in eroded if value < math.inf), default=-math.inf)
 
     def window(self, cell: tuple[int, int], axis: int, *, whole: bool = False) -> range:
-        """Return the places about a cell along an axis; or those whose own window lies in the grid, among them."""
+        """Return the indices in a window along an axis; ``whole``: only those with their own window inside the grid."""
         inside = self.ranges[axis]
         half = min(self.half, (len(inside) - 1) // 2)
         first, last = (inside[half], inside[-1 - half]) if whole else (inside[0], inside[-1])
         return range(max(first, cell[axis] - half), min(last, cell[axis] + half) + 1)
 
     def once(self, name: str, cell: tuple[int, int]) -> float:
-        """Return what a method says of a cell, asked only the first time."""
+        """Return the cached result of a method for a cell."""
         if (name, cell) not in self.known:
             self.known[name, cell] = getattr(self, name)(cell)
         return self.known[name, cell]
 
 
 class Nothing(WholeFrame):
-    """Keeps everything, invalid points too."""
+    """Method that keeps all points, including invalid ones."""
 
     def step(self, frame: Frame) -> Answer:
         return Answer([int(Reason.KEPT)] * frame.size)

@@ -1,4 +1,4 @@
-"""Numbers of the reasons, and what a filter says of frames, in short."""
+"""Codes of the reasons, and shorthands for the results of a filter."""
 
 import math
 
@@ -6,7 +6,7 @@ KEPT, INVALID, NEAR, LOW, OUTLIER, FAR, EXCLUDED = range(7)
 
 
 def reasons(method, *frames):
-    """Return the reasons in the last of the frames."""
+    """Return the reasons of the last frame after filtering all frames."""
     for frame in frames:
         result = method.step(frame)
     return [int(reason) for reason in result.reason]

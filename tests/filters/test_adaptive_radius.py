@@ -1,4 +1,4 @@
-"""Cases at the edges of the adaptive radius rule, alone and as a stage of the joint method, and its scenes."""
+"""Boundary cases of the adaptive radius rule, alone and as a stage of the joint method, and its scenes."""
 
 import math
 import tracemalloc
@@ -12,9 +12,15 @@ from hypothesis import strategies as st
 import seaclutter_cli.scenes
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.filters.adaptive_radius import PRESETS, AdaptiveRadius, AdaptiveRadiusParams, Preset, sparse
+from seaclutter_cli.filters.adaptive_radius import (
+    PRESETS,
+    AdaptiveRadius,
+    AdaptiveRadiusParams,
+    Preset,
+    isolated_by_range,
+)
 from tests.filters.frames import make_frame, on_axis, sea_frame
-from tests.filters.reference import points_of, sparse_by_rank, sparse_of
+from tests.filters.reference import isolated_by_count, isolated_by_rank, points_of
 from tests.filters.steps import INVALID, KEPT, OUTLIER, reasons
 
 SMALL = 1e-7
@@ -30,8 +36,8 @@ class TestRule:
     @pytest.mark.parametrize(
         ("gap", "reason"), [(2 * (1 - SMALL), KEPT), (2, KEPT), (2 * (1 + TINY), KEPT), (2 * (1 + SMALL), OUTLIER)]
     )
-    def test_points_at_the_radius_count(self, make, gap, reason):
-        """Both lie at 5 m and more, so rounding apart the gap decides; the range has three dimensions."""
+    def test_points_at_the_radius_are_neighbors(self, make, gap, reason):
+        """Both points have a range above 5 m, so only the gap decides, except for rounding; the range is 3D."""
         low, high = [3, 4, -gap / 2], [3, 4, gap / 2]
         ratio = 2 / math.sqrt(25 + 1)
         if gap == 2 * (1 + SMALL):
@@ -43,11 +49,11 @@ class TestRule:
 
     @pytest.mark.parametrize(("others", "reason"), [(0, OUTLIER), (2, OUTLIER), (3, KEPT), (4, KEPT)])
     def test_others_count(self, make, others, reason):
-        """The point itself does not, its duplicates do."""
+        """The point itself does not count, its duplicates do."""
         method = make("adaptive_radius", **preset(0.01, 3))
         assert reasons(method, on_axis([20.0] * (others + 1))) == [reason] * (others + 1)
 
-    def test_invalid_points_are_no_neighbors(self, make):
+    def test_invalid_points_are_not_neighbors(self, make):
         frame = make_frame([[0, 0, 0]] * 9 + [[math.nan, 0, 0]] * 9 + [[1, 0, 0]])
         assert reasons(make("adaptive_radius", **preset(5.0, 1)), frame) == [INVALID] * 18 + [OUTLIER]
 
@@ -56,8 +62,8 @@ class TestRule:
 
     @pytest.mark.parametrize("spacing", [0.15, 0.2])
     @pytest.mark.parametrize("range_m", [5, 20, 80])
-    def test_a_wall_stays_wherever_it_stands(self, make, range_m, spacing):
-        """The point of it: with beams at even angles, range changes nothing."""
+    def test_a_wall_is_kept_at_any_range(self, make, range_m, spacing):
+        """With beams at even angles, the range has no effect."""
         angles = np.radians(spacing) * np.arange(-10, 11)
         azimuth, elevation = (angle.ravel() for angle in np.meshgrid(angles, angles[8:13]))
         xyz = range_m * np.stack((np.ones(azimuth.size), np.tan(azimuth), np.tan(elevation)), axis=1)
@@ -80,37 +86,37 @@ class TestRule:
 
 
 COORDINATES = st.integers(-12, 12).map(lambda quarters: quarters / 4)
-PLACES = st.lists(st.tuples(COORDINATES, COORDINATES, COORDINATES), max_size=30)
+POSITIONS = st.lists(st.tuples(COORDINATES, COORDINATES, COORDINATES), max_size=30)
 
 
-@given(places=PLACES, ratio=st.sampled_from([0.1, 0.25, 0.5, 1.0, 3.0]), needed=st.integers(1, 6))
+@given(positions=POSITIONS, ratio=st.sampled_from([0.1, 0.25, 0.5, 1.0, 3.0]), needed=st.integers(1, 6))
 @settings(max_examples=150, deadline=None)
-def test_counting_and_rank_agree(places, ratio, needed):
-    """Quarters of a metre and such ratios make distances that equal the radius."""
-    points = [point for point in points_of(make_frame(places)) if not point.invalid]
-    xyz = np.array([point.place for point in points]).reshape(-1, 3)
-    found = np.flatnonzero(sparse(xyz, ratio, needed)).tolist()
-    assert found == sparse_of(points, ratio, needed) == sparse_by_rank(points, ratio, needed)
+def test_counting_and_rank_agree(positions, ratio, needed):
+    """Quarters of a metre and these ratios give distances equal to the radius."""
+    points = [point for point in points_of(make_frame(positions)) if not point.invalid]
+    xyz = np.array([point.xyz for point in points]).reshape(-1, 3)
+    found = np.flatnonzero(isolated_by_range(xyz, ratio, needed)).tolist()
+    assert found == isolated_by_count(points, ratio, needed) == isolated_by_rank(points, ratio, needed)
 
 
-@given(places=PLACES, ratio=st.floats(0.01, 2), needed=st.integers(1, 6))
+@given(positions=POSITIONS, ratio=st.floats(0.01, 2), needed=st.integers(1, 6))
 @settings(max_examples=80, deadline=None)
-def test_a_larger_radius_and_fewer_neighbors_keep_more(places, ratio, needed):
-    xyz = np.array(places, float).reshape(-1, 3)
-    gone = sparse(xyz, ratio, needed)
-    assert not (sparse(xyz, 1.5 * ratio, needed) & ~gone).any()
-    assert not (gone & ~sparse(xyz, ratio, needed + 1)).any()
+def test_a_larger_radius_and_fewer_neighbors_keep_more(positions, ratio, needed):
+    xyz = np.array(positions, float).reshape(-1, 3)
+    removed = isolated_by_range(xyz, ratio, needed)
+    assert not (isolated_by_range(xyz, 1.5 * ratio, needed) & ~removed).any()
+    assert not (removed & ~isolated_by_range(xyz, ratio, needed + 1)).any()
 
 
 @dataclass(frozen=True)
-class Told:
+class Decision:
     name: str
     probability: float = 0.9
     decided: bool = True
 
 
-class Telling:
-    """A source of scenes that tells them one after the other, over again after a reset."""
+class SceneSequence:
+    """Scene source that returns names one after the other, from the beginning after a reset."""
 
     def __init__(self, *names):
         self.names = names
@@ -118,7 +124,7 @@ class Telling:
 
     def scene(self, frame):
         self.count += 1
-        return Told(self.names[self.count - 1])
+        return Decision(self.names[self.count - 1])
 
     def reset(self):
         self.count = 0
@@ -129,9 +135,9 @@ class TestScenes:
 
     def made(self, *names, **params):
         params = AdaptiveRadiusParams(scene="auto", **params)
-        return AdaptiveRadius(params, Telling(*names))
+        return AdaptiveRadius(params, SceneSequence(*names))
 
-    def test_the_preset_goes_by_the_scene(self):
+    def test_the_scene_selects_the_preset(self):
         coarse = {"a": Preset(radius_ratio=0.025, min_neighbors=1), "b": Preset(radius_ratio=0.01, min_neighbors=1)}
         method = self.made("a", "b", "a", presets=coarse)
         results = [method.step(self.FRAME) for _ in range(3)]
@@ -145,42 +151,42 @@ class TestScenes:
         assert [method.step(self.FRAME).scene for _ in range(2)] == before == ["open", "confined"]
 
     def test_a_scene_without_a_preset(self):
-        with pytest.raises(ConfigError, match="'lock', there are: open, confined"):
+        with pytest.raises(ConfigError, match="scene 'lock' of the classifier; presets: open, confined"):
             self.made("lock").step(self.FRAME)
 
-    def test_a_fixed_scene_is_told_too(self):
+    def test_a_configured_scene_is_returned_too(self):
         method = AdaptiveRadius(AdaptiveRadiusParams(scene="confined"))
         assert method.step(self.FRAME).scene == "confined"
 
-    def test_other_methods_tell_none(self):
+    def test_other_methods_return_no_scene(self):
         assert FILTERS["ror"](FILTERS["ror"].Params()).step(self.FRAME).scene is None
 
-    def test_auto_asks_for_the_classifier_with_its_keys(self, monkeypatch):
-        asked = []
+    def test_auto_makes_the_classifier_with_its_keys(self, monkeypatch):
+        requested = []
 
         def make_scene_tracker(params):
-            asked.append(params)
-            return Telling("confined")
+            requested.append(params)
+            return SceneSequence("confined")
 
         monkeypatch.setattr(seaclutter_cli.scenes, "make_scene_tracker", make_scene_tracker)
         params = AdaptiveRadiusParams(scene="auto", scene_every=3)
         assert AdaptiveRadius(params).step(self.FRAME).scene == "confined"
-        assert [one.scene_every for one in asked] == [3]
+        assert [one.scene_every for one in requested] == [3]
         AdaptiveRadius(AdaptiveRadiusParams(scene="open"))
-        assert len(asked) == 1, "only where it is needed"
+        assert len(requested) == 1, "a configured scene needs no classifier"
 
 
 class TestStageOfJoint:
     @pytest.mark.parametrize("name", ["joint", "ring_intensity_outlier"])
-    def test_neighbors_may_lie_in_the_next_ring(self, make, name):
+    def test_neighbors_may_be_in_the_next_range_ring(self, make, name):
         frame = on_axis([24.9, 25.1, 45.0, 54.8, 55.2])
         assert reasons(make(name, **STAGE), frame) == [KEPT, KEPT, OUTLIER, KEPT, KEPT]
 
     @pytest.mark.parametrize("name", ["joint", "ring_intensity_outlier"])
-    def test_weak_and_far_points_are_no_neighbors(self, make, name):
+    def test_weak_and_far_points_are_not_neighbors(self, make, name):
         assert reasons(make(name, **STAGE), on_axis([20, 20.1, 69.9, 70], [99, 1, 99, 99]))[::2] == [OUTLIER] * 2
 
-    def test_the_feedback_is_that_of_its_outliers(self):
+    def test_the_correction_comes_from_its_outliers(self):
         method = FILTERS["joint"](FILTERS["joint"].Params(**STAGE))
         frame = on_axis([20, 30, 30.1, 45], [90, 50, 60, 70])
         method.step(frame)
@@ -190,7 +196,7 @@ class TestStageOfJoint:
         assert reasons(make("joint", **STAGE), on_axis([], [])) == []
 
     def test_its_outliers_are_those_of_the_filter_alone(self):
-        """Where all points are in rings and pass."""
+        """This holds if all points are in range rings and pass the thresholds."""
         frame = sea_frame(3)
         everything = {"start_m": 0.0, "end_m": 1e6, "ring_width_m": 1e6, "initial_thresholds": (0.0,)}
         stage = {f"outlier_{name}": value for name, value in vars(PRESETS["open"]).items()}
@@ -198,9 +204,9 @@ class TestStageOfJoint:
         alone = AdaptiveRadius(AdaptiveRadiusParams()).step(frame).reason
         np.testing.assert_array_equal(FILTERS["ring_intensity_outlier"](joint).step(frame).reason, alone)
 
-    def test_keys_are_filled_in_or_refused(self):
+    def test_keys_are_completed_or_rejected(self):
         params = FILTERS["joint"].Params
         made = params(outlier_stage="adaptive_radius", outlier_min_neighbors=9)
         assert (made.outlier_radius_ratio, made.outlier_min_neighbors) == (0.025, 9)
-        with pytest.raises(ValueError, match="outlier_min_neighbors: belongs to outlier_stage adaptive_radius"):
+        with pytest.raises(ValueError, match="outlier_min_neighbors: valid only with outlier_stage adaptive_radius"):
             params(outlier_min_neighbors=3)

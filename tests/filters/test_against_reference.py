@@ -1,4 +1,4 @@
-"""Every filter gives each point the reason that the plain loops of `reference` give it."""
+"""Comparison of every filter, point by point, with the plain loops of `reference`."""
 
 import math
 from contextlib import closing
@@ -73,7 +73,7 @@ CASES = [(name, params) for name in FILTERS for params in PARAMS.get(name, [{}])
 
 
 def assert_same(name, params, frames):
-    """Compare filter and reference over the frames of a recording."""
+    """Assert that filter and reference agree on the frames of a recording."""
     made = FILTERS[name].Params(**params)
     program, reference = FILTERS[name](made), REFERENCES[name](made)
     if program.needs_first_pass:
@@ -90,7 +90,7 @@ def assert_same(name, params, frames):
 
 
 def assert_same_rings(rings, expected, tolerance):
-    """Compare what is told of the rings; rounding apart, and bins of fractional intensities."""
+    """Assert that range-ring results agree, except for rounding and approximate thresholds."""
     assert (rings is None) == (expected is None)
     if expected is None:
         return
@@ -103,7 +103,7 @@ def assert_same_rings(rings, expected, tolerance):
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_every_method_has_a_reference(name):
-    assert name in REFERENCES, f"write the plain loops of {name!r} in reference.py"
+    assert name in REFERENCES, f"add an implementation of {name!r} to reference.py"
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -127,7 +127,7 @@ def test_types_of_the_fields(name, intensities, scale):
     "name", [name for name in FILTERS if name not in {"none", "ring_intensity", "global_intensity", "naive"}]
 )
 def test_slower_search_for_neighbors(name, monkeypatch):
-    """What runs where there is no wheel of the faster one."""
+    """Platforms without a wheel of the faster search use this one."""
     monkeypatch.setattr(neighbors, "_FastTree", None)
     assert_same(name, OF_FEW_CELLS.get(name, {}), [sea_frame(6, index=index) for index in range(3)])
     assert_same(name, OF_FEW_CELLS.get(name, {}), sample_frames(200)[:1])
@@ -135,11 +135,11 @@ def test_slower_search_for_neighbors(name, monkeypatch):
 
 @pytest.mark.parametrize("name", ["joint", "sor", "ror"])
 def test_many_frames(name):
-    """A correction that goes wrong anywhere spoils all frames that follow."""
+    """An error in one correction affects all following frames."""
     assert_same(name, {}, [sea_frame(9, size=120, index=index, intensities="u1") for index in range(25)])
 
 
-# Coordinates in quarters of a metre make duplicates, equal distances, and ranges that lie on the edges of the rings.
+# Coordinates in quarters of a metre give duplicates, equal distances, and ranges on the edges of the range rings.
 COORDINATES = st.one_of(
     st.integers(-64, 64).map(lambda quarters: quarters / 4),
     st.sampled_from([0.0, 10.0, 25.0, 40.0, 55.0, 70.0, 71.0, math.nextafter(25.0, 0), math.nan, math.inf]),
@@ -157,7 +157,7 @@ def test_any_points(name, params, recording):
 
 
 def sample_frames(step):
-    """Return the frames of the sample log, of every ``step``-th point."""
+    """Return the frames of the sample log, reduced to every ``step``-th point."""
     if not SAMPLE.exists():
         pytest.skip("the sample log is not in this checkout")
     with closing(open_source(SAMPLE)) as source:
@@ -166,14 +166,14 @@ def sample_frames(step):
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_sample_log(name):
-    """Falling snow, thinned out, with the config for it."""
+    """The frames show falling snow, thinned out, with a configuration for snow."""
     rings = {"start_m": 0.0, "end_m": 60.0, "initial_thresholds": (1, 1, 1, 1), "near": "keep"}
     assert_same(name, rings if name in RING_METHODS else OF_FEW_CELLS.get(name, {}), sample_frames(90))
 
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_snow_in_a_sector(name):
-    """The density is that of the sensor, duplicates included."""
+    """The sector keeps the full density of the sensor, including duplicates."""
     frames = []
     for path in sorted((shared("wads-36") / "velodyne").glob("*.bin"))[-3:]:
         x, y, z, intensity = np.fromfile(path, "<f4").reshape(-1, 4).T
@@ -186,8 +186,8 @@ def test_snow_in_a_sector(name):
 
 
 @pytest.mark.parametrize("name", ["dror", "dsor", "lior", "lidsor", "naive"])
-def test_real_snow_goes_and_most_of_the_scene_stays(name):
-    """The labels (110: falling snow) tell that a rule is the right way round, not how good it is."""
+def test_real_snow_is_removed_and_most_of_the_scene_is_kept(name):
+    """The labels (110: falling snow) show that a rule works as intended, not how well it performs."""
     folder = shared("wads-36")
     path = min((folder / "velodyne").glob("*.bin"))
     x, y, z, intensity = np.fromfile(path, "<f4").reshape(-1, 4).T
@@ -206,7 +206,7 @@ def test_frame_of_a_vlp16(name):
     assert_same(name, rings if name in RING_METHODS else OF_FEW_CELLS.get(name, {}), [frame_of(from_array(points))])
 
 
-def test_both_ways_of_the_reference_to_measure_agree(monkeypatch):
+def test_both_distance_computations_of_the_reference_agree(monkeypatch):
     points = [point for point in points_of(sea_frame(1)) if not point.invalid]
     slow = list(distances_to_others(points[:300]))
     monkeypatch.setattr("tests.filters.reference.MANY", 0)

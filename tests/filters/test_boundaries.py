@@ -1,4 +1,4 @@
-"""Cases at the edges of every rule, worked out by hand; the plain loops of `reference` must pass them too."""
+"""Boundary cases of every rule, computed by hand; the plain loops of `reference` must pass them, too."""
 
 import math
 import time
@@ -21,15 +21,15 @@ INTENSITY_METHODS = [*RING_METHODS, "global_intensity"]
 NEIGHBOR_METHODS = ["ring_intensity_outlier", "joint", "sor", "ror"]
 
 
-def lone(*distances):
-    """Return the ranges of 11 points, 1/8 m apart from 20 m on, and of one more at each distance beyond the last."""
+def row_and_points(*distances):
+    """Return the ranges of 11 points, 1/8 m apart from 20 m, and of one at each distance behind the last."""
     row = 20 + np.arange(11) / 8
     return np.concatenate([row, row[-1] + np.array(distances, float)])
 
 
 @cache
-def cloud_where_the_number_matters(size, neighbors):
-    """Return random points, with those that are outliers by ``neighbors`` and by no other number."""
+def cloud_sensitive_to_neighbors(size, neighbors):
+    """Return random points, and their outliers, which differ for one neighbour more or fewer."""
     others = {neighbors + 1, max(neighbors - 1, 1)} - {neighbors}
     for seed in range(100):
         cloud = np.random.default_rng(seed).normal((17, 0, 0), (1, 2, 1), (size, 3))
@@ -40,7 +40,7 @@ def cloud_where_the_number_matters(size, neighbors):
     raise AssertionError("no such points")
 
 
-def test_reasons_have_the_numbers_of_removed_clouds():
+def test_codes_of_the_reasons():
     names = ("KEPT", "INVALID", "NEAR", "LOW_INTENSITY", "OUTLIER", "FAR", "EXCLUDED")
     assert [(reason.name, reason.value) for reason in Reason] == list(zip(names, range(7), strict=True))
 
@@ -80,8 +80,8 @@ class TestParams:
             (3, {"start_m": 1.1, "end_m": 4.4, "ring_width_m": 1.1}),
         ],
     )
-    def test_one_threshold_a_ring(self, name, rings, params):
-        """Also where (0.8 - 0.2) / 0.1 is a bit more than 6 in floating point."""
+    def test_one_threshold_per_range_ring(self, name, rings, params):
+        """This includes (0.8 - 0.2) / 0.1, which is slightly more than 6 in floating point."""
         assert FILTERS[name].Params(initial_thresholds=(5,) * rings, **params)
         for wrong in (rings - 1, rings + 1):
             with pytest.raises(ValueError, match="initial_thresholds"):
@@ -106,7 +106,7 @@ class TestRings:
             (71, None, KEPT),
         ],
     )
-    def test_edges_belong_to_the_ring_behind(self, make, name, range_m, ring, reason):
+    def test_edges_belong_to_the_next_range_ring(self, make, name, range_m, ring, reason):
         result = make(name).step(on_axis(range_m))
         assert list(result.reason) == [reason]
         assert list(result.rings.points) == [int(k == ring) for k in range(4)]
@@ -121,12 +121,12 @@ class TestRings:
         assert list(result.rings.points) == [0, 4, 0, 0]
 
     @pytest.mark.parametrize(("range_m", "points"), [(55, [0, 0, 0, 1]), (below(62), [0, 0, 0, 1]), (62, [0, 0, 0, 0])])
-    def test_last_ring_is_cut_at_the_end(self, make, range_m, points):
+    def test_last_range_ring_ends_at_the_far_limit(self, make, range_m, points):
         result = make("ring_intensity", end_m=62.0, far="drop").step(on_axis(range_m))
         assert list(result.rings.points) == points
         assert list(result.reason) == [KEPT if sum(points) else FAR]
 
-    def test_every_point_has_a_ring_whatever_the_width(self, make):
+    def test_every_point_has_a_range_ring_for_any_width(self, make):
         edges = 10 + np.arange(100) * 0.3
         ranges = np.concatenate([np.nextafter(edges, 0), edges, np.nextafter(edges, 99)])
         ranges = ranges[(ranges >= 10) & (ranges < 40)]
@@ -141,15 +141,15 @@ class TestRings:
         assert reasons(make(name, near="keep", far="drop", **threshold), frame) == [KEPT, FAR]
 
     @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint"])
-    def test_points_of_other_rings_are_no_neighbors(self, make, name):
-        """The last point of the first ring has company just beyond the edge, which does not help it."""
-        result = make(name).step(on_axis([*lone(), 24.875, 25.0, 25.125]))
+    def test_points_of_other_range_rings_are_not_neighbors(self, make, name):
+        """The last point of the first range ring is near points just beyond the edge, which do not count."""
+        result = make(name).step(on_axis([*row_and_points(), 24.875, 25.0, 25.125]))
         assert list(result.reason) == [KEPT] * 11 + [OUTLIER] + [KEPT] * 2
         assert list(result.rings.points) == [12, 2, 0, 0]
 
     @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint"])
-    def test_points_that_were_removed_or_lie_in_no_ring_are_no_neighbors(self, make, name):
-        ranges = [9.875, 10, *lone(), lone(2)[-1], lone(2)[-1] + 0.125]
+    def test_removed_points_and_points_outside_the_range_rings_are_not_neighbors(self, make, name):
+        ranges = [9.875, 10, *row_and_points(), row_and_points(2)[-1], row_and_points(2)[-1] + 0.125]
         method = make(name, std_ratio=0.0, near="keep")
         assert reasons(method, on_axis(ranges, [99] * 14 + [29])) == [KEPT, OUTLIER, *[KEPT] * 11, OUTLIER, LOW]
 
@@ -166,8 +166,8 @@ class TestExcluded:
         assert reasons(method, make_frame(corners + outside, 0)) == [EXCLUDED] * 8 + [LOW] * 5
 
     @pytest.mark.parametrize("name", INTENSITY_METHODS)
-    def test_comes_after_invalid_and_before_all_else(self, make, name):
-        """The boxes hold points that are near, far, dark, without a return and not a number."""
+    def test_comes_after_invalid_and_before_all_other_reasons(self, make, name):
+        """The boxes contain points that are near, far, dark, without a return and NaN."""
         xyz = [[5, 0, 0], [80, 0, 0], [22, 0, 0], [0, 0, 0], [5, math.nan, 0], [5, 0, 0], [6, 6, 6]]
         intensity = [50, 50, 0, 50, 50, math.nan, 50]
         threshold = {"threshold": 10.0} if name == "global_intensity" else {}
@@ -176,9 +176,9 @@ class TestExcluded:
         expected = [EXCLUDED, EXCLUDED, EXCLUDED, INVALID, INVALID, INVALID, KEPT]
         assert reasons(method, make_frame(xyz, intensity)) == expected
 
-    def test_excluded_points_are_in_no_ring_and_no_neighbors(self, make):
-        frame = on_axis(np.concatenate([lone(2), lone(2)[-1:] + 1 / 8]))
-        end = lone(2)[-1]
+    def test_excluded_points_are_in_no_range_ring_and_not_neighbors(self, make):
+        frame = on_axis(np.concatenate([row_and_points(2), row_and_points(2)[-1:] + 1 / 8]))
+        end = row_and_points(2)[-1]
         assert reasons(make("joint"), frame)[-2:] == [KEPT, KEPT]
         result = make("joint", exclude_boxes=[(end + 0.1, 30, -1, 1, -1, 1)]).step(frame)
         assert list(result.reason[-2:]) == [OUTLIER, EXCLUDED]
@@ -203,31 +203,31 @@ class TestIntensity:
 
 
 class TestNeighbors:
-    """The number of neighbours, n, follows from the number of points that the thresholds leave in the ring."""
+    """Number of neighbours, n, from the number of points above the threshold in the range ring."""
 
     @pytest.mark.parametrize(
         ("size", "neighbors"), [(3, 1), (9, 1), (10, 1), (19, 1), (20, 2), (29, 2), (299, 29), (300, 30), (301, 30)]
     )
     @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint"])
-    def test_how_many(self, make, name, size, neighbors):
-        bright, outliers = cloud_where_the_number_matters(size, neighbors)
+    def test_number_of_neighbors(self, make, name, size, neighbors):
+        bright, outliers = cloud_sensitive_to_neighbors(size, neighbors)
         frame = make_frame(np.concatenate([bright, bright + 0.01]), [31] * size + [29] * size)
         expected = [OUTLIER if index in outliers else KEPT for index in range(size)] + [LOW] * size
         assert reasons(make(name), frame) == expected
 
     def test_the_share_is_exact(self, make):
-        """0.29 of 100 points are 29, though a bit less in floating point."""
-        cloud, outliers = cloud_where_the_number_matters(100, 29)
+        """0.29 of 100 points is 29, but slightly less in floating point."""
+        cloud, outliers = cloud_sensitive_to_neighbors(100, 29)
         found = np.flatnonzero(reasons(make("joint", neighbor_fraction=0.29), make_frame(cloud, 99)))
         assert found.tolist() == outliers
 
     @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint", "sor"])
-    def test_one_point_stays(self, make, name):
+    def test_one_point_is_kept(self, make, name):
         assert reasons(make(name), on_axis(20)) == [KEPT]
 
     @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint", "sor"])
-    def test_two_points_stay(self, make, name):
-        """Their distances are the same one."""
+    def test_two_points_are_kept(self, make, name):
+        """Both points have the same mean distance."""
         assert reasons(make(name), make_frame([[20, 0.1, 0.2], [11.3, 3.3, 0.7]], 100)) == [KEPT, KEPT]
 
     def test_sor_with_too_few_others_uses_all(self, make):
@@ -239,8 +239,8 @@ class TestNeighbors:
     @pytest.mark.parametrize("unit", [1, 0.1, 0.7, 1e-3])
     @pytest.mark.parametrize(("last", "reason"), [(6, KEPT), (6 * (1 + 1e-7), OUTLIER)])
     @pytest.mark.parametrize("name", ["joint", "sor"])
-    def test_a_distance_equal_to_the_limit_stays(self, make, name, last, reason, unit):
-        """Pairs with gaps of 1, 4, 5 and 6: mean 4, deviation 2, so 6 is the limit and not beyond it."""
+    def test_a_distance_equal_to_the_limit_is_kept(self, make, name, last, reason, unit):
+        """Pairs with gaps of 1, 4, 5 and 6: mean 4, deviation 2, so 6 is equal to the limit."""
         gaps = np.repeat([1, 4, 5, last], 2)
         xyz = np.zeros((8, 3))
         xyz[:, 1] = np.tile([0, 1], 4) * gaps
@@ -250,20 +250,20 @@ class TestNeighbors:
         assert reasons(make(name, **params), frame) == [KEPT] * 6 + [reason] * 2
 
     @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint", "sor"])
-    def test_an_evenly_spaced_row_stays(self, make, name):
+    def test_an_evenly_spaced_row_is_kept(self, make, name):
         params = {"neighbors": 1} if name == "sor" else {}
         frame = on_axis(20 + 0.1 * np.arange(19), 100)
         assert reasons(make(name, **params), frame) == [KEPT] * 19
 
     @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint", "sor"])
-    def test_an_evenly_spaced_circle_stays(self, make, name):
+    def test_an_evenly_spaced_circle_is_kept(self, make, name):
         angles = np.arange(720) * math.pi / 360
         circle = np.column_stack([20 * np.cos(angles), 20 * np.sin(angles), np.full(720, -1.7)])
         assert reasons(make(name), make_frame(circle, 100)) == [KEPT] * 720
 
     @pytest.mark.parametrize("ratio", [0.0, 1.0])
     def test_ends_of_a_row_are_farther_from_their_neighbors(self, make, ratio):
-        """With two neighbours the ends have a mean distance of 1.5, all others of 1."""
+        """With two neighbours the ends have a mean distance of 1.5, all others 1."""
         assert reasons(make("sor", neighbors=2, std_ratio=ratio), on_axis(20 + np.arange(9))) == [
             OUTLIER,
             *[KEPT] * 7,
@@ -286,7 +286,7 @@ class TestNeighbors:
     @pytest.mark.parametrize("offset", [2**20, 2**24])
     @pytest.mark.parametrize("name", ["sor", "ror"])
     def test_coordinates_of_a_map_lose_no_precision(self, make, name, offset):
-        """Eastings and northings are large, the distances between the points are not."""
+        """Eastings and northings are large, but the distances between the points are small."""
         grid = np.random.default_rng(3).integers(-3000, 3000, (200, 3)) / 1024
         params = {"radius_m": 1.0} if name == "ror" else {}
         near, far = make_frame(grid), make_frame(grid + np.array([offset, 4 * offset, 0]))
@@ -296,17 +296,17 @@ class TestNeighbors:
     @pytest.mark.parametrize("name", ["sor", "ror"])
     def test_the_largest_coordinates_of_single_precision(self, make, name):
         params = {"min_neighbors": 4} if name == "ror" else {}
-        frame = on_axis([*lone(), 3.4e38], None, coordinates="f4")
+        frame = on_axis([*row_and_points(), 3.4e38], None, coordinates="f4")
         assert reasons(make(name, **params), frame) == [KEPT] * 11 + [OUTLIER]
 
     @pytest.mark.parametrize("search", ["fast", "slow"])
     @pytest.mark.parametrize("name", NEIGHBOR_METHODS)
-    @pytest.mark.parametrize("places", [1, 2, 200])
-    def test_many_equal_points_take_no_time(self, monkeypatch, name, places, search):
-        """A search tree cannot split them: without care the time grows with the square of their number."""
+    @pytest.mark.parametrize("positions", [1, 2, 200])
+    def test_many_equal_points_are_fast(self, monkeypatch, name, positions, search):
+        """A search tree cannot split them; without deduplication the time grows with the square of their number."""
         if search == "slow":
             monkeypatch.setattr(neighbor_search, "_FastTree", None)
-        xyz = np.random.default_rng(1).normal((20, 0, 0), 0.5, (places, 3)).repeat(60_000 // places, axis=0)
+        xyz = np.random.default_rng(1).normal((20, 0, 0), 0.5, (positions, 3)).repeat(60_000 // positions, axis=0)
         frame = make_frame(xyz, 100)
         method = FILTERS[name](FILTERS[name].Params())
         start = time.perf_counter()
@@ -314,8 +314,8 @@ class TestNeighbors:
         assert time.perf_counter() - start < 5
 
     @pytest.mark.parametrize("name", ["ring_intensity_outlier", "joint", "sor"])
-    def test_duplicates_are_neighbors_at_no_distance(self, make, name):
-        """Two single points beside ten in one place are outliers, two that share a place are not."""
+    def test_duplicates_are_neighbors_at_distance_zero(self, make, name):
+        """Two single points next to ten equal points are outliers, two equal points are not."""
         params = {"neighbors": 1} if name == "sor" else {}
         assert reasons(make(name, **params), on_axis([20.0] * 10 + [21.0, 22.0])) == [KEPT] * 10 + [OUTLIER] * 2
         assert reasons(make(name, **params), on_axis([20.0] * 10 + [22.0, 22.0])) == [KEPT] * 12
@@ -326,7 +326,7 @@ class TestInvalid:
     @pytest.mark.parametrize(
         "point", [(0, 0, 0), (-0.0, 0, -0.0), (math.nan, 1, 1), (20, math.inf, 1), (20, 0, -math.inf)]
     )
-    def test_points_without_a_place(self, make, name, point):
+    def test_points_without_a_position(self, make, name, point):
         result = make(name).step(make_frame([point] * 3, 100))
         assert list(result.reason) == [INVALID] * 3
         assert result.rings is None or sum(result.rings.points) == 0
@@ -338,19 +338,19 @@ class TestInvalid:
         assert list(result.reason) == [INVALID] * 4
 
     @pytest.mark.parametrize("name", ["sor", "ror"])
-    def test_invalid_points_are_no_neighbors(self, make, name):
+    def test_invalid_points_are_not_neighbors(self, make, name):
         xyz = np.zeros((40, 3))
         xyz[20:, 0] = math.nan
         frame = make_frame(np.concatenate([xyz, [[0.1, 0, 0], [0.2, 0, 0]]]))
         kept = KEPT if name == "sor" else OUTLIER
         assert reasons(make(name), frame) == [INVALID] * 40 + [kept] * 2
 
-    def test_a_tiny_place_is_a_place(self, make):
-        """Its square is 0 in double precision."""
+    def test_a_tiny_position_is_valid(self, make):
+        """The square of the coordinate is 0 in double precision."""
         assert reasons(make("ring_intensity"), make_frame([[1e-200, 0, 0]], 100)) == [NEAR]
 
-    def test_a_huge_place_is_far(self, make):
-        """Its square is infinite in double precision."""
+    def test_a_huge_position_is_far(self, make):
+        """The square of the coordinate is infinite in double precision."""
         assert reasons(make("ring_intensity", far="drop"), make_frame([[1e200, 0, 0]], 100)) == [FAR]
 
     def test_none_keeps_them(self, make):
@@ -372,10 +372,10 @@ class TestInvalid:
 
 
 class TestCorrection:
-    """In a row of 11 points 1/8 m apart and one 2 m further, the last is an outlier."""
+    """Corrections from a row of 11 points 1/8 m apart and an outlier 2 m behind them."""
 
-    SEA = on_axis(lone(2), [40] * 11 + [100])
-    CALM = on_axis(lone(), 40)
+    SEA = on_axis(row_and_points(2), [40] * 11 + [100])
+    CALM = on_axis(row_and_points(), 40)
 
     def test_worked_example(self, make):
         method = make("joint")
@@ -385,8 +385,8 @@ class TestCorrection:
         assert list(first.rings.corrections) == [0, 0, 0, 0]
         assert list(first.rings.points) == [12, 0, 0, 0]
         assert list(first.rings.outliers) == [1, 0, 0, 0]
-        # One outlier of 100 gives 100 / 2, which lifts the threshold by 0.4 of the way from 30 to 50.
-        second = method.step(on_axis(lone()[:4], [38, 37, 39, 30]))
+        # One outlier of 100 gives 100 / 2, which raises the threshold by 0.4 of the difference between 30 and 50.
+        second = method.step(on_axis(row_and_points()[:4], [38, 37, 39, 30]))
         assert list(second.rings.corrections) == pytest.approx([50, 0, 0, 0])
         assert list(second.rings.thresholds) == pytest.approx([38, 16, 7, 4])
         assert list(second.reason) == [KEPT, LOW, KEPT, LOW]
@@ -394,14 +394,14 @@ class TestCorrection:
 
     def test_divides_by_one_more_than_the_outliers(self, make):
         method = make("joint", update_weight=0.2)
-        first = method.step(on_axis(lone(1.5, 3), [40] * 11 + [100, 50]))
+        first = method.step(on_axis(row_and_points(1.5, 3), [40] * 11 + [100, 50]))
         assert list(first.reason) == [KEPT] * 11 + [OUTLIER] * 2
-        # Two outliers give (100 + 50) / 3, which lifts the threshold by 0.8 of the way from 30 to 50.
+        # Two outliers give (100 + 50) / 3, which raises the threshold by 0.8 of the difference between 30 and 50.
         assert list(method.step(self.CALM).rings.thresholds) == pytest.approx([46, 16, 7, 4])
 
-    def test_dark_points_are_no_sample(self, make):
+    def test_dark_points_do_not_contribute(self, make):
         method = make("joint")
-        method.step(on_axis([*lone(2), 24.5], [40] * 11 + [100, 29]))
+        method.step(on_axis([*row_and_points(2), 24.5], [40] * 11 + [100, 29]))
         assert list(method.step(self.CALM).rings.corrections) == [50, 0, 0, 0]
 
     def test_returns_to_zero_without_outliers(self, make):
@@ -415,7 +415,7 @@ class TestCorrection:
     @pytest.mark.parametrize(
         "frame",
         [on_axis([]), on_axis([20, 21, 22], 1), on_axis([20, 21], math.nan), on_axis([5, 80])],
-        ids=["no points", "all removed", "all invalid", "none in a ring"],
+        ids=["no points", "all removed", "all invalid", "outside the range rings"],
     )
     def test_returns_to_zero_when_nothing_is_left(self, make, frame):
         method = make("joint")
@@ -424,16 +424,16 @@ class TestCorrection:
         assert list(method.step(self.CALM).rings.thresholds) == [30, 16, 7, 4]
 
     def test_does_not_add_up(self, make):
-        """The correction comes from the last frame alone, whatever the one before was."""
+        """The correction comes from the last frame only, not from the correction before it."""
         method = make("joint")
         for _ in range(5):
             result = method.step(self.SEA)
         assert list(result.rings.corrections) == [50, 0, 0, 0]
         assert list(result.rings.thresholds) == pytest.approx([38, 16, 7, 4])
 
-    def test_each_ring_has_its_own(self, make):
+    def test_each_range_ring_has_its_own(self, make):
         method = make("joint")
-        method.step(on_axis([*lone(2), *lone(2) + 22], [40] * 11 + [100] + [16] * 11 + [20]))
+        method.step(on_axis([*row_and_points(2), *row_and_points(2) + 22], [40] * 11 + [100] + [16] * 11 + [20]))
         assert list(method.step(self.CALM).rings.corrections) == [50, 0, 10, 0]
 
     def test_reset_forgets(self, make):
@@ -470,7 +470,7 @@ class TestGlobalIntensity:
         return method
 
     @pytest.mark.parametrize("name", FILTERS)
-    def test_who_needs_a_first_pass(self, name):
+    def test_only_global_intensity_needs_a_first_pass(self, name):
         assert FILTERS[name](FILTERS[name].Params()).needs_first_pass is (name == "global_intensity")
 
     def test_a_given_threshold_needs_no_first_pass(self):
@@ -498,14 +498,14 @@ class TestGlobalIntensity:
         ],
     )
     def test_smallest_threshold_that_removes_the_share(self, make, rate, intensity, low):
-        """Also where 0.55 * 100 is a bit more than 55 in floating point."""
+        """This includes 0.55 * 100, which is slightly more than 55 in floating point."""
         frame = on_axis(np.linspace(10, 69, len(intensity)), list(intensity))
         method = self.first_pass(make("global_intensity", filter_rate=rate), frame)
         assert reasons(method, frame) == [LOW] * low + [KEPT] * (len(intensity) - low)
 
     @pytest.mark.parametrize("scale", [1e-3, 1, 300])
-    def test_fractional_intensities_are_told_apart_to_an_eight_thousandth(self, scale):
-        """Their distribution is kept in bins: the share is reached, and not by more than a bin."""
+    def test_threshold_of_fractional_intensities_is_accurate_to_an_eight_thousandth(self, scale):
+        """The share is reached, and the threshold is at most an eight-thousandth too high."""
         intensity = scale * np.random.default_rng(1).uniform(0.1, 1, 50_000)
         frame = on_axis(np.full(50_000, 20), intensity)
         method = self.first_pass(FILTERS["global_intensity"](FILTERS["global_intensity"].Params()), frame)
@@ -514,19 +514,19 @@ class TestGlobalIntensity:
         assert exact < method.step(frame).rings.thresholds[0] <= exact * (1 + 1 / 8000)
 
     def test_fractions_may_come_late(self, make):
-        """What was counted before them still counts."""
+        """Whole intensities counted before them still count."""
         whole, fractional = on_axis([20] * 8, [1, 2, 3, 4, 5, 6, 7, 8]), on_axis([20] * 2, [9.5, 10.5])
         method = self.first_pass(make("global_intensity"), whole, fractional)
         assert reasons(method, whole) == [LOW] * 8
         assert reasons(method, fractional) == [KEPT] * 2
 
     def test_whole_intensities_have_a_whole_threshold(self, make):
-        """Of 0 to 9 and a rate of 0.8, it is 8: 7.5, in a frame that was not in the first pass, is below."""
+        """For 0 to 9 and a rate of 0.8 it is 8, so 7.5 in a frame outside the first pass is below it."""
         method = self.first_pass(make("global_intensity"), on_axis([20] * 10, range(10)))
         assert reasons(method, on_axis([20, 20, 20], [7.5, below(8), 8])) == [LOW, LOW, KEPT]
 
-    def test_only_points_that_it_applies_to_count(self, make):
-        """Left out: before 10 m, from 70 m on, own structure, and points that are invalid."""
+    def test_only_points_within_the_range_limits_count(self, make):
+        """Points nearer than 10 m, at 70 m and beyond, own structure and invalid points are left out."""
         xyz = [[x, 0, 0] for x in (10, 20, 30, 40, below(70), below(10), 70, 5, 80, 0)] + [
             [20, 5, 0],
             [20, math.nan, 0],
@@ -537,7 +537,7 @@ class TestGlobalIntensity:
         expected = [LOW] * 4 + [KEPT, NEAR, KEPT, NEAR, KEPT, INVALID, EXCLUDED, INVALID, INVALID]
         assert reasons(self.first_pass(method, frame), frame) == expected
 
-    def test_one_threshold_a_recording(self, make):
+    def test_one_threshold_per_recording(self, make):
         dark, bright = on_axis([20] * 8, 1), on_axis([20] * 2, 50)
         method = self.first_pass(make("global_intensity"), bright, dark)
         assert reasons(method, dark) == [LOW] * 8
@@ -550,6 +550,6 @@ class TestGlobalIntensity:
         assert reasons(method, on_axis([20] * 2, [7, 8])) == [LOW, KEPT]
 
     @pytest.mark.parametrize("frame", [on_axis([]), on_axis([5, 80]), on_axis([20], math.nan)])
-    def test_nothing_to_learn_from(self, make, frame):
+    def test_first_pass_without_points(self, make, frame):
         method = self.first_pass(make("global_intensity"), frame)
         assert LOW not in reasons(method, frame)

@@ -1,4 +1,4 @@
-"""Cases at the edges of the rules against snow (DROR, DSOR, LIOR, LIDSOR, naive); `reference` must pass them too."""
+"""Boundary cases of the rules for snow (DROR, DSOR, LIOR, LIDSOR, naive); `reference` must pass them, too."""
 
 import math
 import time
@@ -15,14 +15,14 @@ from tests.filters.steps import INVALID, KEPT, LOW, OUTLIER, above, below, reaso
 
 METHODS = ["dror", "dsor", "lior", "lidsor", "naive"]
 DIM = {"dror": None, "dsor": None, "lior": 5, "lidsor": 4, "naive": 0}
-"""Intensity at which a method may remove a point."""
+"""Intensity at which each method may remove a point."""
 SMALL = 1e-7
 HALF_THE_RANGE = {"radius_multiplier": 0.5, "angle_deg": 30.0, "min_points": 2}
-"""With these, DROR's radius is half the horizontal range."""
+"""Parameters that make the search radius of DROR half the horizontal range."""
 
 
 def pairs(*gaps, range_m, intensity=0):
-    """Return a frame of pairs of points with a gap within each and far from each other, all at one range."""
+    """Return a frame of distant pairs of points at one range, with the given gap within each pair."""
     gap, bearing = np.repeat(gaps, 2), np.repeat(np.arange(len(gaps)), 2) * math.pi / 2
     height = gap / 2 * np.tile([-1, 1], len(gaps))
     level = np.sqrt(range_m**2 - height**2)
@@ -63,13 +63,13 @@ class TestAll:
         assert reasons(make(name), on_axis([10, 10.5], DIM[name])) == [two] * 2
 
     @pytest.mark.parametrize("name", ["dsor", "lidsor"])
-    def test_with_too_few_others_all_count(self, make, name):
+    def test_with_too_few_others_all_are_used(self, make, name):
         frame = on_axis([14, 15, 16, 19], 0)
         assert set(reasons(make(name, neighbors=3), frame)) == {KEPT, OUTLIER}
         assert reasons(make(name, neighbors=3), frame) == reasons(make(name, neighbors=10**9), frame)
 
     @pytest.mark.parametrize("name", METHODS)
-    def test_invalid_points_are_called_so_and_are_no_neighbors(self, make, name):
+    def test_invalid_points_keep_that_reason_and_are_not_neighbors(self, make, name):
         xyz = [[0, 0, 0]] * 20 + [[math.nan, 0, 0]] * 20 + [[0.01, 0, 0]] * 20
         intensity = np.array([0] * 40 + [math.inf] * 20)
         frame = make_frame([*xyz, [0.01, 0, 0.01]], [*intensity, 0])
@@ -83,11 +83,11 @@ class TestAll:
 
     @pytest.mark.parametrize("search", ["fast", "slow"])
     @pytest.mark.parametrize("name", METHODS)
-    @pytest.mark.parametrize("places", [1, 2, 200])
-    def test_many_equal_points_take_no_time(self, monkeypatch, name, places, search):
+    @pytest.mark.parametrize("positions", [1, 2, 200])
+    def test_many_equal_points_are_fast(self, monkeypatch, name, positions, search):
         if search == "slow":
             monkeypatch.setattr(neighbor_search, "_FastTree", None)
-        xyz = np.random.default_rng(1).normal((15, 0, 0), 0.5, (places, 3)).repeat(60_000 // places, axis=0)
+        xyz = np.random.default_rng(1).normal((15, 0, 0), 0.5, (positions, 3)).repeat(60_000 // positions, axis=0)
         method = FILTERS[name](FILTERS[name].Params())
         start = time.perf_counter()
         expected = {"dsor": OUTLIER, "naive": LOW}.get(name, KEPT)
@@ -98,8 +98,8 @@ class TestAll:
 class TestDror:
     @pytest.mark.parametrize("height", [0, 100])
     @pytest.mark.parametrize(("distance", "reason"), [(2, KEPT), (2 * (1 + SMALL), OUTLIER)])
-    def test_points_at_the_radius_count(self, make, distance, reason, height):
-        """The radius follows from the horizontal range, the distance has three dimensions."""
+    def test_points_at_the_radius_are_neighbors(self, make, distance, reason, height):
+        """The radius depends on the horizontal range, while the distance is 3D."""
         frame = make_frame([[4, 0, height], [4, 0, height + distance]])
         assert reasons(make("dror", **HALF_THE_RANGE), frame) == [reason] * 2
 
@@ -108,18 +108,18 @@ class TestDror:
 
     @pytest.mark.parametrize(("distance", "reason"), [(0.04, KEPT), (0.04 * (1 + SMALL), OUTLIER)])
     def test_smallest_radius(self, make, distance, reason):
-        """Above the lidar the horizontal range is 0."""
+        """Directly above the lidar the horizontal range is 0."""
         frame = make_frame([[0, 0, 5], [0, 0, 5 + distance]])
         assert reasons(make("dror", min_points=2), frame) == [reason] * 2
 
     @pytest.mark.parametrize(("points", "reason"), [(1, OUTLIER), (2, OUTLIER), (3, KEPT), (4, KEPT)])
     def test_the_point_itself_counts(self, make, points, reason):
-        """So do its duplicates."""
+        """Its duplicates count, too."""
         assert reasons(make("dror"), on_axis([20.0] * points)) == [reason] * points
 
     @pytest.mark.parametrize(("spacing", "reason"), [(0.959, KEPT), (0.961, OUTLIER)])
-    def test_beams_of_a_turn(self, make, spacing, reason):
-        """By default the radius at 40 m is a chord of about 6 x 0.16 degrees: the next beams on both sides."""
+    def test_points_of_a_revolution(self, make, spacing, reason):
+        """The default radius at 40 m is a chord of approximately 6 x 0.16 degrees."""
         angles = np.radians(spacing * np.arange(9))
         frame = make_frame(np.column_stack([40 * np.cos(angles), 40 * np.sin(angles), np.full(9, -2)]))
         assert reasons(make("dror"), frame)[1:-1] == [reason] * 7
@@ -129,18 +129,18 @@ class TestDsor:
     @pytest.mark.parametrize(
         ("range_m", "reason"), [(19, OUTLIER), (20, OUTLIER), (20 * (1 + SMALL), KEPT), (21, KEPT)]
     )
-    def test_equal_to_the_limit_goes(self, make, range_m, reason):
-        """Mean 1 and deviation 0 make a limit of 0.05 a metre."""
+    def test_equal_to_the_limit_is_removed(self, make, range_m, reason):
+        """Mean 1 and deviation 0 give a limit of 0.05 per metre of range."""
         assert reasons(make("dsor"), pairs(1, range_m=range_m)) == [reason] * 2
 
     @pytest.mark.parametrize(("last", "reason"), [(6, OUTLIER), (6 * (1 - SMALL), KEPT)])
     def test_mean_and_sample_deviation(self, make, last, reason):
-        """Pairs with gaps of 1, 4, 5 and 6: mean 4, deviation 2, at 100 m a limit of (4 + 2) 0.01 100."""
+        """Pairs with gaps of 1, 4, 5 and 6: mean 4, deviation 2, limit (4 + 2) * 0.01 * 100 at 100 m."""
         method = make("dsor", neighbors=1, std_ratio=1.0, range_multiplier_per_m=0.01)
         assert reasons(method, pairs(1, 4, 5, last, range_m=100)) == [KEPT] * 6 + [reason] * 2
 
-    def test_points_in_one_place_go(self, make):
-        """Their distances are 0, and so is the limit."""
+    def test_equal_points_are_removed(self, make):
+        """Their distances and the limit are 0."""
         assert reasons(make("dsor"), on_axis([20.0] * 9)) == [OUTLIER] * 9
 
     def test_needs_no_intensity(self, make):
@@ -149,31 +149,31 @@ class TestDsor:
 
 class TestLior:
     @pytest.mark.parametrize(("intensity", "reason"), [(5, OUTLIER), (above(5), KEPT)])
-    def test_equal_to_the_threshold_goes(self, make, intensity, reason):
+    def test_equal_to_the_threshold_is_removed(self, make, intensity, reason):
         assert reasons(make("lior"), on_axis(20, intensity)) == [reason]
 
     @pytest.mark.parametrize(("range_m", "reason"), [(71.2, OUTLIER), (above(71.2), KEPT)])
-    def test_equal_to_the_largest_range_goes(self, make, range_m, reason):
+    def test_equal_to_the_maximum_range_is_removed(self, make, range_m, reason):
         assert reasons(make("lior"), on_axis(range_m, 0)) == [reason]
 
     @pytest.mark.parametrize(("distance", "reason"), [(0.5, KEPT), (above(0.5), OUTLIER)])
-    def test_points_at_the_radius_count(self, make, distance, reason):
+    def test_points_at_the_radius_are_neighbors(self, make, distance, reason):
         method = make("lior", radius_m=0.5, min_neighbors=1)
         assert reasons(method, make_frame([[0, 1, 0], [0, 1, distance]], 0)) == [reason] * 2
 
     @pytest.mark.parametrize(("others", "reason"), [(2, OUTLIER), (3, KEPT)])
-    def test_others_count(self, make, others, reason):
-        """The point itself does not, its duplicates do."""
+    def test_other_points_count(self, make, others, reason):
+        """The point itself does not count, its duplicates do."""
         assert reasons(make("lior"), on_axis([20.0] * (others + 1), 0)) == [reason] * (others + 1)
 
-    def test_bright_and_far_points_are_neighbors_and_stay(self, make):
+    def test_bright_and_far_points_are_neighbors_and_are_kept(self, make):
         assert reasons(make("lior"), on_axis([20, 20.05, 20.05, 19.95, 30], [5, 99, 6, 99, 99])) == [KEPT] * 5
         assert reasons(make("lior"), on_axis([71.2, 71.25, 71.25, 71.25, 90], 0)) == [KEPT] * 5
         assert reasons(make("lior"), on_axis([20, 20.05, 20.05, 30], [5, 99, 99, 99])) == [OUTLIER, KEPT, KEPT, KEPT]
 
     def test_few_candidates_among_many(self, make):
-        """The neighbours of some points are those that they have in a search of all."""
-        xyz = np.random.default_rng(2).integers(0, 12, (500, 3)) / 8 + [20, 0, 0]  # some in one place
+        """A search for some points finds the same neighbours as a search for all points."""
+        xyz = np.random.default_rng(2).integers(0, 12, (500, 3)) / 8 + [20, 0, 0]  # some are equal
         intensity = np.where(np.arange(500) % 50, 99, 1)
         everything = np.array(reasons(make("ror", radius_m=0.125, min_neighbors=2), make_frame(xyz)))
         some = reasons(make("lior", radius_m=0.125, min_neighbors=2), make_frame(xyz, intensity))
@@ -183,16 +183,16 @@ class TestLior:
 
 class TestLidsor:
     @pytest.mark.parametrize(("intensity", "reason"), [(below(5), OUTLIER), (5, KEPT)])
-    def test_equal_to_the_threshold_stays(self, make, intensity, reason):
+    def test_equal_to_the_threshold_is_kept(self, make, intensity, reason):
         assert reasons(make("lidsor"), on_axis([10, 11], intensity)) == [reason] * 2
 
     @pytest.mark.parametrize(("range_m", "reason"), [(below(16), OUTLIER), (16, KEPT)])
-    def test_equal_to_the_largest_range_stays(self, make, range_m, reason):
+    def test_equal_to_the_maximum_range_is_kept(self, make, range_m, reason):
         assert reasons(make("lidsor", max_range_m=16.0), on_axis([range_m, range_m - 1], 0)) == [reason, OUTLIER]
 
     @pytest.mark.parametrize(("range_m", "reason"), [(20 * (1 - SMALL), OUTLIER), (20, KEPT), (21, KEPT)])
-    def test_equal_to_the_limit_stays(self, make, range_m, reason):
-        """Mean 1 and deviation 0 make a limit of 0.05 a metre."""
+    def test_equal_to_the_limit_is_kept(self, make, range_m, reason):
+        """Mean 1 and deviation 0 give a limit of 0.05 per metre of range."""
         assert reasons(make("lidsor", max_range_m=99.0), pairs(1, range_m=range_m)) == [reason] * 2
 
     @pytest.mark.parametrize(("last", "reason"), [(6, KEPT), (6 * (1 + SMALL), OUTLIER)])
@@ -200,8 +200,8 @@ class TestLidsor:
         method = make("lidsor", neighbors=1, std_ratio=1.0, range_multiplier_per_m=0.01, max_range_m=200.0)
         assert reasons(method, pairs(1, 4, 5, last, range_m=100)) == [KEPT] * 6 + [reason] * 2
 
-    def test_the_limit_is_that_of_all_points(self, make):
-        """A gap of 1 exceeds the limit of 0.5 that it makes itself, but not that of 3.5 with three gaps of 9."""
+    def test_the_limit_depends_on_all_points(self, make):
+        """A gap of 1 exceeds the limit of 0.5 of its own pair, but not the limit of 3.5 with three gaps of 9."""
         method = make("lidsor", neighbors=1, std_ratio=0.0)
         assert reasons(method, pairs(1, range_m=10)) == [OUTLIER] * 2
         assert reasons(method, pairs(1, 9, 9, 9, range_m=10, intensity=[0] * 2 + [9] * 6)) == [KEPT] * 8
@@ -209,11 +209,11 @@ class TestLidsor:
 
 class TestNaive:
     @pytest.mark.parametrize(("intensity", "reason"), [(below(1), LOW), (1, KEPT)])
-    def test_equal_to_the_threshold_stays(self, make, intensity, reason):
+    def test_equal_to_the_threshold_is_kept(self, make, intensity, reason):
         assert reasons(make("naive"), on_axis(10, intensity)) == [reason]
 
     @pytest.mark.parametrize(("range_m", "reason"), [(0.001, LOW), (below(20), LOW), (20, KEPT)])
-    def test_equal_to_the_largest_range_stays(self, make, range_m, reason):
+    def test_equal_to_the_maximum_range_is_kept(self, make, range_m, reason):
         assert reasons(make("naive"), on_axis(range_m, 0)) == [reason]
 
     def test_range_has_three_dimensions(self, make):

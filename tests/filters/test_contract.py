@@ -1,4 +1,4 @@
-"""What every filter promises, whatever its method; a new one is tested here as soon as it is in `FILTERS`."""
+"""Properties that every filter must have; these tests apply to each entry of `FILTERS`."""
 
 import dataclasses
 import math
@@ -25,7 +25,7 @@ def make(name, **params):
 
 
 def run(method, frames):
-    """Return the results of a recording, after a first pass where one is needed."""
+    """Return the results of a recording, after a first pass if the method needs one."""
     if method.needs_first_pass:
         for frame in frames:
             method.observe(frame)
@@ -49,7 +49,7 @@ def test_params_are_frozen_and_have_defaults(name):
             setattr(params, field.name, None)
 
 
-def test_one_reason_a_point(name):
+def test_one_reason_per_point(name):
     for frame, result in zip(sea(), run(make(name), sea()), strict=True):
         assert result.reason.shape == (frame.size,)
         assert result.reason.dtype == np.uint8
@@ -57,13 +57,13 @@ def test_one_reason_a_point(name):
         assert result.counts.sum() == frame.size
 
 
-def test_the_result_holds_the_frame_it_was_given(name):
+def test_the_result_refers_to_the_input_frame(name):
     frames = sea()
     assert all(result.frame is frame for frame, result in zip(frames, run(make(name), frames), strict=True))
 
 
-def test_results_stay_as_they_are(name):
-    """The next frame must not write into what an earlier one returned."""
+def test_results_are_not_modified_later(name):
+    """Later frames must not change earlier results."""
     frames = sea()
     method = make(name)
     earlier = run(method, frames)
@@ -101,7 +101,7 @@ def test_reset_is_like_new(name):
 
 
 def test_two_filters_share_no_state(name):
-    """As with two topics of one recording, frame by frame in turn."""
+    """Two topics of one recording are filtered in alternation."""
     first, second = make(name), make(name)
     for frame, other in zip(sea(), sea(seed=7), strict=True):
         if first.needs_first_pass:
@@ -111,7 +111,7 @@ def test_two_filters_share_no_state(name):
     assert [reason for reason, _ in both] == reasons(make(name), sea())
 
 
-def test_the_bytes_of_the_cloud_stay(name):
+def test_the_bytes_of_the_cloud_do_not_change(name):
     frames = sea()
     before = [bytes(frame.cloud.data) for frame in frames]
     run(make(name), frames)
@@ -119,26 +119,26 @@ def test_the_bytes_of_the_cloud_stay(name):
 
 
 @pytest.mark.parametrize("size", [0, 1])
-def test_hardly_a_point(name, size):
+def test_frames_with_no_or_one_point(name, size):
     frame = make_frame(np.full((size, 3), 20.0), 100)
     (result,) = run(make(name, **({"threshold": 5.0} if name == "global_intensity" else {})), [frame])
     assert result.reason.shape == (size,)
     assert result.reason.dtype == np.uint8
 
 
-def test_no_points_and_no_fields_but_those_needed(name):
+def test_empty_frames_within_a_recording(name):
     frames = [make_frame([], [], index=0), *sea(), make_frame([], [], index=4)]
     assert [len(reason) for reason in reasons(make(name), frames)] == [frame.size for frame in frames]
 
 
 @pytest.mark.parametrize("bad", [math.nan, 0.0], ids=["nan", "zero"])
-def test_no_point_is_valid(name, bad):
+def test_only_invalid_points(name, bad):
     frame = make_frame(np.full((50, 3), bad), 100)
     expected = Reason.KEPT if name in KEEPS_INVALID else Reason.INVALID
     assert reasons(make(name), [frame]) == [[expected] * 50]
 
 
-def test_exactly_the_invalid_points_are_called_so(name):
+def test_exactly_the_invalid_points_have_that_reason(name):
     for result in run(make(name), sea()):
         invalid = np.zeros(result.frame.size, bool) if name in KEEPS_INVALID else ~result.frame.valid
         np.testing.assert_array_equal(result.reason == Reason.INVALID, invalid)
@@ -163,7 +163,7 @@ def test_order_of_the_points_does_not_matter(name, seed):
 
 
 def moved(frame, xyz_of):
-    """Return the frame with other coordinates, made from x, y and z."""
+    """Return the frame with coordinates computed from x, y and z."""
     points = frame.cloud.points.copy()
     for axis, values in zip("xyz", xyz_of(*(frame.cloud.points[axis] for axis in "xyz")), strict=True):
         points[axis] = values
@@ -172,9 +172,9 @@ def moved(frame, xyz_of):
 
 @pytest.mark.parametrize("factor", [0.25, 8.0])
 def test_unit_of_length_does_not_matter(name, factor):
-    """Config keys that end in ``_m`` are lengths, in ``_per_m`` the reverse.
+    """Config keys ending in ``_m`` are lengths, those ending in ``_per_m`` are reciprocal lengths.
 
-    A factor that is a power of two leaves all digits as they are.
+    A factor that is a power of two changes no digits.
     """
     params = {
         field.name: getattr(FILTERS[name].Params(), field.name) * (1 / factor if "_per_m" in field.name else factor)
@@ -202,14 +202,14 @@ def test_unit_of_intensity_does_not_matter(name, factor):
 
 
 @pytest.mark.parametrize(
-    "turn",
+    "rotation",
     [lambda x, y, z: (-y, x, z), lambda x, y, z: (x, -y, z), lambda x, y, z: (x, y, -z)],
-    ids=["quarter turn", "port for starboard", "upside down"],
+    ids=["quarter rotation", "mirrored", "upside down"],
 )
-def test_heading_does_not_matter(name, turn, request):
+def test_heading_does_not_matter(name, rotation, request):
     if name in LOOKS_DOWN and "upside down" in request.node.callspec.id:
-        pytest.skip("up is up")
-    assert reasons(make(name), [moved(frame, turn) for frame in sea()]) == reasons(make(name), sea())
+        pytest.skip("the method depends on the upward direction")
+    assert reasons(make(name), [moved(frame, rotation) for frame in sea()]) == reasons(make(name), sea())
 
 
 def test_number_of_threads_does_not_matter(name, monkeypatch):

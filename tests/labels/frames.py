@@ -1,4 +1,4 @@
-"""Frames to label, and a writer of every form of labels that shares no code with the readers."""
+"""Labelled frames, and a writer for every label format; the writers share no code with the readers."""
 
 import csv
 import json
@@ -19,7 +19,7 @@ XYZ = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
 
 
 def frame(index=0, points=None, *, stamp_ns=None, sequence=None):
-    """Return a frame; its stamp is the frame's number in a log of ten frames a second."""
+    """Return a frame; by default its stamp follows from its index at ten frames per second."""
     stamp_ns = START_NS + index * PERIOD_NS if stamp_ns is None else stamp_ns
     points = np.zeros(3, XYZ) if points is None else points
     message = Message(CHANNEL, stamp_ns, stamp_ns, index if sequence is None else sequence, b"")
@@ -27,7 +27,7 @@ def frame(index=0, points=None, *, stamp_ns=None, sequence=None):
 
 
 def boxes(*rows):
-    """Return boxes of rows as the native form has them, without the frame."""
+    """Return boxes from rows of the native format without the frame."""
     values = np.array([row[2:] for row in rows], float).reshape(-1, 7)
     tracks, kinds = tuple(str(row[0]) for row in rows), tuple(row[1] for row in rows)
     return Boxes(tracks, kinds, values[:, :3], values[:, 3:6], values[:, 6])
@@ -41,7 +41,7 @@ def rows_of(targets):
 
 
 def points_of(targets, seed):
-    """Return points of the sea, and in each box; with the number of the box, from 1, that each is in."""
+    """Return points of the sea and in each box, and the number of each point's box, from 1; 0 for the sea."""
     rng = np.random.default_rng(seed)
     sizes = [30 + seed, *[8] * len(targets)]
     xyz = rng.uniform(200, 300, (sum(sizes), 3))
@@ -135,7 +135,7 @@ WRITERS = {
     "semantickitti": write_semantickitti,
     "cloud": write_cloud,
 }
-BOX_FORMS = ("csv", "seepersea", "sustechpoints")
+BOX_FORMATS = ("csv", "seepersea", "sustechpoints")
 
 SCENE = (
     boxes(("1", "ship", 10, 20, 1.5, 12, 4, 3, 0.5), ("2", "buoy", -30, 5, 0.25, 1, 1, 1.5, 0)),
@@ -143,7 +143,7 @@ SCENE = (
     boxes(),
     boxes(("7", "other", 0, -40.125, 0, 2, 0.5, 0.75, -3)),
 )
-"""Targets of four frames, one of them empty."""
+"""Targets of four frames; one frame is empty."""
 
 
 def write(name, folder):

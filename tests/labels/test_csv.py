@@ -1,4 +1,4 @@
-"""The program's own labels."""
+"""Labels in the native CSV format."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def error_of(tmp_path, *lines, header=HEAD):
 @pytest.mark.parametrize("bom", ["", "\ufeff"])
 @pytest.mark.parametrize("mark", [",", ";", "\t"])
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_columns_in_any_order_and_more_of_them(tmp_path, bom, mark, end):
+def test_columns_in_any_order_with_additional_ones(tmp_path, bom, mark, end):
     header = "yaw,Note,height,width,length,z,y,x,class,track_id,frame"
     content = f"{bom}{header}{end}0.5, hi ,6,5,4,3,2,1,ship,17,0{end}{end},,,,,,,,,,{end}"
     path = put(tmp_path / "labels.txt", content.replace(",", mark))
@@ -53,7 +53,7 @@ def test_none_ignore_and_unlabelled(tmp_path):
     labels.finish()
 
 
-def test_targets_without_a_track_are_told_apart(tmp_path):
+def test_targets_without_a_track_get_different_tracks(tmp_path):
     labels = opened(tmp_path, row(0, "#1"), row(0, ""), row(0, ""))
     tracks = labels.truth(frame()).targets.tracks
     assert tracks[0] == "#1"
@@ -61,46 +61,46 @@ def test_targets_without_a_track_are_told_apart(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("line", "what"),
+    ("line", "message"),
     [
-        (row(1, box="1,2,x,4,5,6,0"), "line 3: z 'x' is no number"),
-        (row(1, box="1,2,,4,5,6,0"), "line 3: z '' is no number"),
-        (row(1, box="1,2,nan,4,5,6,0"), "line 3: z 'nan' is no number"),
-        (row(1, box="1,2,1e999,4,5,6,0"), "line 3: z '1e999' is no number"),
-        (row(1, box="1,2,1_0,4,5,6,0"), "line 3: z '1_0' is no number"),
-        (row(1, box="1,2,3,4,-5,6,0"), "line 3: a size of -5 m is none"),
-        (row(-1), "line 3: frame '-1' is no whole number from 0"),
-        (row("1.5"), "line 3: frame '1.5' is no whole number from 0"),
-        (row(10**19 - 1), f"line 3: frame '{10**19 - 1}' is beyond all measure"),
-        (row(0), "line 3: track '1' is in line 2 for the same frame"),
+        (row(1, box="1,2,x,4,5,6,0"), "line 3: z 'x' is not a finite number"),
+        (row(1, box="1,2,,4,5,6,0"), "line 3: z '' is not a finite number"),
+        (row(1, box="1,2,nan,4,5,6,0"), "line 3: z 'nan' is not a finite number"),
+        (row(1, box="1,2,1e999,4,5,6,0"), "line 3: z '1e999' is not a finite number"),
+        (row(1, box="1,2,1_0,4,5,6,0"), "line 3: z '1_0' is not a finite number"),
+        (row(1, box="1,2,3,4,-5,6,0"), "line 3: box size must not be negative, got -5 m"),
+        (row(-1), "line 3: frame '-1' is not a whole number from 0"),
+        (row("1.5"), "line 3: frame '1.5' is not a whole number from 0"),
+        (row(10**19 - 1), f"line 3: frame '{10**19 - 1}' is too large"),
+        (row(0), "line 3: track '1' is already in line 2 for the same frame"),
         (row(0) + ",9", "line 3: 11 values for 10 columns"),
         ("1,2", "line 3: 2 values for 10 columns"),
         ('1,"2', "line 3: unexpected end of data"),
-        (row(1, kind="a\x1b[1m", box="?,2,3,4,5,6,0"), "line 3: x '?' is no number"),
+        (row(1, kind="a\x1b[1m", box="?,2,3,4,5,6,0"), "line 3: x '?' is not a finite number"),
         ("\x1b[1m", "line 3: 1 values for 10 columns"),
     ],
 )
-def test_a_line_that_is_wrong_is_named(tmp_path, line, what):
-    assert error_of(tmp_path, row(0), line) == what
+def test_the_message_names_an_invalid_line(tmp_path, line, message):
+    assert error_of(tmp_path, row(0), line) == message
 
 
-def test_headers_that_are_wrong(tmp_path):
-    assert "line 1: no column length; needed" in error_of(tmp_path, header=HEAD.replace("length,", ""))
-    assert "line 1: no column frame (or stamp_ns);" in error_of(tmp_path, header=HEAD.replace("frame,", ""))
-    assert "line 1: two columns x" in error_of(tmp_path, header=HEAD + ",x")
-    assert "no labels in it" in error_of(tmp_path)
+def test_invalid_headers(tmp_path):
+    assert "line 1: missing column length; required" in error_of(tmp_path, header=HEAD.replace("length,", ""))
+    assert "line 1: missing column frame (or stamp_ns);" in error_of(tmp_path, header=HEAD.replace("frame,", ""))
+    assert "line 1: duplicate column x" in error_of(tmp_path, header=HEAD + ",x")
+    assert "contains no labels" in error_of(tmp_path)
 
 
-def test_text_that_is_none(tmp_path):
+def test_a_file_that_is_not_text(tmp_path):
     path = put(tmp_path / "log.labels.csv", HEAD.encode() + b"\n\xff\xfe\n")
-    with pytest.raises(LabelError, match="no UTF-8 text"):
+    with pytest.raises(LabelError, match="not valid UTF-8 text"):
         open_labels(path)
 
 
 def test_finish_names_the_first_frames_that_are_missing_and_how_many(tmp_path):
     labels = opened(tmp_path, *(row(number) for number in (0, 1, 7, 9, 20, 30)))
     labels.truth(frame(0))
-    labels.truth(frame(2))  # frame 1 was lost to damage, perhaps: it is no reason to doubt the labels
+    labels.truth(frame(2))  # frame 1 may be lost to damage, which does not make the labels wrong
     with pytest.raises(LabelError) as caught:
         labels.finish()
     assert str(caught.value).endswith("4 of 6 labelled frames are not in the log (frame 7, 9, 20, …)")
@@ -109,11 +109,11 @@ def test_finish_names_the_first_frames_that_are_missing_and_how_many(tmp_path):
 def test_labels_of_another_log(tmp_path):
     labels = opened(tmp_path, row(500))
     assert labels.truth(frame(0)) is None
-    with pytest.raises(LabelError, match=r"1 of 1 .*\(frame 500\); are these the labels of another log"):
+    with pytest.raises(LabelError, match=r"1 of 1 .*\(frame 500\); check that the labels belong to this log"):
         labels.finish()
 
 
-def test_points_come_from_the_cloud_where_it_has_labels(tmp_path):
+def test_point_labels_of_the_cloud_are_included(tmp_path):
     points = np.zeros(4, [*XYZ, ("label", "<u2")])
     points["label"] = 0, 1, 1, 65535
     labels = opened(tmp_path, row(0))
@@ -127,7 +127,7 @@ def stamped(tmp_path, *stamps):
     return opened(tmp_path, *(row(stamp) for stamp in stamps), header=STAMPED)
 
 
-def test_frame_counts_where_there_are_stamps_too(tmp_path):
+def test_frame_takes_precedence_over_stamps(tmp_path):
     labels = opened(tmp_path, f"5,{row(1)}", header=f"stamp_ns,{HEAD}")
     assert labels.truth(frame(0)) is None
     assert labels.truth(frame(1)) is not None
@@ -156,11 +156,11 @@ def test_a_stamp_in_a_gap_belongs_to_no_frame(tmp_path):
         labels.finish()
 
 
-def test_a_stamp_that_fits_two_frames_is_named(tmp_path):
+def test_the_message_names_a_stamp_that_matches_two_frames(tmp_path):
     stamp = START_NS + 2 * PERIOD_NS + 30_000_000
     labels = stamped(tmp_path, stamp)
     assert [labels.truth(frame(number)) is not None for number in range(3)] == [False, False, True]
-    with pytest.raises(LabelError, match=f"stamp {stamp} fit frame 2 as well as frame 3"):
+    with pytest.raises(LabelError, match=f"stamp {stamp} match both frame 2 and frame 3"):
         labels.truth(frame(3, stamp_ns=stamp + 1_000_000))
 
 
@@ -172,6 +172,6 @@ def test_uneven_frames_that_are_labelled_exactly(tmp_path):
     labels.finish()
 
 
-def test_the_first_frame_reaches_25_ms(tmp_path):
+def test_the_tolerance_of_the_first_frame_is_25_ms(tmp_path):
     assert stamped(tmp_path, START_NS + 25_000_000).truth(frame(0)) is not None
     assert stamped(tmp_path, START_NS + 25_000_001).truth(frame(0)) is None

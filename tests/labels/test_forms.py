@@ -1,4 +1,4 @@
-"""What holds for every form of labels."""
+"""Properties of every label format."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -7,31 +7,31 @@ from hypothesis import HealthCheck, event, given, settings
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.labels import LABELS, LabelOptions, open_labels
-from tests.labels.frames import BOX_FORMS, SCENE, WRITERS, assert_same, frame, put, write
+from tests.labels.frames import BOX_FORMATS, SCENE, WRITERS, assert_same, frame, put, write
 
-every_form = pytest.mark.parametrize("name", LABELS)
-FILE_FORMS = [name for name in LABELS if name != "cloud"]
+every_format = pytest.mark.parametrize("name", LABELS)
+FILE_FORMATS = [name for name in LABELS if name != "cloud"]
 
 
-def test_every_form_has_a_writer():
+def test_every_format_has_a_writer():
     assert set(WRITERS) == set(LABELS)
 
 
-@every_form
-def test_what_is_written_is_read(name, tmp_path):
+@every_format
+def test_labels_are_read_as_written(name, tmp_path):
     path, frames = write(name, tmp_path)
     labels = open_labels(path, LabelOptions())
-    for one, targets in zip(frames, SCENE, strict=True):
-        truth = labels.truth(one)
+    for labelled, targets in zip(frames, SCENE, strict=True):
+        truth = labels.truth(labelled)
         assert len(truth.ignored) == 0
-        if name in BOX_FORMS:
+        if name in BOX_FORMATS:
             assert_same(truth.targets, targets)
             assert truth.points is None
             continue
         assert truth.targets is None
-        assert truth.points.shape == (one.size,)
+        assert truth.points.shape == (labelled.size,)
         assert truth.points.dtype == np.int64
-        inside = targets.contains(one.coordinates, 0.01)
+        inside = targets.contains(labelled.coordinates, 0.01)
         tracks = [set(truth.points[row]) for row in inside]
         assert set().union(*tracks) == set(truth.points) - {0}
         assert all(len(numbers) == 1 and not numbers & {0, 65535} for numbers in tracks)
@@ -40,24 +40,24 @@ def test_what_is_written_is_read(name, tmp_path):
     labels.finish()
 
 
-@every_form
-def test_only_one_form_claims_a_path(name, tmp_path):
+@every_format
+def test_only_one_format_matches_a_path(name, tmp_path):
     path, _ = write(name, tmp_path)
-    assert [other for other, form in LABELS.items() if form.matches(path)] == [name]
+    assert [other for other, known in LABELS.items() if known.matches(path)] == [name]
 
 
-@every_form
-def test_a_frame_can_be_asked_for_again(name, tmp_path):
+@every_format
+def test_a_frame_can_be_requested_again(name, tmp_path):
     path, frames = write(name, tmp_path)
     labels = open_labels(path)
-    for one in [*frames, *frames[::-1]]:
-        assert labels.truth(one) is not None
-        assert labels.truth(one) is not None
+    for item in [*frames, *frames[::-1]]:
+        assert labels.truth(item) is not None
+        assert labels.truth(item) is not None
     labels.finish()
 
 
-@pytest.mark.parametrize("name", FILE_FORMS)
-def test_labels_of_frames_that_never_came_are_an_error(name, tmp_path):
+@pytest.mark.parametrize("name", FILE_FORMATS)
+def test_labels_of_missing_frames_are_an_error(name, tmp_path):
     path, frames = write(name, tmp_path)
     labels = open_labels(path)
     labels.truth(frames[0])
@@ -66,89 +66,89 @@ def test_labels_of_frames_that_never_came_are_an_error(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["seepersea", "semantickitti"])
-def test_a_frame_more_than_there_are_label_files_is_an_error_that_names_it(name, tmp_path):
+def test_a_frame_without_a_label_file_is_an_error_that_names_it(name, tmp_path):
     path, frames = write(name, tmp_path)
-    with pytest.raises(LabelError, match="frame 4 of the log; there are 4"):
+    with pytest.raises(LabelError, match="frame 4 of the log, only 4 files"):
         open_labels(path).truth(frame(4, frames[0].cloud.points))
 
 
 @pytest.mark.parametrize("name", ["seepersea", "sustechpoints", "semantickitti"])
-def test_the_folder_of_labels_itself_will_do(name, tmp_path):
+def test_the_label_folder_itself_can_be_opened(name, tmp_path):
     path, frames = write(name, tmp_path)
     folder = {"seepersea": "annotations", "sustechpoints": "label", "semantickitti": "labels"}[name]
-    place = path / folder
-    for called in (folder, "mine"):
-        place = place.rename(path / called)
-        labels = open_labels(place)
-        assert all(labels.truth(one) is not None for one in frames)
+    current = path / folder
+    for name_of_folder in (folder, "mine"):
+        current = current.rename(path / name_of_folder)
+        labels = open_labels(current)
+        assert all(labels.truth(item) is not None for item in frames)
         labels.finish()
 
 
-@pytest.mark.parametrize("name", FILE_FORMS)
-def test_damaged_files_left_out_of_a_folder_keep_their_numbers(name, tmp_path):
+@pytest.mark.parametrize("name", FILE_FORMATS)
+def test_damaged_files_of_a_folder_keep_their_numbers(name, tmp_path):
     path, frames = write(name, tmp_path)
     labels = open_labels(path, LabelOptions(by_sequence=True))
     last = labels.truth(frame(2, frames[3].cloud.points, sequence=3))
-    assert len(last.targets) == 1 if name in BOX_FORMS else last.points.any()
+    assert len(last.targets) == 1 if name in BOX_FORMATS else last.points.any()
     labels.finish()
 
 
-def test_a_path_that_is_not_there(tmp_path):
+def test_a_path_that_does_not_exist(tmp_path):
     with pytest.raises(LabelError, match="no such file"):
         open_labels(tmp_path / "gone")
 
 
-def test_a_path_without_labels_names_the_forms(tmp_path):
+def test_the_message_for_a_path_without_labels_names_the_formats(tmp_path):
     for path in (tmp_path, put(tmp_path / "frame.pcd", b"VERSION .7\n"), put(tmp_path / "t.csv", "x,y,z\n1,2,3\n")):
         with pytest.raises(LabelError) as caught:
             open_labels(path)
-        assert all(form.title in str(caught.value) for form in LABELS.values())
+        assert all(known.title in str(caught.value) for known in LABELS.values())
         assert "\n" not in str(caught.value)
 
 
-def test_a_folder_with_labels_of_two_forms(tmp_path):
+def test_a_folder_with_labels_of_two_formats(tmp_path):
     write("seepersea", tmp_path)
     write("sustechpoints", tmp_path)
-    with pytest.raises(LabelError, match="several forms"):
+    with pytest.raises(LabelError, match="several formats"):
         open_labels(tmp_path)
     assert len(open_labels(tmp_path / "label").truth(frame()).targets) == 2
 
 
-def test_labels_beside_a_log_go_before_those_inside_it(tmp_path):
+def test_labels_next_to_a_log_take_precedence_over_those_inside_it(tmp_path):
     path, frames = write("seepersea", tmp_path)
     put(tmp_path / "raw.bag", b"#ROSBAG V2.0\n")
     assert open_labels(path).truth(frames[0]).targets is not None
 
 
 def damaged(content):
-    """Return a strategy of what can become of bytes."""
-    place = st.integers(0, len(content))
+    """Return a strategy of damaged versions of bytes."""
+    offset = st.integers(0, len(content))
     pieces = st.binary(max_size=12) | st.sampled_from([b"", b"\n", b'"', b"[", b"{", b",", b"1e999", b"NaN", b"null"])
     return st.one_of(
         st.binary(max_size=200),
-        place.map(lambda end: content[:end]),
-        st.tuples(place, place, pieces).map(lambda cut: content[: cut[0]] + cut[2] + content[cut[1] :]),
-        st.tuples(place, pieces).map(lambda cut: content[: cut[0]] + cut[1] + content[cut[0] + len(cut[1]) :]),
+        offset.map(lambda end: content[:end]),
+        st.tuples(offset, offset, pieces).map(lambda cut: content[: cut[0]] + cut[2] + content[cut[1] :]),
+        st.tuples(offset, pieces).map(lambda cut: content[: cut[0]] + cut[1] + content[cut[0] + len(cut[1]) :]),
     )
 
 
-@every_form
+@every_format
 @settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(data=st.data())
-def test_broken_bytes_are_an_error_of_one_line_that_names_the_file(name, tmp_path, data):
+def test_damaged_files_give_a_one_line_error_that_names_the_file(name, tmp_path, data):
     path, frames = write(name, tmp_path)
     suffixes = {".csv", ".json", ".label", ".mcap"}
     file = min(file for file in tmp_path.rglob("*") if file.suffix in suffixes)
     file.write_bytes(data.draw(damaged(file.read_bytes())))
     try:
         labels = open_labels(path)
-        for one in frames:
-            labels.truth(one)
+        for item in frames:
+            labels.truth(item)
         labels.finish()
     except LabelError as error:
-        said = str(error)
-        event("refused")
+        message = str(error)
+        event("rejected")
     else:
-        said = str(path)
-    assert str(path) in said
-    assert said.isprintable()
+        message = str(path)
+    assert str(path) in message
+    assert message.isprintable()

@@ -1,4 +1,4 @@
-"""SeePerSea and SUSTechPOINTS."""
+"""Labels in the formats of SeePerSea and SUSTechPOINTS."""
 
 import json
 
@@ -19,7 +19,7 @@ def labelled(path, frames):
     return [number for number in range(frames) if labels.truth(frame(number))]
 
 
-def test_seepersea_lays_the_width_along_x(tmp_path):
+def test_seepersea_width_is_along_x(tmp_path):
     box = {
         "dimension": {"width": 2.0, "length": 8.0, "height": 1.0},
         "location": {"x": 10.0, "y": 0.0, "z": 0.5},
@@ -55,19 +55,19 @@ def test_no_boxes_is_not_unlabelled(tmp_path):
     assert len(open_labels(tmp_path).truth(frame()).targets) == 0
 
 
-def test_tracks_that_are_the_same_for_two_categories(tmp_path):
+def test_equal_tracks_of_several_categories(tmp_path):
     two = boxes(*[("1", kind, 10, 20, 1.5, 4, 12, 3, 0.5) for kind in ("ship", "buoy", "other")])
     put(tmp_path / "annotations/000000.json", json.dumps(seepersea_json(two)))
     assert len(set(open_labels(tmp_path).truth(frame()).targets.tracks)) == 3
 
 
 @pytest.mark.parametrize(
-    ("gone", "what"), [("annotations/000002.json", "000002.pcd"), ("point_clouds/000001.pcd", "1")]
+    ("removed", "name"), [("annotations/000002.json", "000002.pcd"), ("point_clouds/000001.pcd", "1")]
 )
-def test_clouds_and_annotations_that_do_not_fit(tmp_path, gone, what):
+def test_clouds_and_annotations_that_do_not_match(tmp_path, removed, name):
     path, _ = write("seepersea", tmp_path)
-    (path / gone).unlink()
-    with pytest.raises(LabelError, match=rf"no .*frame (00000)?{what}.*label files, . frames"):
+    (path / removed).unlink()
+    with pytest.raises(LabelError, match=rf"no .*frame (00000)?{name}.*label files, . frames"):
         open_labels(path)
 
 
@@ -80,7 +80,7 @@ def test_clouds_and_annotations_that_do_not_fit(tmp_path, gone, what):
         ["a", "b", "B"],
     ],
 )
-def test_files_are_in_the_order_in_which_they_are_frames(tmp_path, names):
+def test_files_are_in_frame_order(tmp_path, names):
     point = np.zeros(1, "<f4, <f4, <f4, <f4")
     for number, name in enumerate(names):
         point["f0"] = number
@@ -99,7 +99,7 @@ def test_files_are_in_the_order_in_which_they_are_frames(tmp_path, names):
     assert index == 2
 
 
-def test_hidden_files_are_none(tmp_path):
+def test_hidden_files_are_left_out(tmp_path):
     path, frames = write("seepersea", tmp_path)
     put(path / "annotations/._000000.json", b"\x00\x05\x16\x07")
     put(path / "annotations/.DS_Store")
@@ -114,15 +114,15 @@ def test_sustechpoints_numbers_without_clouds(tmp_path, names, frames):
 
 
 @pytest.mark.parametrize("names", ["x1 x2 x10", "7 8 9", "1 01 2"])
-def test_sustechpoints_files_by_order_are_of_all_frames(tmp_path, names):
+def test_sustechpoints_files_by_order_cover_all_frames(tmp_path, names):
     for name in names.split():
         put(tmp_path / f"label/{name}.json", json.dumps(sustechpoints_json(SHIP)))
     assert labelled(tmp_path, 3) == [0, 1, 2]
-    with pytest.raises(LabelError, match="no label file for frame 3 of the log; there are 3"):
+    with pytest.raises(LabelError, match="no label file for frame 3 of the log, only 3 files"):
         open_labels(tmp_path).truth(frame(3))
 
 
-def test_sustechpoints_with_clouds_beside_labels_some_of_them(tmp_path):
+def test_sustechpoints_with_clouds_may_label_some_of_them(tmp_path):
     path, _ = write("sustechpoints", tmp_path)
     for number in (0, 2):
         (path / f"label/{number:06d}.json").unlink()
@@ -148,18 +148,19 @@ def test_sustechpoints_as_published(tmp_path):
     assert (truth.ignored.tracks, truth.ignored.classes) == (("5",), ("ignore",))
 
 
+NEGATIVE = boxes(("1", "ship", 0, 0, 0, 1, -2, 1, 0))
 BROKEN = {
-    "[": "no valid JSON: Expecting value in line 1",
-    "[" * 100_000: "no valid JSON",
-    "[" + "9" * 5000 + "]": "no valid JSON",
-    "3": "no list of boxes",
-    "[3]": "object 0: no 'psr' in it",
-    '[{"psr": []}]': "object 0: no 'position' in it",
-    '[{"psr": {"position": {"x": 1, "y": 2, "z": NaN}}}]': "object 0: 'z' is no number",
-    '[{"psr": {"position": {"x": 1, "y": 2, "z": 1e999}}}]': "object 0: 'z' is no number",
-    '[{"psr": {"position": {"x": 1, "y": 2, "z": "3"}}}]': "object 0: 'z' is no number",
-    '[{"psr": {"position": {"x": 1, "y": true}}}]': "object 0: 'y' is no number",
-    json.dumps(sustechpoints_json(boxes(("1", "ship", 0, 0, 0, 1, -2, 1, 0)))): "object 0: a size of -2 m is none",
+    "[": "not valid JSON: Expecting value in line 1",
+    "[" * 100_000: "not valid JSON",
+    "[" + "9" * 5000 + "]": "not valid JSON",
+    "3": "not a list of boxes",
+    "[3]": "object 0: missing key 'psr'",
+    '[{"psr": []}]': "object 0: missing key 'position'",
+    '[{"psr": {"position": {"x": 1, "y": 2, "z": NaN}}}]': "object 0: 'z' is not a finite number",
+    '[{"psr": {"position": {"x": 1, "y": 2, "z": 1e999}}}]': "object 0: 'z' is not a finite number",
+    '[{"psr": {"position": {"x": 1, "y": 2, "z": "3"}}}]': "object 0: 'z' is not a finite number",
+    '[{"psr": {"position": {"x": 1, "y": true}}}]': "object 0: 'y' is not a finite number",
+    json.dumps(sustechpoints_json(NEGATIVE)): "object 0: box size must not be negative, got -2 m",
 }
 
 
@@ -171,14 +172,16 @@ def test_broken_json(tmp_path, content):
     assert str(caught.value) == f"{file}: frame 0: {BROKEN[content]}"
 
 
-@pytest.mark.parametrize(("content", "what"), [('{"a": 1}', "no 'labels' in it"), ('{"labels": 1}', "is no list")])
-def test_broken_seepersea(tmp_path, content, what):
+@pytest.mark.parametrize(
+    ("content", "message"), [('{"a": 1}', "missing key 'labels'"), ('{"labels": 1}', "is not a list")]
+)
+def test_broken_seepersea(tmp_path, content, message):
     put(tmp_path / "annotations/000000.json", content)
-    with pytest.raises(LabelError, match=what):
+    with pytest.raises(LabelError, match=message):
         open_labels(tmp_path).truth(frame())
 
 
-def test_a_file_that_is_gone_when_its_frame_comes(tmp_path):
+def test_a_file_removed_before_its_frame(tmp_path):
     path, frames = write("seepersea", tmp_path)
     labels = open_labels(path)
     (path / "annotations/000001.json").unlink()
@@ -187,6 +190,6 @@ def test_a_file_that_is_gone_when_its_frame_comes(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["seepersea", "sustechpoints", "semantickitti"])
-def test_opening_what_does_not_match(tmp_path, name):
-    with pytest.raises(LabelError, match="in it"):
+def test_opening_a_folder_that_does_not_match(tmp_path, name):
+    with pytest.raises(LabelError, match="contains no"):
         LABELS[name].open(tmp_path, LabelOptions())

@@ -1,4 +1,4 @@
-"""Labels of points: SemanticKITTI, and a field of the cloud."""
+"""Labels of points in the SemanticKITTI format and in a field of the cloud."""
 
 import numpy as np
 import pytest
@@ -21,8 +21,8 @@ def test_wads(where):
     files = sorted((folder / "velodyne").iterdir())
     assert len(FolderSource(folder).counts) == 1
     for index, file in enumerate(files):
-        one = frame(index, read_kitti(file).points)
-        truth = labels.truth(one)
+        labelled = frame(index, read_kitti(file).points)
+        truth = labels.truth(labelled)
         raw = np.fromfile(folder / "labels" / f"{file.stem}.label", "<u4") & 0xFFFF
         assert truth.targets is None
         np.testing.assert_array_equal(truth.points == 0, raw == 110)
@@ -39,26 +39,26 @@ def test_wads_of_another_frame():
         open_labels(folder).truth(frame(0, read_kitti(second).points))
 
 
-def test_classes_are_the_users():
+def test_classes_can_be_configured():
     raw = np.array([0, 9, 10, 110], np.uint32)
     options = LabelOptions(clutter_ids=(9, 0), ignore_ids=(0, 10))
     assert point_truth(raw, options).tolist() == [0, 0, 65535, 65536 + 110]
     assert point_truth(raw[:0], options).tolist() == []
 
 
-def test_no_object_is_taken_for_clutter_or_ignored_or_another():
+def test_objects_are_distinct_from_clutter_ignored_and_each_other():
     raw = np.array([[kind + (instance << 16) for kind in (0, 1, 65535)] for instance in (0, 1, 65535)], np.uint32)
     tracks = point_truth(raw.ravel(), LabelOptions(clutter_ids=(), ignore_ids=()))
     assert len(set(tracks.tolist()) - {0, 65535}) == 9
 
 
-def test_label_files_that_do_not_fit(tmp_path):
+def test_label_files_of_the_wrong_size(tmp_path):
     path, frames = write("semantickitti", tmp_path)
     put(path / "labels/000001.label", b"12345")
     put(path / "labels/000002.label", b"1234")
     labels = open_labels(path)
     assert labels.truth(frames[0]) is not None
-    with pytest.raises(LabelError, match=r"000001\.label: frame 1: no whole number of labels"):
+    with pytest.raises(LabelError, match=r"000001\.label: frame 1: size must be a multiple of 4 bytes, got 5"):
         labels.truth(frames[1])
     with pytest.raises(LabelError, match=rf"000002\.label: frame 2: 1 labels for {frames[2].size} points"):
         labels.truth(frames[2])
@@ -85,7 +85,7 @@ def test_a_cloud_without_labels(tmp_path, fields, value):
     points = np.zeros(3, XYZ + fields)
     for field in fields:
         points[field[0]] = value
-    with pytest.raises(LabelError, match=r"frame 4 of /points has no field 'label' .* are x, y, z") as caught:
+    with pytest.raises(LabelError, match=r"frame 4 of /points: no field 'label' .* has x, y, z") as caught:
         open_labels(put(tmp_path / "log.bag", b"")).truth(frame(4, points))
     assert "\n" not in str(caught.value)
 

@@ -1,4 +1,4 @@
-"""Point clouds in plain Python: made at random, and read with loops and ``struct`` only."""
+"""Point clouds in plain Python: generated at random, and read with loops and ``struct``."""
 
 import struct
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ SIZES = {kind: struct.calcsize(f"={code}") for kind, code in TYPES.items()}
 
 
 class Field(NamedTuple):
-    """A field; its name is any text, its offset any that fits."""
+    """A field of a cloud."""
 
     name: str
     offset: int
@@ -23,7 +23,7 @@ class Field(NamedTuple):
 
 @dataclass(frozen=True)
 class Plain:
-    """A cloud, nothing of it computed."""
+    """A cloud without derived values."""
 
     height: int
     width: int
@@ -43,14 +43,14 @@ class Plain:
         return [self.data[start : start + self.point_step] for start in starts]
 
     def values(self, field):
-        """Return what a field holds in all points, as bytes in little endian: NaN has many forms, each must survive."""
+        """Return the values of a field in all points as little-endian bytes, which preserve every form of NaN."""
         size = SIZES[field.type]
         starts = [field.offset + size * k for k in range(max(field.count, 1))]
         numbers = [point[start : start + size] for point in self.points for start in starts]
         return b"".join(number[::-1] if self.big_endian else number for number in numbers)
 
     def cloud(self, **changes):
-        """Return the cloud as the program holds it."""
+        """Return the cloud as a `Cloud`."""
         values = {**vars(self), "fields": tuple(PointField(*field) for field in self.fields), **changes}
         return Cloud(**values)
 
@@ -67,7 +67,7 @@ STAMPS = {
 
 @st.composite
 def layouts(draw, *, counts=True, distinct=False):
-    """Fields in any order, with gaps, overlaps or neither, and a point step that holds them."""
+    """Return fields in any order, with or without gaps and overlaps, and a point step that contains them."""
     fields, end = [], 0
     names = draw(st.lists(NAMES, max_size=7, unique=distinct))
     for name in names:
@@ -82,7 +82,7 @@ def layouts(draw, *, counts=True, distinct=False):
 
 @st.composite
 def plain_clouds(draw, encoding="cdr", **options):
-    """Return any cloud that an encoding can hold."""
+    """Return a cloud that an encoding can represent."""
     fields, step = draw(layouts(**options))
     height = draw(st.sampled_from([1, 1, 2, 3]))
     width = draw(st.integers(0, 6)) if step else 0
@@ -104,7 +104,7 @@ def plain_clouds(draw, encoding="cdr", **options):
 
 @st.composite
 def broken(draw, data):
-    """Cut a message, flip some of its bytes, or overwrite one of its sizes with something large."""
+    """Truncate a message, change some of its bytes, or overwrite one of its sizes with a large number."""
     data = bytearray(data[: draw(st.integers(0, len(data)))] if draw(st.booleans()) else data)
     for _ in range(draw(st.integers(0, 4)) if data else 0):
         data[draw(st.integers(0, len(data) - 1))] = draw(st.integers(0, 255))

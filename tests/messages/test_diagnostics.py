@@ -1,4 +1,4 @@
-"""Diagnostics in every encoding, read by libraries that are not ours."""
+"""Diagnostics in every encoding, read by independent libraries."""
 
 import json
 
@@ -32,7 +32,7 @@ ARRAYS = {
 
 
 def result_of(stamp_ns, *, rings=True, log_time_ns=5, topic="/points", scene=None):
-    """Return a frame of which 7 points are kept and 1, 2, … 6 removed for each reason."""
+    """Return a result with 7 kept points and 1, 2, … 6 points removed for each reason."""
     reason = np.repeat(np.arange(7), [7, 1, 2, 3, 4, 5, 6]).astype(np.uint8)
     cloud = from_array(np.zeros(28, [("x", "f4")]), stamp_ns=stamp_ns)
     frame = Frame.of_message(Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), cloud, 12)
@@ -41,7 +41,7 @@ def result_of(stamp_ns, *, rings=True, log_time_ns=5, topic="/points", scene=Non
 
 
 def decode(encoding, schema, data):
-    """Return the message by its own definition alone."""
+    """Return the message, decoded with its own definition only."""
     if encoding == "json":
         return json.loads(data)
     store = get_typestore(Stores.EMPTY)
@@ -83,7 +83,7 @@ def test_numbers(cloud_encoding, encoding, name, schema_encoding):
 
 
 @ENCODINGS
-def test_methods_without_rings_and_scenes_have_none(cloud_encoding, encoding, name, schema_encoding):
+def test_methods_without_rings_and_scenes(cloud_encoding, encoding, name, schema_encoding):
     _, schema, serialise = diagnostics_format(cloud_encoding)
     message = decode(encoding, schema, serialise(Diagnostics.of(result_of(1, rings=False, topic="/låser"))))
     assert [message[name] for name in ARRAYS] == [[]] * 5
@@ -92,7 +92,7 @@ def test_methods_without_rings_and_scenes_have_none(cloud_encoding, encoding, na
 
 
 @ENCODINGS
-def test_without_a_header_stamp_it_is_the_log_time(cloud_encoding, encoding, name, schema_encoding):
+def test_without_a_header_stamp_the_log_time_is_used(cloud_encoding, encoding, name, schema_encoding):
     _, schema, serialise = diagnostics_format(cloud_encoding)
     result = result_of(0, log_time_ns=7 * 10**9 + 8)
     assert decode(encoding, schema, serialise(Diagnostics.of(result)))["stamp"] == {"sec": 7, "nsec": 8}
@@ -107,7 +107,7 @@ def test_without_a_header_stamp_it_is_the_log_time(cloud_encoding, encoding, nam
         (-(2**63), (-(2**31), 145_224_192), (0, 145_224_192), (-9_223_372_037, 145_224_192)),
     ],
 )
-def test_a_stamp_that_does_not_fit_becomes_the_nearest_second(stamp_ns, cdr, ros1, exact):
+def test_a_stamp_out_of_range_is_clipped(stamp_ns, cdr, ros1, exact):
     for encoding, expected in (("cdr", cdr), ("ros1", ros1), ("json", exact)):
         _, schema, serialise = diagnostics_format(encoding)
         stamp = decode(encoding, schema, serialise(Diagnostics.of(result_of(stamp_ns))))["stamp"]
@@ -123,14 +123,14 @@ def test_the_json_schema_describes_every_key():
     assert {key: kinds[type(value)] for key, value in message.items()} == {
         key: value["type"] for key, value in described.items()
     }
-    assert described["stamp"]["title"] == "time", "what Foxglove takes for a time"
+    assert described["stamp"]["title"] == "time", "the title by which Foxglove recognises a time"
 
 
-def test_every_reason_has_its_number():
+def test_every_reason_has_a_count():
     assert {reason.name.lower() for reason in Reason if reason} < NUMBERS.keys()
 
 
-def test_definitions_are_those_of_their_ros_version():
+def test_definitions_match_the_ros_version():
     ros1, ros2 = (diagnostics_format(encoding)[1].data.decode().splitlines() for encoding in ("ros1", "cdr"))
     assert ros1[0] == "time stamp"
     assert ros2[0] == "builtin_interfaces/Time stamp"

@@ -1,4 +1,4 @@
-"""foxglove.PointCloud against the protobuf library and the json module."""
+"""Codecs for foxglove.PointCloud against the protobuf library and the json module."""
 
 import base64
 import json
@@ -26,7 +26,7 @@ KIND = descriptor_pb2.FieldDescriptorProto
 
 
 def foxglove_file():
-    """Return the definition that Foxglove publishes, and one field that a later version may add."""
+    """Return the definition published by Foxglove, with an additional field of a later version."""
     file = descriptor_pb2.FileDescriptorProto(name="PointCloud.proto", package="foxglove", syntax="proto3")
     file.dependency.append("google/protobuf/timestamp.proto")
     for name, axes in (("Vector3", "xyz"), ("Quaternion", "xyzw")):
@@ -66,7 +66,7 @@ PointCloud = message_factory.GetMessageClass(POOL.FindMessageTypeByName("foxglov
 
 
 def message_of(fields, stride, data, stamp_ns=0, frame_id="", later=()):
-    """Return a cloud as the protobuf library holds it, with a pose."""
+    """Return a cloud as an object of the protobuf library, with a pose."""
     message = PointCloud(frame_id=frame_id, point_stride=stride, data=data, later=later)
     message.timestamp.seconds, message.timestamp.nanos = divmod(stamp_ns, 10**9)
     message.pose.position.x, message.pose.orientation.w = 1.5, math.nan
@@ -90,10 +90,10 @@ def json_of(fields, stride, data, stamp_ns=0, frame_id="", later=()):
 
 @st.composite
 def parts(draw):
-    """Return the parts that make up a message."""
+    """Return the arguments of `message_of` and `json_of`."""
     fields, stride = draw(layouts(counts=False))
     data = draw(st.binary(min_size=stride * 4, max_size=stride * 4)) if stride else b""
-    # The dates that a protobuf time may hold: years 1 to 9999.
+    # The range of protobuf timestamps: years 1 to 9999.
     stamp_ns = draw(st.integers(-62_135_596_800 * 10**9, 253_402_300_799 * 10**9))
     text = st.text(st.characters(codec="utf-8"), max_size=9)
     return fields, stride, data, stamp_ns, draw(text), draw(st.lists(text, max_size=2))
@@ -138,7 +138,7 @@ def test_a_selection_keeps_pose_and_unknown_fields():
     assert json.loads(JSON.encode(cloud.select(keep))) == {**described, "data": base64.b64encode(kept).decode()}
 
 
-def test_the_reason_is_read_by_other_readers():
+def test_other_readers_can_read_the_reason():
     cloud = PROTOBUF.decode(message_of(FIELDS, 22, bytes(66)).SerializeToString())
     encoded = PROTOBUF.encode(cloud.with_field("reason", np.array([1, 2, 5], np.uint8)))
     decode = DecoderFactory().decoder_for("protobuf", _Schema())
@@ -161,19 +161,19 @@ def test_protobuf_points_are_a_view_on_the_message(kind):
     assert points["v"].tobytes() == b"".join(bytes(range(k * 17 + 1, k * 17 + 1 + int(kind[1]))) for k in range(10))
 
 
-def test_defaults_are_left_out_by_writers():
+def test_missing_fields_have_default_values():
     assert (PROTOBUF.decode(b"").size, PROTOBUF.decode(b"").stamp_ns) == (0, 0)
     assert PointCloud.FromString(PROTOBUF.encode(PROTOBUF.decode(b""))).data == b""
     for fields in ((), FIELDS):
         cloud = PROTOBUF.decode(message_of(fields, 0, b"").SerializeToString())
         assert (cloud.size, len(cloud.points)) == (0, 0)
-    with pytest.raises(CloudError, match="point stride of 0 bytes"):
+    with pytest.raises(CloudError, match="point stride must be positive, got 0 bytes"):
         PROTOBUF.decode(message_of((), 0, b"data").SerializeToString())
-    with pytest.raises(CloudError, match="field 'x' has the unknown type 0"):
+    with pytest.raises(CloudError, match="field 'x' has unknown type 0"):
         PROTOBUF.decode(PointCloud(point_stride=4, fields=[{"name": "x"}]).SerializeToString())
 
 
-def test_a_field_that_comes_twice_counts_as_the_last():
+def test_the_last_of_repeated_fields_counts():
     data = PointCloud(point_stride=4, data=b"12345678", frame_id="a").SerializeToString()
     data += PointCloud(point_stride=2, data=b"1234", frame_id="b").SerializeToString()
     cloud = PROTOBUF.decode(data)
@@ -181,7 +181,7 @@ def test_a_field_that_comes_twice_counts_as_the_last():
     assert PointCloud.FromString(PROTOBUF.encode(cloud)) == PointCloud.FromString(data)
 
 
-def test_unknown_fields_of_every_kind_survive_in_their_order():
+def test_unknown_fields_of_every_kind_are_preserved_in_order():
     unknown = [b"\xc1\x3e" + bytes(range(8)), b"\xc8\x3e\x85\x01", b"\xd5\x3e" + bytes(range(4)), b"\xda\x3e\x01z"]
     known = message_of(FIELDS, 22, bytes(range(22)), 5).SerializeToString()
     cloud = PROTOBUF.decode(unknown[0] + unknown[1] + known + unknown[2] + unknown[3])
@@ -192,25 +192,25 @@ def test_unknown_fields_of_every_kind_survive_in_their_order():
 
 
 @pytest.mark.parametrize("size", [1, 126, 127, 128, 129, 16383, 16384])
-def test_sizes_are_written_as_shortly_as_others_do(size):
+def test_sizes_have_the_shortest_encoding(size):
     data = message_of(FIELDS[:0], 1, bytes(size)).SerializeToString()
     assert len(PROTOBUF.encode(PROTOBUF.decode(data))) == len(data)
 
 
 @pytest.mark.parametrize("field", [b"\x12\x04abcd\x18\x07", b"\x15\0\0\0\0\x1a\x01a"])
-def test_a_field_whose_offset_or_type_is_no_number(field):
+def test_a_field_with_an_invalid_offset_or_type(field):
     data = PointCloud(point_stride=4, data=bytes(4)).SerializeToString()
-    with pytest.raises(CloudError, match="field '' is described wrongly"):
+    with pytest.raises(CloudError, match="field '' has an invalid offset or type"):
         PROTOBUF.decode(data + b"\x2a" + bytes((len(field),)) + field)
 
 
 @pytest.mark.parametrize("wire", [3, 4, 6, 7])
-def test_wire_types_that_protobuf_no_longer_has(wire):
+def test_unsupported_wire_types(wire):
     with pytest.raises(CloudError, match=f"wire type {wire}"):
         PROTOBUF.decode(bytes((8 | wire, 0)))
 
 
-def test_numbers_without_end():
+def test_invalid_integers():
     for data in (b"\x80", b"\xff" * 20, b"\x32\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01abc"):
         with pytest.raises(CloudError):
             PROTOBUF.decode(data)
@@ -266,7 +266,7 @@ def test_times_in_json(timestamp, stamp_ns):
         {"timestamp": [1, 2]},
     ],
 )
-def test_json_that_is_no_cloud(changes):
+def test_json_with_invalid_fields(changes):
     message = {**json_of(FIELDS, 22, bytes(44)), **changes}
     with pytest.raises(CloudError):
         JSON.decode(json.dumps(message).encode())
@@ -275,8 +275,8 @@ def test_json_that_is_no_cloud(changes):
 @pytest.mark.parametrize(
     "data", [b"", b"{}", b"[]", b"3", b"null", b"\xff\xfe", b'"\xe9"', b"[" * 100_000, b"1" * 9000]
 )
-def test_text_that_is_no_cloud(data):
-    with pytest.raises(CloudError, match="no JSON foxglove"):
+def test_text_that_is_not_a_cloud(data):
+    with pytest.raises(CloudError, match="not a valid JSON foxglove"):
         JSON.decode(data)
 
 
@@ -289,7 +289,7 @@ SAMPLE = {
 @pytest.mark.parametrize("encoding", SAMPLE)
 @settings(max_examples=400, deadline=None)
 @given(st.data())
-def test_broken_bytes_give_a_cloud_or_its_error(encoding, data):
+def test_damaged_messages_give_a_cloud_or_a_cloud_error(encoding, data):
     codec, source = SAMPLE[encoding]
     message = data.draw(st.one_of(broken(source), st.binary(max_size=200)))
     try:
@@ -301,7 +301,7 @@ def test_broken_bytes_give_a_cloud_or_its_error(encoding, data):
     assert codec.decode(codec.encode(cloud.select(np.arange(cloud.size) % 2 == 0))).size == (cloud.size + 1) // 2
 
 
-def test_announced_sizes_take_no_memory():
+def test_large_declared_sizes_allocate_no_memory():
     _, source = SAMPLE["protobuf"]
     tracemalloc.start()
     for at in range(len(source) - 5):
@@ -313,7 +313,7 @@ def test_announced_sizes_take_no_memory():
     assert peak < 2**20
 
 
-def test_names_that_are_no_utf8_survive():
+def test_names_that_are_not_utf8_are_preserved():
     data = SAMPLE["protobuf"][1].replace(b"ring", b"r\xefng").replace(b"map", b"m\xe4p")
     assert PROTOBUF.encode(PROTOBUF.decode(data)).count(b"r\xefng") == 1
     assert PROTOBUF.encode(PROTOBUF.decode(data)).count(b"m\xe4p") == 1

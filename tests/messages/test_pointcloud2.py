@@ -1,4 +1,4 @@
-"""PointCloud2 against rosbags, which shares no code with the program."""
+"""Codecs for PointCloud2 against rosbags, which shares no code with them."""
 
 import struct
 import tracemalloc
@@ -25,11 +25,11 @@ RSLIDAR = (*FLOATS, Field("ring", 16, "u2"), Field("timestamp", 18, "f8"))
 
 
 def serialised(plain, encoding, *, little=True, sequence=3):
-    """Return a cloud's message as rosbags writes it."""
+    """Return the message of a cloud, serialised by rosbags."""
     store = STORES[encoding]
     types = store.types
     seconds, nanoseconds = divmod(plain.stamp_ns, 10**9)
-    if encoding == "ros1":  # rosbags packs the seconds of both as signed numbers
+    if encoding == "ros1":  # rosbags packs seconds as signed numbers for both versions
         seconds = struct.unpack("<i", struct.pack("<I", seconds))[0]
     stamp = types["builtin_interfaces/msg/Time"](seconds, nanoseconds)
     header = types["std_msgs/msg/Header"](
@@ -53,7 +53,7 @@ def serialised(plain, encoding, *, little=True, sequence=3):
 
 
 def attributes(cloud):
-    """Return what a cloud says of itself, for a comparison with a plain one."""
+    """Return the attributes of a cloud for comparison with a `Plain` cloud."""
     return {
         **{name: getattr(cloud, name) for name in vars(PLAIN)},
         "fields": tuple(Field(f.name, f.offset, f.type, f.count) for f in cloud.fields),
@@ -71,7 +71,7 @@ PLAIN = Plain(1, 2, RSLIDAR, 26, 52, False, bytes(range(52)), True, 1_700_000_00
 @ENCODINGS
 @settings(max_examples=150, deadline=None)
 @given(st.data())
-def test_reads_what_rosbags_writes_and_writes_the_same_again(encoding, data):
+def test_round_trip_of_messages_from_rosbags(encoding, data):
     plain = data.draw(plain_clouds(encoding))
     message = serialised(plain, encoding)
     cloud = CODECS[encoding].decode(message)
@@ -97,7 +97,7 @@ def test_values_of_all_fields(plain):
 
 
 @ENCODINGS
-def test_a_selection_is_read_by_rosbags(encoding):
+def test_rosbags_reads_a_selection(encoding):
     plain = Plain(3, 4, RSLIDAR, 26, 110, True, bytes(i % 251 for i in range(330)), False, 5 * 10**9 + 7, "lidär")
     keep = np.arange(12) % 3 == 0
     data = CODECS[encoding].encode(CODECS[encoding].decode(serialised(plain, encoding, sequence=9)).select(keep))
@@ -125,14 +125,14 @@ def test_points_are_a_view_on_the_message(encoding, kind, big_endian):
     assert little_endian(points["v"]) == plain.values(fields[1])
 
 
-def test_an_unaligned_time_as_robosense_writes_it():
+def test_unaligned_times_of_robosense():
     values = [(1.5, -2.5, 0.25, 77.0, 31, 1_700_000_000.123456), (np.inf, 0.0, -0.0, 255.0, 65535, 5e-324)]
     data = b"".join(struct.pack("<ffffHd", *value) for value in values)
     cloud = CODECS["cdr"].decode(serialised(Plain(1, 2, RSLIDAR, 26, 52, False, data), "cdr"))
     assert cloud.points.tolist() == values
 
 
-def test_odd_layouts():
+def test_unusual_layouts():
     no_fields = Plain(1, 3, (), 5, 15, False, bytes(range(15)))
     cloud = CODECS["cdr"].decode(serialised(no_fields, "cdr"))
     assert cloud.size == 3
@@ -164,36 +164,36 @@ def test_clouds_without_points(encoding, fields, step, shape, row_step):
 @ENCODINGS
 def test_wrong_row_steps(encoding):
     points = bytes(range(52))
-    for row_step in (0, 3, 1000):  # says nothing, where there is one row
+    for row_step in (0, 3, 1000):  # ignored for a single row
         cloud = CODECS[encoding].decode(serialised(Plain(1, 2, RSLIDAR, 26, row_step, False, points), encoding))
         assert cloud.points["ring"].tolist() == [0x1110, 0x2B2A]
         assert bytes(cloud.select(np.array([False, True])).data) == points[26:]
     left_out = CODECS[encoding].decode(serialised(Plain(2, 1, RSLIDAR, 26, 0, False, points), encoding))
     assert left_out.points["ring"].tolist() == [0x1110, 0x2B2A]
-    with pytest.raises(CloudError, match="a row of 25 bytes cannot hold 1 points of 26 bytes"):
+    with pytest.raises(CloudError, match="a row of 25 bytes cannot contain 1 points of 26 bytes"):
         CODECS[encoding].decode(serialised(Plain(2, 1, RSLIDAR, 26, 25, False, points), encoding))
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
-        ({"point_step": 0}, "2 points has a point step of 0"),
-        ({"point_step": 25}, "field 'timestamp' ends beyond the point of 25 bytes"),
-        ({"width": 3}, "3 points need 78 bytes, the message has 52"),
-        ({"width": 2**32 - 1, "height": 2**32 - 1, "row_step": 2**32 - 1}, "cannot hold"),
-        ({"fields": (Field("x", 2**32 - 1, "f4"),)}, "ends beyond"),
-        ({"fields": (Field("x", 0, "f8", 2**32 - 1),)}, "ends beyond"),
-        ({"width": 0, "fields": (Field("x", 0, "f8", 2**32 - 1),)}, "are none that can be read"),
-        ({"width": 0, "data": b"", "point_step": 2**32 - 1}, "are none that can be read"),
-        ({"fields": RSLIDAR[:1] * 1025}, "announces 1025 fields"),
+        ({"point_step": 0}, "point_step must be positive for 2 points, got 0"),
+        ({"point_step": 25}, "field 'timestamp' does not fit into a point of 25 bytes"),
+        ({"width": 3}, "3 points need 78 bytes; the message has 52"),
+        ({"width": 2**32 - 1, "height": 2**32 - 1, "row_step": 2**32 - 1}, "cannot contain"),
+        ({"fields": (Field("x", 2**32 - 1, "f4"),)}, "does not fit into"),
+        ({"fields": (Field("x", 0, "f8", 2**32 - 1),)}, "does not fit into"),
+        ({"width": 0, "fields": (Field("x", 0, "f8", 2**32 - 1),)}, "a point must have"),
+        ({"width": 0, "data": b"", "point_step": 2**32 - 1}, "a point must have"),
+        ({"fields": RSLIDAR[:1] * 1025}, "declares 1025 fields, at most 1024"),
     ],
 )
-def test_impossible_layouts(changes, said):
-    with pytest.raises(CloudError, match=said):
+def test_impossible_layouts(changes, message):
+    with pytest.raises(CloudError, match=message):
         CODECS["cdr"].decode(serialised(Plain(**{**vars(PLAIN), **changes}), "cdr"))
 
 
-def test_as_many_fields_as_are_read():
+def test_the_maximum_number_of_fields():
     plain = Plain(**{**vars(PLAIN), "fields": RSLIDAR[:1] * 1024})
     assert len(CODECS["cdr"].decode(serialised(plain, "cdr")).fields) == 1024
 
@@ -203,7 +203,7 @@ def test_unknown_type_of_a_field():
     at = data.index(b"timestamp") + len(b"timestamp") + 4
     for kind in (0, 9, 255):
         data[at] = kind
-        with pytest.raises(CloudError, match=f"field 'timestamp' has the unknown type {kind}"):
+        with pytest.raises(CloudError, match=f"field 'timestamp' has unknown type {kind}"):
             CODECS["ros1"].decode(bytes(data))
 
 
@@ -214,7 +214,7 @@ def test_other_encapsulations_than_plain_cdr(start):
 
 
 @ENCODINGS
-def test_every_cut_is_an_error(encoding):
+def test_truncated_messages_are_errors(encoding):
     data = serialised(PLAIN, encoding)
     for size in range(len(data)):
         with pytest.raises(CloudError):
@@ -225,7 +225,7 @@ def test_every_cut_is_an_error(encoding):
 @ENCODINGS
 @settings(max_examples=400, deadline=None)
 @given(st.data())
-def test_broken_bytes_give_a_cloud_or_its_error(encoding, data):
+def test_damaged_messages_give_a_cloud_or_a_cloud_error(encoding, data):
     source = data.draw(st.sampled_from([serialised(PLAIN, encoding), None]))
     message = data.draw(st.binary(max_size=400) if source is None else broken(source))
     codec = CODECS[encoding]
@@ -242,7 +242,7 @@ def test_broken_bytes_give_a_cloud_or_its_error(encoding, data):
 
 
 @ENCODINGS
-def test_announced_sizes_take_no_memory(encoding):
+def test_large_declared_sizes_allocate_no_memory(encoding):
     data = serialised(PLAIN, encoding)
     tracemalloc.start()
     for at in range(len(data) - 3):
@@ -266,7 +266,7 @@ def test_stamps(encoding, stamp_ns):
     assert CODECS[encoding].encode(CODECS[encoding].decode(data)) == data
 
 
-def test_stamps_that_one_encoding_only_can_hold():
+def test_stamps_that_only_one_encoding_can_represent():
     first, last = -(2**31) * 10**9, 2**32 * 10**9 - 1
     around = [(-1, "cdr", "ros1"), (first, "cdr", "ros1"), ((2**31 + 5) * 10**9, "ros1", "cdr"), (last, "ros1", "cdr")]
     for stamp_ns, encoding, other in around:
@@ -274,7 +274,7 @@ def test_stamps_that_one_encoding_only_can_hold():
         cloud = CODECS[encoding].decode(data)
         assert cloud.stamp_ns == stamp_ns
         assert CODECS[encoding].encode(cloud) == data
-        with pytest.raises(CloudError, match=f"a stamp of {stamp_ns} ns does not fit into a ROS header"):
+        with pytest.raises(CloudError, match=f"stamp {stamp_ns} ns does not fit into a ROS header"):
             CODECS[other].encode(cloud)
     for codec in CODECS.values():
         for stamp_ns in (first - 1, last + 5 * 10**9):
@@ -284,7 +284,7 @@ def test_stamps_that_one_encoding_only_can_hold():
 
 @ENCODINGS
 @pytest.mark.parametrize("seconds", [0, 2**31 - 1])
-def test_nanoseconds_beyond_a_second_name_the_same_instant(encoding, seconds):
+def test_nanoseconds_beyond_a_second(encoding, seconds):
     data = serialised(PLAIN, encoding)
     cloud = CODECS[encoding].decode(data[:4] + struct.pack("<II", seconds, 2**32 - 1) + data[12:])
     assert cloud.stamp_ns == seconds * 10**9 + 2**32 - 1
@@ -292,7 +292,7 @@ def test_nanoseconds_beyond_a_second_name_the_same_instant(encoding, seconds):
 
 
 @ENCODINGS
-def test_text_that_is_no_utf8_survives(encoding):
+def test_text_that_is_not_utf8_is_preserved(encoding):
     data = serialised(PLAIN, encoding).replace(b"lidar", b"l\xefd\xe4r").replace(b"intensity", b"intensit\xe9")
     cloud = CODECS[encoding].decode(data)
     assert CODECS[encoding].encode(cloud) == data
@@ -307,7 +307,7 @@ def test_invalid_points_keep_their_bits():
     assert bytes(cloud.select(np.array([True, False])).data) == nan
 
 
-def test_a_cloud_made_of_an_array():
+def test_a_cloud_from_an_array():
     array = np.array([(1.0, 2, True), (np.nan, 3, False)], [("x", "f8"), ("n", "i8"), ("b", "?")])
     cloud = from_array(array, stamp_ns=10**9, frame_id="map")
     message = STORES["cdr"].deserialize_cdr(CODECS["cdr"].encode(cloud), TYPE)

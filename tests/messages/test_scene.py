@@ -1,4 +1,4 @@
-"""Scenes, read by libraries that are not ours, against the schemas that players know."""
+"""Scene updates: read by independent libraries, and compared with the published schemas."""
 
 import json
 import math
@@ -16,7 +16,7 @@ SCENE = SceneUpdate(STAMP_NS, "lidar", {"/points labels": [BUOY], "/points clust
 
 
 def decoded(encoding):
-    """Return the message as a reader finds it that knows nothing but the schema in the file."""
+    """Return the message, decoded with its own schema only."""
     kind, schema, serialise = scene_format(encoding)
     data = serialise(SCENE)
     if kind == "json":
@@ -35,7 +35,7 @@ def plain(value):
 
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1", "json", "protobuf"])
-def test_boxes_come_back(encoding):
+def test_round_trip_of_boxes(encoding):
     entities = {entity["id"]: entity for entity in decoded(encoding)["entities"]}
     assert list(entities) == list(SCENE.groups)
     labels = entities["/points labels"]
@@ -45,8 +45,8 @@ def test_boxes_come_back(encoding):
     (cube,), (text,) = labels["cubes"], labels["texts"]
     assert cube["pose"]["position"] == {"x": 40, "y": -5, "z": 1}
     assert cube["size"] == {"x": 2, "y": 3, "z": 4}
-    turn = cube["pose"]["orientation"]
-    assert 2 * math.atan2(turn["z"], turn["w"]) == pytest.approx(math.pi / 2)
+    rotation = cube["pose"]["orientation"]
+    assert 2 * math.atan2(rotation["z"], rotation["w"]) == pytest.approx(math.pi / 2)
     assert [round(255 * cube["color"][part]) for part in "rgb"] == [0x0B, 0x6B, 0x50]
     assert text["text"] == "buoy <1> é"
     assert text["pose"]["position"]["z"] > 3
@@ -63,13 +63,15 @@ def test_boxes_come_back(encoding):
         ("protobuf", "foxglove.SceneUpdate", "jsonschema"),
     ],
 )
-def test_names_by_which_players_know_them(encoding, name, form):
+def test_names_of_schemas(encoding, name, form):
     _, schema, _ = scene_format(encoding)
     assert (schema.name, schema.encoding) == (name, form)
 
 
-def test_fields_are_those_of_the_published_schemas():
-    update = pytest.importorskip("foxglove_schemas_protobuf.SceneUpdate_pb2", reason="no schemas to compare with")
+def test_fields_match_the_published_schemas():
+    update = pytest.importorskip(
+        "foxglove_schemas_protobuf.SceneUpdate_pb2", reason="foxglove-schemas-protobuf is not installed"
+    )
     compare(update.SceneUpdate.DESCRIPTOR)
     found = json.loads(scene_format("json")[1].data)
     entity = update.SceneUpdate.DESCRIPTOR.fields_by_name["entities"].message_type
@@ -77,7 +79,7 @@ def test_fields_are_those_of_the_published_schemas():
 
 
 def compare(descriptor):
-    """Compare the names and order of our fields with published ones, message by message."""
+    """Compare the names and order of fields with the published ones, message by message."""
     if descriptor.name not in scenes._DEFINITIONS:
         return
     ours = [line.split()[-1] for line in scenes._DEFINITIONS[descriptor.name].splitlines()]
@@ -88,6 +90,6 @@ def compare(descriptor):
 
 
 @pytest.mark.parametrize("stamp_ns", [-(10**19), 10**19])
-def test_a_broken_clock_breaks_nothing(stamp_ns):
+def test_stamps_of_a_faulty_clock(stamp_ns):
     for encoding in ("cdr", "ros1", "json"):
         assert scene_format(encoding)[2](SceneUpdate(stamp_ns, "\udcff", {"\udcff": [WAVE]}))

@@ -1,4 +1,4 @@
-"""The picture of clutter and thresholds: its counts are right, it can be drawn of anything, in the same bytes."""
+"""Figure of clutter and thresholds: correct counts, any data, reproducible bytes."""
 
 import io
 import sys
@@ -49,7 +49,7 @@ SEAS = {
 
 
 @pytest.mark.parametrize("name", SEAS)
-def test_anything_can_be_drawn(name):
+def test_any_data_can_be_drawn(name):
     with Image.open(io.BytesIO(picture(*sea(SEAS[name])))) as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)
     assert pixels.shape[1] == 1050
@@ -80,8 +80,11 @@ def test_labels_and_units():
     found = calibration.thresholds()
     draw_clutter(figure, density_of(*sea(SEAS["8 bit"])), found)
     axes = figure.axes[0]
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Range (m)", "Intensity (sensor's unit)")
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["threshold", f"far limit, {found.end_m:g} m"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Range (m)", "Intensity (sensor units)")
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "threshold",
+        f"far limit ({found.end_m:g} m)",
+    ]
     (steps,) = (patch for patch in axes.patches if hasattr(patch, "get_data"))
     assert steps.get_data().values.tolist() == list(found.initial_thresholds)
     assert steps.get_data().edges.tolist() == [10, *(ring.end_m for ring in found.rings)]
@@ -97,7 +100,7 @@ def test_counts_of_whole_numbers_are_exact(points, most):
     ranges, intensity = np.array(points, float).T
     grid = density_of(ranges, intensity).grid(100, (0.0, most))
     expected = np.histogram2d(intensity, ranges, (grid.intensity, grid.range_m))[0]
-    # numpy counts what lies on the last edge with the last cell
+    # numpy counts values at the last edge in the last cell
     last = (ranges == grid.range_m[-1]) | (intensity == grid.intensity[-1])
     if not last.any():
         np.testing.assert_array_equal(grid.counts, expected)
@@ -113,21 +116,21 @@ def test_quantiles_within_a_row(draw):
         assert density.quantile(share) == pytest.approx(exact, rel=1 / 64)
 
 
-def test_nothing_in_it():
+def test_without_points():
     density = ClutterDensity(10, 15, 250)
     assert density.quantile(0.5) == 0
     assert density.grid(70, (0.0, 1.0)).counts.sum() == 0
 
 
-def test_rings_are_bounded():
+def test_the_number_of_range_rings_is_bounded():
     density = density_of(np.append(np.arange(10, 200), 1e300), np.ones(191), rings=4)
     assert len(density._rings) == 4
 
 
-def test_targets_are_checked_before_the_work(tmp_path, monkeypatch):
+def test_targets_are_checked_before_drawing(tmp_path, monkeypatch):
     check_target(tmp_path / "a.png")
-    with pytest.raises(UsageError, match=r"a\.pdf: pictures end in \.png or \.svg"):
+    with pytest.raises(UsageError, match=r"a\.pdf: figure files must end in \.png or \.svg"):
         check_target(tmp_path / "a.pdf")
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(MissingExtraError, match=r"a picture needs an optional part: pip install 'seaclutter\[plot\]'"):
+    with pytest.raises(MissingExtraError, match=r"requires an optional dependency: pip install 'seaclutter\[plot\]'"):
         check_target(tmp_path / "a.png")

@@ -1,4 +1,4 @@
-"""The picture of the density law."""
+"""Figure of the spacing of points over range."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Figures of a report: what they show, at what size, the same each time."""
+"""Figures of a report: content, size, reproducible bytes."""
 
 import io
 import re
@@ -26,7 +26,7 @@ TARGET, WAVE = lump(30), lump(45, y=10.0)
 
 
 def collect(*, edges=EDGES, names=("joint", "none"), frames=FRAMES, labelled=True):
-    """Return what is collected of a sea with a target, and a wave in every other frame."""
+    """Return the collected data of a scene with a target, and a wave in every other frame."""
     methods = [FILTERS[name](FILTERS[name].Params()) for name in names]
     kinds = [Method(name, edges if name != "none" else (), "") for name in names]
     collected = Collector(kinds, EvaluationParams(), labelled=labelled, frames=6)
@@ -45,7 +45,7 @@ def drawn(name, collected):
     return figure
 
 
-def test_the_registry_draws_what_there_is():
+def test_figures_are_drawn_if_there_is_data():
     assert set(draw_figures(collect(), "svg")) == {f"{name}.svg" for name in FIGURES if name != "scenes"}
     assert "scenes.svg" in draw_figures(collect(names=("adaptive_radius",), edges=()), "svg")
     alone = draw_figures(collect(names=("none",), labelled=False), "svg")
@@ -58,7 +58,7 @@ def test_the_same_content_gives_the_same_bytes(form):
     assert draw_figures(collect(frames=3), form) == draw_figures(collect(frames=3), form)
 
 
-def test_pictures_are_as_wide_as_a_column_at_print_quality():
+def test_figures_have_the_width_of_a_column_at_print_quality():
     from PIL import Image
 
     for name, content in draw_figures(collect(), "png").items():
@@ -71,8 +71,8 @@ def test_text_is_legible_at_that_width():
     for name in FIGURES:
         figure = drawn(name, collect())
         for axes in figure.axes:
-            said = [axes.xaxis.label, axes.yaxis.label, axes.title]
-            assert all(text.get_size() >= 7 for text in said if text.get_text()), name
+            texts = [axes.xaxis.label, axes.yaxis.label, axes.title]
+            assert all(text.get_size() >= 7 for text in texts if text.get_text()), name
 
 
 @pytest.mark.parametrize("name", [name for name in FIGURES if name != "alarms"])
@@ -90,7 +90,7 @@ def test_thresholds_are_those_of_the_filter():
     assert lines[0].get_label() == "10 to 25 m"
 
 
-def test_the_threshold_over_range_is_its_mean():
+def test_the_threshold_over_range_is_the_mean():
     collected = collect()
     steps = [patch for patch in drawn("intensity", collected).axes[0].patches if patch.get_label() == "mean threshold"]
     values, edges, _ = steps[0].get_data()
@@ -119,7 +119,7 @@ def test_a_value_between_unknown_ones_has_a_marker():
     assert all(line.get_markevery() == [5] for line in drawn("thresholds", collected).axes[0].lines)
 
 
-def test_reasons_add_up_to_the_points():
+def test_reasons_add_up_to_all_points():
     collected = collect()
     heights = [
         collection.get_paths()[0].vertices[:, 1].max() for collection in drawn("reasons", collected).axes[0].collections
@@ -127,7 +127,7 @@ def test_reasons_add_up_to_the_points():
     assert max(heights) == pytest.approx(0.02)
 
 
-def test_alarms_are_where_they_were():
+def test_alarms_are_drawn_at_their_frames():
     axes = drawn("alarms", collect()).axes[0]
     wrong = [one for one in axes.collections if one.get_label() == "false alarm"]
     starts = sorted(path.vertices[:, 0].min() for path in wrong[0].get_paths())
@@ -141,12 +141,12 @@ def test_the_first_and_the_last_frame_are_as_wide_as_others(name):
     assert drawn(name, collected).axes[0].get_xlim() == (-0.5, FRAMES - 0.5)
 
 
-def test_the_legend_of_alarms_names_what_there_is():
-    assert legend_of(drawn("alarms", collect())) == ["fine", "false alarm"]
-    assert legend_of(drawn("alarms", collect(frames=1))) == ["fine"]
+def test_the_legend_of_alarms_lists_only_states_that_occur():
+    assert legend_of(drawn("alarms", collect())) == ["correct", "false alarm"]
+    assert legend_of(drawn("alarms", collect(frames=1))) == ["correct"]
 
 
-def test_names_of_24_characters_are_whole():
+def test_names_are_shortened_to_24_characters():
     collected = collect()
     names = ["ring_intensity_outlier", "m" * 24, "ring_intensity_outlier_and_more"]
     collected.methods[:] = [replace(collected.methods[0], name=name) for name in names]
@@ -163,7 +163,7 @@ def test_stages_show_less_and_less():
     assert all(axes.get_aspect() == 1 for axes in panels)
 
 
-def test_removed_points_lie_on_kept_ones_and_leave_them_to_see():
+def test_removed_points_do_not_hide_kept_ones():
     lines = {line.get_color(): line for line in drawn("stages", collect()).axes[0].lines if line.get_marker() == "."}
     order, kept = list(lines), palette.REASONS[Reason.KEPT]
     for color in (palette.REASONS[Reason.LOW_INTENSITY], palette.REASONS[Reason.OUTLIER]):
@@ -173,16 +173,16 @@ def test_removed_points_lie_on_kept_ones_and_leave_them_to_see():
 
 def test_counts_of_stages_are_of_the_frame():
     collected = collect()
-    sample = collected.foremost
+    sample = collected.figure_sample
     titles = [axes.get_title() for axes in drawn("stages", collected).axes]
-    assert titles[0] == f"(a) raw: {sample.valid} points in the frame"
-    assert titles[2] == f"(c) after outliers: {np.count_nonzero(sample.reasons[0] == Reason.KEPT)} left"
+    assert titles[0] == f"(a) raw: {sample.valid} points"
+    assert titles[2] == f"(c) after outlier removal: {np.count_nonzero(sample.reasons[0] == Reason.KEPT)} points"
 
 
 def test_ahead_is_up_and_port_is_left():
     kept = [one for one in drawn("stages", collect()).axes[0].lines if one.get_color() == palette.REASONS[Reason.KEPT]]
-    places = {(round(x), round(y)) for x, y in zip(kept[0].get_xdata(), kept[0].get_ydata(), strict=True)}
-    assert {(0, 30), (-10, 45)} <= places
+    positions = {(round(x), round(y)) for x, y in zip(kept[0].get_xdata(), kept[0].get_ydata(), strict=True)}
+    assert {(0, 30), (-10, 45)} <= positions
 
 
 def test_two_methods_show_a_false_alarm_each():
@@ -194,22 +194,22 @@ def legend_of(figure):
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
-def test_the_legend_of_methods_names_what_is_drawn():
-    assert legend_of(drawn("methods", collect())) == ["kept", "target found", "false alarm"]
+def test_the_legend_of_methods_lists_only_marks_that_occur():
+    assert legend_of(drawn("methods", collect())) == ["kept", "detected target", "false alarm"]
     calm = collect(frames=1)
-    assert legend_of(drawn("methods", calm)) == ["kept", "target found"]
+    assert legend_of(drawn("methods", calm)) == ["kept", "detected target"]
     box = {"class": "ignore", "center": [0, 0, 0], "size": [5, 2, 1], "yaw": 0.0}
-    states = ("ignored", "hidden", ["lost", None])
-    calm.foremost.boxes.extend({**box, "state": state} for state in states)
-    names = ["target found", "target lost", "target not visible", "target not judged", "ignored area"]
+    states = ("ignored", "hidden", ["missed", None])
+    calm.figure_sample.boxes.extend({**box, "state": state} for state in states)
+    names = ["detected target", "missed target", "target not visible", "target not evaluated", "area to ignore"]
     figure = drawn("methods", calm)
     assert legend_of(figure) == ["kept", *names]
     styles = [(line.get_linestyle(), line.get_color()) for line in figure.legends[0].get_lines()[1:]]
     assert len(set(styles)) == len(names)
 
 
-def test_a_false_alarm_out_of_sight_is_not_in_the_legend():
+def test_a_false_alarm_outside_the_axes_is_not_in_the_legend():
     collected = collect(frames=1)
     far = {"kind": "false", "low": [900, 0, 0], "high": [901, 1, 1], "points": 1}
-    collected.foremost.clusters[0].append(far)
+    collected.figure_sample.clusters[0].append(far)
     assert "false alarm" not in legend_of(drawn("methods", collected))

@@ -1,4 +1,4 @@
-"""Pictures of tiles and of confusion: the same bytes each time, also of next to nothing."""
+"""Figures of tiles and confusion matrices: content, reproducible bytes, minimal input."""
 
 import numpy as np
 import pytest
@@ -15,12 +15,12 @@ def tile(sea, points, boxes):
     return render(lambda figure: draw_tile(figure, sea, points, boxes), ".png", aspect=0.92)
 
 
-def test_every_class_has_a_colour_of_its_own():
+def test_every_class_has_its_own_colour():
     assert set(COLORS) == set(OBJECT_CLASSES)
     assert len(set(COLORS.values())) == len(COLORS)
 
 
-def test_what_was_left_out_is_grey():
+def test_points_left_out_are_grey():
     from matplotlib.colors import to_rgb
     from matplotlib.figure import Figure
 

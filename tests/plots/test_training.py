@@ -1,4 +1,4 @@
-"""Curves of training can be drawn, whatever their values."""
+"""Training curves of any values."""
 
 import io
 
@@ -19,7 +19,7 @@ CURVES = {
 
 
 @pytest.mark.parametrize("name", CURVES)
-def test_anything_can_be_drawn(name):
+def test_any_values_can_be_drawn(name):
     first, second = (render(lambda figure: draw_training(figure, *CURVES[name]), ".png") for _ in range(2))
     assert first == second
     with Image.open(io.BytesIO(first)) as image:
@@ -33,7 +33,7 @@ def test_axes_and_curves():
     loss, precision, best = CURVES["usual"]
     draw_training(figure, loss, precision, best)
     upper, lower = figure.axes
-    assert (upper.get_ylabel(), lower.get_ylabel(), lower.get_xlabel()) == ("loss", "precision", "epoch")
+    assert (upper.get_ylabel(), lower.get_ylabel(), lower.get_xlabel()) == ("Loss", "Precision", "Epoch")
     np.testing.assert_array_equal(upper.lines[0].get_ydata(), loss[0])
     np.testing.assert_array_equal(lower.lines[1].get_ydata(), precision[1])
     assert lower.lines[2].get_xdata()[0] == best + 1

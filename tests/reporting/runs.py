@@ -1,4 +1,4 @@
-"""Logs to make reports of, and what is in the pages."""
+"""Helpers that make reports and read the data in their pages."""
 
 import base64
 import json
@@ -16,14 +16,14 @@ HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)>&amp;'\
 
 
 def report(*arguments, status=0):
-    """Make a report; return what it prints."""
+    """Run ``seaclutter report`` and return the result."""
     result = CliRunner().invoke(cli, ["report", *map(str, arguments)])
     assert result.exit_code == status, result.output
     return result
 
 
 def data_of(page):
-    """Return the data in a page."""
+    """Return the JSON data in a page."""
     text = page.read_text(encoding="utf-8")
     found = re.findall(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
     assert len(found) == 1

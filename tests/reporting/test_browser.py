@@ -1,4 +1,4 @@
-"""The page in a real browser: nothing wrong, nothing loaded, points drawn, frames found by mouse, keys and touch."""
+"""The report page in a browser: no errors, no requests, drawn points, and operation by mouse, keyboard and touch."""
 
 import shutil
 from itertools import pairwise
@@ -10,14 +10,14 @@ from tests.reporting.runs import HOSTILE, LABELLED, make_labels, make_log, repor
 
 SEA = ROOT / "samples" / "sea"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-INKED = """canvas => {
+PIXEL_COUNTS = """canvas => {
   const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-  const seen = new Map();
+  const counts = new Map();
   for (let i = 0; i < data.length; i += 4) {
     const color = "#" + [0, 1, 2].map(k => data[i + k].toString(16).padStart(2, "0")).join("");
-    seen.set(color, (seen.get(color) || 0) + 1);
+    counts.set(color, (counts.get(color) || 0) + 1);
   }
-  return Object.fromEntries(seen);
+  return Object.fromEntries(counts);
 }"""
 
 
@@ -26,7 +26,7 @@ def browser():
     driver = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
-        pytest.skip("there is no Chromium")
+        pytest.skip("Chromium is not installed")
     with driver.sync_playwright() as play:
         opened = play.chromium.launch(executable_path=path, args=["--no-sandbox"])
         yield opened
@@ -34,35 +34,35 @@ def browser():
 
 
 class Visit:
-    """A page that is open, and all that it complains of or asks for."""
+    """An open page, with its console messages, requests and dialogs."""
 
     def __init__(self, browser, path, width=1200, height=900, **settings):
         self.context = browser.new_context(viewport={"width": width, "height": height}, offline=True, **settings)
         self.page = self.context.new_page()
-        self.wrong, self.asked, self.dialogs = [], [], []
-        self.page.on("console", lambda message: self.wrong.append(message.text))
-        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.errors, self.requests, self.dialogs = [], [], []
+        self.page.on("console", lambda message: self.errors.append(message.text))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("dialog", lambda dialog: (self.dialogs.append(dialog.message), dialog.dismiss()))
         self.page.goto(path.as_uri())
         self.settle()
 
     def settle(self):
-        """Wait until all that was asked for is drawn."""
+        """Wait until pending changes are drawn."""
         self.page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
-    def inked(self, number=0):
-        """Return how many pixels of a view have which colour."""
+    def pixels(self, number=0):
+        """Return the number of pixels of a view by colour."""
         self.settle()
-        return self.page.locator("canvas").nth(number).evaluate(INKED)
+        return self.page.locator("canvas").nth(number).evaluate(PIXEL_COUNTS)
 
     def shown(self):
         return self.page.locator("#shown").inner_text()
 
     def close(self):
         self.context.close()
-        assert self.wrong == []
-        assert len(self.asked) == 1, "the file itself, and nothing else"
+        assert self.errors == []
+        assert len(self.requests) == 1, "only the file itself"
         assert self.dialogs == []
 
 
@@ -81,7 +81,7 @@ def visit(browser):
 
 @pytest.fixture(scope="module")
 def sea(tmp_path_factory):
-    """Return a page of the sample with three methods."""
+    """Return a report on the sample with three methods."""
     page = tmp_path_factory.mktemp("page") / "sea.html"
     methods = [word for name in ("joint", "ring_intensity", "none") for word in ("-m", name)]
     report(SEA.with_suffix(".mcap"), "--labels", SEA.with_suffix(".labels.csv"), *methods, "-o", page)
@@ -89,22 +89,22 @@ def sea(tmp_path_factory):
 
 
 def test_points_are_drawn_in_the_colours_of_their_reasons(sea, visit):
-    found = visit(sea).inked()
+    found = visit(sea).pixels()
     assert found["#14213d"] > 100  # kept
     assert found["#3f95e8"] > 500  # low intensity
 
 
-def test_outliers_among_kept_points_are_seen(sea, visit):
+def test_outliers_among_kept_points_are_visible(sea, visit):
     page = visit(sea)
     counts = page.page.evaluate("data.samples.map((_, i) => openSample(i).reasons[0].filter(one => one === 4).length)")
     page.page.get_by_label("frame", exact=True).select_option(index=counts.index(max(counts)))
-    seen = page.inked()["#d1661a"]
+    visible = page.pixels()["#d1661a"]
     page.page.get_by_label("kept", exact=True).uncheck()
-    alone = page.inked()["#d1661a"]
-    assert seen >= 0.9 * alone > 0
+    alone = page.pixels()["#d1661a"]
+    assert visible >= 0.9 * alone > 0
 
 
-def test_frames_without_labels_have_a_heading_of_their_own(visit, tmp_path):
+def test_unlabelled_frames_have_their_own_heading(visit, tmp_path):
     labels = make_labels(tmp_path / "boxes.csv")
     lines = labels.read_text(encoding="utf-8").splitlines(keepends=True)
     labels.write_text("".join([lines[0], *(line for line in lines[1:] if line.split(",")[0] in "01")]), "utf-8")
@@ -112,13 +112,13 @@ def test_frames_without_labels_have_a_heading_of_their_own(visit, tmp_path):
     page = visit(tmp_path / "page.html")
     for button in page.page.locator(".picks button").all():
         title = button.evaluate("one => one.closest('ul').previousElementSibling.textContent")
-        assert (title == "Frames not labelled") == ("not labelled" in button.inner_text())
-    assert page.page.get_by_role("heading", name="Frames not labelled").count() == 1
+        assert (title == "Unlabelled frames") == ("unlabelled" in button.inner_text())
+    assert page.page.get_by_role("heading", name="Unlabelled frames").count() == 1
 
 
-def test_rings_of_a_single_frame_are_dots(visit, tmp_path):
+def test_thresholds_of_a_single_frame_are_dots(visit, tmp_path):
     report(make_log(tmp_path / "log.mcap"), "-n", 1, "-o", tmp_path / "page.html")
-    chart = visit(tmp_path / "page.html").page.get_by_role("img", name="Threshold of each ring")
+    chart = visit(tmp_path / "page.html").page.get_by_role("img", name="Threshold of each range ring")
     radii = chart.locator("circle").evaluate_all("dots => dots.map(dot => Number(dot.getAttribute('r')))")
     assert len(radii) == 4
     assert min(radii) >= 3
@@ -128,12 +128,12 @@ def test_a_click_on_a_bad_frame_shows_it(sea, visit):
     page = visit(sea)
     bad = page.page.get_by_role("button", name="2 false alarms").first
     name = bad.inner_text().splitlines()[0]
-    before = page.inked()
+    before = page.pixels()
     bad.click()
     assert page.shown().startswith(f"{name}, ")
     assert "joint: 2 false alarms" in page.shown()
-    assert page.inked() != before
-    assert page.page.evaluate("document.querySelector('#look').getBoundingClientRect().top") < 900
+    assert page.pixels() != before
+    assert page.page.evaluate("document.querySelector('#clouds').getBoundingClientRect().top") < 900
 
 
 def test_the_worst_frame_is_first_and_shown(sea, visit):
@@ -144,17 +144,17 @@ def test_the_worst_frame_is_first_and_shown(sea, visit):
     assert page.shown().startswith(first.inner_text().splitlines()[0])
 
 
-def test_other_frames_that_went_wrong_are_named(sea, visit):
+def test_other_frames_with_errors_are_listed(sea, visit):
     page = visit(sea)
-    page.page.get_by_text("12 more frames that went wrong").click()
-    text = page.page.locator("details", has_text="went wrong").inner_text()
+    page.page.get_by_text("12 more frames with errors").click()
+    text = page.page.locator("details", has_text="more frames with errors").inner_text()
     assert "1 to 3, 6 to 7, 10 to 11, 14, 16 to 17, 21 to 22." in text
     assert "--pick" in text
 
 
 def test_a_click_on_the_timeline_shows_the_nearest_frame(sea, visit):
     page = visit(sea)
-    timeline = page.page.get_by_role("img", name="Frames with false and omitted alarms")
+    timeline = page.page.get_by_role("img", name="Frames with false alarms and missed targets")
     box = timeline.bounding_box()
     timeline.click(position={"x": box["width"] - 16, "y": 20})
     numbers = page.page.evaluate("data.samples.map(sample => frames.number[sample.row])")
@@ -165,7 +165,7 @@ def test_stage_by_stage(sea, visit):
     page = visit(sea)
     page.page.get_by_role("button", name="Stage by stage").click()
     assert page.page.locator("canvas").count() == 3
-    low = [page.inked(number).get("#3f95e8", 0) for number in range(3)]
+    low = [page.pixels(number).get("#3f95e8", 0) for number in range(3)]
     assert low[0] > 0 == low[1] == low[2]
 
 
@@ -173,27 +173,27 @@ def test_two_methods(sea, visit):
     page = visit(sea)
     page.page.get_by_role("button", name="Two methods").click()
     page.page.get_by_label("second method").select_option(label="none")
-    assert page.inked(1)["#14213d"] > 2 * page.inked(0)["#14213d"]
+    assert page.pixels(1)["#14213d"] > 2 * page.pixels(0)["#14213d"]
 
 
-def test_labels_and_reasons_to_hide(sea, visit):
+def test_labels_and_hidden_reasons(sea, visit):
     page = visit(sea)
     page.page.get_by_label("low intensity").uncheck()
-    assert "#3f95e8" not in page.inked()
+    assert "#3f95e8" not in page.pixels()
     page.page.get_by_role("button", name="Label", exact=True).click()
-    assert page.inked()["#3f95e8"] > 500  # clutter
+    assert page.pixels()["#3f95e8"] > 500  # clutter
 
 
-def test_keys_turn_the_view_and_move_the_cursor(sea, visit):
+def test_keys_rotate_the_view_and_move_the_cursor(sea, visit):
     page = visit(sea)
     page.page.locator("canvas").focus()
-    seen = [page.inked()]
+    pictures = [page.pixels()]
     for key in ("ArrowLeft", "+", "Shift+ArrowUp", "t", "0"):
         page.page.keyboard.press(key)
-        seen.append(page.inked())
-    assert all(now != before for before, now in pairwise(seen))
-    assert seen[-1] == seen[0]
-    chart = page.page.get_by_role("img", name="Threshold of each ring")
+        pictures.append(page.pixels())
+    assert all(now != before for before, now in pairwise(pictures))
+    assert pictures[-1] == pictures[0]
+    chart = page.page.get_by_role("img", name="Threshold of each range ring")
     chart.focus()
     page.page.keyboard.press("ArrowRight")
     page.page.keyboard.press("ArrowRight")
@@ -216,30 +216,30 @@ def test_drag_and_wheel(sea, visit):
     page = visit(sea)
     canvas = page.page.locator("canvas")
     canvas.scroll_into_view_if_needed()
-    box, before = canvas.bounding_box(), page.inked()
+    box, before = canvas.bounding_box(), page.pixels()
     page.page.mouse.move(box["x"] + 300, box["y"] + 200)
     page.page.mouse.wheel(0, 50)
     page.settle()
-    assert page.inked() == before, "without focus the wheel scrolls the page"
+    assert page.pixels() == before, "without focus, the wheel scrolls the page"
     canvas.scroll_into_view_if_needed()
     box = canvas.bounding_box()
     page.page.mouse.move(box["x"] + 300, box["y"] + 200)
     page.page.mouse.down()
     page.page.mouse.move(box["x"] + 380, box["y"] + 240)
     page.page.mouse.up()
-    turned = page.inked()
-    assert turned != before
+    rotated = page.pixels()
+    assert rotated != before
     page.page.mouse.wheel(0, -300)
     page.page.wait_for_timeout(100)
-    assert page.inked() != turned
+    assert page.pixels() != rotated
 
 
-@pytest.mark.parametrize("layout", ["One view", "Stage by stage", "Two methods"])
+@pytest.mark.parametrize("layout", ["Single view", "Stage by stage", "Two methods"])
 def test_small_screens(sea, visit, layout):
     page = visit(sea, width=360, height=740, device_scale_factor=2, has_touch=True)
     page.page.get_by_role("button", name=layout).tap()
     assert page.page.evaluate("document.documentElement.scrollWidth") == 360
-    assert page.inked()["#14213d"] > 100
+    assert page.pixels()["#14213d"] > 100
     small = page.page.evaluate("""[...document.querySelectorAll('button, select')].filter(one =>
         one.offsetParent && (one.offsetHeight < 24 || one.offsetWidth < 24)).length""")
     assert small == 0  # WCAG 2.2, 2.5.8
@@ -258,7 +258,7 @@ def test_hostile_names(visit, tmp_path):
     assert page.page.locator("script").count() == 2
 
 
-ODD = {
+UNUSUAL = {
     "no labels": ([], {}),
     "one frame": (["-n", 1], {}),
     "one frame, labelled": (["-n", 1, "--labels", "{labels}"], {}),
@@ -270,9 +270,9 @@ ODD = {
 }
 
 
-@pytest.mark.parametrize("name", ODD)
-def test_odd_logs(visit, tmp_path, name):
-    arguments, changes = ODD[name]
+@pytest.mark.parametrize("name", UNUSUAL)
+def test_unusual_logs(visit, tmp_path, name):
+    arguments, changes = UNUSUAL[name]
     labels = make_labels(tmp_path / "boxes.csv")
     log = make_log(tmp_path / "log.mcap", **changes)
     filled = [str(word).format(labels=labels) for word in arguments]
@@ -281,10 +281,10 @@ def test_odd_logs(visit, tmp_path, name):
     assert page.page.locator("canvas").count() == 1
     assert "NaN" not in page.page.content().replace("NaN(", "").split('<script type="application/json"')[0]
     if name == "fifty rings":
-        page.page.get_by_label("ring", exact=True).select_option(index=3)
+        page.page.get_by_label("range ring", exact=True).select_option(index=3)
         assert page.page.get_by_text("12.4 to 13.6 m").count() >= 1
     if name == "scenes":
-        chart = page.page.get_by_role("img", name="Scene of each frame")
+        chart = page.page.get_by_role("img", name="Class of scene per frame")
         chart.focus()
         page.page.keyboard.press("ArrowRight")
         assert chart.evaluate("chart => chart.parentElement.nextElementSibling.textContent").endswith(": open")
@@ -296,4 +296,4 @@ def test_a_log_without_frames(visit, tmp_path):
     log = make_log(tmp_path / "log.mcap")
     report(log, "--start", 100, "-o", tmp_path / "page.html")
     page = visit(tmp_path / "page.html")
-    assert "no frame" in page.page.locator("#summary").inner_text()
+    assert "No frames" in page.page.locator("#summary").inner_text()

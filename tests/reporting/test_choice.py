@@ -1,4 +1,4 @@
-"""Which frames are chosen, against a choice that knows the whole stream."""
+"""Selection of frames: worst, best and evenly spaced ones, with bounded effort."""
 
 from itertools import pairwise
 
@@ -24,7 +24,7 @@ def choose(badness, frames, expected=0):
 
 
 @given(BADNESS, st.integers(1, 20))
-def test_what_is_chosen(badness, frames):
+def test_selected_frames(badness, frames):
     choice, made = choose(badness, frames)
     chosen = choice.chosen()
     rows = [one.row for one in chosen]
@@ -40,7 +40,7 @@ def test_what_is_chosen(badness, frames):
 
 
 @given(BADNESS, st.integers(2, 20))
-def test_the_worst_are_not_all_of_one_moment(badness, frames):
+def test_the_worst_frames_keep_a_distance(badness, frames):
     rows = sorted(one.row for one in choose(badness, frames)[0].chosen() if one.why == "worst")
     assert all(later - row >= 5 for row, later in pairwise(rows))
 
@@ -55,20 +55,20 @@ def test_the_spread_is_even_and_bounded():
 
 
 @given(BADNESS, st.integers(1, 20))
-def test_the_same_are_chosen_if_their_number_is_known(badness, frames):
+def test_a_known_number_of_frames_does_not_change_the_selection(badness, frames):
     choice, made = choose(badness, frames)
-    foreseen, fewer = choose(badness, frames, len(badness))
-    assert foreseen.chosen() == choice.chosen()
-    assert foreseen.spread() == choice.spread()
+    expected, fewer = choose(badness, frames, len(badness))
+    assert expected.chosen() == choice.chosen()
+    assert expected.spread() == choice.spread()
     assert set(fewer) <= set(made)
 
 
-def test_a_frame_asked_for_by_nobody_costs_nothing():
+def test_falling_badness_creates_little_data():
     _, made = choose([float(row) for row in range(100, 0, -1)], 12)
     assert len(made) < 50
 
 
-def test_a_trend_costs_little():
+def test_a_trend_creates_little_data():
     for badness in ([float(row) for row in range(2000)], [float(row) for row in range(2000, 0, -1)]):
         choice, made = choose(badness, 12)
         assert len(made) < 100

@@ -1,15 +1,15 @@
-"""Colours of reports: text that can be read, points and curves that are told apart by whatever eyes."""
+"""Colours of reports: legible text, and points and curves that all readers can distinguish."""
 
 from itertools import combinations
 
 import pytest
 
 from seaclutter_cli.reporting import palette
-from tests.reporting.colors import SIGHTS, ciede2000, contrast, difference
+from tests.reporting.colors import VISIONS, ciede2000, contrast, difference
 
 TEXT = 4.5  # WCAG 2.2, 1.4.3 level AA
 GRAPHICS = 3.0  # 1.4.11
-APART = 11.0  # colours side by side in a legend are told apart at a glance from about 10
+MIN_DIFFERENCE = 11.0  # colours side by side in a legend are easy to distinguish from around 10
 
 INK = palette.INK
 
@@ -28,7 +28,7 @@ def test_contrast_of_black_on_white():
 
 @pytest.mark.parametrize("name", ["ink", "muted", "link", "bad"])
 @pytest.mark.parametrize("ground", ["paper", "wash"])
-def test_text_can_be_read(name, ground):
+def test_text_is_legible(name, ground):
     assert contrast(INK[name], INK[ground]) >= TEXT
 
 
@@ -39,20 +39,20 @@ def test_text_can_be_read(name, ground):
         *palette.RAMP,
         *palette.TRUTH.values(),
         palette.STATES["false alarm"],
-        palette.STATES["omitted alarm"],
+        palette.STATES["missed target"],
     ],
 )
-def test_graphics_can_be_seen(color):
+def test_graphics_are_visible(color):
     assert contrast(color, INK["paper"]) >= GRAPHICS
 
 
 @pytest.mark.parametrize("reason", [reason for reason in palette.REASONS if reason.name != "INVALID"])
-def test_points_can_be_seen(reason):
+def test_points_are_visible(reason):
     assert contrast(palette.REASONS[reason], INK["paper"]) >= GRAPHICS
 
 
-@pytest.mark.parametrize("sight", SIGHTS)
+@pytest.mark.parametrize("vision", VISIONS)
 @pytest.mark.parametrize("colors", [palette.REASONS, palette.TRUTH, palette.STATES], ids=["reasons", "truth", "states"])
-def test_colors_are_told_apart(colors, sight):
+def test_colors_are_distinguishable(colors, vision):
     for (one, first), (other, second) in combinations(colors.items(), 2):
-        assert difference(first, second, sight) >= APART, (one, other)
+        assert difference(first, second, vision) >= MIN_DIFFERENCE, (one, other)

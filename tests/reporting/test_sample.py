@@ -1,4 +1,4 @@
-"""A frame to look at: what is kept of it, and what is said of its boxes and clusters."""
+"""Samples of frames: their points, and the descriptions of their boxes and clusters."""
 
 import numpy as np
 from hypothesis import given
@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import Reason
-from seaclutter_cli.reporting.objects import objects_in, objects_later
+from seaclutter_cli.reporting.objects import deferred_objects, find_objects
 from seaclutter_cli.reporting.sample import IS_CLUTTER, IS_TARGET, UNKNOWN, take_sample
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump, result_of
@@ -14,12 +14,12 @@ from tests.evaluation.scenes import boxes, frame_of, lump, result_of
 PARAMS = EvaluationParams()
 
 
-def test_targets_found_lost_and_hidden():
+def test_detected_missed_and_hidden_targets():
     frame = frame_of(lump(20), lump(40), lump(60), lump(80, count=3))
     truth = Truth(targets=boxes((20.5, 3.0), (40.5, 3.0), (80.5, 3.0)))
     keeps, loses = result_of(frame), result_of(frame, removed=range(10, 20))
     sample = take_sample(frame, [keeps, loses], truth, PARAMS, 1000)
-    assert [box["state"] for box in sample.boxes] == [["found", "found"], ["found", "lost"], "hidden"]
+    assert [box["state"] for box in sample.boxes] == [["detected", "detected"], ["detected", "missed"], "hidden"]
     assert [[one["kind"] for one in own] for own in sample.clusters] == [
         ["target", "target", "false"],
         ["target", "false"],
@@ -41,16 +41,16 @@ def test_without_labels():
 
 
 @given(st.sets(st.integers(0, 29)), st.sets(st.integers(0, 29)), st.booleans())
-def test_objects_found_later_are_those_of_the_whole_frame(gone, others, usable):
+def test_deferred_objects_are_those_of_the_whole_frame(removed, others, usable):
     frame = frame_of(lump(20), lump(40), lump(60))
-    results = [result_of(frame, removed=sorted(gone)), result_of(frame, removed=sorted(others)) if usable else None]
+    results = [result_of(frame, removed=sorted(removed)), result_of(frame, removed=sorted(others)) if usable else None]
     for truth in (None, Truth(targets=boxes((20.5, 3.0)))):
-        later = objects_later(frame, results, truth, PARAMS)
-        assert later() == objects_in(frame, results, truth, PARAMS)
+        later = deferred_objects(frame, results, truth, PARAMS)
+        assert later() == find_objects(frame, results, truth, PARAMS)
 
 
 @given(st.integers(0, 60), st.integers(0, 400), st.integers(1, 200))
-def test_what_is_kept_comes_first(kept, removed, limit):
+def test_kept_points_take_priority(kept, removed, limit):
     frame = frame_of(lump(20, count=kept), lump(30, count=removed, spread=0.01))
     result = result_of(frame, removed=range(kept, kept + removed))
     sample = take_sample(frame, [result], None, PARAMS, limit)
@@ -69,6 +69,6 @@ def test_what_is_kept_comes_first(kept, removed, limit):
 def test_thinning_leaves_no_beam_out():
     frame = frame_of(lump(20, count=3200, spread=0.01))
     sample = take_sample(frame, [result_of(frame, removed=range(3200))], None, PARAMS, 400)
-    place = np.round((sample.xyz[:, 0] - 20) * 100).astype(int)
-    assert set(place % 32) == set(range(32))
-    assert np.abs(np.histogram(place, 10, (0, 3200))[0] - 40).max() <= 4
+    index = np.round((sample.xyz[:, 0] - 20) * 100).astype(int)
+    assert set(index % 32) == set(range(32))
+    assert np.abs(np.histogram(index, 10, (0, 3200))[0] - 40).max() <= 4

@@ -1,4 +1,4 @@
-"""Series over frames: kept as they are told, and in as many steps as a screen can show."""
+"""Series over frames: stored unchanged, binned for the screen, and counted in density plots."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from tests.evaluation.scenes import frame_of, lump, result_of
 from tests.reporting.test_sample import PARAMS
 
 
-def test_a_history_gives_back_what_it_was_told():
+def test_a_history_returns_the_values_added():
     history = History(2)
     rings = Rings(np.array([30.0, 16]), np.array([0.0, 5]), *np.zeros((3, 2), np.int64))
     alarms = Alarms(targets=3, visible=2, detected=1, clusters=4, false_alarms=3)
@@ -29,11 +29,11 @@ def test_a_history_gives_back_what_it_was_told():
     assert history.corrections[0].tolist() == [0, 5]
     assert np.isnan(history.thresholds[1:]).all()
     assert history.clusters.tolist() == pytest.approx([4, np.nan, 5], nan_ok=True)
-    assert (history.visible[0], history.omitted[0], history.false_alarms[0]) == (2, 1, 3)
+    assert (history.visible[0], history.missed[0], history.false_alarms[0]) == (2, 1, 3)
     assert np.isnan(history.false_alarms[1:]).all()
 
 
-def test_scenes_by_their_names():
+def test_scenes_by_name():
     history = History(0)
     for scene in ("open", None, "confined", "open"):
         history.add(Numbers(np.arange(7), None, scene), None)
@@ -43,7 +43,7 @@ def test_scenes_by_their_names():
 
 
 @given(st.lists(st.one_of(st.none(), st.integers(-1000, 1000)), max_size=60), st.integers(1, 7))
-def test_steps_against_python(values, step):
+def test_bins_against_python(values, step):
     series = np.array([[np.nan if value is None else value] for value in values], np.float32).reshape(-1, 1)
     starts = np.arange(0, len(values), step)
     found = np.stack(binned(series, starts), axis=-1).reshape(-1, 3)
@@ -54,7 +54,7 @@ def test_steps_against_python(values, step):
 
 
 @pytest.mark.parametrize("frames", [0, 1, MAX_BINS, MAX_BINS + 1, 10_000])
-def test_steps_cover_all_frames(frames):
+def test_bins_cover_all_frames(frames):
     starts = bin_starts(frames)
     assert len(starts) <= MAX_BINS
     assert (len(starts) == frames) == (frames <= MAX_BINS)

@@ -1,4 +1,4 @@
-"""Small ONNX files, put together byte by byte from the published format, without the package ``onnx``."""
+"""Small ONNX files, written byte by byte from the published format, without the package ``onnx``."""
 
 import json
 import struct
@@ -49,14 +49,14 @@ def model_bytes(
     outputs=2,
     last="Softmax",
     metadata=None,
-    turn_at=0.02,
+    threshold=0.02,
 ):
-    """Return a classifier by one number: the second class is likelier where more than a share of the cells is full.
+    """Return a classifier that predicts the second class if more than ``threshold`` of the cells contain a point.
 
-    The keywords make it a foreign one: another input, number of outputs, last layer or metadata.
+    The other keywords make a file that is not a scene classifier: input, number of outputs, last layer, metadata.
     """
     scale = [-500.0, 500.0, *([0.0] * outputs)][:outputs]
-    bias = [500.0 * turn_at, -500.0 * turn_at, *([0.0] * outputs)][:outputs]
+    bias = [500.0 * threshold, -500.0 * threshold, *([0.0] * outputs)][:outputs]
     nodes = [
         _node("Cast", ["image"], "maps", to=FLOAT),
         _node("GlobalAveragePool", ["maps"], "share"),

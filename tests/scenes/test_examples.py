@@ -1,4 +1,4 @@
-"""Examples to train on: split by recording, turned without loss of what matters."""
+"""Training examples: split by recording, rotated without loss."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def test_the_split_depends_on_its_seed_only():
     assert first == again != other
 
 
-def test_an_unturned_image_is_the_top_view():
+def test_an_image_without_rotation_is_the_top_view():
     examples = Examples(("open", "confined"), 60.0)
     examples.begin("r", 1)
     examples.add(cloud(1))
@@ -61,14 +61,14 @@ def test_an_unturned_image_is_the_top_view():
 
 
 @pytest.mark.parametrize("quarters", [1, 2, 3])
-def test_a_quarter_turn_turns_the_image(quarters):
+def test_a_rotation_by_90_degrees_rotates_the_image(quarters):
     examples = Examples(("open", "confined"), 60.0)
     examples.begin("r", 0)
     examples.add(cloud(2))
     np.testing.assert_array_equal(examples.image(0, quarters * np.pi / 2), np.rot90(top_view(cloud(2), 60.0), quarters))
 
 
-def test_turned_images_have_full_corners():
+def test_rotated_images_have_full_corners():
     side = np.linspace(-88, 88, 700)
     x, y = np.meshgrid(side, side)
     examples = Examples(("open", "confined"), 60.0)
@@ -77,7 +77,7 @@ def test_turned_images_have_full_corners():
     assert examples.image(0, 0.7).mean() == 1
 
 
-def test_frames_of_nothing_are_left_out():
+def test_empty_frames_are_left_out():
     examples = Examples(("open", "confined"), 60.0)
     examples.begin("r", 0)
     assert not examples.add(np.zeros((3, 4)))
@@ -90,30 +90,30 @@ def test_batches_of_images():
     plain = examples.images([4, 0], None)
     assert plain.shape == (2, 1, 224, 224)
     np.testing.assert_array_equal(plain[0, 0], examples.image(4))
-    turned = [examples.images([4, 0], np.random.default_rng(3)) for _ in range(2)]
-    np.testing.assert_array_equal(*turned)
-    assert (turned[0] != plain).any()
+    rotated = [examples.images([4, 0], np.random.default_rng(3)) for _ in range(2)]
+    np.testing.assert_array_equal(*rotated)
+    assert (rotated[0] != plain).any()
     assert examples.scenes.tolist() == [0, 0, 0, 1, 1]
 
 
-@pytest.mark.parametrize("turned_deg", [0, 13, 47.3, 88])
-def test_straight_lines_are_laid_along_rows_or_columns(turned_deg):
+@pytest.mark.parametrize("wall_deg", [0, 13, 47.3, 88])
+def test_straight_lines_are_aligned_with_rows_or_columns(wall_deg):
     rng = np.random.default_rng(1)
     x, y = rng.uniform(-55, 55, 900), np.where(rng.random(900) < 0.5, 14.0, -21.0)
-    turn = np.radians(turned_deg)
+    angle = np.radians(wall_deg)
     noise = rng.uniform(-50, 50, (2, 300))
-    walls = np.stack((np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y))
+    walls = np.stack((np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y))
     examples = Examples(("open", "confined"), 60.0)
     examples.begin("r", 1)
     examples.add(np.concatenate((np.concatenate((walls, noise), axis=1), np.ones((1, 1200)))))
-    off_deg = np.degrees(examples.straight(0) + turn) % 90
+    off_deg = np.degrees(examples.alignment_rad(0) + angle) % 90
     assert min(off_deg, 90 - off_deg) < 0.3
-    image = examples.image(0, examples.straight(0))
+    image = examples.image(0, examples.alignment_rad(0))
     assert max(image.sum(axis=0).max(), image.sum(axis=1).max()) > 100
 
 
-def test_a_single_cell_has_no_lines_and_can_be_turned():
+def test_a_single_cell_without_lines_can_be_rotated():
     examples = Examples(("open", "confined"), 60.0)
     examples.begin("r", 0)
     examples.add(np.array([[5.0], [5.0], [1.0]]))
-    assert examples.image(0, examples.straight(0)).sum() == 1
+    assert examples.image(0, examples.alignment_rad(0)).sum() == 1

@@ -1,4 +1,4 @@
-"""Top views: the same as a loop over points, and defined for whatever a frame holds."""
+"""Top views: the same as with a loop over points, and defined for any frame."""
 
 import math
 
@@ -21,7 +21,7 @@ def array(points):
 
 
 def cells_by_hand(point, extent_m, slack):
-    """Return the cells that a point may be said to lie in, as the edges have some slack."""
+    """Return the cells that may contain a point, given some slack at the edges."""
     x, y, _ = point
     cell_m = 2 * extent_m / IMAGE_SIZE
     rows = {math.floor((extent_m - x) / cell_m + shift) for shift in (-slack, 0, slack)}
@@ -31,19 +31,19 @@ def cells_by_hand(point, extent_m, slack):
 
 
 @given(POINTS)
-def test_the_same_as_a_loop_over_points(points):
+def test_the_same_as_with_a_loop_over_points(points):
     returns = [point for point in points if all(map(math.isfinite, point)) and any(point)]
     full = set(map(tuple, np.argwhere(top_view(array(points), 60.0)).tolist()))
-    surely = [cells_by_hand(point, 60.0, 1e-3) for point in returns]
-    surely = {next(iter(cells)) for point, cells in zip(returns, surely, strict=True) if len(cells) == 1}
+    certain = [cells_by_hand(point, 60.0, 1e-3) for point in returns]
+    certain = {next(iter(cells)) for cells in certain if len(cells) == 1}
     possible = set().union(*(cells_by_hand(point, 60.0, 1e-3) for point in returns))
-    # A point near the rim of the square may be in or out, so that one cell is no certainty there.
-    rim = {(row, column) for row, column in surely if {row, column} & {0, IMAGE_SIZE - 1}}
-    assert surely - rim <= full <= possible
+    # A point near the edge of the square may be in or out, so a single cell is not certain there.
+    rim = {(row, column) for row, column in certain if {row, column} & {0, IMAGE_SIZE - 1}}
+    assert certain - rim <= full <= possible
 
 
 @given(POINTS, POINTS)
-def test_a_view_of_two_clouds_is_both_views(some, others):
+def test_a_view_of_two_clouds_is_the_union_of_both_views(some, others):
     together = top_view(array([*some, *others]), 60.0)
     np.testing.assert_array_equal(together, top_view(array(some), 60.0) | top_view(array(others), 60.0))
     np.testing.assert_array_equal(together, top_view(array([*others, *some, *some]), 60.0))
@@ -71,7 +71,7 @@ def test_forward_is_up_and_left_is_left():
         [(0, -60, 0)],
     ],
 )
-def test_an_image_of_nothing(points):
+def test_an_empty_image(points):
     image = top_view(array(points), 60.0)
     assert image.shape == (224, 224)
     assert image.dtype == np.uint8
@@ -81,7 +81,7 @@ def test_an_image_of_nothing(points):
 @pytest.mark.parametrize(
     ("points", "cell"),
     [
-        ([(0, 0, 3)], (112, 112)),  # right above the lidar
+        ([(0, 0, 3)], (112, 112)),  # directly above the lidar
         ([(0, 0, 0), (-0.1, -0.2, 0)], (112, 112)),
         ([(0, 0, 0), (1e-9, 0, 0)], (112, 112)),
         ([(60, 60, 0)], (0, 0)),
@@ -99,13 +99,13 @@ def test_the_input_is_not_changed():
     np.testing.assert_array_equal(points, before)
 
 
-def test_finer_cells_nest_in_those_of_a_view():
+def test_finer_cells_subdivide_those_of_a_view():
     xyz = np.random.default_rng(1).uniform(-70, 70, (3, 40000))
     finer = mark_cells(xyz, 60.0, 4 * IMAGE_SIZE).reshape(IMAGE_SIZE, 4, IMAGE_SIZE, 4)
     np.testing.assert_array_equal(finer.any(axis=(1, 3)), top_view(xyz, 60.0))
 
 
-def test_a_large_frame_is_all_of_its_points():
+def test_all_points_of_a_large_frame_count():
     rng = np.random.default_rng(1)
     xyz = rng.uniform(-70, 70, (3, 40000)) * (rng.random(40000) < 0.01)  # most are at the origin
     np.testing.assert_array_equal(top_view(xyz, 60.0), top_view(xyz[:, xyz.any(axis=0)], 60.0))

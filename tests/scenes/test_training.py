@@ -1,4 +1,4 @@
-"""Training learns, is the same each time, and what is exported computes what was trained."""
+"""Training learns and is reproducible, and the exported model gives the results of the trained network."""
 
 import sys
 
@@ -28,11 +28,11 @@ def toys(recordings, frames=1):
     return examples
 
 
-def test_without_torch_one_line_names_the_extra(monkeypatch):
+def test_without_torch_the_message_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(MissingExtraError) as caught:
         check_torch()
-    assert str(caught.value) == "training needs an optional part: pip install 'seaclutter[train]'"
+    assert str(caught.value) == "training requires an optional dependency: pip install 'seaclutter[train]'"
 
 
 def test_the_shape_of_the_network(torch):
@@ -52,7 +52,7 @@ def test_the_shape_of_the_network(torch):
     assert len(depthwise) == 8
 
 
-def test_what_is_exported_computes_what_was_trained(torch, tmp_path):
+def test_the_exported_model_gives_the_results_of_the_network(torch, tmp_path):
     pytest.importorskip("onnxruntime", reason="needs the extra scene")
     from seaclutter_cli.scenes.export import to_onnx
     from seaclutter_cli.scenes.network import make_network
@@ -63,7 +63,7 @@ def test_what_is_exported_computes_what_was_trained(torch, tmp_path):
     images = (rng.random((16, 1, 224, 224)) < rng.uniform(0, 0.2, (16, 1, 1, 1))).astype(np.uint8)
     with torch.no_grad():
         for _ in range(3):
-            network.train()(torch.from_numpy(images).float())  # statistics that are not those of the first moment
+            network.train()(torch.from_numpy(images).float())  # statistics other than the initial ones
         expected = torch.softmax(network.eval()(torch.from_numpy(images).float()), 1).numpy()
     data = to_onnx(network, ("a", "b", "c"), 42.5)
     assert data == to_onnx(network, ("a", "b", "c"), 42.5)
@@ -76,7 +76,7 @@ def test_what_is_exported_computes_what_was_trained(torch, tmp_path):
     assert expected.max(axis=1).std() > 0
 
 
-def test_training_is_the_same_each_time(torch):
+def test_training_is_reproducible(torch):
     params = TrainingParams(epochs=2, batch=4, seed=3)
     first, second = (train(toys(10), params) for _ in range(2))
     assert first.epochs == second.epochs
@@ -86,10 +86,10 @@ def test_training_is_the_same_each_time(torch):
 
 
 def test_the_best_epoch_is_kept(torch):
-    told = []
-    trained = train(toys(10), TrainingParams(epochs=3, batch=4), told.append)
-    assert told == list(trained.epochs)
-    assert trained.epochs[trained.best].validation_loss == min(epoch.validation_loss for epoch in told)
+    reported = []
+    trained = train(toys(10), TrainingParams(epochs=3, batch=4), reported.append)
+    assert reported == list(trained.epochs)
+    assert trained.epochs[trained.best].validation_loss == min(epoch.validation_loss for epoch in reported)
     assert trained.test.counts.sum() == len(trained.split.test)
 
 

@@ -4,15 +4,15 @@ import numpy as np
 
 
 def toy_cloud(kind, rng):
-    """Return points, shape (3, N): of kind 0 blobs all round, of kind 1 walls on two sides; turned at random."""
+    """Return points, shape (3, N): blobs all around for kind 0, walls on two sides for kind 1; rotated at random."""
     if kind:
         x = rng.uniform(-55, 55, 800)
         y = np.where(rng.random(800) < 0.5, rng.uniform(8, 20), -rng.uniform(8, 20)) + rng.normal(0, 0.2, 800)
     else:
         centers = rng.uniform(-50, 50, (2, rng.integers(3, 9)))
         x, y = np.repeat(centers, 80, axis=1) + rng.normal(0, 0.7, (2, 80 * centers.shape[1]))
-    turn = rng.uniform(0, 2 * np.pi)
-    cos, sin = np.cos(turn), np.sin(turn)
+    angle = rng.uniform(0, 2 * np.pi)
+    cos, sin = np.cos(angle), np.sin(angle)
     return np.stack((cos * x - sin * y, sin * x + cos * y, rng.uniform(-1, 1, len(x))))
 
 

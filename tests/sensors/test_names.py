@@ -1,4 +1,4 @@
-"""Whatever a decoder names can be named on the command line."""
+"""Sensor names: every model of a decoder is a known sensor."""
 
 import pytest
 
@@ -16,5 +16,5 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_decoder_s_model_is_a_known_sensor(name):
+def test_every_model_of_a_decoder_is_a_known_sensor(name):
     assert name in SENSORS

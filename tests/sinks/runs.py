@@ -1,4 +1,4 @@
-"""Filter runs, and what libraries that are not ours find in the files that come out."""
+"""Helpers that run filters and read the resulting files with independent libraries."""
 
 import base64
 import json
@@ -27,14 +27,14 @@ DIAGNOSTICS = "/seaclutter/diagnostics"
 
 
 def log_of(path, messages, kind="ros2", topic="/points"):
-    """Write a log of given cloud messages."""
+    """Write a log with the given cloud messages."""
     entries = [LogEntry(topic, START_NS + k, data, sequence=k) for k, data in enumerate(messages)]
     return write_log(path, [cloud_topic(topic, kind)], entries, profile=kind if "ros" in kind else "")
 
 
 @dataclass
 class FakeSource:
-    """A source of which nothing but the channels matters."""
+    """A source that provides only channels."""
 
     channels: tuple
     name: str = "log"
@@ -57,7 +57,7 @@ def filter_log(path, target, *, topics=(), method="joint", overrides=(), sinks=(
 
 
 class Result(NamedTuple):
-    """What the filter said of a frame, free of the file that it came from."""
+    """Result of a frame, without references to its file."""
 
     topic: str
     data: bytes
@@ -85,7 +85,7 @@ class Entry(NamedTuple):
 
 @dataclass
 class Contents:
-    """All that is in a file."""
+    """Contents of an MCAP file."""
 
     profile: str = ""
     compressions: set = field(default_factory=set)
@@ -98,7 +98,7 @@ class Contents:
 
 
 def contents(path):
-    """Read a file with the ``mcap`` library, checksums and all."""
+    """Read a file with the ``mcap`` library and verify its checksums."""
     found = Contents()
     with Path(path).open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
@@ -109,8 +109,7 @@ def contents(path):
         for channel in summary.channels.values():
             schema = summary.schemas.get(channel.schema_id)
             described = (schema.name, schema.encoding, schema.data) if schema else None
-            said = (channel.topic, channel.message_encoding, described, channel.metadata)
-            found.channels[channel.id] = said
+            found.channels[channel.id] = (channel.topic, channel.message_encoding, described, channel.metadata)
         for _, channel, message in reader.iter_messages():
             entry = Entry(message.log_time, message.publish_time, message.sequence, bytes(message.data))
             found.topics[channel.topic].append(entry)
@@ -123,7 +122,7 @@ def contents(path):
 
 
 class Decoded(NamedTuple):
-    """A cloud as a library that is not ours reads it."""
+    """A cloud as read by an independent library."""
 
     header: tuple
     shape: tuple
@@ -134,17 +133,17 @@ class Decoded(NamedTuple):
 
     @property
     def description(self):
-        """Return all but the points: header, layout, byte order."""
+        """Return everything except the points: header, layout, byte order."""
         return self._replace(shape=None, data=None)
 
     @property
     def points(self):
-        """Return the bytes of each point, which must not be in padded rows."""
+        """Return the bytes of each point; rows must not be padded."""
         step = self.point_step
         return [self.data[at : at + step] for at in range(0, len(self.data), step)]
 
     def column(self, name):
-        """Return the values of a field, by ``struct`` alone."""
+        """Return the values of a field, read with ``struct``."""
         offset, code = next((offset, code) for field_name, offset, code, _ in self.fields if field_name == name)
         order = ">" if self.big_endian else "<"
         return [struct.unpack_from(order + code, point, offset)[0] for point in self.points]
@@ -161,22 +160,22 @@ def decode(data, kind="ros2"):
         deserialise = store.deserialize_cdr if kind == "ros2" else store.deserialize_ros1
         message = deserialise(data, "sensor_msgs/msg/PointCloud2")
         header, stamp = message.header, message.header.stamp
-        said = (getattr(header, "seq", None), stamp.sec, stamp.nanosec, header.frame_id, bool(message.is_dense))
+        head = (getattr(header, "seq", None), stamp.sec, stamp.nanosec, header.frame_id, bool(message.is_dense))
         fields = [(f.name, f.offset, _ROS_CODES[f.datatype], f.count) for f in message.fields]
         shape = (message.height, message.width)
-        return Decoded(said, shape, fields, message.point_step, bool(message.is_bigendian), message.data.tobytes())
+        return Decoded(head, shape, fields, message.point_step, bool(message.is_bigendian), message.data.tobytes())
     if kind == "json":
         return _decode_json(data)
     message = foxglove_class().FromString(data)
     fields = [(f.name, f.offset, _FOXGLOVE_CODES[f.type], 1) for f in message.fields]
-    said = (message.timestamp.seconds, message.timestamp.nanos, message.frame_id)
+    head = (message.timestamp.seconds, message.timestamp.nanos, message.frame_id)
     size = len(message.data) // message.point_stride
-    return Decoded(said, (1, size), fields, message.point_stride, False, message.data)
+    return Decoded(head, (1, size), fields, message.point_stride, False, message.data)
 
 
 def _decode_json(data):
     message = json.loads(data)
     fields = [(f["name"], f["offset"], _FOXGLOVE_CODES[f["type"]], 1) for f in message["fields"]]
-    said = (message["timestamp"]["sec"], message["timestamp"]["nsec"], message["frame_id"])
+    head = (message["timestamp"]["sec"], message["timestamp"]["nsec"], message["frame_id"])
     points = base64.b64decode(message["data"])
-    return Decoded(said, (1, len(points) // message["point_stride"]), fields, message["point_stride"], False, points)
+    return Decoded(head, (1, len(points) // message["point_stride"]), fields, message["point_stride"], False, points)

@@ -1,4 +1,4 @@
-"""A file is under its name when it is complete, and not before; nothing is left of one that failed."""
+"""Atomic files: they appear under their name when complete, and failures leave nothing."""
 
 import os
 import signal
@@ -14,7 +14,7 @@ from seaclutter_cli.sinks.atomic import AtomicFile
 from tests.logs import cloud_log
 from tests.paths import ROOT
 
-POSIX = pytest.mark.skipif(sys.platform == "win32", reason="names, links and signals are other things there")
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="names, links and signals differ on Windows")
 
 
 def names(folder):
@@ -27,13 +27,13 @@ def test_appears_when_complete(tmp_path):
         file.stream.write(b"some")
         file.stream.flush()
         assert not target.exists()
-        assert len(names(target.parent)) == 1, "beside the target, so that it can be renamed"
+        assert len(names(target.parent)) == 1, "next to the target, so that it can be renamed"
         file.stream.write(b" bytes")
     assert target.read_bytes() == b"some bytes"
     assert names(target.parent) == ["out.bin"]
 
 
-def test_replaces_what_was_there_at_the_end_only(tmp_path):
+def test_replaces_an_existing_file_only_at_the_end(tmp_path):
     target = tmp_path / "out.bin"
     target.write_bytes(b"old")
     with AtomicFile(target) as file:
@@ -43,7 +43,7 @@ def test_replaces_what_was_there_at_the_end_only(tmp_path):
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit, MemoryError, OSError, BrokenPipeError])
-def test_an_error_leaves_all_as_it_was(tmp_path, error):
+def test_an_error_changes_nothing(tmp_path, error):
     target = tmp_path / "out.bin"
     target.write_bytes(b"old")
     with pytest.raises(error):
@@ -60,35 +60,35 @@ def write(target, data, error=None):
 
 
 def part_of(target):
-    """Return the name of the unfinished file."""
+    """Return the path of the incomplete file."""
     return target.with_name(f".{target.name}.{os.getpid()}.part")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 @pytest.mark.parametrize("size", [1, 10**6])
 def test_a_full_disk(tmp_path, size):
-    """A large write fails at once, a small one when the file is closed."""
+    """A large write fails immediately, a small one when the file is closed."""
     target = tmp_path / "out.bin"
     part_of(target).symlink_to("/dev/full")
-    with pytest.raises(OutputError, match=f"^{target}: the disk is full; nothing was left behind$"):
+    with pytest.raises(OutputError, match=f"^{target}: the disk is full; the incomplete file was removed$"):
         write(target, bytes(size))
     assert names(tmp_path) == []
 
 
 def test_a_file_that_grows_too_large(tmp_path):
-    resource = pytest.importorskip("resource", reason="there are no such limits here")
+    resource = pytest.importorskip("resource", reason="this platform has no resource limits")
     target = tmp_path / "out.bin"
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (10**6, before[1]))
     try:
-        with pytest.raises(OutputError, match=f"^{target}: writing failed .File too large.; nothing"):
+        with pytest.raises(OutputError, match=f"^{target}: writing failed .File too large.; the incomplete"):
             write(target, bytes(2 * 10**6))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert names(tmp_path) == []
 
 
-def test_an_error_of_the_run_is_told_rather_than_one_of_closing(tmp_path):
+def test_an_error_of_the_run_takes_precedence_over_an_error_of_closing(tmp_path):
     target = tmp_path / "out.bin"
     if Path("/dev/full").exists():
         part_of(target).symlink_to("/dev/full")
@@ -98,21 +98,21 @@ def test_an_error_of_the_run_is_told_rather_than_one_of_closing(tmp_path):
 
 
 @POSIX
-def test_where_nothing_can_be_written(tmp_path):
+def test_targets_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_bytes(b"")
     (tmp_path / "folder" / "full").mkdir(parents=True)
-    for target, said in (
+    for target, message in (
         (tmp_path / "file" / "out.bin", r"cannot be written \(.*\)"),
         (tmp_path / ("n" * 300), r"cannot be written \(File name too long\)"),
-        (tmp_path / "folder", "is no regular file, so it cannot be replaced"),
-        (Path(os.devnull), "is no regular file, so it cannot be replaced"),
+        (tmp_path / "folder", "not a regular file, cannot be replaced"),
+        (Path(os.devnull), "not a regular file, cannot be replaced"),
     ):
-        with pytest.raises(OutputError, match=said):
+        with pytest.raises(OutputError, match=message):
             AtomicFile(target)
     assert names(tmp_path) == ["file", "folder"]
 
 
-def test_a_target_that_becomes_a_folder_meanwhile(tmp_path):
+def test_a_target_that_becomes_a_folder_during_the_run(tmp_path):
     target = tmp_path / "out.bin"
     with pytest.raises(OutputError, match="writing failed"), AtomicFile(target):
         (target / "full").mkdir(parents=True)
@@ -120,7 +120,7 @@ def test_a_target_that_becomes_a_folder_meanwhile(tmp_path):
 
 
 @POSIX
-def test_a_link_stays_one(tmp_path):
+def test_a_link_is_preserved(tmp_path):
     real, link = tmp_path / "disk" / "real.bin", tmp_path / "link.bin"
     link.symlink_to(real)
     for content in (b"first", b"second"):
@@ -132,7 +132,7 @@ def test_a_link_stays_one(tmp_path):
 
 
 @POSIX
-def test_a_name_as_long_as_can_be(tmp_path):
+def test_a_name_of_maximum_length(tmp_path):
     target = tmp_path / ("ö" * 125 + ".mcap")
     with AtomicFile(target) as file:
         file.stream.write(b"some")
@@ -150,10 +150,10 @@ def test_an_interrupted_run_has_no_output(tmp_path, end):
     while not list(target.parent.glob(".out.mcap.*.part")) and run.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
     run.send_signal(end)
-    _, told = run.communicate(timeout=60)
+    _, output = run.communicate(timeout=60)
     assert not target.exists()
     if end != signal.SIGKILL:
-        # Python ends by SIGINT after all where KeyboardInterrupt came while a class was made.
+        # Python exits by SIGINT if KeyboardInterrupt was raised during the creation of a class.
         assert run.returncode in (1, -signal.SIGINT)
-        assert b"Interrupted" in told
+        assert b"Interrupted" in output
         assert names(target.parent) == []

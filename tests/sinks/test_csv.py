@@ -1,4 +1,4 @@
-"""The table of frames, read with the csv module."""
+"""CSV table of frames, read with the csv module."""
 
 import csv
 import os
@@ -39,7 +39,7 @@ def result_of(index, *, stamp_ns=0, log_time_ns=5, rings=None, topic="/points", 
     return FilterResult(frame, np.array([0, 0, 1, 3, 3, 5, 6], np.uint8), rings, scene)
 
 
-def test_a_line_a_frame(tmp_path):
+def test_one_row_per_frame(tmp_path):
     log = cloud_log(tmp_path / "day one.mcap", topics=["/bow", "/stern"])
     with CsvSink(tmp_path / "frames.csv", 4) as sink:
         results = filter_log(log, tmp_path / "out.mcap", topics=["/bow", "/stern"], sinks=[sink])
@@ -67,8 +67,8 @@ def test_every_method_fills_its_columns(tmp_path, method):
         filter_log(log, tmp_path / "out.mcap", method=method, sinks=[sink])
     for row in rows_of(tmp_path / "frames.csv"):
         assert row.get("scene") == ("open" if method == "adaptive_radius" else None)
-        assert None not in row, "no more values than columns"
-        assert None not in row.values(), "nor fewer"
+        assert None not in row, "not more values than columns"
+        assert None not in row.values(), "not fewer values than columns"
         assert sum(int(row[name]) for name in (*REASONS, "points_out")) == int(row["points_in"]) == 60
 
 
@@ -97,7 +97,7 @@ def test_the_scene_is_the_last_column(tmp_path):
 @pytest.mark.parametrize(
     ("stamp_ns", "log_time_ns", "written"), [(7, 5, 7), (0, 5, 5), (-8, 5, -8), (2**31 * 10**9, 5, 2**31 * 10**9)]
 )
-def test_the_stamp_is_that_of_the_header_or_else_the_log_time(tmp_path, stamp_ns, log_time_ns, written):
+def test_the_stamp_is_from_the_header_otherwise_the_log_time(tmp_path, stamp_ns, log_time_ns, written):
     with CsvSink(tmp_path / "frames.csv", 0) as sink:
         sink.begin(FakeSource(()), [])
         sink.write(result_of(0, stamp_ns=stamp_ns, log_time_ns=log_time_ns))
@@ -105,7 +105,7 @@ def test_the_stamp_is_that_of_the_header_or_else_the_log_time(tmp_path, stamp_ns
     assert rows_of(tmp_path / "frames.csv")[0]["stamp_ns"] == str(written)
 
 
-def test_lines_of_a_recording_that_fails_are_taken_back(tmp_path):
+def test_rows_of_a_failed_recording_are_removed(tmp_path):
     with CsvSink(tmp_path / "frames.csv", 0) as sink:
         for name, complete in (("a", True), ("broken", False), ("b", True), ("broken too", False)):
             sink.begin(replace(FakeSource(()), name=name), [])
@@ -143,7 +143,7 @@ def test_an_error_leaves_no_file(tmp_path):
 @pytest.mark.parametrize("lines", [0, 1, 1000])
 def test_a_full_disk_leaves_no_file(tmp_path, lines):
     (tmp_path / f".frames.csv.{os.getpid()}.part").symlink_to("/dev/full")
-    with pytest.raises(OutputError, match="the disk is full; nothing was left behind"):
+    with pytest.raises(OutputError, match="the disk is full; the incomplete file was removed"):
         write_lines(CsvSink(tmp_path / "frames.csv", 0), lines)
     assert not list(tmp_path.iterdir())
 
@@ -151,13 +151,13 @@ def test_a_full_disk_leaves_no_file(tmp_path, lines):
 def write_lines(sink, lines):
     with sink:
         if lines:
-            with suppress(OutputError):  # the run goes on with the next recording
+            with suppress(OutputError):  # the run continues with the next recording
                 sink.begin(FakeSource(()), [])
                 for index in range(lines):
                     sink.write(result_of(index))
 
 
-def test_what_no_filter_touches_is_no_line(tmp_path):
+def test_records_that_are_not_filtered_have_no_row(tmp_path):
     log = cloud_log(tmp_path / "in.mcap", frames=3)
     with closing(open_source(log)) as source, CsvSink(tmp_path / "frames.csv", 4) as sink:
         run(source, load_config().make_filter, [sink], Selection())

@@ -1,4 +1,4 @@
-"""The filtered MCAP is a drop-in for its input."""
+"""The filtered MCAP file as a drop-in replacement for its input."""
 
 import threading
 from contextlib import closing
@@ -38,7 +38,7 @@ def out(tmp_path):
 
 
 @KINDS
-def test_all_else_is_copied_untouched(tmp_path, out, kind):
+def test_other_records_are_copied_unchanged(tmp_path, out, kind):
     before = contents(cloud_log(tmp_path / "in.mcap", kind=kind))
     filter_log(tmp_path / "in.mcap", out)
     after = contents(out)
@@ -54,7 +54,7 @@ def test_all_else_is_copied_untouched(tmp_path, out, kind):
 
 @KINDS
 @pytest.mark.parametrize("method", ["joint", "sor"])
-def test_the_kept_points_stay_on_their_topic_in_their_order(tmp_path, out, kind, method):
+def test_kept_points_are_on_their_topic_in_their_order(tmp_path, out, kind, method):
     before = contents(cloud_log(tmp_path / "in.mcap", kind=kind)).topics["/points"]
     results = filter_log(tmp_path / "in.mcap", out, method=method)
     after = contents(out).topics["/points"]
@@ -79,7 +79,7 @@ def test_every_file_layout(tmp_path, out, name):
 
 @pytest.mark.parametrize("compression", [None, "zstd", "lz4", ""])
 @pytest.mark.parametrize("name", ["zstd", "lz4", "none", "unchunked, bare"])
-def test_compression_is_that_of_the_input_or_as_asked(tmp_path, out, name, compression):
+def test_compression_of_the_input_or_as_requested(tmp_path, out, name, compression):
     log = cloud_log(tmp_path / "in.mcap", LAYOUTS[name], frames=2)
     filter_log(log, out, compression=compression)
     own = {"none": "", "unchunked, bare": "zstd"}.get(name, name)
@@ -102,14 +102,14 @@ def test_frames_without_points_are_still_written(tmp_path, out, kind):
 
 
 @KINDS
-def test_a_frame_that_loses_nothing_is_the_same_message(tmp_path, out, kind):
+def test_a_frame_without_removed_points_is_the_same_message(tmp_path, out, kind):
     messages = cloud_messages(kind, 2, 40)
     filter_log(log_of(tmp_path / "in.mcap", messages, kind), out, method="none", diagnostics=False)
     assert [entry.data for entry in contents(out).topics["/points"]] == messages
 
 
-def test_any_layout_of_points_survives(tmp_path, out):
-    """Padding, gaps, unaligned values, big endian, padded rows: the bytes of the kept points are those of the input."""
+def test_any_layout_of_points_is_preserved(tmp_path, out):
+    """Padding, gaps, unaligned values, big endian, padded rows: kept points have the bytes of the input."""
     layout = {"names": POINT.names, "formats": [POINT[name] for name in POINT.names], "offsets": [9, 1, 5, 13, 30, 18]}
     points = np.frombuffer(np.random.default_rng(1).bytes(32 * 60), np.dtype(layout)).copy()
     for name in POINT.names:
@@ -137,7 +137,7 @@ def write_channels(path, channels, clouds=(), **options):
 
 
 @pytest.mark.parametrize("ids", [(1, 2, 3), (9, 4, 700), (0, 1, 2), (65535, 65534, 0)])
-def test_channels_keep_their_ids_and_those_without_messages_stay(out, ids):
+def test_channels_keep_their_ids_even_without_messages(out, ids):
     channels = [Channel(number, f"/{number}", "json", None, (("key", "value"),)) for number in ids]
     assert write_channels(out, channels) == {f"/{number}": number for number in ids}
     assert contents(out).channels == {number: (f"/{number}", "json", None, {"key": "value"}) for number in ids}
@@ -145,13 +145,13 @@ def test_channels_keep_their_ids_and_those_without_messages_stay(out, ids):
 
 
 @pytest.mark.parametrize("number", [0, 2, 65535])
-def test_new_channels_take_ids_that_are_free(out, number):
+def test_new_channels_get_free_ids(out, number):
     cloud = Channel(number, "/points", "cdr", Schema(*cloud_topic("/points").schema))
     ids = write_channels(out, [Channel(1, "/one", "json", None), cloud], [cloud], keep_raw=True, with_removed=True)
     assert ids["/one"] == 1
     assert ids["/points"] == number
     assert len(ids) == len(set(ids.values())) == 5
-    assert 0 not in {*ids.values()} - {number}, "some readers take 0 for none"
+    assert 0 not in {*ids.values()} - {number}, "some readers treat 0 as no channel"
 
 
 def test_channels_that_share_an_id_or_have_an_impossible_one_get_another(out):
@@ -159,14 +159,14 @@ def test_channels_that_share_an_id_or_have_an_impossible_one_get_another(out):
     assert write_channels(out, channels) == {"/a": 1, "/b": 2, "/c": 3}
 
 
-def test_more_channels_than_a_file_can_hold(out):
+def test_too_many_channels(out):
     channels = [Channel(number, "/a", "json", None) for number in range(2**16 + 1)]
-    with pytest.raises(OutputError, match="cannot hold so many channels"):
+    with pytest.raises(OutputError, match="at most 65536 channels"):
         write_channels(out, channels)
     assert not list(out.parent.iterdir())
 
 
-def test_a_channel_that_appears_on_the_way_is_declared(out):
+def test_a_channel_that_appears_late_is_declared(out):
     known, late = (Channel(1, topic, "json", Schema("note", "jsonschema", b"{}")) for topic in ("/known", "/late"))
     with McapSink(out, McapOptions()) as sink:
         sink.begin(FakeSource((known,)), [])
@@ -176,7 +176,7 @@ def test_a_channel_that_appears_on_the_way_is_declared(out):
     assert [entry.log_time for entry in contents(out).topics["/late"]] == [0, 2]
 
 
-def test_two_publishers_of_one_topic_stay_two(tmp_path, out):
+def test_two_publishers_of_one_topic_remain_separate(tmp_path, out):
     log = cloud_log(tmp_path / "in.mcap", topics=["/points", "/other"], frames=3)
     before = contents(log)
     with closing(open_source(log)) as source, McapSink(out, McapOptions(keep_raw=True)) as sink:
@@ -243,7 +243,7 @@ def test_bags_become_mcap_files_with_complete_schemas(tmp_path, out, kind):
         assert message.width == result.counts[0] > 0
 
 
-def test_two_lidars_have_a_state_each(tmp_path, out):
+def test_each_lidar_has_its_own_state(tmp_path, out):
     names = ["/bow/points", "/stern/points"]
     both = filter_log(cloud_log(tmp_path / "in.mcap", topics=names), out, topics=names)
     for name in names:
@@ -251,20 +251,20 @@ def test_two_lidars_have_a_state_each(tmp_path, out):
         together = [result for result in both if result.topic == name]
         assert [r.reason.tolist() for r in together] == [r.reason.tolist() for r in alone]
         assert contents(out).topics[name] == contents(tmp_path / "alone.mcap").topics[name]
-        assert any(result.rings.corrections.any() for result in alone), "there is a state"
+        assert any(result.rings.corrections.any() for result in alone), "the filter has state"
     other = contents(tmp_path / "alone.mcap").topics["/bow/points"]
-    assert other == contents(tmp_path / "in.mcap").topics["/bow/points"], "a topic not chosen stays raw"
+    assert other == contents(tmp_path / "in.mcap").topics["/bow/points"], "a topic that was not selected is unchanged"
 
 
-def test_nothing_is_left_where_a_run_fails(tmp_path, out):
+def test_a_failed_run_leaves_no_file(tmp_path, out):
     log = cloud_log(tmp_path / "in.mcap")
     with pytest.raises(UsageError), closing(open_source(log)) as source, McapSink(out, McapOptions()) as sink:
-        sink.begin(source, source.channels)  # one of which holds no clouds
+        sink.begin(source, source.channels)  # one of them contains no clouds
     assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OutputError])
-def test_no_thread_is_left_where_a_run_fails(tmp_path, out, error):
+def test_a_failed_run_leaves_no_thread(tmp_path, out, error):
     before = threading.active_count()
     channel = Channel(1, "/a", "json", None)
     with pytest.raises(error):

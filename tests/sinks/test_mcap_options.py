@@ -1,4 +1,4 @@
-"""What the options of the filtered MCAP add to it and take from it."""
+"""Options of the filtered MCAP file."""
 
 import struct
 
@@ -76,7 +76,7 @@ def test_removed_points_of_a_big_endian_cloud(tmp_path, out):
 
 
 def organised(points, height, pad=0, **changes):
-    """Return the message of points in rows, each followed by padding."""
+    """Return a message with the points in rows, each followed by padding."""
     rows = points.view(np.uint8).reshape(height, -1)
     data = np.pad(rows, ((0, 0), (0, pad)), constant_values=9)
     width = len(points) // height
@@ -96,10 +96,10 @@ def test_keep_organized(tmp_path, out, pad):
     for number in np.flatnonzero(result.reason):
         at = number // 20 * (20 * step + pad) + number % 20 * step
         expected[at : at + 12] = NAN * 3
-    assert kept.data == expected, "nothing but x, y and z of removed points changes"
+    assert kept.data == expected, "only x, y and z of removed points change"
     assert 0 < result.counts[0] < 120
     assert kept.shape == (6, 20)
-    assert kept.header == (*decode(raw).header[:-1], False), "there are invalid points now"
+    assert kept.header == (*decode(raw).header[:-1], False), "the cloud now contains invalid points"
     assert (kept.fields, kept.point_step) == (decode(raw).fields, step)
 
 
@@ -111,7 +111,7 @@ def test_without_keep_organized_a_cloud_in_rows_becomes_one_row(tmp_path, out):
     assert len(cloud.data) == cloud.shape[1] * POINT.itemsize
 
 
-def test_keep_organized_leaves_clouds_in_one_row_and_whole_ones_as_they_would_be(tmp_path, out):
+def test_keep_organized_does_not_affect_unorganised_or_complete_clouds(tmp_path, out):
     messages = [cloud_message("ros2", sea_points(120), START_NS), organised(sea_points(120), 4)]
     log = log_of(tmp_path / "in.mcap", messages)
     results = filter_log(log, out, keep_organized=True)
@@ -137,7 +137,7 @@ def test_keep_organized_needs_coordinates_that_can_be_nan(tmp_path, out):
     layout = [("x", "<i4"), ("y", "<i4"), ("z", "<i4"), ("intensity", "<f4")]
     points = np.zeros(40, layout)
     log = log_of(tmp_path / "in.mcap", [organised(points, 2)])
-    with pytest.raises(FieldError, match="'x' is no floating-point number"):
+    with pytest.raises(FieldError, match="'x' is not a floating-point number"):
         filter_log(log, out, keep_organized=True)
     assert not out.exists()
 
@@ -193,10 +193,10 @@ def test_diagnostics_of_two_lidars_share_a_topic(tmp_path, out):
 
 
 @pytest.mark.parametrize("option", ["keep_raw", "with_removed"])
-def test_a_topic_that_is_taken(tmp_path, out, option):
+def test_an_existing_output_topic(tmp_path, out, option):
     taken = {"keep_raw": "/points/filtered", "with_removed": "/points/removed"}[option]
     log = cloud_log(tmp_path / "in.mcap", topics=["/points", taken], frames=2)
-    with pytest.raises(UsageError, match=f"topic {taken} is in the log already"):
+    with pytest.raises(UsageError, match=f"topic {taken} already exists in the log"):
         filter_log(log, out, topics=["/points"], **{option: True})
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mcap"]
 

@@ -1,4 +1,4 @@
-"""Boxes and clusters in a filtered MCAP: ``filter --with-scene``."""
+"""Boxes and clusters in a filtered MCAP file: ``filter --with-scene``."""
 
 import json
 
@@ -53,7 +53,7 @@ def test_without_labels_there_are_clusters(log, tmp_path):
     assert [[entity.id for entity in message.entities] for message in found] == [["/points clusters"]] * 6
 
 
-def test_logs_that_are_no_ros_logs_get_json(tmp_path):
+def test_other_logs_than_ros_logs_get_json(tmp_path):
     log = cloud_log(tmp_path / "log.mcap", kind="protobuf", frames=3, points=500)
     filtered(log, tmp_path / "f.mcap", "--with-scene")
     with (tmp_path / "f.mcap").open("rb") as stream:
@@ -74,6 +74,6 @@ def test_a_log_that_has_scenes_keeps_them(log, tmp_path):
         assert {TOPIC, f"{TOPIC}_2"} <= {connection.topic for connection in reader.connections}
 
 
-def test_labels_without_a_scene_are_a_mistake(log, tmp_path):
+def test_labels_without_a_scene_are_an_error(log, tmp_path):
     labels = make_labels(tmp_path / "boxes.csv")
     assert "--with-scene" in filtered(log, tmp_path / "f.mcap", "--labels", labels, status=2).stderr

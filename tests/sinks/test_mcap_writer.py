@@ -1,4 +1,4 @@
-"""The writer's files against the mcap library: index, statistics, checksums, and the same bytes every time."""
+"""MCAP writer against the mcap library: index, statistics, checksums, reproducible bytes."""
 
 import io
 import os
@@ -28,7 +28,7 @@ NOTE = Schema("note", "jsonschema", b"{}")
 ALL = pytest.mark.parametrize("compression", COMPRESSIONS)
 
 
-def written(things, compression="zstd", chunk_size=1000):
+def written(items, compression="zstd", chunk_size=1000):
     """Write messages ``(channel, log_time, publish_time, sequence, data)``, attachments, metadata; return the file."""
     stream = io.BytesIO()
     before, mcap_writer.CHUNK_SIZE = mcap_writer.CHUNK_SIZE, chunk_size
@@ -36,9 +36,13 @@ def written(things, compression="zstd", chunk_size=1000):
         writer = McapWriter(stream, profile="ros2", library="tests", compression=compression)
         for number, schema in ((1, NOTE), (2, NOTE), (3, None), (40_000, Schema("other", "ros2msg", b"int8 a\n"))):
             writer.add_channel(Channel(number, f"/{number}", "json", schema, (("key", "Ü"),)))
-        for thing in things:
-            add = {tuple: lambda it: writer.write(*it), Attachment: writer.attach, Metadata: writer.add_metadata}
-            add[type(thing)](thing)
+        for item in items:
+            add = {
+                tuple: lambda message: writer.write(*message),
+                Attachment: writer.attach,
+                Metadata: writer.add_metadata,
+            }
+            add[type(item)](item)
         writer.finish()
     finally:
         mcap_writer.CHUNK_SIZE = before
@@ -62,10 +66,10 @@ EXTRAS = st.one_of(
 
 @ALL
 @settings(max_examples=60, deadline=None)
-@given(things=st.lists(st.one_of(MESSAGES, MESSAGES, EXTRAS), max_size=25))
-def test_what_goes_in_comes_out(compression, things):
-    data = written(things, compression)
-    expected = [thing for thing in things if isinstance(thing, tuple)]
+@given(items=st.lists(st.one_of(MESSAGES, MESSAGES, EXTRAS), max_size=25))
+def test_round_trip(compression, items):
+    data = written(items, compression)
+    expected = [item for item in items if isinstance(item, tuple)]
     for kind in (SeekingReader, NonSeekingReader):
         reader = kind(io.BytesIO(data), validate_crcs=True)
         by_time = sorted(expected, key=lambda message: message[1])
@@ -73,9 +77,9 @@ def test_what_goes_in_comes_out(compression, things):
     reader = SeekingReader(io.BytesIO(data), validate_crcs=True)
     attachments = [(a.log_time, a.create_time, a.name, a.media_type, a.data) for a in reader.iter_attachments()]
     fields = ("log_time_ns", "create_time_ns", "name", "media_type", "data")
-    given_attachments = [thing for thing in things if isinstance(thing, Attachment)]
-    assert attachments == [tuple(getattr(thing, name) for name in fields) for thing in given_attachments]
-    given_metadata = [(thing.name, thing.entries) for thing in things if isinstance(thing, Metadata)]
+    given_attachments = [item for item in items if isinstance(item, Attachment)]
+    assert attachments == [tuple(getattr(item, name) for name in fields) for item in given_attachments]
+    given_metadata = [(item.name, item.entries) for item in items if isinstance(item, Metadata)]
     assert [(record.name, record.metadata) for record in reader.iter_metadata()] == given_metadata
     check_summary(reader.get_summary(), expected, len(given_attachments), len(given_metadata))
 
@@ -101,20 +105,20 @@ def check_summary(summary, expected, attachments, metadata):
 @pytest.mark.filterwarnings("ignore:.*deprecated")
 @ALL
 def test_the_index_finds_every_message(compression):
-    things = [(1 + k % 2, 1000 - k * 7 % 500, k, k, bytes(k % 90)) for k in range(300)]
-    data = written(things, compression)
+    items = [(1 + k % 2, 1000 - k * 7 % 500, k, k, bytes(k % 90)) for k in range(300)]
+    data = written(items, compression)
     reader = SeekingReader(io.BytesIO(data), validate_crcs=True)
     assert len(reader.get_summary().chunk_indexes) > 5
     for start, end in ((600, 700), (None, 520), (990, None)):
-        chosen = [t for t in things if t[0] == 2 and (start or 0) <= t[1] < (end or 2**63)]
+        chosen = [t for t in items if t[0] == 2 and (start or 0) <= t[1] < (end or 2**63)]
         found = messages(reader, topics=["/2"], start_time=start, end_time=end)
         assert found == sorted(chosen, key=lambda message: message[1])
 
 
 @ALL
-def test_message_indexes_point_at_their_messages(compression):
-    things = [(1 + k % 3, k * 5, k, k, bytes(k % 90)) for k in range(200)]
-    data = written(things, compression)
+def test_message_indexes_refer_to_their_messages(compression):
+    items = [(1 + k % 3, k * 5, k, k, bytes(k % 90)) for k in range(200)]
+    data = written(items, compression)
     index = SeekingReader(io.BytesIO(data)).get_summary().chunk_indexes
     chunks = [record for record in StreamReader(io.BytesIO(data), emit_chunks=True).records if is_chunk(record)]
     by_offset = {piece.offset: piece for piece in records_of(data)}
@@ -128,18 +132,18 @@ def test_message_indexes_point_at_their_messages(compression):
             number, size = struct.unpack_from("<HI", by_offset[offset].content)
             assert (number, by_offset[offset].op) == (channel, 7)
             for at in range(6, 6 + size, 16):
-                time_ns, place = struct.unpack_from("<QQ", by_offset[offset].content, at)
-                op, _, written_channel, _, log_time_ns = struct.unpack_from("<BQHIQ", raw, place)
+                time_ns, position = struct.unpack_from("<QQ", by_offset[offset].content, at)
+                op, _, written_channel, _, log_time_ns = struct.unpack_from("<BQHIQ", raw, position)
                 assert (op, written_channel, log_time_ns) == (5, channel, time_ns)
                 found += 1
-    assert found == len(things)
+    assert found == len(items)
 
 
 @ALL
 def test_lengths_in_the_index_are_those_of_the_records(compression):
-    things = [(1 + k % 3, k, k, k, bytes(k % 90)) for k in range(200)]
-    things[50:50] = [Attachment(1, 2, "a", "b", b"attached"), Metadata("m", {"key": "value"})]
-    data = written(things, compression)
+    items = [(1 + k % 3, k, k, k, bytes(k % 90)) for k in range(200)]
+    items[50:50] = [Attachment(1, 2, "a", "b", b"attached"), Metadata("m", {"key": "value"})]
+    data = written(items, compression)
     summary = SeekingReader(io.BytesIO(data)).get_summary()
     pieces = records_of(data)
     ends = {piece.offset: piece.end for piece in pieces}
@@ -164,10 +168,10 @@ def unpacked(chunk):
     return raw
 
 
-def test_checksums_guard_chunks_attachments_and_the_summary():
-    things = [(1, k, k, k, bytes(range(200))) for k in range(9)]
-    things.append(Attachment(1, 2, "a", "b", b"attached"))
-    data = written(things, "")
+def test_checksums_cover_chunks_attachments_and_the_summary():
+    items = [(1, k, k, k, bytes(range(200))) for k in range(9)]
+    items.append(Attachment(1, 2, "a", "b", b"attached"))
+    data = written(items, "")
     pieces = records_of(data)
     for op, back in ((6, 1), (9, 6), (11, 3)):
         piece = next(piece for piece in pieces if piece.op == op)
@@ -178,18 +182,18 @@ def test_checksums_guard_chunks_attachments_and_the_summary():
 
 
 def checksums(data):
-    """Tell which checksums fit, of those of the chunk, of the attachment and of the summary."""
+    """Return whether the checksums of the chunk, the attachment and the summary are valid."""
     try:
         messages(SeekingReader(io.BytesIO(data), validate_crcs=True))
-        sound = [True]
+        valid = [True]
     except CRCValidationError:
-        sound = [False]
+        valid = [False]
     pieces = records_of(data)
     attachment = next(piece.content for piece in pieces if piece.op == 9)
-    sound.append(zlib.crc32(attachment[:-4]) == int.from_bytes(attachment[-4:], "little"))
+    valid.append(zlib.crc32(attachment[:-4]) == int.from_bytes(attachment[-4:], "little"))
     start = next(piece.end for piece in pieces if piece.op == 15)
     covered = data[start : pieces[-1].offset + 9 + 16]
-    return [*sound, zlib.crc32(covered) == int.from_bytes(pieces[-1].content[16:], "little")]
+    return [*valid, zlib.crc32(covered) == int.from_bytes(pieces[-1].content[16:], "little")]
 
 
 def test_a_file_without_messages():
@@ -198,23 +202,23 @@ def test_a_file_without_messages():
     check_summary(reader.get_summary(), [], 0, 0)
 
 
-def test_a_chunk_is_as_large_as_asked_and_holds_what_does_not_fit():
-    things = [(1, k, k, k, bytes(300)) for k in range(20)] + [(1, 20, 0, 0, bytes(5000))]
-    chunks = SeekingReader(io.BytesIO(written(things, ""))).get_summary().chunk_indexes
+def test_chunks_have_the_requested_size_unless_a_message_is_larger():
+    items = [(1, k, k, k, bytes(300)) for k in range(20)] + [(1, 20, 0, 0, bytes(5000))]
+    chunks = SeekingReader(io.BytesIO(written(items, ""))).get_summary().chunk_indexes
     assert [chunk.uncompressed_size for chunk in chunks] == [4 * 331] * 5 + [5031]
 
 
 @ALL
 @pytest.mark.parametrize("threads", [1, 2, 4, 64, None])
 def test_bytes_do_not_depend_on_the_number_of_threads(monkeypatch, compression, threads):
-    things = [(1 + k % 2, k, k, k, bytes(k * j % 256 for j in range(500))) for k in range(100)]
+    items = [(1 + k % 2, k, k, k, bytes(k * j % 256 for j in range(500))) for k in range(100)]
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
-    expected = written(things, compression)
+    expected = written(items, compression)
     monkeypatch.setattr(os, "cpu_count", lambda: threads)
-    assert written(things, compression) == expected
+    assert written(items, compression) == expected
 
 
-def test_little_is_pending_and_no_thread_stays():
+def test_few_chunks_are_pending_and_abort_stops_the_threads():
     before = threading.active_count()
     stream = io.BytesIO()
     writer = McapWriter(stream, profile="", library="", compression="zstd")
@@ -239,7 +243,7 @@ def fill(writer):
         writer.write(1, k, k, k, bytes(2**20))
 
 
-def test_a_full_disk_stops_the_threads_too():
+def test_abort_stops_the_threads_after_an_error():
     before = threading.active_count()
     writer = McapWriter(FullStream(), profile="", library="", compression="")
     writer.add_channel(Channel(1, "/a", "json", None))

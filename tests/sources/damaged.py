@@ -1,4 +1,4 @@
-"""A log of two thousand bytes in every layout, and a reader that looks at what holds for every damaged file."""
+"""A small log in every layout, and a reader that checks what is true for every damaged file."""
 
 import io
 import random
@@ -22,8 +22,8 @@ EXTRAS = (Extra("file", 4, bytes(range(60))), Extra("vessel", 7, entries={"name"
 MOST_SECONDS = 5
 
 
-class Place(NamedTuple):
-    """Messages that stand or fall together: those of a chunk, or a single one outside chunks."""
+class MessageBlock(NamedTuple):
+    """Messages that are lost together: the messages of a chunk, or a single one outside chunks."""
 
     start: int
     end: int
@@ -32,7 +32,7 @@ class Place(NamedTuple):
 
 @cache
 def small_log(name):
-    """Return a log of two thousand bytes."""
+    """Return a log of roughly 2000 bytes."""
     noise = random.Random(4)
     entries = [
         Entry(TOPICS[number % 3 == 2].name, START_NS + 10 * number, noise.randbytes(20 + number), 5 + number, number)
@@ -46,8 +46,8 @@ def stream_of(piece):
 
 
 @cache
-def places(name):
-    """Return where the messages of a log are, as the library sees it."""
+def message_blocks(name):
+    """Return the message blocks of a log, according to the mcap library."""
     found = []
     for piece in records_of(small_log(name)):
         if piece.op == Opcode.CHUNK:
@@ -61,12 +61,12 @@ def places(name):
             for m in records
             if isinstance(m, mcap_records.Message)
         ]
-        found.append(Place(piece.offset, piece.end, tuple(messages)))
+        found.append(MessageBlock(piece.offset, piece.end, tuple(messages)))
     return found
 
 
 def read(path, data):
-    """Read a file that may be damaged; None where nothing in it can be read."""
+    """Return messages, extras and damage of a file; None for the messages if nothing can be read."""
     with path.open("r+b") as file:
         file.write(data)
         file.truncate()
@@ -99,6 +99,6 @@ def flip(data, at):
     return bytes(flipped)
 
 
-def said(damage):
-    """Return what is reported, without the file."""
+def damage_texts(damage):
+    """Return the texts of damage, without the path."""
     return [str(item).split("log.mcap: ", 1)[1] for item in damage]

@@ -1,4 +1,4 @@
-"""``seaclutter view``: files that the viewer of Rerun finds sound, and a viewer for this computer only."""
+"""``seaclutter view``: files that are valid for Rerun, and a viewer for this computer only."""
 
 import json
 import re
@@ -22,7 +22,7 @@ def view(*arguments, status=0):
 
 
 def rerun(*words):
-    """Run the program that comes with the library."""
+    """Run the command-line program of Rerun."""
     pytest.importorskip("rerun", reason="the extra view is not installed")
     command = [sys.executable, "-m", "rerun_cli", *map(str, words)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -31,7 +31,7 @@ def rerun(*words):
 
 
 def entities(path):
-    """Return the names of what is in a file that the viewer's own program finds sound."""
+    """Return the entity paths in a file, after Rerun has verified it."""
     rerun("rrd", "verify", path)
     listed = rerun("rrd", "stats", path).partition("Num chunks per entity")[2].partition("\n\n")[0]
     return set(re.findall(r"^/(\S+):", listed, re.MULTILINE))
@@ -80,7 +80,7 @@ def test_the_error_names_the_extra(log, monkeypatch):
     assert "seaclutter[view]" in view(log, status=1).stderr
 
 
-def test_without_a_display_there_is_a_way(log, monkeypatch):
+def test_without_a_display_the_error_names_an_alternative(log, monkeypatch):
     monkeypatch.setattr(stream, "require_rerun", lambda: None)
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
@@ -109,8 +109,8 @@ def test_the_viewer_listens_on_the_loopback_only(monkeypatch):
 
 def test_the_viewer_knows_these_options():
     words = [word for word in stream.viewer_command(1234) if word.startswith("--")]
-    told = rerun("--help")
-    assert [word for word in words if word not in told] == []
+    text = rerun("--help")
+    assert [word for word in words if word not in text] == []
 
 
 def test_the_extra_is_not_part_of_all():

@@ -1,13 +1,13 @@
-"""``seaclutter classify``: sea and objects in tiles of an airborne lidar."""
+"""``seaclutter classify``: sea and objects in airborne lidar tiles."""
 
 from seaclutter_cli.commands.lazy import LazyGroup
 
 command = LazyGroup(
     "classify",
     commands={
-        "separate": "Tell sea from what stands out of it.",
+        "separate": "Separate tiles into sea and non-sea points.",
         "train": "Train a random forest on labelled tiles.",
-        "predict": "Name points and objects, by a model.",
+        "predict": "Classify points and objects with a trained model.",
     },
-    help="Take the sea out of airborne lidar tiles and name what is in it.",
+    help="Separate sea from objects in airborne lidar tiles, and classify the objects.",
 )

@@ -1,4 +1,4 @@
-"""Options that the commands of tiles share."""
+"""Options shared by the classify commands."""
 
 import click
 
@@ -10,11 +10,11 @@ output_option = path_option(
     "--output",
     metavar="OUT",
     required=True,
-    help="File for one tile, folder for several: LAS, LAZ, PCD, PLY or MCAP.",
+    help="Output file for one tile, folder for several: LAS, LAZ, PCD, PLY or MCAP.",
 )
 settings_options = grouped(
     "settings",
     "runs.classify.tiles:TileSettingsOptions",
-    (config_file_option("Settings."), set_option("separation.window_m=30")),
+    (config_file_option("Settings file."), set_option("separation.window_m=30")),
 )
-"""What the settings are made of; as ``settings``."""
+"""Sources of the settings; passed as ``settings``."""

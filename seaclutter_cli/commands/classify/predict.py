@@ -1,4 +1,4 @@
-"""``seaclutter classify predict``: names of points and objects, by a model."""
+"""``seaclutter classify predict``: classes of points and objects from a trained model."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,26 +18,26 @@ _OPTIONS = (
         required=True,
         type=click.Path(path_type=Path, dir_okay=False),
         metavar="MODEL",
-        help="A model that train has written.",
+        help="Model file from classify train.",
     ),
-    path_option("--csv", "csv_file", help="Also write a line for each object."),
-    path_option("--geojson", "geojson_file", help="Also write the objects' boxes."),
-    path_option("--plot", "plot_file", help="Draw the tile from above, as PNG or SVG."),
+    path_option("--csv", "csv_file", help="Also write a CSV table with a line for each object."),
+    path_option("--geojson", "geojson_file", help="Also write the boxes of the objects as GeoJSON."),
+    path_option("--plot", "plot_file", help="Draw a top view of the tile, as PNG or SVG."),
     force_option,
     settings_options,
 )
 
 
-@click.command(name="predict", short_help="Name points and objects, by a model.")
+@click.command(name="predict", short_help="Classify points and objects with a trained model.")
 @tiles_argument
 @output_option
 @grouped("options", "runs.classify.predict:NameTilesOptions", _OPTIONS)
 @console_options
 def command(tiles: tuple[str, ...], output: Path, options: "NameTilesOptions", console: Console) -> None:
-    """Name what stands out of the sea in each TILE, by a model, and find the objects.
+    """Classify the non-sea points of each TILE with a trained model, and find the objects.
 
-    Each point gets predicted_class (0 none, else as in train), probability and predicted_object as further
-    dimensions, and classification as by separate. Boxes are in the tile's own coordinates.
+    Each point gets the additional dimensions predicted_class (0 for none, otherwise as in train), probability and
+    predicted_object, and the same classification as by separate. Boxes are in the coordinates of the tile.
     """
     from seaclutter_cli.runs.classify.predict import name_tiles
 

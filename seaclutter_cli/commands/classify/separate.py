@@ -1,4 +1,4 @@
-"""``seaclutter classify separate``: the sea apart from what stands out of it."""
+"""``seaclutter classify separate``: separation of tiles into sea and non-sea points."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,17 +19,16 @@ _OPTIONS = (
 )
 
 
-@click.command(name="separate", short_help="Tell sea from what stands out of it.")
+@click.command(name="separate", short_help="Separate tiles into sea and non-sea points.")
 @tiles_argument
 @output_option
 @grouped("options", "runs.classify.separate:SeparateTilesOptions", _OPTIONS)
 @console_options
 def command(tiles: tuple[str, ...], output: Path, options: "SeparateTilesOptions", console: Console) -> None:
-    """Tell the sea in each TILE from what stands out of it, by morphological opening.
+    """Separate each TILE into sea and non-sea points by morphological opening.
 
-    Points of the sea get the ASPRS class 9 (water), all others 1. Everything else of a LAS or LAZ file stays as it is.
-    TILE is a LAS or LAZ file, or a PCD, PLY, NPY, KITTI or CSV file in metres with z upwards; folders and globs stand
-    for the tiles in them.
+    Sea points get the ASPRS class 9 (water), all others 1. Everything else in a LAS or LAZ file is kept. TILE is a LAS
+    or LAZ file, or a PCD, PLY, NPY, KITTI or CSV file in metres with z upwards, or a folder or glob of such files.
     """
     from seaclutter_cli.runs.classify.separate import separate_tiles
 

@@ -1,4 +1,4 @@
-"""``seaclutter classify train``: a random forest from labelled tiles."""
+"""``seaclutter classify train``: training of a random forest on labelled tiles."""
 
 from typing import TYPE_CHECKING
 
@@ -12,20 +12,20 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.classify.train import TrainForestOptions
 
 _OPTIONS = (
-    path_option("-o", "--output", metavar="MODEL", required=True, help="The model to write."),
+    path_option("-o", "--output", metavar="MODEL", required=True, help="Model file to write."),
     click.option(
         "--class-field",
         default="object_class",
         metavar="NAME",
         show_default=True,
-        help="Field with classes, 1 to 8; 0 is none.",
+        help="Field with the class of each point, 1 to 8; 0 for none.",
     ),
     click.option(
         "--object-field",
         default="object_id",
         metavar="NAME",
         show_default=True,
-        help="Field that tells objects apart; without it, clusters of a class do.",
+        help="Field with object numbers; without it, clusters of a class are objects.",
     ),
     path_option("--plot", "plot_file", help="Draw the confusion matrix, as PNG or SVG."),
     force_option,
@@ -38,10 +38,10 @@ _OPTIONS = (
 @grouped("options", "runs.classify.train:TrainForestOptions", _OPTIONS)
 @console_options
 def command(tiles: tuple[str, ...], options: "TrainForestOptions", console: Console) -> None:
-    """Train a random forest on labelled TILEs to tell the classes of objects.
+    """Train a random forest on labelled TILEs to classify objects.
 
-    A part of the tiles, or of the objects where there are fewer than four tiles, is held out, and the report is on
-    these. Classes are 1 ship, 2 reef, 3 shoal, 4 aquaculture, 5 seaweed, 6 island, 7 fishing fence, 8 garbage patch.
+    Part of the tiles, or of the objects if there are fewer than four tiles, is held out for a test, which the report
+    shows. Classes are 1 ship, 2 reef, 3 shoal, 4 aquaculture, 5 seaweed, 6 island, 7 fishing fence, 8 garbage patch.
     Needs the extra classify.
     """
     from seaclutter_cli.runs.classify.train import train_forest

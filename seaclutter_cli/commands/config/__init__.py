@@ -1,13 +1,13 @@
-"""``seaclutter config``: show and check configurations, list what is built in."""
+"""``seaclutter config``: configurations, and lists of built-in sensors, methods and scenes."""
 
 from seaclutter_cli.commands.lazy import LazyGroup
 
 command = LazyGroup(
     "config",
     commands={
-        "show": "Print the effective configuration, ready to be saved and changed.",
-        "check": "Tell whether configuration files are valid, with everything that is wrong.",
-        "sensors": "List what is built in: sensors, methods, formats, configurations, scenes, lidars.",
+        "show": "Print the effective configuration, ready to save and edit.",
+        "check": "Check configuration files and list all errors.",
+        "sensors": "List built-in sensors, methods, formats, configurations, scenes and lidars.",
     },
-    help="Show and check configurations; list what is built in.",
+    help="Show and check configurations; list built-in sensors, methods and scenes.",
 )

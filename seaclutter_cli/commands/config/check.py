@@ -1,4 +1,4 @@
-"""``seaclutter config check``: whether configuration files are valid."""
+"""``seaclutter config check``: validation of configuration files."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from seaclutter_cli.errors import ConfigError
 @click.argument("files", metavar="FILES...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @debug_option
 def command(files: tuple[Path, ...]) -> None:
-    """Tell whether configuration files are valid, with everything that is wrong."""
+    """Check configuration files and list all errors."""
     from seaclutter_cli.config import load_config
 
     problems = []

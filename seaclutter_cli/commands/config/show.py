@@ -15,6 +15,6 @@ if TYPE_CHECKING:
 @config_options
 @grouped("console", "commands.console:Console", (json_option, debug_option))
 def command(config: "ConfigOptions", console: Console) -> None:
-    """Print the effective configuration, ready to be saved and changed."""
+    """Print the effective configuration, ready to save and edit."""
     effective = config.load()
     console.show(effective.as_dict() if console.as_json else effective.to_yaml(comments=True).rstrip("\n"))

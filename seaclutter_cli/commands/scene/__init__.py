@@ -1,18 +1,18 @@
-"""``seaclutter scene``: the classifier that tells open water from confined."""
+"""``seaclutter scene``: the classifier of open and confined water."""
 
 from seaclutter_cli.commands.lazy import LazyGroup
 
 command = LazyGroup(
     "scene",
     commands={
-        "train": "Train a classifier on logs whose scenes are known.",
-        "evaluate": "Test a classifier on logs whose scenes are known.",
-        "predict": "Tell which scenes logs show.",
+        "train": "Train a classifier on logs with known scenes.",
+        "evaluate": "Evaluate a classifier on logs with known scenes.",
+        "predict": "Predict the scenes of logs.",
     },
-    short_help="Train, test and use the classifier of scenes.",
-    help="""Train, test and use the classifier that looks at a frame from above and tells its scene.
+    short_help="Train, evaluate and use the scene classifier.",
+    help="""Train, evaluate and use the classifier that recognises the scene of a frame in its top view.
 
-    The model that comes with the program tells open water (separate objects) from confined water (quay walls, moored
-    rows, the banks of a channel). It needs the extra `scene`, training the extra `train`.
+    The built-in model distinguishes open water (separate objects) from confined water (continuous facades: quay walls,
+    moored rows, the banks of a channel). It needs the extra `scene`; training needs the extra `train`.
     """,
 )

@@ -1,4 +1,4 @@
-"""``seaclutter scene evaluate``: how well a classifier tells the scenes of logs where they are known."""
+"""``seaclutter scene evaluate``: evaluation of a classifier on logs with known scenes."""
 
 from typing import TYPE_CHECKING
 
@@ -13,16 +13,16 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.scene.logs import ClassifierOptions, LabelledLogs
 
 
-@click.command(name="evaluate", short_help="Test a classifier on logs whose scenes are known.")
+@click.command(name="evaluate", short_help="Evaluate a classifier on logs with known scenes.")
 @labelled_logs
 @classifier_options
 @reading_options
 @console_options
 def command(logs: "LabelledLogs", options: "ClassifierOptions", reading: "ReadOptions", console: Console) -> None:
-    """Test a classifier on logs whose scenes are known: confusion matrix, precision and recall of each class.
+    """Evaluate a classifier on logs with known scenes: confusion matrix, precision and recall of each class.
 
-    FOLDERS hold a folder of logs for each class, named like it (open/, confined/); --scene names classes and logs one
-    by one. With --every and --hold, what counts is the scene that a filter would go by.
+    FOLDERS contain one folder of logs per class, named after the class (open/, confined/); --scene gives classes and
+    logs one by one. With --every and --hold, the evaluated scene is the one that a filter would use.
     """
     from seaclutter_cli.runs.scene.evaluate import evaluate_scenes
 

@@ -1,4 +1,4 @@
-"""Options that the commands of scenes share."""
+"""Options shared by the scene commands."""
 
 from pathlib import Path
 
@@ -16,11 +16,11 @@ labelled_logs = grouped(
             "scenes",
             multiple=True,
             metavar="CLASS=LOGS",
-            help="A class and the file, folder or glob of logs that show it; repeatable.",
+            help="A class, and the file, folder or glob of its logs; repeatable.",
         ),
     ),
 )
-"""Logs by their scene; as ``logs``."""
+"""Logs by the class of their scene; passed as ``logs``."""
 
 classifier_options = grouped(
     "options",
@@ -39,7 +39,7 @@ classifier_options = grouped(
             default=1,
             metavar="N",
             show_default=True,
-            help="Look at one frame in N; the others keep its scene.",
+            help="Classify one frame in N; the others keep its scene.",
         ),
         click.option(
             "--hold",
@@ -47,10 +47,10 @@ classifier_options = grouped(
             default=1,
             metavar="M",
             show_default=True,
-            help="Change the scene only after M looks in a row agree on another one.",
+            help="Change the scene only after M consecutive classifications agree on another one.",
         ),
-        path_option("--csv", "csv_file", help="Write a line for each frame."),
+        path_option("--csv", "csv_file", help="Write a CSV table with a line for each frame."),
         force_option,
     ),
 )
-"""A trained classifier at work; as ``options``."""
+"""Options of a trained classifier; passed as ``options``."""

@@ -1,4 +1,4 @@
-"""``seaclutter scene predict``: which scenes logs show."""
+"""``seaclutter scene predict``: scenes of logs."""
 
 from typing import TYPE_CHECKING
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.scene.logs import ClassifierOptions
 
 
-@click.command(name="predict", short_help="Tell which scenes logs show.")
+@click.command(name="predict", short_help="Predict the scenes of logs.")
 @logs_argument
 @classifier_options
 @reading_options
 @console_options
 def command(logs: tuple[str, ...], options: "ClassifierOptions", reading: "ReadOptions", console: Console) -> None:
-    """Tell which scenes LOGS show: a line for each log and topic, with the shares of its frames.
+    """Predict the scenes of LOGS: a line for each log and topic, with the share of frames of each class.
 
-    --csv writes the scene of each frame and the probabilities that the classifier gave.
+    --csv writes the scene of each frame and the probabilities of the classes.
     """
     from seaclutter_cli.runs.scene.predict import predict_scenes
 

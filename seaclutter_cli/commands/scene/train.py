@@ -1,4 +1,4 @@
-"""``seaclutter scene train``: a classifier from logs whose scenes are known."""
+"""``seaclutter scene train``: training of a classifier on logs with known scenes."""
 
 from typing import TYPE_CHECKING
 
@@ -19,10 +19,10 @@ _TRAINING = (
         default=30,
         metavar="N",
         show_default=True,
-        help="Rounds through all frames.",
+        help="Passes over all training frames.",
     ),
     click.option(
-        "--batch", type=click.IntRange(min=2), default=32, metavar="N", show_default=True, help="Frames in a step."
+        "--batch", type=click.IntRange(min=2), default=32, metavar="N", show_default=True, help="Frames per step."
     ),
     click.option(
         "--learning-rate",
@@ -30,7 +30,7 @@ _TRAINING = (
         default=0.005,
         metavar="RATE",
         show_default=True,
-        help="Of Adam in the beginning; it falls to 0 along half a cosine.",
+        help="Initial learning rate of Adam; it falls to 0 along half a cosine.",
     ),
     click.option(
         "--seed",
@@ -38,11 +38,11 @@ _TRAINING = (
         default=1,
         metavar="N",
         show_default=True,
-        help="Of split, first weights, order and turns.",
+        help="Seed of split, initial weights, order and rotations.",
     ),
 )
 _OPTIONS = (
-    path_option("-o", "--output", metavar="MODEL.onnx", required=True, help="Where it goes."),
+    path_option("-o", "--output", metavar="MODEL.onnx", required=True, help="Model file to write."),
     force_option,
     path_option("--plot", "plot_file", help="Draw loss and precision over the epochs, as PNG or SVG."),
     click.option(
@@ -52,7 +52,7 @@ _OPTIONS = (
         default=60.0,
         metavar="METRES",
         show_default=True,
-        help="Half the side of the square that is seen from above.",
+        help="Half the side of the square in the top view.",
     ),
     click.option(
         "--every",
@@ -60,23 +60,23 @@ _OPTIONS = (
         default=1,
         metavar="N",
         show_default=True,
-        help="Take one frame in N; those next to each other show the same.",
+        help="Use one frame in N; consecutive frames are nearly the same.",
     ),
     grouped("training", "scenes.training:TrainingParams", _TRAINING),
     reading_options,
 )
 
 
-@click.command(name="train", short_help="Train a classifier on logs whose scenes are known.")
+@click.command(name="train", short_help="Train a classifier on logs with known scenes.")
 @labelled_logs
 @grouped("options", "runs.scene.train:TrainSceneOptions", _OPTIONS)
 @console_options
 def command(logs: "LabelledLogs", options: "TrainSceneOptions", console: Console) -> None:
-    """Train a classifier on logs whose scenes are known, and write it as an ONNX file.
+    """Train a classifier on logs with known scenes, and write it as an ONNX file.
 
-    FOLDERS hold a folder of logs for each class, named like it (open/, confined/); --scene names classes and logs one
-    by one. The first class is what a frame with nothing in view is taken for. Logs, never frames, are split into three
-    parts: 60 % to train on, 20 % to choose the best epoch by, 20 % to test on; the confusion matrix is of the latter.
+    FOLDERS contain one folder of logs per class, named after the class (open/, confined/); --scene gives classes and
+    logs one by one. A frame with nothing in view gets the first class. Logs, never frames, are split into three parts:
+    60 % for training, 20 % for choosing the best epoch, and 20 % for the test, which gives the confusion matrix.
     """
     from seaclutter_cli.runs.scene.train import train_scenes
 

@@ -1,1 +1,1 @@
-"""Airborne tiles: sea and what stands out of it, training, and objects with their classes."""
+"""Classification of airborne tiles: separation, training, prediction."""

@@ -1,4 +1,4 @@
-"""Naming the points and objects of tiles by a trained model."""
+"""Classification of the points and objects of tiles with a trained model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from seaclutter_cli.airborne.classification import NamedPoints, name_points
+from seaclutter_cli.airborne.classification import ClassifiedPoints, classify_points
 from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.model import ObjectModel, load_model
 from seaclutter_cli.airborne.objects import as_csv, as_geojson
@@ -15,7 +15,7 @@ from seaclutter_cli.airborne.separation import WATER
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
-from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, NamedTile, PredictResult, columns_of
+from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, PredictResult, TileObjects, columns_of
 from seaclutter_cli.runs.classify.tiles import (
     TileSettingsOptions,
     errors_of,
@@ -30,20 +30,20 @@ from seaclutter_cli.sources.tiles import CloudTile, LasTile, PointsOf, find_tile
 
 @dataclass(frozen=True, kw_only=True)
 class NameTilesOptions:
-    """Which model names tiles, and what is written beside them.
+    """Options of `name_tiles`: the model, its settings and additional outputs.
 
     Parameters
     ----------
     model : Path
-        A trained model.
+        Trained model.
     settings : TileSettingsOptions
-        Settings that differ from the model's; those of the features may not.
+        Settings that override the ones stored in the model, except for the features.
     csv_file : Path or None
-        Table with a line for each object.
+        CSV table with a line for each object.
     geojson_file : Path or None
-        Boxes of the objects.
+        GeoJSON file with the boxes of the objects.
     plot_file : Path or None
-        Picture of the tile from above; for a single tile.
+        Picture of the tile in top view; for a single tile.
     force : bool
         Replace existing files.
 
@@ -65,7 +65,7 @@ class NameTilesOptions:
 def name_tiles(
     tiles: Sequence[str], output: Path, options: NameTilesOptions, observer: Observer = SILENT
 ) -> PredictResult:
-    """Name the points of tiles, find the objects, and write both.
+    """Classify the points of tiles, find their objects, and write both.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def name_tiles(
     output : Path
         File for one tile, folder for several.
     options : NameTilesOptions
-        The model, and what is written.
+        Model, settings and additional outputs.
     observer : Observer, optional
         Receives warnings.
 
@@ -95,12 +95,12 @@ def name_tiles(
     (161374, True)
     """
     paths = find_tiles(tiles)
-    further = [options.csv_file, options.geojson_file, options.plot_file]
-    targets = plan_tiles(paths, output, further, [options.model, options.settings.file], force=options.force)
+    other_outputs = [options.csv_file, options.geojson_file, options.plot_file]
+    targets = plan_tiles(paths, output, other_outputs, [options.model, options.settings.file], force=options.force)
     if options.plot_file:
         check_target(options.plot_file)
         if len(paths) > 1:
-            raise UsageError("--plot: one tile at a time")
+            raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options)
     result = PredictResult([], model.settings.objects.min_probability)
     files: dict[Path, bytes] = {}
@@ -108,37 +108,37 @@ def name_tiles(
         started, tile = perf_counter(), open_tile(path)
         warn_without_intensity(tile, model.settings, observer)
         with errors_of(path):
-            named = name_points(PointsOf(tile), model)
-        write_tile(tile, target, columns_of(named), DIMENSIONS)
+            found = classify_points(PointsOf(tile), model)
+        write_tile(tile, target, columns_of(found), DIMENSIONS)
         if options.plot_file:
-            files[options.plot_file] = _picture(tile, named, options.plot_file.suffix)
-        result.tiles.append(NamedTile.of(path.stem, named, perf_counter() - started))
-    found = [(tile.name, tile.objects) for tile in result.tiles]
+            files[options.plot_file] = _picture(tile, found, options.plot_file.suffix)
+        result.tiles.append(TileObjects.of(path.stem, found, perf_counter() - started))
+    objects = [(tile.name, tile.objects) for tile in result.tiles]
     if options.csv_file:
-        files[options.csv_file] = as_csv(found).encode()
+        files[options.csv_file] = as_csv(objects).encode()
     if options.geojson_file:
-        files[options.geojson_file] = as_geojson(found).encode()
+        files[options.geojson_file] = as_geojson(objects).encode()
     write_files(files)
     return result
 
 
 def _load(options: NameTilesOptions) -> ObjectModel:
-    """Return the model, with other settings where they do not change what it was trained on."""
+    """Return the model with the settings of the options; raise `UsageError` if they change its features."""
     model = load_model(options.model)
     settings = options.settings.load(model.settings)
     if settings.features != model.settings.features:
         kept = ", ".join(f"{key}: {value}" for key, value in model.settings.as_dict()["features"].items())
-        raise UsageError(f"{options.model}: the model is for another feature set ({kept}); train one for yours")
+        raise UsageError(f"{options.model}: the model was trained with other features ({kept}); train one with yours")
     return ObjectModel(settings, model.forest)
 
 
-def _picture(tile: LasTile | CloudTile, named: NamedPoints, suffix: str) -> bytes:
-    places = np.concatenate([xyz[:2] for xyz in PointsOf(tile)], axis=1)
-    sea = places[:, named.tile.separation.classification == WATER]
-    xy = named.tile.points.xy
-    code = np.array([0, *(one.code for one in named.objects)])[named.number]
+def _picture(tile: LasTile | CloudTile, found: ClassifiedPoints, suffix: str) -> bytes:
+    positions = np.concatenate([xyz[:2] for xyz in PointsOf(tile)], axis=1)
+    sea = positions[:, found.tile.separation.classification == WATER]
+    xy = found.tile.points.xy
+    code = np.array([0, *(one.code for one in found.objects)])[found.number]
     points = {class_name(one): xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
-    if named.left_out.any():
-        points[LEFT_OUT] = xy[:, named.left_out > 0]
-    boxes = [(one.name, one.corners) for one in named.objects]
+    if found.left_out.any():
+        points[LEFT_OUT] = xy[:, found.left_out > 0]
+    boxes = [(one.name, one.corners) for one in found.objects]
     return render(lambda figure: draw_tile(figure, sea, points, boxes), suffix, aspect=0.92)

@@ -1,4 +1,4 @@
-"""Named points and objects of tiles: for people and as data."""
+"""Objects found in tiles, as text and as data."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.classification import NamedPoints
+from seaclutter_cli.airborne.classification import ClassifiedPoints
 from seaclutter_cli.airborne.objects import FoundObject
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.text import count, table
@@ -19,32 +19,32 @@ DIMENSIONS = {
 }
 
 
-def columns_of(named: NamedPoints) -> dict[str, NDArray[Any]]:
-    """Return the columns that a tile is written with, a value for each of its points."""
-    separation = named.tile.separation
+def columns_of(found: ClassifiedPoints) -> dict[str, NDArray[Any]]:
+    """Return the columns to write to a tile, a value for each of its points."""
+    separation = found.tile.separation
     classes = separation.classification
     out: dict[str, NDArray[Any]] = {name: np.zeros(len(classes), kind) for name, (kind, _) in DIMENSIONS.items()}
-    for column, values in zip(out.values(), (named.code, named.probability, named.number), strict=True):
+    for column, values in zip(out.values(), (found.code, found.probability, found.number), strict=True):
         column[separation.other] = values
     return {"classification": classes, **out}
 
 
 @dataclass(frozen=True)
-class NamedTile:
-    """The objects of one tile.
+class TileObjects:
+    """Objects found in one tile.
 
     Parameters
     ----------
     name : str
-        Of the tile.
+        Name of the tile.
     points : int
-        Points of the tile.
+        Number of points of the tile.
     objects : list of FoundObject
-        The objects.
+        Objects of the tile.
     clusters_left_out, points_left_out : int
-        Clusters that are too unlikely to be objects, and their points.
+        Number of clusters that are too unlikely to be objects, and number of their points.
     seconds : float
-        How long it took.
+        Processing time.
     """
 
     name: str
@@ -55,14 +55,14 @@ class NamedTile:
     seconds: float
 
     @classmethod
-    def of(cls, name: str, named: NamedPoints, seconds: float) -> Self:
-        """Return the objects of a tile without its points."""
-        left_out = named.left_out
+    def of(cls, name: str, found: ClassifiedPoints, seconds: float) -> Self:
+        """Return the objects of a classified tile."""
+        left_out = found.left_out
         clusters, points = int(left_out.max(initial=0)), int(np.count_nonzero(left_out))
-        return cls(name, len(named.tile.separation.classification), named.objects, clusters, points, seconds)
+        return cls(name, len(found.tile.separation.classification), found.objects, clusters, points, seconds)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the objects as JSON holds them."""
+        """Return the objects as JSON-compatible data."""
         return {
             "tile": self.name,
             "objects": [{"class": one.name, **vars(one)} for one in self.objects],
@@ -71,7 +71,7 @@ class NamedTile:
         }
 
     def as_text(self, min_probability: float) -> str:
-        """Return the objects in lines of 80 characters: places to the metre, which the files have in full."""
+        """Return the objects in lines of at most 80 characters; positions are rounded to the metre."""
         counts = Counter(one.name for one in self.objects)
         lines = [f"{self.name}: " + (", ".join(f"{many:,} {kind}" for kind, many in counts.items()) or "no objects")]
         if self.objects:
@@ -88,30 +88,30 @@ class NamedTile:
 
 def _cells(one: FoundObject, digits: int) -> tuple[str, ...]:
     lengths = (f"{value:.1f}" for value in (*one.size, one.height_m))
-    place = (f"{value:.0f}" for value in one.center)
-    named = f"{one.number:>{digits}} {one.name}"
-    return (named, f"{one.probability:.2f}", f"{one.points:,}", *place, *lengths, f"{one.area_m2:,.0f}")
+    center = (f"{value:.0f}" for value in one.center)
+    label = f"{one.number:>{digits}} {one.name}"
+    return (label, f"{one.probability:.2f}", f"{one.points:,}", *center, *lengths, f"{one.area_m2:,.0f}")
 
 
 @dataclass(frozen=True)
 class PredictResult(Result):
-    """The objects of several tiles.
+    """Objects found in several tiles.
 
     Parameters
     ----------
-    tiles : list of NamedTile
-        One for each tile.
+    tiles : list of TileObjects
+        Objects of each tile.
     min_probability : float
-        Clusters that are less likely were left out.
+        Clusters with a lower probability were left out.
     """
 
-    tiles: list[NamedTile]
+    tiles: list[TileObjects]
     min_probability: float
 
     def as_dict(self) -> list[dict[str, Any]]:
-        """Return the objects as JSON holds them."""
+        """Return the objects as JSON-compatible data."""
         return [tile.as_dict() for tile in self.tiles]
 
     def as_text(self) -> str:
-        """Return the objects as people read them."""
+        """Return the objects as human-readable text."""
         return "\n".join(tile.as_text(self.min_probability) for tile in self.tiles)

@@ -1,4 +1,4 @@
-"""Separating the sea in airborne tiles from what stands out of it."""
+"""Separation of airborne tiles into sea and non-sea points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
 
 @dataclass(frozen=True, kw_only=True)
 class SeparateTilesOptions:
-    """How tiles are separated.
+    """Options of `separate_tiles`.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class SeparateTilesOptions:
 
 
 def separate_tiles(tiles: Sequence[str], output: Path, options: SeparateTilesOptions | None = None) -> "SeparateResult":
-    """Separate the sea in tiles from what stands out of it, and write them with ASPRS classes.
+    """Separate tiles into sea and non-sea points, and write them with ASPRS classes.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def separate_tiles(tiles: Sequence[str], output: Path, options: SeparateTilesOpt
     output : Path
         File for one tile, folder for several.
     options : SeparateTilesOptions, optional
-        How.
+        Settings and outputs.
 
     Raises
     ------
@@ -90,16 +90,16 @@ def _separate(path: Path, target: Path, params: SeparationParams, *, with_height
 
 @dataclass(frozen=True)
 class SeparatedTile:
-    """What was found in one tile.
+    """Separation of one tile.
 
     Parameters
     ----------
     tile, output : str
-        Its name, and the file that was written.
+        Name of the tile, and path of the written file.
     points, sea, other : int
-        Points of the tile, those of the sea, and those that stand out of it.
+        Numbers of all points, sea points and non-sea points.
     seconds : float
-        How long it took.
+        Processing time.
     """
 
     tile: str
@@ -112,23 +112,23 @@ class SeparatedTile:
 
 @dataclass(frozen=True)
 class SeparateResult(Result):
-    """What was found in several tiles.
+    """Separation of several tiles.
 
     Parameters
     ----------
     tiles : sequence of SeparatedTile
-        One for each tile.
+        Separation of each tile.
     """
 
     tiles: Sequence[SeparatedTile]
 
     def as_dict(self) -> list[dict[str, Any]]:
-        """Return the result as JSON holds it."""
+        """Return the result as JSON-compatible data."""
         return [vars(tile) for tile in self.tiles]
 
     def as_text(self) -> str:
-        """Return the result as people read it."""
-        return table(("tile", "points", "not sea", "share", "seconds"), [_cells(tile) for tile in self.tiles])
+        """Return the result as human-readable text."""
+        return table(("tile", "points", "non-sea", "share", "seconds"), [_cells(tile) for tile in self.tiles])
 
 
 def _cells(tile: SeparatedTile) -> tuple[str, ...]:

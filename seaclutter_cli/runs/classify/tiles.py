@@ -1,4 +1,4 @@
-"""Tiles in and out: where the output goes, the settings, and writing tiles with other columns."""
+"""Settings, output files and writing of tiles."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,7 +22,7 @@ _LAS = (".las", ".laz")
 
 @dataclass(frozen=True, kw_only=True)
 class TileSettingsOptions:
-    """What the settings of a run over tiles are made of: defaults < file < single keys.
+    """Sources of the settings of a run over tiles: defaults < file < single keys.
 
     Parameters
     ----------
@@ -42,13 +42,13 @@ class TileSettingsOptions:
     overrides: tuple[str, ...] = ()
 
     def load(self, base: TileSettings | None = None) -> TileSettings:
-        """Return the settings, over others than the defaults if given; `ConfigError` if anything is wrong."""
+        """Return the settings, on top of ``base`` or the defaults; raise `ConfigError` if any is invalid."""
         return load_settings(self.file, self.overrides, base)
 
 
 @contextmanager
 def errors_of(path: Path) -> Iterator[None]:
-    """Put the name of a tile before the errors that its points cause."""
+    """Prefix errors caused by the points of a tile with its path."""
     try:
         yield
     except InputError as error:
@@ -56,45 +56,45 @@ def errors_of(path: Path) -> Iterator[None]:
 
 
 def warn_without_intensity(tile: LasTile | CloudTile, settings: TileSettings, observer: Observer) -> None:
-    """Warn if a tile lacks the intensities that its features need."""
+    """Warn if a tile lacks the intensities that the features need."""
     if settings.features.features == "full" and intensity_name(tile) is None:
-        observer.warn(f"{tile.path}: no intensity field; intensities are taken as 0")
+        observer.warn(f"{tile.path}: no intensity field; intensities count as 0")
 
 
 def plan_tiles(
     tiles: Sequence[Path],
     output: Path,
-    further: Sequence[Path | None] = (),
+    other_outputs: Sequence[Path | None] = (),
     inputs: Sequence[Path | None] = (),
     *,
     force: bool,
 ) -> list[Path]:
-    """Return the file for each tile: ``output`` itself for one, files of the tiles' names in it for several.
+    """Return the output file of each tile: ``output`` itself for one, files named after the tiles in it for several.
 
     Parameters
     ----------
     tiles : sequence of Path
-        Tiles that are read.
+        Input tiles.
     output : Path
         File for one tile, folder for several.
-    further, inputs : sequence of Path or None, optional
-        What else is written, and what else is read.
+    other_outputs, inputs : sequence of Path or None, optional
+        Additional output and input files.
     force : bool
-        Whether files may be replaced.
+        Whether existing files may be replaced.
 
     Raises
     ------
     UsageError
-        If an output is an input, exists and may not be replaced, would be written twice, or is of a format that the
-        tile cannot become.
+        If an output is an input, exists and may not be replaced, would be written twice, or has a format to which the
+        tile cannot be converted.
     """
     into_folder = is_folder(output, len(tiles))
     targets = [output / tile.name for tile in tiles] if into_folder else [output]
-    if into_folder:  # formats that are only read
+    if into_folder:  # formats without a writer become PCD
         targets = [t if t.suffix.lower() in (*_LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
     if len(set(targets)) < len(targets):
-        raise UsageError(f"{output}: two tiles have the same name; write them one by one")
-    check_outputs([*targets, *further], [*tiles, *inputs], force=force)
+        raise UsageError(f"{output}: two tiles have the same name; process them one by one")
+    check_outputs([*targets, *other_outputs], [*tiles, *inputs], force=force)
     for tile, target in zip(tiles, targets, strict=True):
         _check_format(tile, target)
     return targets
@@ -103,13 +103,13 @@ def plan_tiles(
 def _check_format(tile: Path, target: Path) -> None:
     suffix = target.suffix.lower()
     if suffix not in (*_LAS, *POINT_WRITERS):
-        raise UsageError(f"{target}: tiles are written as {', '.join((*_LAS, *POINT_WRITERS))}")
+        raise UsageError(f"{target}: unknown format; tiles can be written as {', '.join((*_LAS, *POINT_WRITERS))}")
     if suffix in _LAS and tile.suffix.lower() not in _LAS:
-        raise UsageError(f"{target}: only LAS and LAZ tiles become LAS or LAZ; write {', '.join(POINT_WRITERS)}")
+        raise UsageError(f"{target}: only LAS and LAZ tiles can become LAS or LAZ; use {', '.join(POINT_WRITERS)}")
 
 
 def write_tile(tile: LasTile | CloudTile, target: Path, columns: Mapping[str, NDArray[Any]], extra: ExtraDims) -> None:
-    """Write a tile with other or more columns; all else stays as it is."""
+    """Write a tile with replaced or additional columns; everything else is kept."""
     if isinstance(tile, LasTile) and target.suffix.lower() in _LAS:
         write_las(target, tile.header, tile.parts(), columns, extra)
         return

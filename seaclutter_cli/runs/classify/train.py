@@ -1,4 +1,4 @@
-"""Training a random forest on labelled tiles."""
+"""Training of a random forest on labelled tiles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -26,18 +26,18 @@ from seaclutter_cli.truth import OBJECT_CLASSES
 
 @dataclass(frozen=True, kw_only=True)
 class TrainForestOptions:
-    """How a forest is trained, and what is written.
+    """Options of `train_forest`.
 
     Parameters
     ----------
     output : Path
-        The model.
+        Model file to write.
     settings : TileSettingsOptions
         Settings of separation, features and forest.
     class_field : str
-        Field with the classes of points, 1 to 8; 0 is none.
+        Field with the class of each point, 1 to 8; 0 for none.
     object_field : str
-        Field that keeps objects apart; without it, clusters of a class are taken for objects.
+        Field with the object number of each point; without it, clusters of a class are treated as objects.
     plot_file : Path or None
         Picture of the confusion matrix.
     force : bool
@@ -59,21 +59,21 @@ class TrainForestOptions:
 
 
 def train_forest(tiles: Sequence[str], options: TrainForestOptions, observer: Observer = SILENT) -> TrainingReport:
-    """Train a forest on labelled tiles, test it on what was held out, and write it.
+    """Train a random forest on labelled tiles, test it on held-out data, and write it.
 
     Parameters
     ----------
     tiles : sequence of str
         Files, folders or globs.
     options : TrainForestOptions
-        How, and what is written.
+        Settings, fields and outputs.
     observer : Observer, optional
         Receives warnings.
 
     Raises
     ------
     SeaclutterError
-        If a tile cannot be used, or there is too little to learn from.
+        If a tile cannot be used, or there are too few labels.
 
     Examples
     --------
@@ -102,12 +102,12 @@ def train_forest(tiles: Sequence[str], options: TrainForestOptions, observer: Ob
 def _samples(
     number: int, path: Path, settings: TileSettings, options: TrainForestOptions, observer: Observer
 ) -> Samples:
-    """Return the points of a tile that are no sea, with their truth."""
+    """Return the non-sea points of a tile with their ground truth."""
     tile = open_tile(path)
     class_field, object_field = options.class_field, options.object_field
     if class_field not in tile.names:
         found = ", ".join(tile.names)
-        raise InputError(f"{path}: no ground truth: no field {class_field!r} with classes; it has {found}")
+        raise InputError(f"{path}: no field {class_field!r} with ground truth; the tile has {found}")
     warn_without_intensity(tile, settings, observer)
     with errors_of(path):
         found_points = tile_features(PointsOf(tile), settings)
@@ -116,29 +116,29 @@ def _samples(
     code = truth[class_field][other].astype(np.int64)
     if ((code < 0) | (code > len(OBJECT_CLASSES))).any():
         raise InputError(
-            f"{path}: {class_field} holds {code.max()}; classes are 1 to {len(OBJECT_CLASSES)}, 0 for none"
+            f"{path}: {class_field} contains {code.max()}; classes are 1 to {len(OBJECT_CLASSES)}, 0 for none"
         )
     if object_field in truth:
         objects = truth[object_field][other].astype(np.int64)
-    else:  # without numbers, clusters of a class are taken for objects
+    else:  # the offset by class separates touching clusters of different classes
         flat = np.vstack((found_points.points.xy, 1000.0 * settings.objects.tolerance_m * code))
         objects = euclidean_clusters(flat, settings.objects.tolerance_m, 1)
     return Samples(found_points.features, code, np.full(len(code), number), objects)
 
 
 def fit(samples: Samples, settings: TileSettings) -> tuple[ObjectModel, TrainingReport]:
-    """Return a model trained on a part of the samples, and its report on the rest."""
+    """Return a model trained on a part of the samples, and a report of its test on the rest."""
     test, split = hold_out(samples, settings.forest)
     names = ("features", "code", "tile", "number")
     seen, unseen = (Samples(*(getattr(samples, name)[part] for name in names)) for part in (~test, test))
     forest = train(seen, settings.forest)
     codes = tuple(int(code) for code in np.unique(samples.code))
-    called = forest.classes_[predict(forest, unseen.features).argmax(axis=1)].astype(np.int64)
+    predicted = forest.classes_[predict(forest, unseen.features).argmax(axis=1)].astype(np.int64)
     importances = dict(zip(settings.features.names, map(float, forest.feature_importances_.round(4)), strict=True))
     report = TrainingReport(
         codes,
-        Confusion.of(unseen.code, called, codes),
-        Confusion.of(*_by_object(unseen, called), codes),
+        Confusion.of(unseen.code, predicted, codes),
+        Confusion.of(*_by_object(unseen, predicted), codes),
         importances,
         split,
         len(seen.code),
@@ -147,11 +147,11 @@ def fit(samples: Samples, settings: TileSettings) -> tuple[ObjectModel, Training
     return ObjectModel(settings, forest), report
 
 
-def _by_object(samples: Samples, called: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the class of each object, and what most of its points were called, shape (M,) each."""
+def _by_object(samples: Samples, predicted: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the true class of each object and the most frequent predicted class of its points, shape (M,) each."""
     objects, which = samples.objects
     votes = np.zeros((objects.shape[1], len(OBJECT_CLASSES) + 1), np.int64)
-    np.add.at(votes, (which, called), 1)
+    np.add.at(votes, (which, predicted), 1)
     return objects[2], votes.argmax(axis=1)
 
 
@@ -163,9 +163,9 @@ def _warn_of_untested(report: TrainingReport, plot_file: Path | None, observer: 
     missing = [name for name, points in zip(report.names, report.points.counts.sum(axis=1), strict=True) if not points]
     if not missing:
         return
-    said = f"nothing of {', '.join(missing)} could be held out, so the test says nothing of that"
+    message = f"no points of {', '.join(missing)} were held out, so the test does not cover them"
     if not report.tested:
-        said = "nothing could be held out: no class has two objects"
+        message = "nothing could be held out: no class has two objects"
         if plot_file:
-            observer.warn(f"{plot_file}: not drawn, as there is no test")
-    observer.warn(f"{said}; train on more tiles, or on more objects")
+            observer.warn(f"{plot_file}: not drawn, because there is no test")
+    observer.warn(f"{message}; train on more tiles, or on more objects")

@@ -1,4 +1,4 @@
-"""How well a trained forest does: for people and as data."""
+"""Test report of a trained forest, as text and as data."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,20 +16,20 @@ from seaclutter_cli.text import count, table
 
 @dataclass(frozen=True)
 class TrainingReport(Result):
-    """How well a forest names points, and objects, that it has not seen.
+    """Test report of a forest on held-out points and objects.
 
     Parameters
     ----------
     codes : tuple of int
-        Classes.
+        Codes of the classes.
     points, objects : Confusion
-        By point; and by object, which has the class that most of its points are given.
+        Confusion matrix of points; and of objects, each with the class predicted for most of its points.
     importances : dict of str to float
-        Of each feature.
+        Importance of each feature.
     split : str
-        What was held out: ``tile`` or ``object``.
+        Unit of the split: ``tile`` or ``object``.
     trained, tested : int
-        Points of either part.
+        Number of points in training and in the test.
     """
 
     codes: tuple[int, ...]
@@ -47,12 +47,12 @@ class TrainingReport(Result):
 
     @property
     def kappa(self) -> float:
-        """Cohen's kappa by point; NaN where points of one class only were tested, of which it says nothing."""
+        """Cohen's kappa of points; NaN if all tested points are of one class, where it is meaningless."""
         several = np.count_nonzero(self.points.counts.sum(axis=1)) > 1
         return self.points.kappa if several else float("nan")
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the report as data."""
+        """Return the report as JSON-compatible data."""
         points = self.points
         columns = (points.precision, points.recall, points.f1, points.counts.sum(axis=1), self.objects.f1)
         keys = ("precision", "recall", "f1", "points", "object_f1")
@@ -77,19 +77,19 @@ class TrainingReport(Result):
         return list(zip(self.names, *columns, strict=True))
 
     def as_text(self) -> str:
-        """Return the report for people; one line if nothing was tested."""
+        """Return the report as human-readable text; one line if nothing was tested."""
         trained = f"trained on {count(self.trained, 'point')}"
         if not self.tested:
-            return f"{trained}; there is no test, as nothing could be held out"
+            return f"{trained}; no test, because nothing could be held out"
         points, objects = self.points, self.objects
         columns = (points.precision, points.recall, points.f1, points.counts.sum(axis=1), objects.f1)
         rows = [(n, _3(p), _3(r), _3(f), f"{c:,}", _3(o)) for n, p, r, f, c, o in self._rows(columns)]
-        head = ("class", "precision", "recall", "F1", "points", "  F1 of objects")
+        head = ("class", "precision", "recall", "F1", "points", "  object F1")
         rows.append(("mean", "", "", _3(points.macro_f1), f"{points.counts.sum():,}", _3(objects.macro_f1)))
         ranked = sorted(self.importances.items(), key=lambda item: -item[1])
         return "\n".join(
             (
-                f"{trained}, tested on {self.tested:,} of other {self.split}s",
+                f"{trained}, tested on {count(self.tested, 'point')} of other {self.split}s",
                 table(head, rows),
                 f"overall accuracy {_3(points.accuracy)}, kappa {_3(self.kappa)}",
                 fill("importance: " + ", ".join(f"{name} {value:.2f}" for name, value in ranked), 80),

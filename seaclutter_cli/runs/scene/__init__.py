@@ -1,1 +1,1 @@
-"""The scene classifier: training, testing, and the scenes of recordings."""
+"""Scene classifier: training, evaluation and prediction on recordings."""

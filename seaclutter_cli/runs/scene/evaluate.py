@@ -1,4 +1,4 @@
-"""How well a classifier recognises the scenes of recordings where they are known."""
+"""Evaluation of a scene classifier on recordings with known scenes."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -18,6 +18,8 @@ from seaclutter_cli.scenes.scores import SceneScores
 from seaclutter_cli.scenes.tracker import SceneTracker
 from seaclutter_cli.text import count, table
 
+_MISCLASSIFIED = ("recording", "scene", "wrong", "frames")
+
 
 def evaluate_scenes(
     logs: LabelledLogs,
@@ -25,16 +27,16 @@ def evaluate_scenes(
     reading: ReadOptions | None = None,
     observer: Observer = SILENT,
 ) -> "SceneEvaluation":
-    """Test a classifier on recordings whose scenes are known.
+    """Evaluate a scene classifier on recordings with known scenes.
 
     Parameters
     ----------
     logs : LabelledLogs
         Recordings by the class of their scene.
     options : ClassifierOptions, optional
-        The classifier.
+        Classifier, and additional output.
     reading : ReadOptions, optional
-        What is read.
+        Part of each recording to read.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -43,7 +45,7 @@ def evaluate_scenes(
     UsageError
         If the classifier does not know a class.
     SeaclutterError
-        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+        If the whole run fails; an error in one recording is kept in its outcome.
 
     Examples
     --------
@@ -59,15 +61,15 @@ def evaluate_scenes(
     model = SceneModel(options.model)
     unknown = sorted({log.scene for log in labelled} - set(model.classes))
     if unknown:
-        raise UsageError(f"{model.name} tells {' and '.join(model.classes)}, not {', '.join(unknown)}")
+        raise UsageError(f"{model.name}: unknown class {', '.join(unknown)}; the model has {', '.join(model.classes)}")
     with SceneTable(options.csv_file, model.classes, truth=True) as lines, observer.progress("frames", None) as step:
-        tester = _Tester(model, options, reading, observer, lines)
-        return SceneEvaluation([tester.run(log, step) for log in labelled], model.classes)
+        evaluator = _Evaluator(model, options, reading, observer, lines)
+        return SceneEvaluation([evaluator.run(log, step) for log in labelled], model.classes)
 
 
 @dataclass(frozen=True)
-class _Tester:
-    """Judges one recording after the other by the same options."""
+class _Evaluator:
+    """Evaluation of recordings, one by one, with the same options."""
 
     model: SceneModel
     options: ClassifierOptions
@@ -75,28 +77,28 @@ class _Tester:
     observer: Observer
     lines: SceneTable
 
-    def run(self, log: LabelledLog, step: Step) -> "JudgedLog":
-        """Judge the frames of a recording; an error of its own goes into the outcome."""
-        judge = SceneTracker(self.model, every=self.options.every, hold=self.options.hold)
-        found = JudgedLog(recording=log.recording.name, scene=log.scene)
+    def run(self, log: LabelledLog, step: Step) -> "EvaluatedLog":
+        """Return the scenes of the frames of a recording; an error is kept in the outcome."""
+        tracker = SceneTracker(self.model, every=self.options.every, hold=self.options.hold)
+        found = EvaluatedLog(recording=log.recording.name, scene=log.scene)
         with keeping_errors(found, self.observer):
             for frame in read_frames(log.recording, self.reading, self.observer, step, found.damage):
-                decision = judge.scene(frame)
+                decision = tracker.scene(frame)
                 found.frames[decision.name] += 1
                 self.lines.write(found.recording, frame, decision, log.scene)
         return found
 
 
 @dataclass(kw_only=True)
-class JudgedLog(Outcome):
-    """What a classifier made of one recording.
+class EvaluatedLog(Outcome):
+    """Evaluation of a classifier on one recording.
 
     Parameters
     ----------
     scene : str
-        Its true class.
+        True class.
     frames : counter of str
-        Frames by the class that they were taken for.
+        Number of frames by predicted class.
     """
 
     scene: str
@@ -104,64 +106,64 @@ class JudgedLog(Outcome):
 
     @property
     def wrong(self) -> int:
-        """Frames taken for another class."""
+        """Number of misclassified frames."""
         return self.frames.total() - self.frames[self.scene]
 
 
 @dataclass(frozen=True)
 class SceneEvaluation(RecordingsResult):
-    """What a classifier made of several recordings.
+    """Evaluation of a classifier on several recordings.
 
     Parameters
     ----------
-    outcomes : sequence of JudgedLog
-        One for each recording.
+    outcomes : sequence of EvaluatedLog
+        Evaluation of each recording.
     classes : sequence of str
-        Scenes that the classifier knows.
+        Classes of the model.
     """
 
-    outcomes: Sequence[JudgedLog]
+    outcomes: Sequence[EvaluatedLog]
     classes: Sequence[str]
 
     @property
-    def read(self) -> list[JudgedLog]:
-        """The recordings that could be read."""
+    def read(self) -> list[EvaluatedLog]:
+        """Recordings that could be read."""
         return [log for log in self.outcomes if log.error is None]
 
     @property
     def confusion(self) -> SceneScores:
-        """Frames by what they show and what they were taken for."""
+        """Frames by true class and predicted class."""
         counts = np.zeros((len(self.classes), len(self.classes)), np.int64)
         for log in self.read:
             counts[self.classes.index(log.scene)] += [log.frames[name] for name in self.classes]
         return SceneScores(counts, self.classes)
 
     @property
-    def wrong(self) -> list[tuple[str, str, int, int]]:
-        """Name, true class, wrong frames and all frames of the recordings that are not right throughout."""
+    def misclassified(self) -> list[tuple[str, str, int, int]]:
+        """Name, true class, misclassified frames and all frames of each recording with a misclassified frame."""
         return [(log.recording, log.scene, log.wrong, log.frames.total()) for log in self.read if log.wrong]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON holds it."""
+        """Return the result as JSON-compatible data."""
         confusion = self.confusion
         return {
             "frames": int(confusion.counts.sum()),
             "recordings": len(self.read),
             "classes": confusion.as_dict(),
-            "wrong": [dict(zip(("recording", "is", "wrong", "frames"), row, strict=True)) for row in self.wrong],
+            "misclassified": [dict(zip(_MISCLASSIFIED, row, strict=True)) for row in self.misclassified],
             "errors": {log.recording: log.error for log in self.outcomes if log.error},
             "damage": [str(item) for log in self.outcomes for item in log.damage],
         }
 
     def as_text(self, *, verbose: bool = False) -> str:
-        """Return the result as people read it; if verbose, with the recordings that are not right throughout."""
-        confusion, wrong = self.confusion, self.wrong
-        right = len(self.read) - len(wrong)
+        """Return the result as human-readable text; if verbose, with the recordings that have misclassified frames."""
+        confusion, misclassified = self.confusion, self.misclassified
+        correct = len(self.read) - len(misclassified)
         frames = count(int(confusion.counts.sum()), "frame")
         lines = [
-            f"{frames} of {len(self.read)} recordings, {right} of them right throughout",
+            f"{frames} of {len(self.read)} recordings, {correct} of them without a misclassified frame",
             confusion_table(confusion),
         ]
-        if verbose and wrong:
-            lines.append(table(("recording", "is", "wrong", "frames"), wrong))
+        if verbose and misclassified:
+            lines.append(table(_MISCLASSIFIED, misclassified))
         return "\n".join(lines)

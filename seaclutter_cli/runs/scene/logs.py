@@ -1,4 +1,4 @@
-"""Recordings whose scene is known, and the frames of recordings one by one."""
+"""Recordings with known scenes, and the frames of recordings."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing
@@ -18,20 +18,20 @@ from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
 
 @dataclass(frozen=True, kw_only=True)
 class ClassifierOptions:
-    """A trained classifier at work.
+    """Options of a trained scene classifier.
 
     Parameters
     ----------
     model : str
         ONNX file of the classifier, or the name of a built-in one.
     every : int
-        Look at one frame in so many; the others keep its scene.
+        Interval in frames at which the classifier runs; the other frames keep the scene.
     hold : int
-        Change the scene only after so many looks in a row agree on another one.
+        Consecutive classifications that must agree on another scene before it changes.
     csv_file : Path or None
-        Table with a line for each frame.
+        CSV table with a line for each frame.
     force : bool
-        Replace an existing file.
+        Replace existing files.
 
     Examples
     --------
@@ -54,9 +54,9 @@ class LabelledLogs:
     Parameters
     ----------
     folders : tuple of Path
-        Each holds a folder of recordings for each class, of its name.
+        Folders that each contain a folder of recordings for each class, named after the class.
     scenes : tuple of str
-        ``CLASS=LOGS``.
+        Entries ``CLASS=LOGS``, where LOGS is a file, folder or glob.
 
     Examples
     --------
@@ -69,29 +69,29 @@ class LabelledLogs:
     scenes: tuple[str, ...] = ()
 
     def find(self) -> "list[LabelledLog]":
-        """Return the recordings with their classes.
+        """Return the recordings with their true classes.
 
         Raises
         ------
         UsageError
-            If there are no recordings, or one is of two classes.
+            If there are no recordings, or one has two classes.
         """
         named = [_parse(text) for text in self.scenes]
         named += [(folder.name, str(folder)) for parent in self.folders for folder in _class_folders(parent)]
         if not named:
-            raise UsageError("no logs: name a folder that holds a folder for each class, or --scene CLASS=LOGS")
+            raise UsageError("no logs: give a folder that contains a folder for each class, or --scene CLASS=LOGS")
         found: dict[Path, LabelledLog] = {}
         for scene, pattern in named:
             for recording in find_recordings([pattern]):
                 first = found.setdefault(recording.paths[0].resolve(), LabelledLog(recording, scene))
                 if first.scene != scene:
-                    raise UsageError(f"{recording.paths[0]}: is said to be {first.scene} and {scene}")
+                    raise UsageError(f"{recording.paths[0]}: labelled as both {first.scene} and {scene}")
         return list(found.values())
 
 
 @dataclass(frozen=True)
 class LabelledLog:
-    """A recording and the class of its scene."""
+    """A recording and the true class of its scene."""
 
     recording: Recording
     scene: str
@@ -106,26 +106,26 @@ def _parse(text: str) -> tuple[str, str]:
 
 def _class_folders(parent: Path) -> Sequence[Path]:
     if not parent.is_dir():
-        raise UsageError(f"{parent}: there is no such folder")
+        raise UsageError(f"{parent}: no such folder")
     folders = [child for child in sorted(parent.iterdir()) if child.is_dir() and not child.name.startswith(".")]
     recording = next(
         (child for child in (parent, *folders) if is_rosbag2_folder(child) or is_frame_folder(child)), None
     )
     if recording or not folders:
-        found = f"{recording} is a recording" if recording else "it holds no folders"
-        raise UsageError(f"{parent}: has to hold a folder of recordings for each class, but {found}")
+        found = f"{recording} is a recording" if recording else "it contains no folders"
+        raise UsageError(f"{parent}: must contain a folder of recordings for each class, but {found}")
     return folders
 
 
 def read_frames(
     recording: Recording, reading: ReadOptions, observer: Observer, step: Step, damage: list[Damage]
 ) -> Iterator[Frame]:
-    """Yield the selected frames of a recording; pass its warnings on, and add its damage to a list.
+    """Yield the selected frames of a recording; pass on its warnings, and add its damage to a list.
 
     Raises
     ------
     InputError
-        If there is no frame that can be read.
+        If no frame can be read.
     """
     with closing(reading.open(recording)) as source:
         found = 0

@@ -1,4 +1,4 @@
-"""The scenes that recordings show, as a trained classifier sees them."""
+"""Scenes of recordings, predicted by a trained classifier."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -23,16 +23,16 @@ def predict_scenes(
     reading: ReadOptions | None = None,
     observer: Observer = SILENT,
 ) -> "ScenePrediction":
-    """Return the scene of each topic of recordings, with the shares of its frames.
+    """Return the scene of each topic of recordings, with the number of frames of each class.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Files, folders or globs.
     options : ClassifierOptions, optional
-        The classifier.
+        Classifier, and additional output.
     reading : ReadOptions, optional
-        What is read.
+        Part of each recording to read.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -41,7 +41,7 @@ def predict_scenes(
     MissingExtraError
         If onnxruntime is not installed.
     SeaclutterError
-        If nothing can be done at all; what goes wrong with one recording is kept in its outcome.
+        If the whole run fails; an error in one recording is kept in its outcome.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def predict_scenes(
 
 @dataclass(frozen=True)
 class _Predictor:
-    """Judges one recording after the other by the same options."""
+    """Prediction for recordings, one by one, with the same options."""
 
     model: SceneModel
     options: ClassifierOptions
@@ -70,40 +70,40 @@ class _Predictor:
     lines: SceneTable
 
     def run(self, recording: Recording, step: Step) -> "RecordingScenes":
-        """Judge the frames of a recording; an error of its own goes into the outcome."""
+        """Return the scenes of the frames of a recording; an error is kept in the outcome."""
         found = RecordingScenes(recording=recording.name)
         with keeping_errors(found, self.observer):
             for frame in read_frames(recording, self.reading, self.observer, step, found.damage):
                 topic = found.topics.get(frame.topic)
                 if topic is None:
-                    judge = SceneTracker(self.model, every=self.options.every, hold=self.options.hold)
-                    topic = found.topics[frame.topic] = TopicScenes(judge)
+                    tracker = SceneTracker(self.model, every=self.options.every, hold=self.options.hold)
+                    topic = found.topics[frame.topic] = TopicScenes(tracker)
                 self.lines.write(recording.name, frame, topic.add(frame))
         return found
 
 
 @dataclass
 class TopicScenes:
-    """The scenes of one topic.
+    """Predicted scenes of one topic.
 
     Parameters
     ----------
-    judge : SceneTracker
-        Decides on each frame.
+    tracker : SceneTracker
+        Scene tracker of the topic.
     frames : counter of str
-        Frames by scene.
+        Number of frames by scene.
     changes : int
-        How often the scene changed.
+        Number of scene changes.
     """
 
-    judge: SceneTracker
+    tracker: SceneTracker
     frames: Counter[str] = field(default_factory=Counter)
     changes: int = 0
     _last: str = ""
 
     def add(self, frame: Frame) -> SceneDecision:
-        """Judge a frame."""
-        decision = self.judge.scene(frame)
+        """Classify a frame and return its scene."""
+        decision = self.tracker.scene(frame)
         self.frames[decision.name] += 1
         self.changes += self._last not in ("", decision.name)
         self._last = decision.name
@@ -111,24 +111,24 @@ class TopicScenes:
 
     @property
     def scene(self) -> str:
-        """Scene of most frames."""
+        """Most frequent scene."""
         return self.frames.most_common(1)[0][0]
 
 
 @dataclass(kw_only=True)
 class RecordingScenes(Outcome):
-    """The scenes of one recording.
+    """Predicted scenes of one recording.
 
     Parameters
     ----------
     topics : dict of str to TopicScenes
-        By topic.
+        Scenes by topic.
     """
 
     topics: dict[str, TopicScenes] = field(default_factory=dict)
 
     def as_dict(self, classes: Sequence[str]) -> dict[str, Any]:
-        """Return the scenes as JSON holds them."""
+        """Return the scenes as JSON-compatible data."""
         topics = {
             name: {"scene": one.scene, "changes": one.changes, "frames": {name: one.frames[name] for name in classes}}
             for name, one in self.topics.items()
@@ -137,7 +137,7 @@ class RecordingScenes(Outcome):
         return {"recording": self.recording, "topics": topics, "damage": damage, "error": self.error}
 
     def rows(self, classes: Sequence[str]) -> list[tuple[object, ...]]:
-        """Return the lines of the table."""
+        """Return the rows of the table."""
         rows = []
         for name, one in self.topics.items():
             frames = one.frames.total()
@@ -148,25 +148,25 @@ class RecordingScenes(Outcome):
 
 @dataclass(frozen=True)
 class ScenePrediction(RecordingsResult):
-    """The scenes of several recordings.
+    """Predicted scenes of several recordings.
 
     Parameters
     ----------
     outcomes : sequence of RecordingScenes
-        One for each recording.
+        Scenes of each recording.
     classes : sequence of str
-        Scenes that the classifier knows.
+        Classes of the model.
     """
 
     outcomes: Sequence[RecordingScenes]
     classes: Sequence[str]
 
     def as_dict(self) -> list[dict[str, Any]]:
-        """Return the scenes as JSON holds them."""
+        """Return the scenes as JSON-compatible data."""
         return [one.as_dict(self.classes) for one in self.outcomes]
 
     def as_text(self) -> str:
-        """Return the scenes as people read them."""
+        """Return the scenes as human-readable text."""
         rows = [row for one in self.outcomes for row in one.rows(self.classes)]
         head = ("recording", "topic", "frames", "scene", "changes", *self.classes)
         return table(head, rows) if rows else ""

@@ -1,4 +1,4 @@
-"""Tables of scenes told: the confusion matrix, and a line for each frame."""
+"""Tables of predicted scenes: the confusion matrix, and a line for each frame."""
 
 import csv
 import io
@@ -15,26 +15,26 @@ from seaclutter_cli.text import share, table
 
 
 def confusion_table(confusion: SceneScores) -> str:
-    """Return a table: what frames show in rows, what they were taken for in columns."""
+    """Return a table of frames by true class (row) and predicted class (column)."""
     classes = list(confusion.classes)
     rows = []
-    for name, counts, right in zip(classes, confusion.counts.tolist(), range(len(classes)), strict=True):
-        rows.append((name, *(f"{frames:,}" for frames in counts), share(counts[right], sum(counts))))
-    told = confusion.counts.sum(axis=0).tolist()
-    right_ones = confusion.counts.diagonal().tolist()
-    rows.append(("precision", *(share(part, whole) for part, whole in zip(right_ones, told, strict=True)), ""))
-    return table(("is \\ told", *classes, "recall"), rows)
+    for name, counts, index in zip(classes, confusion.counts.tolist(), range(len(classes)), strict=True):
+        rows.append((name, *(f"{frames:,}" for frames in counts), share(counts[index], sum(counts))))
+    predicted = confusion.counts.sum(axis=0).tolist()
+    correct = confusion.counts.diagonal().tolist()
+    rows.append(("precision", *(share(part, whole) for part, whole in zip(correct, predicted, strict=True)), ""))
+    return table(("true \\ predicted", *classes, "recall"), rows)
 
 
 class SceneTable(AbstractContextManager["SceneTable"]):
-    """Writes a line for each frame; does nothing without a file.
+    """Writer of a CSV table with a line for each frame; does nothing without a file.
 
     Parameters
     ----------
     path : Path or None
-        The file; it appears when the context is left without an error.
+        File to write; it appears when the context ends without an error.
     classes : sequence of str
-        Scenes that the classifier knows; a column each, with their probability at the last look.
+        Classes of the model; each has a column with its probability in the latest classification.
     truth : bool
         Whether there is a column for the true scene.
     """
@@ -54,9 +54,9 @@ class SceneTable(AbstractContextManager["SceneTable"]):
 
     def write(self, recording: str, frame: Frame, decision: SceneDecision, truth: str = "") -> None:
         """Write the line of a frame."""
-        place = (recording, frame.topic, frame.index, frame.stamp_ns, *([truth] if self._truth else []))
-        chances = (f"{decision.probabilities[name]:.4f}" for name in self._classes)
-        self._line((*place, decision.name, int(decision.decided), *chances))
+        position = (recording, frame.topic, frame.index, frame.stamp_ns, *([truth] if self._truth else []))
+        probabilities = (f"{decision.probabilities[name]:.4f}" for name in self._classes)
+        self._line((*position, decision.name, int(decision.decided), *probabilities))
 
     def _line(self, values: Sequence[object]) -> None:
         if self._file:

@@ -1,4 +1,4 @@
-"""Training a scene classifier on recordings whose scenes are known."""
+"""Training of a scene classifier on recordings with known scenes."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, field
@@ -24,20 +24,20 @@ from seaclutter_cli.text import count
 
 @dataclass(frozen=True, kw_only=True)
 class TrainSceneOptions:
-    """How a scene classifier is trained, and what is written.
+    """Options of `train_scenes`.
 
     Parameters
     ----------
     output : Path
-        The classifier (ONNX).
+        Model file to write (ONNX).
     training : TrainingParams
-        How the network is trained.
+        Parameters of the training.
     extent_m : float
-        Half the side of the square that is seen from above, in metres.
+        Half the side of the square in the top view, in metres.
     every : int
-        Take one frame in so many; those next to each other show the same.
+        Interval of the frames to use; consecutive frames are nearly the same.
     reading : ReadOptions
-        What is read.
+        Part of each recording to read.
     plot_file : Path or None
         Picture of loss and precision over the epochs.
     force : bool
@@ -60,14 +60,14 @@ class TrainSceneOptions:
 
 
 def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Observer = SILENT) -> "SceneTraining":
-    """Train a classifier on recordings whose scenes are known, and write it as an ONNX file.
+    """Train a scene classifier on recordings with known scenes, and write it as an ONNX file.
 
     Parameters
     ----------
     logs : LabelledLogs
-        Recordings by the class of their scene; the first class is what a frame with nothing in view is taken for.
+        Recordings by the class of their scene; a frame with nothing in view gets the first class.
     options : TrainSceneOptions
-        How, and what is written.
+        Parameters and outputs.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -92,7 +92,7 @@ def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Obser
         [options.output, options.plot_file], inputs_of(log.recording for log in labelled), force=options.force
     )
     if options.output.suffix.lower() != ".onnx":
-        raise UsageError(f"{options.output}: the name of a classifier ends in .onnx")
+        raise UsageError(f"{options.output}: the name of a model file must end in .onnx")
     if options.plot_file:
         check_target(options.plot_file)
     damage: list[Damage] = []
@@ -110,7 +110,7 @@ def _read(
 ) -> Examples:
     classes = list(dict.fromkeys(log.scene for log in logs))
     if len(classes) < 2:
-        raise UsageError(f"all logs are of class {classes[0]}: there is nothing to tell apart")
+        raise UsageError(f"all logs are of class {classes[0]}; training needs at least two classes")
     examples = Examples(classes, options.extent_m)
     with observer.progress("reading", None) as step:
         for log in logs:
@@ -127,10 +127,9 @@ def _train(examples: Examples, params: TrainingParams, observer: Observer) -> Tr
 
     def on_epoch(epoch: Epoch) -> None:
         done.append(epoch)
-        observer.note(
-            f"epoch {len(done)} of {params.epochs}: loss {epoch.train_loss:.4f}, on validation "
-            f"{epoch.validation_loss:.4f}; precision {epoch.train_precision:.4f}, {epoch.validation_precision:.4f}"
-        )
+        loss = f"loss {epoch.train_loss:.4f}, on validation {epoch.validation_loss:.4f}"
+        precision = f"precision {epoch.train_precision:.4f}, on validation {epoch.validation_precision:.4f}"
+        observer.note(f"epoch {len(done)} of {params.epochs}: {loss}; {precision}")
 
     return train(examples, params, on_epoch)
 
@@ -147,11 +146,11 @@ class SceneTraining(Result):
     Parameters
     ----------
     trained : Trained
-        The network and how training went.
+        The network and the course of its training.
     examples : Examples
-        Frames that it was trained and tested on.
+        Frames for training, validation and test.
     output : Path
-        The classifier.
+        Path of the model file.
     damage : sequence of Damage
         Parts of the recordings that could not be used.
     """
@@ -167,7 +166,7 @@ class SceneTraining(Result):
         return bool(self.damage)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the training as JSON holds it."""
+        """Return the training as JSON-compatible data."""
         trained, examples = self.trained, self.examples
         return {
             "output": str(self.output),
@@ -180,7 +179,7 @@ class SceneTraining(Result):
         }
 
     def as_text(self) -> str:
-        """Return the training as people read it."""
+        """Return the training as human-readable text."""
         trained, examples = self.trained, self.examples
         best, confusion = trained.epochs[trained.best], confusion_table(trained.test)
         parts = ", ".join(
@@ -188,5 +187,5 @@ class SceneTraining(Result):
         )
         frames = f"{count(len(examples), 'frame')} of {len(examples.recordings)} recordings ({parts})"
         precision = f"{best.train_precision:.3f} in training, {best.validation_precision:.3f} on validation"
-        epoch = f"best epoch {trained.best + 1} of {len(trained.epochs)}: precision {precision}; on test:"
+        epoch = f"best epoch {trained.best + 1} of {len(trained.epochs)}: precision {precision}; test:"
         return f"{self.output}: {' or '.join(examples.classes)}, from {frames}\n{epoch}\n{confusion}"

@@ -1,4 +1,4 @@
-"""Angles of the channels of a Hesai sensor, from the correction file of the unit."""
+"""Channel angles of a Hesai sensor, from the unit's angle correction file."""
 
 import csv
 from pathlib import Path
@@ -10,19 +10,19 @@ from seaclutter_cli.errors import InputError
 
 
 def read_angles(path: Path, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the elevation and the azimuth of each channel, shape (channels,), in degrees.
+    """Return the elevation and azimuth offset of each channel, shape (channels,), in degrees.
 
     Parameters
     ----------
     path : Path
-        Angle correction file: lines of ``Laser id,Elevation,Azimuth`` in degrees, channels counted from 1.
+        Angle correction file: lines of ``Laser id,Elevation,Azimuth`` in degrees, with channels numbered from 1.
     channels : int
         Number of channels.
 
     Raises
     ------
     InputError
-        If the file cannot be read, or does not give these channels and no others.
+        If the file cannot be read or does not list exactly these channels.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -31,6 +31,6 @@ def read_angles(path: Path, channels: int) -> tuple[NDArray[np.float64], NDArray
     except (OSError, UnicodeDecodeError, ValueError, IndexError, csv.Error) as error:
         raise InputError(f"{path}: not a Hesai angle correction file (Laser id,Elevation,Azimuth): {error}") from error
     if sorted(angles) != list(range(1, channels + 1)) or not np.isfinite(list(angles.values())).all():
-        raise InputError(f"{path}: angles for {channels} channels are needed, 1 to {channels}; it has {len(angles)}")
+        raise InputError(f"{path}: expected finite angles of channels 1 to {channels}, got {len(angles)} channels")
     table = np.array([angles[channel] for channel in sorted(angles)])
     return table[:, 0], table[:, 1]

@@ -1,4 +1,4 @@
-"""Clocks of Hesai and Ouster sensors against that of whoever recorded them."""
+"""Unix time of Hesai and Ouster packets, from the sensor clock and the recording times."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,14 +8,14 @@ _DRIFT_NS = 1_000_000_000
 
 
 class SensorClock:
-    """Sets sensors right that do not know the time of day.
+    """Correction of sensor clocks that are not set.
 
-    A clock within a day of the recorder's is taken as it is. From another only differences are taken, from a packet on
-    whose recorded time stands for it; anew where both clocks come apart by more than a second.
+    A clock within a day of the recording time is used as it is. Otherwise, only time differences are used, relative to
+    the recording time of a reference packet. A new reference is chosen if the clocks diverge by more than a second.
 
     Notes
     -----
-    State: by how much the clock is set right.
+    State: the current correction.
     """
 
     def __init__(self) -> None:
@@ -23,32 +23,32 @@ class SensorClock:
 
     @property
     def is_wrong(self) -> bool:
-        """Whether the last clock seen had to be set right."""
+        """Whether the last packet needed a correction."""
         return self._shift_ns is not None
 
     def shifts(self, sensor_ns: NDArray[np.int64], recorded_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return what is to be added to the times of packets, shape (P,), in nanoseconds.
+        """Return the corrections to add to the times of packets, shape (P,), in nanoseconds.
 
         Parameters
         ----------
         sensor_ns, recorded_ns : ndarray, shape (P,), int64
-            When each packet was sent by either clock.
+            Time of each packet by the sensor clock and by the recorder's clock.
         """
         behind = recorded_ns - sensor_ns
         right = (behind > -_DAY_NS) & (behind < _DAY_NS)
         found = np.zeros(len(behind), np.int64)
-        place = 0
-        while place < len(behind):
-            shift = self._begin(int(behind[place]), right=bool(right[place]))
-            rest = behind[place:]
-            other = ~right[place:] if shift is None else right[place:] | (abs(rest - shift) > _DRIFT_NS)
-            end = place + int(other.argmax()) if other.any() else len(behind)
-            found[place : max(end, place + 1)] = shift or 0
-            place = max(end, place + 1)
+        start = 0
+        while start < len(behind):
+            shift = self._begin(int(behind[start]), right=bool(right[start]))
+            rest = behind[start:]
+            other = ~right[start:] if shift is None else right[start:] | (abs(rest - shift) > _DRIFT_NS)
+            end = start + int(other.argmax()) if other.any() else len(behind)
+            found[start : max(end, start + 1)] = shift or 0
+            start = max(end, start + 1)
         return found
 
     def _begin(self, behind_ns: int, *, right: bool) -> int | None:
-        """Return the shift from a packet on; None if there is to be none."""
+        """Return the correction that starts at a packet; None if the clock is correct."""
         if right:
             self._shift_ns = None
         elif self._shift_ns is None or abs(behind_ns - self._shift_ns) > _DRIFT_NS:

@@ -1,4 +1,4 @@
-"""Hesai sensors: PandarXT-32 and Pandar40P."""
+"""Decoder for Hesai sensors: PandarXT-32 and Pandar40P."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -12,16 +12,16 @@ from seaclutter_cli.sensors.hesai.angles import read_angles
 from seaclutter_cli.sensors.hesai.clock import SensorClock
 from seaclutter_cli.sensors.hesai.losses import LossCounter
 from seaclutter_cli.sensors.hesai.models import DUAL_MODES, MODELS, RETURN_MODES, HesaiModel, utc_ns
-from seaclutter_cli.sensors.hesai.revolutions import TURN, Turns
+from seaclutter_cli.sensors.hesai.revolutions import FULL_CIRCLE, RevolutionCounter
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
 
 _GPS_LENGTH = 512
-_MOST_SLOTS = 4_000_000
+_MAX_SLOTS = 4_000_000
 
 
 @dataclass
-class _Turn:
-    """Points of a turn that is not complete yet."""
+class _Revolution:
+    """Points of an incomplete revolution."""
 
     points: list[NDArray[np.void]] = field(default_factory=list)
     slots: int = 0
@@ -29,24 +29,24 @@ class _Turn:
 
 
 class HesaiDecoder:
-    """Decodes the packets of one Hesai sensor.
+    """Decoder for the packets of one Hesai sensor.
 
-    Points are in the frame of Hesai's own drivers: y at azimuth 0, x to the right of it, z up. Where both returns of a
-    firing are the same, it counts once.
+    Points are in the frame of Hesai's own drivers: y at azimuth 0, x to its right, z up. Two identical returns of a
+    firing give one point.
 
     Parameters
     ----------
     model : HesaiModel
         The sensor.
     elevation_deg, azimuth_deg : ndarray, shape (C,)
-        Angles of its channels, in degrees.
+        Channel angles in degrees.
     returns : bool
-        Whether points get the number of their return.
+        Whether points have a ``return_number``.
 
     Attributes
     ----------
     facts : SensorFacts
-        What is known of the sensor.
+        Facts about the sensor.
     """
 
     def __init__(
@@ -57,47 +57,47 @@ class HesaiDecoder:
         self._azimuth_deg = azimuth_deg
         self._cos, self._sin = np.cos(np.radians(elevation_deg)), np.sin(np.radians(elevation_deg))
         self._dtype = point_dtype(returns=returns)
-        self._cutter = Turns(azimuth_deg * 100)
-        self._turns: dict[int, _Turn] = {}
+        self._counter = RevolutionCounter(azimuth_deg * 100)
+        self._revolutions: dict[int, _Revolution] = {}
         self._clock = SensorClock()
         self._numbered, self._timed = LossCounter(wrap=1 << 32), LossCounter()
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
-        """Yield the frames that these packets complete. Bad packets are counted, never raised."""
+        """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
         layout = self._model.layout(packets.payloads.shape[1])
         if layout is None or not len(packets):
             self.facts.bad_packets += len(packets) if packets.payloads.shape[1] != _GPS_LENGTH else 0
             return
         data = np.ascontiguousarray(packets.payloads).view(layout)[:, 0]
-        bad = ~self._model.is_sound(data) | ~np.isin(data["mode"], list(RETURN_MODES))
-        bad |= (data["blocks"]["azimuth"] >= TURN).any(axis=1)
+        bad = ~self._model.matches(data) | ~np.isin(data["mode"], list(RETURN_MODES))
+        bad |= (data["blocks"]["azimuth"] >= FULL_CIRCLE).any(axis=1)
         self.facts.bad_packets += int(bad.sum())
-        sound = np.flatnonzero(~bad)
-        for part in np.split(sound, np.flatnonzero(np.diff(data["mode"][sound])) + 1):
+        valid = np.flatnonzero(~bad)
+        for part in np.split(valid, np.flatnonzero(np.diff(data["mode"][valid])) + 1):
             if len(part):
                 self._decode(packets.payloads[part].view(layout)[:, 0], packets.times_ns[part])
         yield from self._complete()
 
     def finish(self) -> Iterator[PacketFrame]:
-        """Yield what is left."""
-        for turn in sorted(self._turns):
-            yield self._frame(turn)
+        """Yield the remaining points."""
+        for number in sorted(self._revolutions):
+            yield self._frame(number)
 
     def _complete(self) -> Iterator[PacketFrame]:
-        for turn in sorted(self._turns):
-            if turn < self._cutter.done:
-                yield self._frame(turn)
-            elif self._turns[turn].slots > _MOST_SLOTS:
-                self._cutter.skip()
-                yield self._frame(turn)
+        for number in sorted(self._revolutions):
+            if number < self._counter.done:
+                yield self._frame(number)
+            elif self._revolutions[number].slots > _MAX_SLOTS:
+                self._counter.skip()
+                yield self._frame(number)
 
     def _frame(self, number: int) -> PacketFrame:
-        turn = self._turns.pop(number)
-        points = np.concatenate(turn.points)
-        return PacketFrame(points, turn.end_ns, partial=self._cutter.is_partial(number))
+        revolution = self._revolutions.pop(number)
+        points = np.concatenate(revolution.points)
+        return PacketFrame(points, revolution.end_ns, partial=self._counter.is_partial(number))
 
     def _decode(self, data: NDArray[np.void], times_ns: NDArray[np.int64]) -> None:
-        """Sort the points of packets of one return mode, shape (P,), into their turns."""
+        """Assign the points of packets with one return mode, shape (P,), to their revolutions."""
         returns = self._returns(data)
         clock_ns = utc_ns(data)
         self._count_lost(data, clock_ns, returns)
@@ -105,32 +105,32 @@ class HesaiDecoder:
         late_ns = self._model.last_block_ns - self._model.block_ns * np.arange(firings - 1, -1, -1)
         fired_ns = clock_ns[:, None] + late_ns
         azimuths = data["blocks"]["azimuth"][:, ::returns].astype(np.int64)
-        turns = self._cutter.count(azimuths, fired_ns, data["rpm"].astype(np.int64))
+        numbers = self._counter.count(azimuths, fired_ns, data["rpm"].astype(np.int64))
         shifted_ns = fired_ns + self._clock.shifts(clock_ns, times_ns)[:, None]
         if self._clock.is_wrong:
-            self.facts.details["clock"] = "not synchronised: times are those of the recorder"
+            self.facts.details["clock"] = "not synchronised, shifted to the recording time"
         point_ns = shifted_ns[..., None] + self._model.channel_ns
         points, slots = self._points(data, azimuths, point_ns)
-        for turn in np.unique(turns):
-            member = turns == turn
-            part = self._turns.setdefault(int(turn), _Turn())
+        for number in np.unique(numbers):
+            member = numbers == number
+            part = self._revolutions.setdefault(int(number), _Revolution())
             part.points.append(points[member.ravel()[slots]])
             part.slots += int(np.count_nonzero(member))
             part.end_ns = max(part.end_ns, int(point_ns[member].max()))
 
     def _returns(self, data: NDArray[np.void]) -> int:
-        """Return the number of returns of a firing, and note what they are."""
+        """Return the number of returns per firing, and record the return mode."""
         mode = int(data["mode"][0])
         name = RETURN_MODES[mode]
         known = self.facts.details.setdefault("return mode", name)
         if name not in known.split("; "):
             self.facts.details["return mode"] = f"{known}; {name}"
             self.facts.warnings.append(f"the return mode changes to {name}")
-        self.facts.details.setdefault("motor", f"{data['rpm'][0]} turns a minute")
+        self.facts.details.setdefault("rotation rate", f"{data['rpm'][0]} rpm")
         return 2 if mode in DUAL_MODES else 1
 
     def _count_lost(self, data: NDArray[np.void], clock_ns: NDArray[np.int64], returns: int) -> None:
-        """Count lost packets by their numbers, or by the time between them where they have none."""
+        """Count lost packets by sequence numbers, or by time differences without sequence numbers."""
         if "sequence" in (data.dtype.names or ()):
             self._numbered.add(data["sequence"].astype(np.int64))
         else:
@@ -140,7 +140,7 @@ class HesaiDecoder:
     def _points(
         self, data: NDArray[np.void], azimuths: NDArray[np.int64], times_ns: NDArray[np.int64]
     ) -> tuple[NDArray[np.void], NDArray[np.intp]]:
-        """Return the points of P packets of F firings, and the place of each among all P * F * C."""
+        """Return the points of P packets with F firings, and the index of each among all P * F * C slots."""
         channels = len(self._cos)
         units = data["blocks"]["units"]
         shape = (azimuths.size, units.shape[1] // azimuths.shape[1], channels)
@@ -165,53 +165,52 @@ class HesaiDecoder:
 
 
 def _distinct(distances: NDArray[np.generic], intensities: NDArray[np.generic]) -> NDArray[np.bool_]:
-    """Tell which returns, shape (..., R), are there and not the same as the first of their firing."""
-    there = np.asarray(distances != 0)
+    """Return a mask of the returns, shape (..., R), that exist and differ from the first of their firing."""
+    distinct = np.asarray(distances != 0)
     same = (distances[..., 1:] == distances[..., :1]) & (intensities[..., 1:] == intensities[..., :1])
-    there[..., 1:] &= ~same
-    return there
+    distinct[..., 1:] &= ~same
+    return distinct
 
 
 class Hesai:
-    """The Hesai sensors that can be decoded."""
+    """Supported Hesai sensors."""
 
     title = "Hesai PandarXT-32, Pandar40P"
     scan_types: Mapping[str, str] = {"pandar_msgs/msg/PandarScan": "packets"}
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
-        """Tell by its content whether a UDP payload, shape (L,), is a packet of a supported sensor."""
+        """Return whether a UDP payload, shape (L,), is a packet of a supported sensor."""
         return _model(payload[None]) is not None
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> HesaiDecoder:
-        """Return a decoder for a sensor, told by some of its packets."""
+        """Return a decoder for the sensor that sent these packets; `InputError` if it is not supported."""
         model = _model(packets.payloads)
         if model is None:
-            raise InputError("the packets are of no Hesai sensor that can be decoded: PandarXT-32 and Pandar40P are")
-        returns = bool(np.isin(_sound(model, packets.payloads)["mode"], DUAL_MODES).any())
+            raise InputError("the packets are not from a supported Hesai sensor (PandarXT-32 and Pandar40P)")
+        returns = bool(np.isin(_matching(model, packets.payloads)["mode"], DUAL_MODES).any())
         if options.calibration is not None:
             elevation, azimuth = read_angles(options.calibration, len(model.channel_ns))
             source = options.calibration.name
         else:
-            elevation, azimuth, source = model.elevation_deg, model.azimuth_deg, "by design"
+            elevation, azimuth, source = model.elevation_deg, model.azimuth_deg, "nominal"
         decoder = HesaiDecoder(model, elevation, azimuth, returns=returns)
         decoder.facts.details["angles"] = source
         if options.calibration is None:
             decoder.facts.warnings.append(
-                f"{model.name}: angles by design are used; --calibration with the unit's angle correction file (CSV) "
-                "gives its own"
+                f"{model.name}: nominal angles are used; pass the unit's angle correction file (CSV) with --calibration"
             )
         return decoder
 
 
 def _model(payloads: NDArray[np.uint8]) -> HesaiModel | None:
-    """Return the model that any of some payloads, shape (P, L), is of."""
-    return next((model for model in MODELS if len(_sound(model, payloads))), None)
+    """Return the model that sent any of the payloads, shape (P, L); None if there is none."""
+    return next((model for model in MODELS if len(_matching(model, payloads))), None)
 
 
-def _sound(model: HesaiModel, payloads: NDArray[np.uint8]) -> NDArray[np.void]:
-    """Return those payloads, shape (P, L), that are packets of a model."""
+def _matching(model: HesaiModel, payloads: NDArray[np.uint8]) -> NDArray[np.void]:
+    """Return the payloads, shape (P, L), that are packets of a model."""
     layout = model.layout(payloads.shape[1])
     if layout is None:
         return np.empty(0, model.packets[0])
     data = np.ascontiguousarray(payloads).view(layout)[:, 0]
-    return data[model.is_sound(data)]
+    return data[model.matches(data)]

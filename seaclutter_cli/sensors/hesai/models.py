@@ -1,4 +1,4 @@
-"""What is particular to each Hesai sensor: layout of its packets, angles and firing times."""
+"""Supported Hesai sensors: packet layouts, angles and firing times."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ RETURN_MODES = {
     0x3C: "first, strongest",
     0x3E: "strongest, second strongest",
 }
-"""Returns by the code in a packet, in the order of the blocks that hold them."""
+"""Returns by the mode code in a packet, in the order of the blocks that contain them."""
 
 DUAL_MODES = [mode for mode, names in RETURN_MODES.items() if "," in names]
-"""Codes of the modes with two returns."""
+"""Codes of modes with two returns."""
 
 _XT_UNIT = np.dtype([("distance", "<u2"), ("intensity", "u1"), ("confidence", "u1")])
 _XT_BLOCK = np.dtype([("azimuth", "<u2"), ("units", _XT_UNIT, 32)])
@@ -72,22 +72,22 @@ _P40_AZIMUTH = [-1.042] * 6 + [3.125, -5.208, -1.042] * 8 + [-1.042] * 10
 
 @dataclass(frozen=True)
 class HesaiModel:
-    """A Hesai sensor of C channels, whose packets hold B blocks of a firing or a return each.
+    """A Hesai sensor with C channels. Each block in a packet contains one firing or one return.
 
     Parameters
     ----------
     name : str
         Name as in `SENSORS`.
     packets : tuple of dtype
-        Layouts of its packets, told apart by their length.
+        Packet layouts, distinguished by length.
     block_ns, last_block_ns : int
-        Time between two firings of all channels, and of the last one after the packet's time.
+        Time between two firings of all channels, and from the packet's time to its last firing, in nanoseconds.
     channel_ns : ndarray, shape (C,)
-        Time of each channel after its block's time.
+        Firing time of each channel relative to its block, in nanoseconds.
     elevation_deg, azimuth_deg : ndarray, shape (C,)
-        Angles by design; the azimuth is an offset to that of the block.
-    is_sound : callable
-        Tells which packets, shape (P,), are of this sensor.
+        Nominal angles; azimuths are offsets from the azimuth of the block.
+    matches : callable
+        Returns which packets, shape (P,), come from this sensor.
     """
 
     name: str
@@ -97,14 +97,14 @@ class HesaiModel:
     channel_ns: NDArray[np.int64]
     elevation_deg: NDArray[np.float64]
     azimuth_deg: NDArray[np.float64]
-    is_sound: Callable[[NDArray[np.void]], NDArray[np.bool_]]
+    matches: Callable[[NDArray[np.void]], NDArray[np.bool_]]
 
     def layout(self, length: int) -> np.dtype[Any] | None:
-        """Return the layout of packets of a length in bytes; None if there is none."""
+        """Return the layout of packets of ``length`` bytes; None if no packet of the sensor has this length."""
         return next((packet for packet in self.packets if packet.itemsize == length), None)
 
     def unit_m(self, packets: NDArray[np.void]) -> NDArray[np.float64]:
-        """Return the unit of the distances in each packet, shape (P,), in metres."""
+        """Return the distance unit of each packet, shape (P,), in metres."""
         if "unit_mm" in (packets.dtype.names or ()):
             return np.asarray(packets["unit_mm"] / 1000.0)
         return np.full(len(packets), 0.004)
@@ -132,7 +132,7 @@ MODELS = (
         channel_ns=368 + 1512 * np.arange(32, dtype=np.int64),
         elevation_deg=np.linspace(15, -16, 32),
         azimuth_deg=np.zeros(32),
-        is_sound=_is_xt32,
+        matches=_is_xt32,
     ),
     HesaiModel(
         name="Pandar40P",
@@ -142,10 +142,10 @@ MODELS = (
         channel_ns=-np.rint(1000 * _numbers(_P40_FIRING)).astype(np.int64),
         elevation_deg=_numbers(_P40_ELEVATION),
         azimuth_deg=np.array(_P40_AZIMUTH),
-        is_sound=_is_p40,
+        matches=_is_p40,
     ),
 )
-"""Sensors that can be decoded. Times and angles are those of their user manuals."""
+"""Supported sensors. Times and angles are from their user manuals."""
 
 
 def utc_ns(packets: NDArray[np.void]) -> NDArray[np.int64]:
@@ -154,7 +154,7 @@ def utc_ns(packets: NDArray[np.void]) -> NDArray[np.int64]:
     Notes
     -----
     The six bytes are year, month, day, hour, minute and second; years below 70 count from 2000, others from 1900. A
-    first byte of 0 says that the last four are seconds of Unix time, big-endian.
+    first byte of 0 means that the last four are seconds of Unix time, big-endian.
     """
     utc = packets["utc"].astype(np.int64)
     year = utc[:, 0] + np.where(utc[:, 0] < 70, 2000, 1900)

@@ -1,1 +1,1 @@
-"""Ouster: OS0, OS1, OS2 with their metadata."""
+"""Ouster sensors: OS0, OS1 and OS2 with their metadata."""

@@ -1,4 +1,4 @@
-"""What an Ouster sensor says of itself in its metadata: beams, frames and packets."""
+"""Metadata of Ouster sensors: beams, frames and packets."""
 
 import json
 import re
@@ -14,31 +14,31 @@ from seaclutter_cli.errors import InputError
 
 _LEGACY_COLUMNS = 16
 _NESTED = ("sensor_info", "beam_intrinsics", "lidar_intrinsics", "lidar_data_format", "config_params")
-_LARGEST = 1 << 16
+_MAX_COLUMNS = 1 << 16
 
 
 @dataclass(frozen=True)
 class OusterMetadata:
-    """An Ouster sensor of H rows, W columns a turn.
+    """Metadata of an Ouster sensor with H rows and W columns per revolution.
 
     Parameters
     ----------
     model : str
         Name as in `SENSORS`.
     serial, firmware, clock : str
-        Serial number, version of the firmware and source of the timestamps; empty if not told.
+        Serial number, firmware version and timestamp source; empty if missing.
     profile : str
-        Layout of the packets: ``LEGACY``, ``RNG19_RFL8_SIG16_NIR16`` and the like.
+        Packet layout, such as ``LEGACY`` or ``RNG19_RFL8_SIG16_NIR16``.
     columns, packet_columns : int
-        Columns in a turn and in a packet.
+        Columns per revolution and per packet.
     window : tuple of int
-        First and last column that is sent; the first may be behind the last.
+        First and last column that the sensor sends; the first may be greater than the last.
     altitude_rad, azimuth_rad : ndarray, shape (H,), float64
-        Angles of the beams.
+        Beam angles in radians.
     beam_offset_m : tuple of float
-        Where beams begin: distance from the axis, and height.
+        Origin of the beams: distance from the axis, and height, in metres.
     to_sensor : ndarray, shape (4, 4), float64
-        From the lidar's frame to the sensor's, in metres.
+        Transform from the lidar frame to the sensor frame, in metres.
     """
 
     model: str
@@ -55,19 +55,19 @@ class OusterMetadata:
     to_sensor: NDArray[np.float64]
 
     def expected_packets(self) -> NDArray[np.bool_]:
-        """Return which packets of a turn, shape (W / packet_columns,), have columns in the window."""
+        """Return which packets of a revolution, shape (W / packet_columns,), have columns in the window."""
         first, last = self.window
         column = np.arange(self.columns)
         inside = (column >= first) & (column <= last) if first <= last else (column >= first) | (column <= last)
         return np.asarray(inside.reshape(-1, self.packet_columns).any(axis=1))
 
     def directions(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return direction and origin of each beam in the sensor's frame, each of shape (3, W, H).
+        """Return direction and origin of each beam in the sensor frame, each of shape (3, W, H).
 
         Notes
         -----
-        As Ouster's manuals say: a point lies at range times direction plus origin. The range counts from the axis, so
-        the distance between axis and beam is taken off it again.
+        In Ouster's manuals, the position of a point is range times direction plus origin. Ranges are measured from the
+        axis, so the distance between axis and beam is subtracted.
         """
         distance, height = self.beam_offset_m
         encoder = 2 * np.pi * (1 - np.arange(self.columns) / self.columns)[:, None]
@@ -78,18 +78,18 @@ class OusterMetadata:
         foot = np.stack(np.broadcast_arrays(distance * np.cos(encoder), distance * np.sin(encoder), height))
         origin = foot - np.hypot(distance, height) * direction
         rotation, shift = self.to_sensor[:3, :3], self.to_sensor[:3, 3]
-        turned = np.tensordot(rotation, direction, 1)
+        rotated = np.tensordot(rotation, direction, 1)
         moved = np.tensordot(rotation, origin, 1) + shift[:, None, None]
-        return turned.astype(np.float32), moved.astype(np.float32)
+        return rotated.astype(np.float32), moved.astype(np.float32)
 
 
 def read_metadata(path: Path) -> OusterMetadata:
-    """Read the metadata of a sensor, in the flat form of older firmware or the nested one of newer.
+    """Return the metadata in a file, in the flat form of older firmware or the nested form of newer firmware.
 
     Raises
     ------
     InputError
-        If the file cannot be read, or lacks what is needed.
+        If the file cannot be read or its metadata is incomplete.
     """
     try:
         data = json.loads(path.read_bytes())
@@ -99,7 +99,7 @@ def read_metadata(path: Path) -> OusterMetadata:
         return _metadata(flat)
     except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else error
-        raise InputError(f"{path}: not the metadata of an Ouster sensor: {reason}") from error
+        raise InputError(f"{path}: not valid Ouster metadata: {reason}") from error
 
 
 def _metadata(flat: Mapping[str, Any]) -> OusterMetadata:
@@ -107,12 +107,12 @@ def _metadata(flat: Mapping[str, Any]) -> OusterMetadata:
     altitude = _angles(flat["beam_altitude_angles"])
     columns = int(layout.get("columns_per_frame") or str(flat["lidar_mode"]).partition("x")[0])
     packet_columns = int(layout.get("columns_per_packet", _LEGACY_COLUMNS))
-    if not (0 < packet_columns <= columns < _LARGEST and columns % packet_columns == 0):
-        raise ValueError(f"{columns} columns a turn in packets of {packet_columns}")
+    if not (0 < packet_columns <= columns < _MAX_COLUMNS and columns % packet_columns == 0):
+        raise ValueError(f"invalid numbers of columns: {columns} per revolution, {packet_columns} per packet")
     first, last = layout.get("column_window") or (0, columns - 1)
     azimuth = _angles(flat["beam_azimuth_angles"])
     if len(altitude) != len(azimuth) or len(altitude) != layout.get("pixels_per_column", len(altitude)):
-        raise ValueError(f"{len(altitude)} altitude and {len(azimuth)} azimuth angles")
+        raise ValueError(f"expected one altitude and one azimuth angle per row, got {len(altitude)} and {len(azimuth)}")
     return OusterMetadata(
         model=_model(str(flat.get("prod_line", "")), len(altitude)),
         serial=str(flat.get("prod_sn", "")),
@@ -132,22 +132,22 @@ def _metadata(flat: Mapping[str, Any]) -> OusterMetadata:
 def _angles(degrees: Any) -> NDArray[np.float64]:
     angles = np.radians(np.asarray(degrees, np.float64))
     if angles.ndim != 1 or not 0 < angles.size <= 1024 or not np.isfinite(angles).all():
-        raise ValueError("beam angles are needed, one a row")
+        raise ValueError("beam angles must be a list of 1 to 1024 finite numbers")
     return angles
 
 
 def _beam_offset(flat: Mapping[str, Any]) -> tuple[float, float]:
-    """Return where beams begin; the transform of newer firmware goes before the distance of older."""
+    """Return the origin of the beams; the transform of newer firmware overrides the distance of older firmware."""
     distance = float(flat.get("lidar_origin_to_beam_origin_mm") or 0.0)
     transform = _transform(flat.get("beam_to_lidar_transform"), [1, 0, 0, distance, 0, 1, 0, 0, 0, 0, 1, 0])
     return float(transform[0, 3]), float(transform[2, 3])
 
 
 def _transform(values: Any, default: list[float]) -> NDArray[np.float64]:
-    """Return a 4 by 4 transform whose shift is in metres, from one in millimetres."""
+    """Return a 4 by 4 transform with its translation converted from millimetres to metres."""
     matrix = np.array([*default, 0, 0, 0, 1] if values is None else values, np.float64).reshape(4, 4)
     if not np.isfinite(matrix).all():
-        raise ValueError("a transform is not finite")
+        raise ValueError("a transform contains non-finite numbers")
     matrix[:3, 3] /= 1000
     return matrix
 

@@ -1,4 +1,4 @@
-"""Layouts of the packets of Ouster sensors."""
+"""Packet layouts of Ouster sensors."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_MOST_COLUMNS = 4096
+_MAX_COLUMNS = 4096
 
 
 @dataclass(frozen=True)
 class Profile:
-    """What each pixel of a column holds, by the name that Ouster gives it.
+    """Layout of the pixels in a column, as defined by an Ouster packet profile.
 
     Parameters
     ----------
     pixel : dtype
-        Bytes of a pixel.
+        Layout of a pixel.
     ranges, intensities : tuple of str
         Fields with the range and the intensity of each return.
     range_mask : int
@@ -25,7 +25,7 @@ class Profile:
     range_unit_mm : int
         Unit of the range.
     has_signal : bool
-        Whether the intensity is the signal, and not the reflectivity.
+        Whether the intensity is the signal; otherwise it is the reflectivity.
     """
 
     pixel: np.dtype[Any]
@@ -66,7 +66,7 @@ PROFILES = {
 
 @cache
 def packet_layout(profile: str, rows: int, columns: int) -> np.dtype[Any]:
-    """Return the layout of packets of so many columns of so many rows."""
+    """Return the layout of packets with the given numbers of columns and rows."""
     pixels = ("pixels", PROFILES[profile].pixel, rows)
     if profile == "LEGACY":
         head = [("time_ns", "<u8"), ("id", "<u2"), ("frame", "<u2"), ("encoder", "<u4")]
@@ -84,57 +84,57 @@ def packet_layout(profile: str, rows: int, columns: int) -> np.dtype[Any]:
 
 
 def frame_ids(packets: NDArray[np.void]) -> NDArray[np.int64]:
-    """Return the number of the turn of each packet, shape (P,); it begins again after 16 bits."""
+    """Return the frame id of each packet, shape (P,), a 16-bit counter that wraps around."""
     numbers = packets["frame"] if "frame" in (packets.dtype.names or ()) else packets["columns"]["frame"][:, 0]
     return np.asarray(numbers, np.int64)
 
 
 def valid_columns(packets: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Return which columns of packets, shape (P, C), hold measurements."""
+    """Return which columns of packets, shape (P, C), contain measurements."""
     status = packets["columns"]["status"]
     return np.asarray(status == 0xFFFFFFFF if status.dtype.itemsize == 4 else status & 1 == 1)
 
 
-def sound_packets(packets: NDArray[np.void], columns: int) -> NDArray[np.bool_]:
-    """Return which packets, shape (P,), are such: columns numbered one after the other, taken within a second.
+def valid_packets(packets: NDArray[np.void], columns: int) -> NDArray[np.bool_]:
+    """Return which packets, shape (P,), are valid: consecutive column ids, measured within one second.
 
     Parameters
     ----------
     packets : ndarray, shape (P,)
-        As `packet_layout` has it.
+        Packets in the layout of `packet_layout`.
     columns : int
-        Columns in a turn.
+        Columns per revolution.
     """
     ids = packets["columns"]["id"].astype(np.int64)
     count = ids.shape[1]
     valid = valid_columns(packets)
     valid |= ~valid.any(axis=1, keepdims=True)
     first = (ids - np.arange(count))[np.arange(len(ids)), valid.argmax(axis=1)]
-    sound = (((ids - np.arange(count)) == first[:, None]) | ~valid).all(axis=1)
-    sound &= (first >= 0) & (first % count == 0) & (first + count <= columns)
+    intact = (((ids - np.arange(count)) == first[:, None]) | ~valid).all(axis=1)
+    intact &= (first >= 0) & (first % count == 0) & (first + count <= columns)
     times_ns = packets["columns"]["time_ns"]
     start_ns = times_ns[np.arange(len(ids)), valid.argmax(axis=1), None]
-    sound &= ((times_ns - start_ns <= 1_000_000_000) | ~valid).all(axis=1) & (start_ns[:, 0] < 1 << 62)
+    intact &= ((times_ns - start_ns <= 1_000_000_000) | ~valid).all(axis=1) & (start_ns[:, 0] < 1 << 62)
     if "type" in (packets.dtype.names or ()):
-        sound &= packets["type"] == 1
-    return np.asarray(sound)
+        intact &= packets["type"] == 1
+    return np.asarray(intact)
 
 
 def serial_number(packet: NDArray[np.void]) -> str | None:
-    """Return the serial number of the sensor in a packet, a scalar of `packet_layout`; None if it has none."""
+    """Return the serial number in a packet, a scalar of `packet_layout`; None if it contains none."""
     if "serial" not in (packet.dtype.names or ()):
         return None
     return str(int.from_bytes(packet["serial"].tobytes(), "little"))
 
 
-def looks_like_packet(payload: NDArray[np.uint8]) -> bool:
-    """Tell whether a payload, shape (L,), is a data packet of any sensor and profile."""
+def is_data_packet(payload: NDArray[np.uint8]) -> bool:
+    """Return whether a payload, shape (L,), is a data packet of any sensor and profile."""
     for profile in PROFILES:
         for rows in (128, 64, 32, 16):
             for columns in (16, 8, 4):
                 layout = packet_layout(profile, rows, columns)
                 if layout.itemsize == len(payload):
                     packet = np.ascontiguousarray(payload).view(layout)
-                    if sound_packets(packet, _MOST_COLUMNS)[0] and valid_columns(packet).any():
+                    if valid_packets(packet, _MAX_COLUMNS)[0] and valid_columns(packet).any():
                         return True
     return False

@@ -1,1 +1,1 @@
-"""RoboSense: RS-LiDAR-16, RS-LiDAR-32, RS-Helios."""
+"""RoboSense sensors: RS-LiDAR-16, RS-LiDAR-32 and RS-Helios."""

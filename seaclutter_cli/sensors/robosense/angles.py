@@ -1,4 +1,4 @@
-"""Angles of the lasers of one unit: from its packets, or from a file."""
+"""Laser angles of a unit, from its packets or from a file."""
 
 import re
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.robosense.models import CHANNELS, RobosenseModel
 
-_LEAST, _LIMIT = -9000, 18000
+_MIN_ANGLE, _ANGLE_LIMIT = -9000, 18000
 
 
 @dataclass(frozen=True)
 class Angles:
-    """Where the channels of a block look.
+    """Directions of the channels of a block.
 
     Parameters
     ----------
     vertical, horizontal : ndarray, shape (32,), int64
-        Elevation and offset of the azimuth of each channel, in hundredths of a degree.
+        Elevation and azimuth offset of each channel, in hundredths of a degree.
     """
 
     vertical: NDArray[np.int64]
@@ -28,29 +28,29 @@ class Angles:
 
     @property
     def rings(self) -> NDArray[np.uint16]:
-        """Ring of each channel, shape (32,): the number of lasers that look lower."""
+        """Ring of each channel, shape (32,): the number of lasers with a lower elevation."""
         lasers = self.vertical[: 16 if np.array_equal(self.vertical[:16], self.vertical[16:]) else CHANNELS]
         return np.searchsorted(np.sort(lasers), self.vertical).astype(np.uint16)
 
 
 def make_angles(vertical: NDArray[np.int64], horizontal: NDArray[np.int64]) -> Angles | None:
-    """Return the angles of 16 or 32 lasers, for all channels of a block; None if one of them is impossible."""
+    """Return the angles of all channels of a block from those of 16 or 32 lasers; None if an angle is out of range."""
     both = np.stack([vertical, horizontal])
-    if ((both < _LEAST) | (both >= _LIMIT)).any():
+    if ((both < _MIN_ANGLE) | (both >= _ANGLE_LIMIT)).any():
         return None
     vertical, horizontal = np.tile(both, CHANNELS // both.shape[1])
     return Angles(vertical, horizontal)
 
 
 def packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles | None:
-    """Return the angles in a packet of device information, shape (1248,); None where they were not programmed."""
+    """Return the angles in a device information packet, shape (1248,); None if they are not programmed."""
     if model.lasers == CHANNELS:
         tables = packet[468:660].astype(np.int64).reshape(2, CHANNELS, 3)
         if (tables[..., 0] == 0xFF).any() or (model.name == "RS-LiDAR-32" and not tables[0, 0].any()):
             return None
         sizes = tables[..., 1] << 8 | tables[..., 2]
         if model.name == "RS-LiDAR-32":
-            # In single precision and half up, as the vendor's driver does it.
+            # Single precision, and halves rounded up, as in the vendor's driver.
             sizes = np.floor((sizes.astype(np.float32) * np.float32(0.1)).astype(np.float64) + 0.5).astype(np.int64)
         vertical, horizontal = np.where(tables[..., 0] != 0, -sizes, sizes)
         return make_angles(vertical, horizontal)
@@ -62,14 +62,14 @@ def packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles | 
 
 
 def file_angles(model: RobosenseModel, path: Path) -> Angles:
-    """Read a file of angles as RoboSense ships it with a unit.
+    """Return the angles in a file that RoboSense ships with a unit.
 
-    A line for each laser: its elevation and, after a comma, the offset of its azimuth, in degrees.
+    The file has one line per laser: its elevation and, after a comma, its azimuth offset, in degrees.
 
     Raises
     ------
     InputError
-        If the file cannot be read, or does not hold so many angles.
+        If the file cannot be read, or does not contain one line per laser.
     """
     try:
         lines = path.read_text("utf-8", "replace").splitlines()
@@ -77,12 +77,12 @@ def file_angles(model: RobosenseModel, path: Path) -> Angles:
         raise InputError(f"{path}: {error.strerror}") from error
     rows = [row for line in lines if (row := _numbers(line))]
     if len(rows) != model.lasers:
-        raise InputError(f"{path}: {len(rows)} lines of angles; an {model.name} has {model.lasers} lasers, a line each")
+        raise InputError(f"{path}: expected {model.lasers} lines of angles for the {model.name}, got {len(rows)}")
     table = np.array([[*row, 0.0][:2] for row in rows])
-    hundredths = np.where(np.isfinite(table), np.rint(np.clip(table, -1000, 1000) * 100), _LIMIT).astype(np.int64)
+    hundredths = np.where(np.isfinite(table), np.rint(np.clip(table, -1000, 1000) * 100), _ANGLE_LIMIT).astype(np.int64)
     angles = make_angles(*hundredths.T)
     if angles is None:
-        raise InputError(f"{path}: an angle is not within -90 to 180 degrees")
+        raise InputError(f"{path}: angles must be between -90 and 180 degrees")
     return angles
 
 

@@ -1,4 +1,4 @@
-"""Blocks of RoboSense data packets: which are sound, when they were fired, how far the sensor turned in them."""
+"""Blocks of RoboSense data packets: validity, firing times and rotation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,23 +12,23 @@ from seaclutter_cli.sensors.robosense.models import BLOCKS
 from seaclutter_cli.sensors.robosense.packets import BLOCK_ID
 
 BLIND = 100
-"""Step from block to block, in hundredths of a degree, above which the sensor was blind between them."""
+"""Azimuth step between blocks, in hundredths of a degree, above which a blind sector separates them."""
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """Some blocks in order, B of them.
+    """B blocks in order.
 
     Parameters
     ----------
     azimuth, step : ndarray, shape (B,), int64
-        Where each begins and how far it turns until the next, in hundredths of a degree.
+        Azimuth at the start of each block and rotation until the next, in hundredths of a degree.
     times_ns : ndarray, shape (B,), int64
-        When each begins.
+        Start times in nanoseconds of Unix time.
     second : ndarray, shape (B,), bool
-        Whether it holds second returns.
+        Whether each block contains second returns.
     channels : ndarray, shape (B,)
-        Bytes of distances and intensities.
+        Raw bytes of distances and intensities.
     """
 
     azimuth: NDArray[np.int64]
@@ -41,11 +41,11 @@ class Blocks:
         return len(self.azimuth)
 
     def part(self, start: int, end: int) -> "Blocks":
-        """Return the blocks of a range, as views."""
+        """Return a range of blocks, as views."""
         return Blocks(*(column[start:end] for column in self._columns()))
 
     def copy(self) -> "Blocks":
-        """Return blocks that do not hold on to the packets they came from."""
+        """Return a copy that does not keep the packets in memory."""
         return Blocks(*(column.copy() for column in self._columns()))
 
     def _columns(self) -> tuple[NDArray[Any], ...]:
@@ -53,31 +53,31 @@ class Blocks:
 
 
 def join(parts: Sequence[Blocks]) -> Blocks:
-    """Return parts as one."""
+    """Return the concatenation of parts."""
     if len(parts) == 1:
         return parts[0]
     return Blocks(*(np.concatenate(columns) for columns in zip(*(part._columns() for part in parts), strict=True)))  # noqa: SLF001
 
 
-def sound_blocks(blocks: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return which blocks, shape (P, 12), can be used: one that is none ends its packet; azimuths are below 360."""
+def valid_blocks(blocks: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return which blocks, shape (P, 12), are valid: azimuth below 360° and no invalid id up to the block."""
     return np.logical_and.accumulate(blocks["id"] == BLOCK_ID, axis=1) & (blocks["azimuth"] < 36000)
 
 
 def steps(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return how far the sensor turns in each block, and when the block begins after its packet's first.
+    """Return the rotation during each block, and its start time relative to the first block of its packet.
 
     Parameters
     ----------
     azimuth : ndarray, shape (P, 12), int64
-        Azimuths of the blocks.
+        Azimuths of the blocks in hundredths of a degree.
     device : Device
         The sensor.
 
     Returns
     -------
     step, time_ns : ndarray, shape (P, 12), int64
-        Hundredths of a degree, and nanoseconds.
+        Rotation in hundredths of a degree, and start time in nanoseconds.
     """
     stride = 2 if device.paired else 1
     first = azimuth[:, ::stride]
@@ -93,6 +93,6 @@ def steps(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64]
 
 
 def second_returns(packets: int, device: Device) -> NDArray[np.bool_]:
-    """Return which blocks of packets hold second returns, shape (P, 12)."""
+    """Return which blocks of P packets contain second returns, shape (P, 12)."""
     odd = np.arange(BLOCKS) % 2 == 1
     return np.broadcast_to(odd & device.paired, (packets, BLOCKS))

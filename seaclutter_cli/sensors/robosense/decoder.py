@@ -1,4 +1,4 @@
-"""RoboSense's rotating lidars: RS-LiDAR-32, RS-LiDAR-16 and RS-Helios."""
+"""Decoder for RoboSense's rotating lidars: RS-LiDAR-32, RS-LiDAR-16 and RS-Helios."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -10,53 +10,53 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets
 from seaclutter_cli.sensors.robosense.angles import file_angles
-from seaclutter_cli.sensors.robosense.blocks import Blocks, join, second_returns, sound_blocks, steps
-from seaclutter_cli.sensors.robosense.clock import RobosenseClock, are_off, header_times
+from seaclutter_cli.sensors.robosense.blocks import Blocks, join, second_returns, steps, valid_blocks
+from seaclutter_cli.sensors.robosense.clock import RobosenseClock, header_times, wrong_times
 from seaclutter_cli.sensors.robosense.device import Device, assumed_device, guess_model, read_device
 from seaclutter_cli.sensors.robosense.losses import RobosenseLosses
 from seaclutter_cli.sensors.robosense.models import BLOCKS, CLASSIC_ID, HELIOS_ID, MODELS, RobosenseModel
 from seaclutter_cli.sensors.robosense.packets import DATA, INFO_ID, PACKET_BYTES, temperatures_degc
 from seaclutter_cli.sensors.robosense.points import Geometry
 
-_WHOLE = 100
+_TOLERANCE = 100
 _CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16")
 
 
 class RoboSense:
-    """The family: both kinds of packets are 1248 bytes, told apart by their first bytes."""
+    """RoboSense sensors. Data and device information packets have 1248 bytes; their first bytes identify them."""
 
     title = "RoboSense"
     scan_types: Mapping[str, str] = {}
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
-        """Tell whether a UDP payload, shape (L,), is a packet of data or of device information."""
+        """Return whether a UDP payload, shape (L,), is a data packet or a device information packet."""
         return len(payload) == PACKET_BYTES and payload[:4].tobytes() in (CLASSIC_ID, HELIOS_ID, INFO_ID[:4])
 
     def is_calibration(self, payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Tell which UDP payloads, shape (P, L), hold device information with the angles of the lasers."""
+        """Return which UDP payloads, shape (P, L), are device information packets, which contain the laser angles."""
         return _begins(payloads, INFO_ID[:4])
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> "RoboSenseDecoder":
-        """Return a decoder for the sensor that these packets come from.
+        """Return a decoder for the sensor that sent these packets.
 
         Parameters
         ----------
         packets : Packets
-            Data and device information, the latter from anywhere in the recording.
+            Data and device information packets, the latter from anywhere in the recording.
         options : DecoderOptions
-            A file of angles, which go before those in the packets; the model, where packets do not tell it.
+            A file of angles, which override those in the packets; the model, if packets do not identify it.
 
         Raises
         ------
         InputError
-            If the model or the angles are not known.
+            If the model or the angles are unknown.
         """
         of_size = packets.payloads.shape[1] == PACKET_BYTES
         info = packets.payloads[_begins(packets.payloads, INFO_ID[:4])] if of_size else packets.payloads[:0]
         is_data = _begins(packets.payloads, CLASSIC_ID) | _begins(packets.payloads, HELIOS_ID)
         data = packets.payloads[is_data] if of_size else packets.payloads[:0]
         if not len(data):
-            raise InputError("RoboSense: there are no data packets, only device information")
+            raise InputError("RoboSense: no data packets, only device information")
         warnings: list[str] = []
         model = _find_model(data[0], info, options, warnings)
         device = _find_device(model, data, info, options, warnings)
@@ -80,19 +80,19 @@ def _find_model(
     guessed = "RS-Helios" if helios else next((name for packet in info if (name := guess_model(packet))), None)
     if wanted is None and guessed is None:
         raise InputError(
-            "RoboSense: the packets do not tell an RS-LiDAR-32 from an RS-LiDAR-16: name it with --sensor"
-            + ("" if len(info) or options.calibration else f", and {_WANTED}")
+            "RoboSense: RS-LiDAR-32 and RS-LiDAR-16 share a packet format: select one with --sensor"
+            + ("" if len(info) or options.calibration else f", and {_ANGLES_HINT}")
         )
     if wanted is None or wanted not in allowed:
         if wanted in MODELS or guessed is None:
-            raise InputError(f"RoboSense: the packets are of an {' or '.join(allowed)}, not of an {wanted}")
+            raise InputError(f"RoboSense: the packets are from {' or '.join(allowed)}, not from {wanted}")
         return MODELS[guessed]
     if guessed not in (None, wanted):
-        warnings.append(f"the device information is of an {guessed}; the packets are read as those of an {wanted}")
+        warnings.append(f"the device information is from {guessed}, but the packets are decoded as {wanted}")
     return MODELS[wanted]
 
 
-_WANTED = "pass its angles with --calibration FILE, a line 'elevation,azimuth offset' in degrees for each laser"
+_ANGLES_HINT = "pass the angles with --calibration FILE (one line 'elevation,azimuth offset' in degrees per laser)"
 
 
 def _find_device(
@@ -105,44 +105,46 @@ def _find_device(
     devices = [read_device(model, packet) for packet in info]
     device = next((device for device in devices if device.angles), devices[0] if devices else None)
     if options.calibration is None and (device is None or device.angles is None):
-        what = "its device information (DIFOP) holds no angles" if devices else "there is no device information (DIFOP)"
-        raise InputError(f"{model.name}: {what}: {_WANTED}")
+        problem = "the device information (DIFOP) contains no angles" if devices else "no device information (DIFOP)"
+        raise InputError(f"{model.name}: {problem}: {_ANGLES_HINT}")
     if device is None:
-        warnings.append("no device information (DIFOP): speed, number of returns and distance unit are as they seem")
+        warnings.append(
+            "no device information (DIFOP): rotation rate and return mode are inferred, the distance unit is assumed"
+        )
         azimuth = data.view(DATA)["blocks"]["azimuth"].reshape(-1, BLOCKS).astype(np.int64)
         device = assumed_device(model, azimuth)
     intensity = device.details.get("intensity", "")
     if intensity.startswith(("raw", "unknown")):
-        warnings.append(f"intensity is {intensity}: thresholds of calibrated sensors do not fit")
+        warnings.append(f"intensity is {intensity}: thresholds for calibrated intensity do not apply")
     if device.model.unit_m > model.unit_m:
-        warnings.append("old firmware: distances are read in units of 1 cm")
+        warnings.append("old firmware: the distance unit is 1 cm")
     if options.calibration is None:
         return device
     angles = file_angles(model, options.calibration)
     details = {**device.details, "angles": str(options.calibration)}
-    return Device(device.model, angles, device.dual, device.turns_hz, device.fov, details)
+    return Device(device.model, angles, device.dual, device.rotation_hz, device.fov, details)
 
 
 class RoboSenseDecoder:
-    """Decodes the packets of one sensor.
+    """Decoder for the packets of one sensor.
 
     Parameters
     ----------
     device : Device
-        The sensor; its angles are known.
+        The sensor, with known angles.
     warnings : list of str
-        What is to be said of it.
+        Warnings for the user.
     sample : Packets
-        Some of its data packets, from which its clock is told.
+        Some of its data packets, used to check its clock.
 
     Notes
     -----
-    State: the blocks of the turn that goes on (about 200 kB), the azimuth of the last, the clock.
+    State: the blocks of the current revolution (about 200 kB), the azimuth of the last block, and the clock.
     """
 
     def __init__(self, device: Device, warnings: list[str], sample: Packets) -> None:
         if device.angles is None:
-            raise InputError(f"{device.model.name}: the angles of its lasers are not known")
+            raise InputError(f"{device.model.name}: the laser angles are unknown")
         self._device = device
         self._geometry = Geometry(device, device.angles)
         self._helios = device.model.header == HELIOS_ID
@@ -150,18 +152,18 @@ class RoboSenseDecoder:
         self._parts: list[Blocks] = []
         self._azimuth = -1
         self._frames = 0
-        self._whole_start = True
+        self._starts_whole = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
         header_ns = header_times(sample.payloads.view(DATA)[:, 0], helios=self._helios)
-        wrong = bool(are_off(header_ns, sample.times_ns).mean() > 0.5)
-        warmth = temperatures_degc(sample.payloads.view(DATA)[:1, 0])[0]
-        self.facts.details["temperature"] = f"{warmth:.1f} °C at the beginning"
-        self.facts.details["clock"] = "of the recording; the sensor's is off" if wrong else "of the sensor, as UTC"
+        wrong = bool(wrong_times(header_ns, sample.times_ns).mean() > 0.5)
+        temperature = temperatures_degc(sample.payloads.view(DATA)[:1, 0])[0]
+        self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
+        self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
         if wrong:
-            warnings.append("the sensor's clock is off by more than a day: stamps are those of the recording")
+            warnings.append("the sensor clock is off by more than a day: times are shifted to the recording time")
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
-        """Yield the frames that these packets complete."""
+        """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
         payloads, times_ns = packets.payloads, packets.times_ns
         if payloads.shape[1] != PACKET_BYTES:
             self.facts.bad_packets += len(packets)
@@ -174,19 +176,19 @@ class RoboSenseDecoder:
             yield from self._frames_of(np.ascontiguousarray(payloads).view(DATA)[:, 0], times_ns)
 
     def finish(self) -> Iterator[PacketFrame]:
-        """Yield the last turn."""
+        """Yield the last revolution."""
         if self._parts:
             blocks = join(self._parts)
             self._parts = []
             yield self._frame(blocks, partial=not self._ends_whole(blocks))
 
     def _frames_of(self, packets: NDArray[Any], record_ns: NDArray[np.int64]) -> Iterator[PacketFrame]:
-        sound = sound_blocks(packets["blocks"])
-        self.facts.bad_packets += int((~sound.any(axis=1)).sum())
-        if not sound.any():
+        valid = valid_blocks(packets["blocks"])
+        self.facts.bad_packets += int((~valid.any(axis=1)).sum())
+        if not valid.any():
             return
-        blocks, turn = self._blocks(packets, record_ns, sound)
-        starts = np.flatnonzero(np.diff(turn, prepend=0))
+        blocks, revolution = self._blocks(packets, record_ns, valid)
+        starts = np.flatnonzero(np.diff(revolution, prepend=0))
         begin = 0
         for start in starts.tolist():
             self._keep(blocks.part(begin, start))
@@ -198,41 +200,41 @@ class RoboSenseDecoder:
         self._keep(blocks.part(begin, len(blocks)).copy())
 
     def _blocks(
-        self, packets: NDArray[Any], record_ns: NDArray[np.int64], sound: NDArray[np.bool_]
+        self, packets: NDArray[Any], record_ns: NDArray[np.int64], valid: NDArray[np.bool_]
     ) -> tuple[Blocks, NDArray[np.int64]]:
-        """Return the sound blocks of packets, and the turn of each, shape (B,); 0 for the turn that goes on."""
+        """Return the valid blocks of packets, and the revolution of each, shape (B,); 0 for the current one."""
         raw = packets["blocks"]
         azimuth = raw["azimuth"].astype(np.int64)
         step, after_ns = steps(azimuth, self._device)
-        used = azimuth[sound]
-        turn = np.cumsum(np.diff(used, prepend=self._azimuth) < 0, dtype=np.int64)
+        used = azimuth[valid]
+        revolution = np.cumsum(np.diff(used, prepend=self._azimuth) < 0, dtype=np.int64)
         self._azimuth = int(used[-1])
         header_ns = header_times(packets, helios=self._helios)
-        before = np.cumsum(sound.sum(axis=1)) - sound.sum(axis=1)
-        first_turn = turn[np.minimum(before, len(turn) - 1)]
-        times_ns = self._clock.times(header_ns, record_ns, first_turn)[:, None] + after_ns
+        before = np.cumsum(valid.sum(axis=1)) - valid.sum(axis=1)
+        first = revolution[np.minimum(before, len(revolution) - 1)]
+        times_ns = self._clock.times(header_ns, record_ns, first)[:, None] + after_ns
         self._losses.add(header_ns, after_ns, azimuth)
         self.facts.lost_packets = self._losses.packets
         second = second_returns(len(packets), self._device)
-        return Blocks(used, step[sound], times_ns[sound], second[sound], raw["channels"][sound]), turn
+        return Blocks(used, step[valid], times_ns[valid], second[valid], raw["channels"][valid]), revolution
 
     def _keep(self, blocks: Blocks) -> None:
         if len(blocks):
             if not self._parts and not self._frames:
-                self._whole_start = abs(int(blocks.azimuth[0]) - self._seen[0]) <= _WHOLE
+                self._starts_whole = abs(int(blocks.azimuth[0]) - self._limits[0]) <= _TOLERANCE
             self._parts.append(blocks)
 
     @property
-    def _seen(self) -> tuple[int, int]:
-        """Azimuths between which the sensor sees something within a turn."""
+    def _limits(self) -> tuple[int, int]:
+        """First and last azimuth of the field of view in a revolution, in hundredths of a degree."""
         start, end = self._device.fov
         return (start, end) if start < end else (0, 36000)
 
     def _ends_whole(self, blocks: Blocks) -> bool:
-        return abs(self._seen[1] - int(blocks.azimuth[-1] + blocks.step[-1])) <= _WHOLE
+        return abs(self._limits[1] - int(blocks.azimuth[-1] + blocks.step[-1])) <= _TOLERANCE
 
     def _frame(self, blocks: Blocks, *, partial: bool) -> PacketFrame:
         stamp_ns = int(blocks.times_ns[-1]) + self._geometry.last_ns
-        partial = partial or (self._frames == 0 and not self._whole_start)
+        partial = partial or (self._frames == 0 and not self._starts_whole)
         self._frames += 1
         return PacketFrame(self._geometry.points(blocks), stamp_ns, partial=partial)

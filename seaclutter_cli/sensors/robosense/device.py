@@ -1,4 +1,4 @@
-"""What a RoboSense sensor tells of itself: its packet of device information (DIFOP)."""
+"""Device information packets (DIFOP) of RoboSense sensors."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from seaclutter_cli.sensors.robosense.models import CHANNELS, RobosenseModel, wi
 
 _OLD_VERSIONS = {bytes.fromhex(text) for text in ("000000", "ffffff", "55aa5a", "e90100")}
 _TWO_RETURNS_SINCE = bytes((8, 2, 9))
-_MODES = {1: "strongest return", 2: "last return", 4: "strongest return", 5: "last return", 6: "nearest return"}
+_MODES = {1: "strongest", 2: "last", 4: "strongest", 5: "last", 6: "nearest"}
 _INTENSITY = {0xC1: "calibrated by the sensor (mode 3)", 0xB1: "raw (mode 2)"}
 _INTENSITY |= dict.fromkeys((0x00, 0xFF, 0xA1), "raw (mode 1)")
 
@@ -22,52 +22,52 @@ class Device:
     Parameters
     ----------
     model : RobosenseModel
-        The model, with the units of its firmware.
+        Model, with the units of its firmware.
     angles : Angles or None
-        Where its lasers look, if that was programmed.
+        Directions of its lasers; None if they are not programmed.
     dual : bool
-        Whether it gives two returns.
-    turns_hz : int
-        Turns per second.
+        Whether it sends two returns.
+    rotation_hz : int
+        Revolutions per second.
     fov : tuple of int
         Start and end of the field of view, in hundredths of a degree.
     details : dict of str to str
-        What people may want to know.
+        Facts for display.
     """
 
     model: RobosenseModel
     angles: Angles | None
     dual: bool
-    turns_hz: int
+    rotation_hz: int
     fov: tuple[int, int]
     details: dict[str, str]
 
     @property
     def step_ns(self) -> int:
-        """Time from block to block, or from pair to pair of blocks."""
+        """Time between blocks, or between pairs of blocks, in nanoseconds."""
         return self.model.block_ns * self.model.firings(dual=self.dual)
 
     @property
     def step(self) -> int:
-        """How far a turn goes in that time, in hundredths of a degree."""
-        single = round(36000 * self.turns_hz * self.model.block_ns / 10**9)
+        """Rotation in `step_ns`, in hundredths of a degree."""
+        single = round(36000 * self.rotation_hz * self.model.block_ns / 10**9)
         return single * self.model.firings(dual=self.dual)
 
     @property
     def paired(self) -> bool:
-        """Whether two blocks hold the two returns of one firing."""
+        """Whether two blocks contain the two returns of one firing."""
         return self.dual and self.model.lasers == CHANNELS
 
     @property
     def gap_ns(self) -> int:
-        """Time in which the sensor is blind, once a turn."""
+        """Time in the blind sector per revolution, in nanoseconds."""
         start, end = self.fov
         seen = end - start if start < end else end + 36000 - start
-        return round((36000 - seen) / (36000 * self.turns_hz) * 10**9)
+        return round((36000 - seen) / (36000 * self.rotation_hz) * 10**9)
 
 
 def read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
-    """Read a packet of device information, shape (1248,)."""
+    """Return the sensor described by a device information packet, shape (1248,)."""
     old = model.name != "RS-Helios" and packet[41:44].tobytes() in _OLD_VERSIONS
     angles = packet_angles(model, packet)
     rpm, start, end = (int(packet[offset]) << 8 | int(packet[offset + 1]) for offset in (8, 32, 34))
@@ -77,8 +77,8 @@ def read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
     details = {
         "serial number": packet[292:298].tobytes().hex(),
         "firmware": f"top board {packet[40:45].tobytes().hex()}, bottom board {packet[45:50].tobytes().hex()}",
-        "speed": f"{rpm} turns a minute",
-        "returns": "two" if dual else f"one ({_MODES.get(mode, f'mode {mode}')})",
+        "rotation rate": f"{rpm} rpm",
+        "return mode": "dual" if dual else f"single ({_MODES.get(mode, f'mode {mode}')})",
         "distance unit": f"{used.unit_m * 1000:g} mm",
     }
     if model.name != "RS-Helios":
@@ -87,26 +87,29 @@ def read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
 
 
 def assumed_device(model: RobosenseModel, azimuth: NDArray[np.int64]) -> Device:
-    """Return what can be told of a sensor without its information, by the azimuths of blocks, shape (P, 12)."""
+    """Return a sensor inferred from block azimuths, shape (P, 12), without device information."""
     steps = np.diff(azimuth, axis=1) % 36000
     if model.lasers == CHANNELS:
         dual = len(steps) > 0 and float((steps[:, ::2] == 0).mean()) > 0.5
         steps = steps[:, 1::2] if dual else steps
-        turns_hz = _turns(steps, model.block_ns)
+        rotation_hz = _rotation_hz(steps, model.block_ns)
     else:
-        # With two returns a block is one firing; turns at 5, 10 or 20 Hz leave the number of firings open.
-        dual = 0 < _turns(steps, 2 * model.block_ns) <= 5
-        turns_hz = _turns(steps, model.block_ns * (1 if dual else 2))
-    details = {"returns": "two, as it seems" if dual else "one, as it seems", "distance unit": "5 mm, as assumed"}
-    return Device(model, None, dual, turns_hz or 10, (0, 36000), details)
+        # With dual returns, a block has one firing instead of two. At 5, 10 or 20 Hz, the azimuth step is ambiguous.
+        dual = 0 < _rotation_hz(steps, 2 * model.block_ns) <= 5
+        rotation_hz = _rotation_hz(steps, model.block_ns * (1 if dual else 2))
+    details = {
+        "return mode": "dual (inferred)" if dual else "single (inferred)",
+        "distance unit": f"{model.unit_m * 1000:g} mm (assumed)",
+    }
+    return Device(model, None, dual, rotation_hz or 10, (0, 36000), details)
 
 
-def _turns(steps: NDArray[np.int64], step_ns: int) -> int:
+def _rotation_hz(steps: NDArray[np.int64], step_ns: int) -> int:
     return round(float(np.median(steps)) / 36000 / (step_ns / 10**9)) if steps.size else 0
 
 
 def guess_model(packet: NDArray[np.uint8]) -> str | None:
-    """Return which of the classic models a packet of device information comes from, as far as its tables tell."""
+    """Return the classic model that sent a device information packet; None if its tables do not identify it."""
     of_32 = _is_used(packet[468:564])
     of_16 = _is_used(packet[1165:1213])
     if of_32 == of_16:

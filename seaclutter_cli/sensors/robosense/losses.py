@@ -1,4 +1,4 @@
-"""Packets of a RoboSense sensor that never arrived, as far as gaps in its time tell."""
+"""Lost packets of a RoboSense sensor, counted by gaps in the sensor time."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,11 +7,11 @@ from seaclutter_cli.sensors.robosense.blocks import BLIND
 from seaclutter_cli.sensors.robosense.device import Device
 from seaclutter_cli.sensors.robosense.models import BLOCKS
 
-_CLOCK_WAS_SET_NS = 3600 * 10**9
+_CLOCK_JUMP_NS = 3600 * 10**9
 
 
 class RobosenseLosses:
-    """Counts lost packets. A gap of more than an hour is the clock being set.
+    """Counter of lost packets. A gap of more than an hour is treated as a clock adjustment.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ class RobosenseLosses:
 
     Notes
     -----
-    State: time, length and last azimuth of the last packet.
+    State: time, duration and azimuths of the last packet.
     """
 
     def __init__(self, device: Device) -> None:
@@ -30,14 +30,14 @@ class RobosenseLosses:
         self.packets = 0
 
     def add(self, times_ns: NDArray[np.int64], after_ns: NDArray[np.int64], azimuth: NDArray[np.int64]) -> None:
-        """Take packets in order.
+        """Add packets in order.
 
         Parameters
         ----------
         times_ns : ndarray, shape (P,), int64
-            When each began, by the sensor's clock.
+            Start times by the sensor clock.
         after_ns, azimuth : ndarray, shape (P, 12), int64
-            When each of its blocks began after that; azimuth of each, in hundredths of a degree.
+            Start time of each block relative to its packet; azimuth of each block in hundredths of a degree.
         """
         columns = (times_ns, after_ns[:, -1] + self._device.step_ns, azimuth[:, 0], azimuth[:, -1])
         if self._last is not None:
@@ -46,6 +46,6 @@ class RobosenseLosses:
         times_ns, length_ns, first, last = columns
         excess = np.diff(times_ns) - length_ns[:-1]
         blind = (first[1:] - last[:-1]) % 36000 > BLIND
-        excess -= np.where(blind, min(self._device.gap_ns, _CLOCK_WAS_SET_NS), 0)
-        counted = (excess > 0) & (excess < _CLOCK_WAS_SET_NS)
+        excess -= np.where(blind, min(self._device.gap_ns, _CLOCK_JUMP_NS), 0)
+        counted = (excess > 0) & (excess < _CLOCK_JUMP_NS)
         self.packets += int(((excess[counted] + self._period_ns // 2) // self._period_ns).sum())

@@ -1,4 +1,4 @@
-"""What tells RoboSense's rotating lidars apart: lasers, units, timing."""
+"""Lasers, units and timing of RoboSense's rotating lidars."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -12,26 +12,26 @@ BLOCKS = 12
 
 @dataclass(frozen=True)
 class RobosenseModel:
-    """A model, or a model with a firmware of other units.
+    """A sensor model, with the units of its firmware.
 
     Parameters
     ----------
     name : str
         Name as in `SENSORS`.
     lasers : int
-        Lasers; a block has 32 channels, so one of 16 lasers holds two firings or two returns.
+        Number of lasers. With 16 lasers, the 32 channels of a block contain two firings or two returns.
     unit_m : float
         Distance unit in metres.
     range_m : tuple of float
-        Least and greatest distance that counts as a return, in metres.
+        Least and greatest valid distance in metres.
     block_ns : int
-        Time from firing to firing.
+        Time between firings in nanoseconds.
     lens_m : tuple of float
-        Offset of the lens forward from the axis and up, in metres.
+        Offset of the lens from the axis, forward and up, in metres.
     firing_ns : tuple of int
-        When each laser fires, from the start of its firing.
-    two_kinds : bool
-        Whether the halves of a block are swapped where the highest bit of its first distance is set (old firmware).
+        Time of each laser relative to the start of its firing, in nanoseconds.
+    swaps_halves : bool
+        Whether the halves of a block are swapped if the highest bit of its first distance is set (old firmware).
     """
 
     name: str
@@ -41,7 +41,7 @@ class RobosenseModel:
     block_ns: int
     lens_m: tuple[float, float]
     firing_ns: tuple[int, ...]
-    two_kinds: bool = False
+    swaps_halves: bool = False
 
     @property
     def header(self) -> bytes:
@@ -49,18 +49,18 @@ class RobosenseModel:
         return HELIOS_ID if self.name == "RS-Helios" else CLASSIC_ID
 
     def firings(self, *, dual: bool) -> int:
-        """Return how many firings a block holds."""
+        """Return the number of firings in a block."""
         return CHANNELS // self.lasers if not dual else 1
 
     def channel_ns(self, *, dual: bool) -> NDArray[np.int64]:
-        """Return when each channel of a block fires, shape (32,), in nanoseconds from the block's time."""
+        """Return the firing time of each channel relative to its block, shape (32,), in nanoseconds."""
         firing = np.tile(np.array(self.firing_ns, np.int64), CHANNELS // self.lasers)
         second = np.arange(CHANNELS) // self.lasers * self.block_ns
         return firing if dual else firing + second
 
     @property
     def packet_ns(self) -> int:
-        """Time from the first firing of a packet to its sending, as RoboSense's driver takes it."""
+        """Time from the first firing of a packet to its transmission in nanoseconds, as in RoboSense's driver."""
         return BLOCKS * self.block_ns * (CHANNELS // self.lasers)
 
 
@@ -81,8 +81,8 @@ MODELS: Mapping[str, RobosenseModel] = {
 
 
 def with_old_firmware(model: RobosenseModel) -> RobosenseModel:
-    """Return a model as its firmware before 2019 has it: distances in centimetres, another timing of 32 lasers."""
+    """Return a model with firmware from before 2019: distances in centimetres, other timing for 32 lasers."""
     if model.lasers == CHANNELS:
         firing = tuple(3000 * (channel % 16) for channel in range(CHANNELS))
-        return replace(model, unit_m=0.01, block_ns=50000, firing_ns=firing, two_kinds=True)
+        return replace(model, unit_m=0.01, block_ns=50000, firing_ns=firing, swaps_halves=True)
     return replace(model, unit_m=0.01)

@@ -1,4 +1,4 @@
-"""Layout of RoboSense packets, and a writer of them."""
+"""Layout and writers of RoboSense packets."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,11 +13,11 @@ PACKET_BYTES = 1248
 DATA_PORT, INFO_PORT = 6699, 7788
 INFO_ID = bytes.fromhex("a5ff005a11115555")
 NO_BLOCK = 65535
-"""Azimuth that is none, for blocks that are to be left out of a packet."""
+"""Invalid azimuth for blocks to leave out of a packet."""
 
 CHANNEL = np.dtype([("distance", ">u2"), ("intensity", "u1")])
 BLOCK = np.dtype([("id", ">u2"), ("azimuth", ">u2"), ("channels", "V96")])
-"""A block, its channels still as bytes, which copy several times faster; see `channels`."""
+"""A block. Its channels are raw bytes, which copy several times faster; see `channels`."""
 CLASSIC_TIME = np.dtype([("date", "u1", (6,)), ("milliseconds", ">u2"), ("microseconds", ">u2")])
 HELIOS_TIME = np.dtype([("high", ">u2"), ("low", ">u4"), ("microseconds", ">u4")])
 DATA: np.dtype[Any] = np.dtype(
@@ -38,7 +38,7 @@ def channels(raw: NDArray[Any]) -> NDArray[Any]:
 
 
 def temperatures_degc(packets: NDArray[Any]) -> NDArray[np.float64]:
-    """Return the temperature in data packets, shape (P,), in degrees Celsius.
+    """Return the temperature in each data packet, shape (P,), in degrees Celsius.
 
     Examples
     --------
@@ -54,12 +54,12 @@ def temperatures_degc(packets: NDArray[Any]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Columns:
-    """What a sensor measured, block by block; P packets of 12 blocks.
+    """Measurements of a sensor by block: P packets of 12 blocks.
 
     Parameters
     ----------
     azimuth : ndarray, shape (12 P,), integer
-        Azimuth of each block in hundredths of a degree, clockwise from above; `NO_BLOCK` for none.
+        Azimuth of each block in hundredths of a degree, clockwise seen from above; or `NO_BLOCK`.
     distance_m : ndarray, shape (12 P, 32)
         Distance of each channel in metres; 0 for no return.
     intensity : ndarray, shape (12 P, 32), uint8
@@ -75,7 +75,7 @@ class Columns:
 
 
 def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
-    """Return data packets, shape (P, 1248); distances are rounded to the model's unit."""
+    """Return data packets, shape (P, 1248), with distances rounded to the unit of the model."""
     packets = np.zeros(len(columns.times_ns), DATA)
     blocks = packets["blocks"].reshape(-1)
     missing = columns.azimuth == NO_BLOCK
@@ -106,27 +106,27 @@ def _write_classic_time(packets: NDArray[Any], times_ns: NDArray[np.int64]) -> N
     date[:, 1] = month.astype(int) % 12 + 1
     date[:, 2] = (day - month).astype(int) + 1
     seconds = times_ns // 10**9 % 86400
-    for place, (size, count) in enumerate(((3600, 24), (60, 60), (1, 60)), 3):
-        date[:, place] = seconds // size % count
+    for index, (size, count) in enumerate(((3600, 24), (60, 60), (1, 60)), 3):
+        date[:, index] = seconds // size % count
     time["milliseconds"], time["microseconds"] = times_ns // 10**6 % 1000, times_ns // 1000 % 1000
 
 
 @dataclass(frozen=True)
 class DeviceSettings:
-    """What a device tells of itself.
+    """Settings in a device information packet.
 
     Parameters
     ----------
     rpm : int
-        Turns per minute.
+        Revolutions per minute.
     fov : tuple of int
         Start and end of the field of view, in hundredths of a degree.
     return_mode : int
-        The model's own number; 0 for two returns.
+        Mode number of the model; 0 for two returns.
     versions : tuple of bytes
-        Of the top and the bottom board, five bytes each.
+        Firmware versions of the top and the bottom board, five bytes each.
     intensity_mode : int
-        0xC1 where the sensor calibrates its intensities.
+        0xC1 if the sensor calibrates its intensities.
     serial : bytes
         Serial number, six bytes.
     """
@@ -142,7 +142,7 @@ class DeviceSettings:
 def write_info(
     model: RobosenseModel, angles: Angles | None, settings: DeviceSettings | None = None
 ) -> NDArray[np.uint8]:
-    """Return a packet of device information (DIFOP), shape (1248,); without angles, its tables stay unprogrammed."""
+    """Return a device information packet (DIFOP), shape (1248,); without angles, its tables are unprogrammed."""
     settings = settings or DeviceSettings()
     packet = np.zeros(PACKET_BYTES, np.uint8)
     start, end = settings.fov

@@ -1,4 +1,4 @@
-"""Blocks of RoboSense packets as points; in single precision and in the order of operations of the vendor's driver."""
+"""Conversion of RoboSense blocks to points, in single precision and the order of operations of RoboSense's driver."""
 
 from functools import cache
 from typing import Any
@@ -13,19 +13,19 @@ from seaclutter_cli.sensors.robosense.device import Device
 from seaclutter_cli.sensors.robosense.models import CHANNELS, RobosenseModel
 from seaclutter_cli.sensors.robosense.packets import channels
 
-_LEAST, _MOST = -9000, 45000
+_MIN_AZIMUTH, _MAX_AZIMUTH = -9000, 45000
 _SWAPPED = 0x8000
 
 
 class Geometry:
-    """Turns blocks of one sensor into points.
+    """Converter from the blocks of one sensor to points.
 
     Parameters
     ----------
     device : Device
         The sensor.
     angles : Angles
-        Where its lasers look.
+        Directions of its lasers.
     """
 
     def __init__(self, device: Device, angles: Angles) -> None:
@@ -35,9 +35,9 @@ class Geometry:
         self.last_ns = int(channel_ns[-1])
         self._channel_s = channel_ns / 1e9
         share = (channel_ns / device.step_ns).astype(np.float32)
-        turned = np.arange(max(BLIND, device.step) + 1, dtype=np.float32)[:, None] * share
-        self._turned = turned.astype(np.int64)
-        self._sides = _sides()
+        rotation = np.arange(max(BLIND, device.step) + 1, dtype=np.float32)[:, None] * share
+        self._rotation = rotation.astype(np.int64)
+        self._directions = _directions()
         forward, up = np.array(model.lens_m, np.float32)
         self._lens = _lens(float(forward))
         vertical = angles.vertical * 0.01 * np.pi / 180
@@ -47,15 +47,15 @@ class Geometry:
         self._packed = _packed(self._dtype)
 
     def points(self, blocks: Blocks) -> NDArray[np.void]:
-        """Return the returns of blocks, shape (N,), in the order of firing."""
+        """Return the points of blocks, shape (N,), in firing order."""
         distance, intensity = self._measured(channels(blocks.channels))
-        azimuth = blocks.azimuth[:, None] + self._turned[blocks.step] - _LEAST
+        azimuth = blocks.azimuth[:, None] + self._rotation[blocks.step] - _MIN_AZIMUTH
         range_m = distance * self._unit
         points = np.empty(distance.shape, self._packed)
-        places = self._sides.take(azimuth + self._horizontal, mode="clip")
-        places *= range_m * self._cos
-        places += self._lens.take(azimuth, mode="clip")
-        points["xy"] = places
+        positions = self._directions.take(azimuth + self._horizontal, mode="clip")
+        positions *= range_m * self._cos
+        positions += self._lens.take(azimuth, mode="clip")
+        points["xy"] = positions
         points["z"] = range_m * self._sin + self._up
         points["intensity"] = intensity
         points["ring"] = self._rings
@@ -68,7 +68,7 @@ class Geometry:
     def _measured(self, measured: NDArray[Any]) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
         """Return distances in units and intensities, shape (B, 32)."""
         distance, intensity = measured["distance"].astype(np.uint16), measured["intensity"]
-        if self._device.model.two_kinds:
+        if self._device.model.swaps_halves:
             swapped = distance[:, 0] >= _SWAPPED
             distance &= _SWAPPED - 1
             intensity = intensity.copy()
@@ -84,7 +84,7 @@ class Geometry:
 
 @cache
 def _limits(model: RobosenseModel) -> tuple[np.uint16, np.uint16]:
-    """Return the least and the greatest distance that counts, in units."""
+    """Return the least and greatest valid distance in units."""
     least, most = np.array(model.range_m, np.float32)
     ranges = np.arange(2**16, dtype=np.float32) * np.float32(model.unit_m)
     valid = np.flatnonzero((ranges >= least) & (ranges <= most))
@@ -92,24 +92,24 @@ def _limits(model: RobosenseModel) -> tuple[np.uint16, np.uint16]:
 
 
 @cache
-def _sides() -> NDArray[np.complex64]:
-    """Return where azimuths of hundredths of a degree look; any that two bytes hold, and what is added, has a place."""
-    hundredths = np.arange(_LEAST, 2**17)
-    hundredths[hundredths >= _MOST] = 0
+def _directions() -> NDArray[np.complex64]:
+    """Return unit vectors by azimuth in hundredths of a degree, for any two-byte azimuth plus offsets."""
+    hundredths = np.arange(_MIN_AZIMUTH, 2**17)
+    hundredths[hundredths >= _MAX_AZIMUTH] = 0
     radians = hundredths * 0.01 * np.pi / 180
-    sides = np.empty(len(radians), np.complex64)
-    sides.real, sides.imag = np.cos(radians), -np.sin(radians)
-    return sides
+    directions = np.empty(len(radians), np.complex64)
+    directions.real, directions.imag = np.cos(radians), -np.sin(radians)
+    return directions
 
 
 @cache
 def _lens(forward: float) -> NDArray[np.complex64]:
-    """Return where the lens is at these azimuths."""
-    return (_sides() * np.float32(forward)).astype(np.complex64)
+    """Return the position of the lens by azimuth, as in `_directions`."""
+    return (_directions() * np.float32(forward)).astype(np.complex64)
 
 
 def _packed(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """Return the layout of points with x and y as one complex number, which is written in one go."""
+    """Return the layout of points with x and y as one complex number, which is faster to write."""
     fields = dict(dtype.fields or {})
     names = [name for name in fields if name not in "xy"]
     formats = ["<c8", *(fields[name][0] for name in names)]
@@ -121,5 +121,5 @@ def _select(points: NDArray[np.void], keep: NDArray[np.bool_]) -> NDArray[np.voi
     kept = np.flatnonzero(keep)
     if len(kept) == len(points):
         return points
-    # Points copy several times faster as so many bytes.
+    # Points copy several times faster as raw bytes.
     return points.view(np.dtype((np.void, points.dtype.itemsize))).take(kept).view(points.dtype)

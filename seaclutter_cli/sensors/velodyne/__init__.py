@@ -1,1 +1,1 @@
-"""Velodyne, decoded by the library ``velodyne-decoder``."""
+"""Velodyne sensors, decoded by the library ``velodyne-decoder``."""

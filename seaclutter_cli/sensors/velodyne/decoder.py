@@ -1,4 +1,4 @@
-"""Velodyne: packets of the spinning sensors, decoded by the velodyne-decoder library."""
+"""Decoder for Velodyne's rotating sensors, based on the library ``velodyne-decoder``."""
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
@@ -14,58 +14,58 @@ from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets,
 from seaclutter_cli.sensors.velodyne.packets import (
     BLIND_DEG,
     CLOCK_NS,
-    CLOSE,
     DUAL,
-    LONGEST_TURN_NS,
+    FULL_CIRCLE,
+    MAX_REVOLUTION_NS,
     MODELS,
     MODES,
     PACKET,
-    TURN,
+    TOLERANCE,
     VLP32B,
     Cut,
     VelodyneClock,
     VelodyneLosses,
     VelodyneModel,
-    are_sound,
     used_blocks,
+    valid_packets,
     view_packets,
 )
 
-_SHORTEST_TURN_NS = 25_000_000
+_MIN_REVOLUTION_NS = 25_000_000
 _POSITION_BYTES = 512
-_PORTION = 512
+_BATCH = 512
 _LAST = 2
 
 
 class _Velodyne:
-    """Velodyne's spinning sensors but the HDL-64E, whose packets do not say what they are."""
+    """Velodyne's rotating sensors except the HDL-64E, whose packets do not name the model."""
 
     title = "Velodyne"
     scan_types: Mapping[str, str] = {"velodyne_msgs/msg/VelodyneScan": "packets"}
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
-        """Tell whether a UDP payload, shape (L,), is a data packet; position packets hold nothing of use."""
+        """Return whether a UDP payload, shape (L,), is a data packet; position packets contain nothing useful."""
         if len(payload) != PACKET.itemsize:
             return False
         record = payload.tobytes()
         packet = np.frombuffer(record, PACKET)
-        return int(packet["model"][0]) in MODELS and bool(are_sound(packet)[0])
+        return int(packet["model"][0]) in MODELS and bool(valid_packets(packet)[0])
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> "VelodyneDecoder":
-        """Return a decoder for the model that most of some packets name.
+        """Return a decoder for the model that most of these packets name.
 
         Raises
         ------
         InputError
-            If none of them is a Velodyne packet, the model has to be told or the calibration cannot be read.
+            If no packet is from a supported model, the model is ambiguous or the calibration cannot be read.
         MissingExtraError
-            If the library is not installed.
+            If ``velodyne-decoder`` is not installed.
         """
         views = view_packets(packets.payloads)
-        models = views["model"][are_sound(views)]
+        models = views["model"][valid_packets(views)]
         known = models[np.isin(models, list(MODELS))]
         if not len(known):
-            raise InputError("none of the packets is from a Velodyne sensor that is known")
+            raise InputError("the packets are not from a supported Velodyne sensor")
         return VelodyneDecoder(int(np.bincount(known).argmax()), options)
 
 
@@ -80,23 +80,25 @@ def _library() -> Any:
 
 
 class VelodyneDecoder:
-    """Decodes one sensor's packets; turns end at azimuth 0, or in the middle of a sector that the sensor leaves out.
+    """Decoder for the packets of one sensor.
+
+    Revolutions are split at azimuth 0, or in the middle of a blind sector.
 
     Parameters
     ----------
     factory : int
-        Factory byte of the packets, which names the model.
+        Factory byte of the packets, which identifies the model.
     options : DecoderOptions
-        ``calibration`` is a YAML file as velodyne-decoder and ROS have it, in place of the model's usual angles.
+        ``calibration`` is a YAML file in the format of velodyne-decoder and ROS; it replaces the model's usual angles.
 
     Notes
     -----
-    State: packets of the turn that is not complete, at most half a second of them; those of the first turn until it is
-    known which sector is left out. The packet in which a turn ends is made two, with the other's channels emptied.
+    State: packets of the incomplete revolution, at most half a second; packets of the first revolution until the blind
+    sector is known. A packet in which a revolution ends is duplicated; each copy keeps the channels of one revolution.
     """
 
     def __init__(self, factory: int, options: DecoderOptions) -> None:
-        """Choose the model and its calibration."""
+        """Select the model and read its calibration."""
         self._factory, self._model = factory, _choose_model(factory, options.model)
         library = _library()
         self._packet, self._scan = library.VelodynePacket, library.PacketVector
@@ -114,63 +116,63 @@ class VelodyneDecoder:
         self._packets = np.empty(0, PACKET)
         self._times_ns = np.empty(0, np.int64)
         self._searched = 0
-        self._began_cut = False
+        self._starts_at_cut = False
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
-        """Yield the frames that these packets complete; position packets are left out, others that do not fit count."""
+        """Yield the frames that these packets complete. Position packets are ignored; invalid packets are counted."""
         views = view_packets(packets.payloads)
-        good = are_sound(views) & (views["model"] == self._factory)
+        good = valid_packets(views) & (views["model"] == self._factory)
         if packets.payloads.shape[1] != _POSITION_BYTES:
             self.facts.bad_packets += len(packets) - int(good.sum())
-        places = np.flatnonzero(good)
-        for start in range(0, len(places), _PORTION):
-            part = places[start : start + _PORTION]
-            yield from self._take(views[part], packets.times_ns[part])
+        indices = np.flatnonzero(good)
+        for start in range(0, len(indices), _BATCH):
+            part = indices[start : start + _BATCH]
+            yield from self._process(views[part], packets.times_ns[part])
 
-    def _take(self, packets: NDArray[Any], host_ns: NDArray[np.int64]) -> Iterator[PacketFrame]:
+    def _process(self, packets: NDArray[Any], host_ns: NDArray[np.int64]) -> Iterator[PacketFrame]:
         times_ns = self._clock.unix_ns(host_ns, packets["time_us"])
-        self.facts.details["returns"] = MODES[int(packets["mode"][-1])]
+        self.facts.details["return mode"] = MODES[int(packets["mode"][-1])]
         self._packets = np.concatenate((self._packets, packets))
         self._times_ns = np.concatenate((self._times_ns, times_ns))
-        self._losses.hold(packets, host_ns)
+        self._losses.add(packets, host_ns)
         if self._cut is None:
             self._cut = Cut.find(self._azimuths(), self._times_ns)
         if self._cut is not None:
-            yield from self._turns(self._cut)
+            yield from self._revolutions(self._cut)
 
     def finish(self) -> Iterator[PacketFrame]:
-        """Yield what is left; it is partial unless it reaches the end of a turn."""
+        """Yield the remaining points; they are partial unless they reach the end of a revolution."""
         if self._cut is None:
-            self._cut = Cut.unknown()
-            yield from self._turns(self._cut)
+            self._cut = Cut.at_zero()
+            yield from self._revolutions(self._cut)
         if len(self._packets):
             yield self._frame(len(self._packets), 0, self._cut, ended=False)
 
     def _azimuths(self) -> NDArray[np.int64]:
-        """Return the azimuth of each block, shape (P, 12), in 0.01°; of one that is not used, that of the last used."""
+        """Return the azimuth of each block, shape (P, 12), in 0.01°; unused blocks repeat the last used one."""
         used = used_blocks(self._packets)
         azimuths = self._packets["blocks"]["azimuth"].astype(np.int64)
         return np.where(used, azimuths, azimuths[:, 7:8])
 
-    def _turns(self, cut: Cut) -> Iterator[PacketFrame]:
-        """Yield the turns that are complete, and drop their packets."""
+    def _revolutions(self, cut: Cut) -> Iterator[PacketFrame]:
+        """Yield the complete revolutions and drop their packets."""
         self._losses.count(cut)
         while (end := self._next_end(cut)) is not None:
             packet, block, ended = end
             yield self._frame(packet, block, cut, ended=ended)
 
     def _next_end(self, cut: Cut) -> tuple[int, int, bool] | None:
-        """Return packet and block with which the next turn begins, and whether it is a cut and no pause."""
+        """Return the packet and block that start the next revolution, and whether they follow a cut, not a pause."""
         if not len(self._packets):
             return None
         elapsed = self._times_ns - self._times_ns[0]
-        late = np.flatnonzero((elapsed > LONGEST_TURN_NS) | (elapsed < -CLOCK_NS))
-        for place in cut.places(self._azimuths(), after=self._searched):
-            packet, block = divmod(int(place), 12)
+        late = np.flatnonzero((elapsed > MAX_REVOLUTION_NS) | (elapsed < -CLOCK_NS))
+        for index in cut.revolution_starts(self._azimuths(), after=self._searched):
+            packet, block = divmod(int(index), 12)
             if len(late) and late[0] <= packet:
                 break
-            if not self._began_cut or elapsed[packet] > _SHORTEST_TURN_NS:
-                whole = self._model.banks > 1 and block > 0  # its decoder needs the step from packet to packet
+            if not self._starts_at_cut or elapsed[packet] > _MIN_REVOLUTION_NS:
+                whole = self._model.banks > 1 and block > 0  # the library needs the step between packets
                 return (packet + 1, 0, True) if whole else (packet, block, True)
         if len(late):
             return int(late[0]), 0, False
@@ -178,54 +180,54 @@ class VelodyneDecoder:
         return None
 
     def _frame(self, packet: int, block: int, cut: Cut, *, ended: bool) -> PacketFrame:
-        """Return the turn before a block of a packet, and keep what comes from there on."""
+        """Return the revolution before a block of a packet, and keep the packets from there on."""
         if block:
-            self._divide(packet, block)
+            self._split_packet(packet, block)
             packet += 1
-        azimuths = (self._azimuths()[:packet] - cut.azimuth) % TURN
+        azimuths = (self._azimuths()[:packet] - cut.azimuth) % FULL_CIRCLE
         points, stamp_ns = self._decode(packet)
-        begun = self._began_cut or cut.begins(int(azimuths[0, 0]))
-        partial = not (begun and (ended or cut.ends(int(azimuths[-1, -1]))))
+        begun = self._starts_at_cut or cut.is_start(int(azimuths[0, 0]))
+        partial = not (begun and (ended or cut.is_end(int(azimuths[-1, -1]))))
         self._packets, self._times_ns = self._packets[packet:], self._times_ns[packet:]
-        self._began_cut, self._searched = ended, 0
+        self._starts_at_cut, self._searched = ended, 0
         return PacketFrame(points, stamp_ns, partial=partial)
 
-    def _divide(self, packet: int, block: int) -> None:
-        """Make a packet two, of which the first keeps the blocks before one and the second the others."""
+    def _split_packet(self, packet: int, block: int) -> None:
+        """Replace a packet by two: the first keeps the blocks before the given one, the second the others."""
         pair = np.repeat(self._packets[packet : packet + 1], 2)
         blocks = pair["blocks"]
         blocks["channels"][0, block:] = blocks["channels"][1, :block] = b""
         azimuths = blocks["azimuth"].astype(np.int64)
-        steps = np.diff(azimuths[0]) % TURN
-        if steps[block - 1] > BLIND_DEG * 100:  # the library takes it for so much rotation within the packet
+        steps = np.diff(azimuths[0]) % FULL_CIRCLE
+        if steps[block - 1] > BLIND_DEG * 100:  # the library would treat the blind sector as rotation
             pace = float(steps[np.arange(11) != block - 1].mean())
-            places = np.arange(12)
-            ahead = np.rint(azimuths[0, block - 1] + pace * (places - block + 1)).astype(np.int64)
-            behind = np.rint(azimuths[1, block] - pace * (block - places)).astype(np.int64)
-            blocks["azimuth"][0, block:] = ahead[block:] % TURN
-            blocks["azimuth"][1, :block] = behind[:block] % TURN
+            indices = np.arange(12)
+            ahead = np.rint(azimuths[0, block - 1] + pace * (indices - block + 1)).astype(np.int64)
+            behind = np.rint(azimuths[1, block] - pace * (block - indices)).astype(np.int64)
+            blocks["azimuth"][0, block:] = ahead[block:] % FULL_CIRCLE
+            blocks["azimuth"][1, :block] = behind[:block] % FULL_CIRCLE
         self._packets = np.concatenate((self._packets[:packet], pair, self._packets[packet + 1 :]))
         self._times_ns = np.insert(self._times_ns, packet, self._times_ns[packet])
 
-    def _settle_first(self) -> None:
-        """Give the second half of a packet that was divided by a blind sector its time: a packet before the next."""
-        if len(self._packets) < 2 or not self._began_cut:
+    def _correct_first_time(self) -> None:
+        """Set the time of the rest of a packet split by a blind sector to one period before the next packet."""
+        if len(self._packets) < 2 or not self._starts_at_cut:
             return
-        step = int(self._azimuths()[1, 0] - self._azimuths()[0, -1]) % TURN
-        if step < CLOSE:
+        step = int(self._azimuths()[1, 0] - self._azimuths()[0, -1]) % FULL_CIRCLE
+        if step < TOLERANCE:
             dual = self._packets["mode"][0] == DUAL
-            period_ns = round(self._model.period_us * 1000 / (self._model.shares if dual else 1))
+            period_ns = round(self._model.period_us * 1000 / (self._model.dual_rate if dual else 1))
             if self._times_ns[1] - self._times_ns[0] > 2 * period_ns:
                 self._times_ns[0] = self._times_ns[1] - period_ns
 
     def _decode(self, count: int) -> tuple[NDArray[Any], int]:
-        """Return the points of the first packets, shape (N,), and the time of the last in nanoseconds."""
-        self._settle_first()
+        """Return the points of the first ``count`` packets, shape (N,), and the time of the last point in ns."""
+        self._correct_first_time()
         packets, times_ns = self._packets[:count], self._times_ns[:count]
         start_ns = int(times_ns[0])
-        octets = packets.view(np.uint8).reshape(count, -1)
+        raw_bytes = packets.view(np.uint8).reshape(count, -1)
         stamps = (self._times(second, second) for second in ((times_ns - start_ns) / 1e9).tolist())
-        scan = self._scan([self._packet(stamp, row.tolist()) for stamp, row in zip(stamps, octets, strict=True)])
+        scan = self._scan([self._packet(stamp, row.tolist()) for stamp, row in zip(stamps, raw_bytes, strict=True)])
         _, raw = self._decoder.decode(scan, True)
         dual = bool((packets["mode"] == DUAL).any())
         points = np.empty(len(raw), point_dtype(returns=dual))
@@ -244,7 +246,7 @@ def _choose_model(factory: int, wanted: str | None) -> VelodyneModel:
         return model
     named = {kind.name: kind for kind in (model, VLP32B)}
     if wanted not in named:
-        raise InputError("the packets are from a VLP-32A or a VLP-32B, which look alike: say which it is")
+        raise InputError("VLP-32A and VLP-32B share a packet format: select one with --sensor")
     return named[wanted]
 
 
@@ -254,8 +256,8 @@ def _read_calibration(library: Any, path: Path | None, model: VelodyneModel) -> 
     try:
         calibration = library.Calibration.read(str(path))
         lasers = calibration.to_string().count("laser_id:")
-    except Exception as error:  # the library passes on what its YAML parser throws
-        raise InputError(f"{path}: no calibration of a Velodyne sensor ({error})") from error
-    if lasers != model.lasers:  # of which the library does not take heed
+    except Exception as error:  # the library does not wrap errors of its YAML parser
+        raise InputError(f"{path}: not a valid Velodyne calibration ({error})") from error
+    if lasers != model.lasers:  # not checked by the library
         raise InputError(f"{path}: the calibration has {lasers} lasers, the {model.name} has {model.lasers}")
     return calibration

@@ -1,1 +1,1 @@
-"""Scenes seen by an airborne lidar: tiles."""
+"""Simulated tiles of an airborne lidar."""

@@ -1,4 +1,4 @@
-"""A simulated tile as a LAS or LAZ file, with the truth of every point."""
+"""Simulated tiles as LAS or LAZ files, with the truth of every point."""
 
 import os
 from collections import deque
@@ -20,11 +20,11 @@ from seaclutter_cli.sinks.las import LasSink
 TRUTH = {"object_class": ("u1", "0 none, 1 ship ... 8 garbage"), "object_id": ("u2", "number of the object, 0 none")}
 _SCALE_M = 0.001
 _ANGLE_UNIT_DEG = 0.006
-_MADE_ON = date(2024, 1, 1)
+_CREATION_DATE = date(2024, 1, 1)
 
 
 def strips_of(scene: TileScene) -> Iterator[NDArray[np.void]]:
-    """Yield the echoes of a scene strip by strip, made by all cores; the same whatever their number."""
+    """Yield the echoes of a scene strip by strip, rendered in threads; the number of threads does not change them."""
     renderer = TileRenderer(scene)
     threads = min(2, os.cpu_count() or 1)  # a strip takes a few hundred megabytes
     pending: deque[Future[NDArray[np.void]]] = deque()
@@ -41,21 +41,21 @@ def strips_of(scene: TileScene) -> Iterator[NDArray[np.void]]:
 
 
 def record_tile(scene: TileScene, path: Path, on_strip: Callable[[NDArray[np.void]], object] = lambda _: None) -> None:
-    """Write a scene to a LAS or LAZ file of point format 6.
+    """Write a scene to a LAS or LAZ file with point format 6.
 
     Parameters
     ----------
     scene : TileScene
-        What is there.
+        The scene to record.
     path : Path
         The file; it appears when it is complete.
     on_strip : callable, optional
-        Is told of each strip's echoes.
+        Called with the echoes of each strip.
 
     Raises
     ------
     MissingExtraError
-        If laspy, or its part for LAZ, is not installed.
+        If laspy, or its LAZ backend, is not installed.
     OutputError
         If the file cannot be written.
     """
@@ -67,9 +67,9 @@ def record_tile(scene: TileScene, path: Path, on_strip: Callable[[NDArray[np.voi
     header.scales = np.full(3, _SCALE_M)
     header.offsets = np.array([*scene.tile.origin_m, 0.0])
     header.system_identifier, header.generating_software = "simulated", "seaclutter simulate"
-    header.creation_date = _MADE_ON
+    header.creation_date = _CREATION_DATE
     header.uuid = UUID(int=0)
-    header.global_encoding.wkt = True  # as LAS 1.4 has it from point format 6 on; some readers insist
+    header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6; some readers check
     empty = laspy.ScaleAwarePointRecord.zeros(0, header=header)
     with LasSink(path, header, TRUTH, whole=False) as sink:
         for points in strips_of(scene):

@@ -1,4 +1,4 @@
-"""What an airborne lidar measures of a tile: pulses of one strip, their echoes, and what each comes from."""
+"""Rendering of tiles: the pulses of each strip, their echoes, and the truth of each echo."""
 
 from dataclasses import dataclass
 
@@ -32,21 +32,21 @@ POINT = np.dtype(
         ("object_id", "u2"),
     ]
 )
-"""One echo of a simulated tile; the last three are truth."""
+"""One echo of a simulated tile; the last three fields are truth."""
 
 
 @dataclass(frozen=True)
 class Pulses:
-    """Pulses of a strip, P of them, each by where it meets the level of the sea.
+    """Pulses of a strip, P of them, located by their intersection with mean sea level.
 
     Parameters
     ----------
     x, y : ndarray, shape (P,), float64
-        Place in metres from the tile's corner.
+        Position in metres from the corner of the tile.
     slope : ndarray, shape (P,), float64
-        How far a ray moves along y for each metre that it falls: the tangent of its angle.
+        Displacement of the ray along y per metre of descent: the tangent of its angle.
     times_s : ndarray, shape (P,), float64
-        When, from the start of the strip.
+        Time from the start of the strip.
     """
 
     x: Floats
@@ -57,10 +57,10 @@ class Pulses:
 
 @dataclass
 class Hits:
-    """Where the rays of each pulse end, shape (P, B): height, reflectivity, and number of the object, 0 for none."""
+    """End of each ray of each pulse, shape (P, B): height, reflectivity, and number of the object, 0 for none."""
 
     z: Floats
-    shade: Floats
+    reflectivity: Floats
     number: NDArray[np.int64]
 
 
@@ -95,30 +95,31 @@ def fly(lidar: AirborneParams, size_m: tuple[float, ...], line_y: float, rng: np
 
 
 class TileRenderer:
-    """Makes the strips of a scene, in any order and each the same whatever was made before.
+    """Renderer of the strips of a scene, which are independent and can be rendered in any order.
 
     Parameters
     ----------
     scene : TileScene
-        What is there.
+        The scene.
 
     Notes
     -----
-    A pulse is seven rays across its beam. A ray falls until it is below the top of what is there; nets, debris and
-    leaves let some through. Rays that end within 0.6 m of each other in height are one echo, whose strength is the sum
-    of theirs, reflectivity by cosine of incidence for surfaces that scatter; echoes that are too weak are lost.
-    Intensities are as surveys deliver them, corrected for range and flying height but not for incidence. Water is a
-    mirror with facets (mean square slope 0.03) and a weak diffuse part: bright below the aircraft, often silent at the
-    edge of the swath. Fixed things stay, ships rise with the swell, mats and rafts follow the surface.
+    A pulse is seven rays across its beam. A ray descends until it is below the top of an object or of the water; nets,
+    debris and leaves let some rays through. Rays that end within 0.6 m of each other in height form one echo. Its
+    strength is the sum of theirs, reflectivity times cosine of incidence for diffuse surfaces; echoes that are too weak
+    are lost. Intensities are as delivered by surveys: corrected for range and flying height, but not for incidence.
+    Water is a mirror with facets (mean square slope 0.03) and a weak diffuse part: bright below the aircraft, often
+    without an echo at the edge of the swath. Fixed objects do not move, ships rise with the swell, mats and rafts
+    follow the surface.
     """
 
     def __init__(self, scene: TileScene) -> None:
         self.scene = scene
-        self.things = scene.things()
+        self.objects = scene.placed_objects()
         seed = scene.tile.seed
         self._patches = [
-            KINDS[thing.kind].make(np.random.default_rng([seed, 2, thing.number]), thing.size_m, thing.reflectivity)
-            for thing in self.things
+            KINDS[item.kind].make(np.random.default_rng([seed, 2, item.number]), item.size_m, item.reflectivity)
+            for item in self.objects
         ]
         self.lines = strips(scene.lidar, scene.tile.size_m)
 
@@ -129,13 +130,13 @@ class TileRenderer:
         sea = water(scene.water, max(scene.tile.size_m), np.random.default_rng([seed, 4, index]))
         pulses = fly(scene.lidar, scene.tile.size_m, self.lines[index], rng)
         hits = self._sea_hits(pulses, sea, rng)
-        for thing, patch in zip(self.things, self._patches, strict=True):
-            self._meet(thing, patch, pulses, sea, hits, rng)
+        for item, patch in zip(self.objects, self._patches, strict=True):
+            self._hit_object(item, patch, pulses, sea, hits, rng)
         points = _echoes(pulses, hits, scene.lidar, rng)
         points["gps_time"] += 1000.0 * index
         points["point_source_id"] = index + 1
-        _stray(points, scene.water, rng)
-        codes = np.array([0, *(thing.code for thing in self.things)], np.uint8)
+        _add_noise_points(points, scene.water, rng)
+        codes = np.array([0, *(item.code for item in self.objects)], np.uint8)
         points["object_class"] = codes[points["object_id"]]
         for axis, origin in zip("xy", scene.tile.origin_m, strict=True):
             points[axis] += origin
@@ -146,114 +147,116 @@ class TileRenderer:
         along, across = sea.slope(pulses.x, pulses.y)
         tilt = along**2 + (across + pulses.slope) ** 2
         mirror = np.exp(-tilt / (2 * _MEAN_SQUARE_SLOPE))
-        shade = params.reflectivity * (_DIFFUSE + (1 - _DIFFUSE) * mirror) * rng.gamma(2.0, 0.5, len(tilt))
+        reflectivity = params.reflectivity * (_DIFFUSE + (1 - _DIFFUSE) * mirror) * rng.gamma(2.0, 0.5, len(tilt))
         z = sea.height(pulses.x, pulses.y) + rng.normal(0, 0.02, len(tilt))
         shape = (len(z), _BEAMS)
         return Hits(
             np.broadcast_to(z[:, None], shape).copy(),
-            np.broadcast_to(shade[:, None], shape).copy(),
+            np.broadcast_to(reflectivity[:, None], shape).copy(),
             np.zeros(shape, np.int64),
         )
 
-    def _meet(
-        self, thing: TileObject, patch: Patch, pulses: Pulses, sea: TileWater, hits: Hits, rng: np.random.Generator
+    def _hit_object(
+        self, item: TileObject, patch: Patch, pulses: Pulses, sea: TileWater, hits: Hits, rng: np.random.Generator
     ) -> None:
-        """Let the rays that come near an object end on it."""
-        highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*thing.position_m))
-        reach = 0.5 * float(np.hypot(*thing.size_m[:2])) + 2.0
+        """End the rays that hit an object on its surface."""
+        highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*item.position_m))
+        reach = 0.5 * float(np.hypot(*item.size_m[:2])) + 2.0
         near_y = reach + highest * np.abs(pulses.slope)
         near = np.flatnonzero(
-            (np.abs(pulses.x - thing.position_m[0]) < reach) & (np.abs(pulses.y - thing.position_m[1]) < near_y)
+            (np.abs(pulses.x - item.position_m[0]) < reach) & (np.abs(pulses.y - item.position_m[1]) < near_y)
         )
         if not len(near):
             return
         x, y = _beams(pulses.x[near], pulses.y[near], self.scene.lidar)
         slope = np.repeat(pulses.slope[near], _BEAMS)
-        lift = self._lift(thing, patch, sea, x, y)
-        z, shade = _fall(thing, patch, (x, y, slope), lift, highest, rng)
+        waterline = self._waterline(item, patch, sea, x, y)
+        z, reflectivity = _trace(item, patch, (x, y, slope), waterline, highest, rng)
         tilt = np.cos(np.arctan(slope)) ** (0.5 if patch.motion == "fixed" else 1)
-        struck = (z > hits.z[near].reshape(-1)).reshape(-1, _BEAMS)
-        for target, values in (("z", z), ("shade", shade * tilt)):
+        hit = (z > hits.z[near].reshape(-1)).reshape(-1, _BEAMS)
+        for target, values in (("z", z), ("reflectivity", reflectivity * tilt)):
             column = getattr(hits, target)
-            column[near] = np.where(struck, values.reshape(-1, _BEAMS), column[near])
-        hits.number[near] = np.where(struck, thing.number, hits.number[near])
+            column[near] = np.where(hit, values.reshape(-1, _BEAMS), column[near])
+        hits.number[near] = np.where(hit, item.number, hits.number[near])
 
-    def _lift(self, thing: TileObject, patch: Patch, sea: TileWater, x: Floats, y: Floats) -> Floats:
-        """Return how high the waterline of an object stands at places, shape (R,)."""
+    def _waterline(self, item: TileObject, patch: Patch, sea: TileWater, x: Floats, y: Floats) -> Floats:
+        """Return the height of an object's waterline at given positions, shape (R,)."""
         if patch.motion == "fixed":
             return np.zeros_like(x)
         if patch.motion == "floats":
-            return np.full_like(x, sea.heave(*thing.position_m))
+            return np.full_like(x, sea.heave(*item.position_m))
         return sea.height(x, y)
 
 
 def _beams(x: Floats, y: Floats, lidar: AirborneParams) -> tuple[Floats, Floats]:
-    """Return the rays of pulses: one in the middle of the beam and six about it, shape (P * 7,)."""
+    """Return the rays of pulses: one in the middle of the beam and six around it, shape (P * 7,)."""
     radius = 0.35 * lidar.divergence_mrad / 1000 * lidar.height_m
     around = np.arange(_BEAMS - 1) * (2 * np.pi / (_BEAMS - 1))
     dx, dy = np.append(0.0, radius * np.cos(around)), np.append(0.0, radius * np.sin(around))
     return (x[:, None] + dx).reshape(-1), (y[:, None] + dy).reshape(-1)
 
 
-def _fall(
-    thing: TileObject,
+def _trace(
+    item: TileObject,
     patch: Patch,
     rays: tuple[Floats, Floats, Floats],
-    lift: Floats,
+    waterline: Floats,
     highest: float,
     rng: np.random.Generator,
 ) -> tuple[Floats, Floats]:
     """Return the height at which each of R rays ends on an object, or minus infinity, and the reflectivity there."""
     x, y, slope = rays
-    z, shade = np.full(len(x), -np.inf), np.zeros(len(x))
-    luck, deep = rng.random(len(x)), rng.random(len(x))
+    z, reflectivity = np.full(len(x), -np.inf), np.zeros(len(x))
+    draw, depth = rng.random(len(x)), rng.random(len(x))
     steps = max(1, int(np.ceil(highest * float(np.abs(slope).max()) / STEP_M)))
-    falling = np.arange(len(x))
+    remaining = np.arange(len(x))
     for step in range(steps):
         upper, lower = highest * (1 - step / steps), highest * (1 - (step + 1) / steps) - (step + 1 == steps)
-        here, cells = _under(thing, patch, x[falling], y[falling] - slope[falling] * 0.5 * (upper + lower))
-        top = patch.top[cells] + lift[falling[here]]
-        stopped = (top >= lower) & (luck[falling[here]] < patch.cover[cells])
-        ended = falling[here[stopped]]
-        hit = np.minimum(top[stopped], upper) - deep[ended] * patch.depth[cells][stopped]
-        z[ended], shade[ended] = hit, patch.reflectivity[cells][stopped]
-        falling = np.delete(falling, here[stopped])
-    here, cells = _under(thing, patch, x[falling], y[falling])
+        above, cells = _cells_below(item, patch, x[remaining], y[remaining] - slope[remaining] * 0.5 * (upper + lower))
+        top = patch.top[cells] + waterline[remaining[above]]
+        stopped = (top >= lower) & (draw[remaining[above]] < patch.cover[cells])
+        ended = remaining[above[stopped]]
+        hit = np.minimum(top[stopped], upper) - depth[ended] * patch.depth[cells][stopped]
+        z[ended], reflectivity[ended] = hit, patch.reflectivity[cells][stopped]
+        remaining = np.delete(remaining, above[stopped])
+    above, cells = _cells_below(item, patch, x[remaining], y[remaining])
     ground = patch.base[cells]
-    z[falling[here]], shade[falling[here]] = ground, 0.6 * patch.reflectivity[cells]
-    return z, shade
+    z[remaining[above]], reflectivity[remaining[above]] = ground, 0.6 * patch.reflectivity[cells]
+    return z, reflectivity
 
 
-def _under(
-    thing: TileObject, patch: Patch, x: Floats, y: Floats
+def _cells_below(
+    item: TileObject, patch: Patch, x: Floats, y: Floats
 ) -> tuple[NDArray[np.intp], tuple[NDArray[np.intp], ...]]:
-    """Return which of some places lie over an object's maps, and in which cells."""
-    c, s = np.cos(thing.heading), np.sin(thing.heading)
-    dx, dy = x - thing.position_m[0], y - thing.position_m[1]
+    """Return the indices of the positions above an object's maps, and their cells."""
+    c, s = np.cos(item.heading), np.sin(item.heading)
+    dx, dy = x - item.position_m[0], y - item.position_m[1]
     cells = [
         np.floor(side / STEP_M + count / 2).astype(np.intp)
         for side, count in zip((c * dx + s * dy, c * dy - s * dx), patch.top.shape, strict=True)
     ]
     inside = [(at >= 0) & (at < count) for at, count in zip(cells, patch.top.shape, strict=True)]
-    here = np.flatnonzero(inside[0] & inside[1])
-    return here, (cells[0][here], cells[1][here])
+    above = np.flatnonzero(inside[0] & inside[1])
+    return above, (cells[0][above], cells[1][above])
 
 
 def _echoes(pulses: Pulses, hits: Hits, lidar: AirborneParams, rng: np.random.Generator) -> NDArray[np.void]:
-    """Join rays to echoes, and lose the weak ones."""
+    """Combine rays into echoes and discard weak ones."""
     order = np.argsort(-hits.z, axis=1, kind="stable")
-    z, shade, number = (np.take_along_axis(values, order, 1) for values in (hits.z, hits.shade, hits.number))
+    z, reflectivity, number = (
+        np.take_along_axis(values, order, 1) for values in (hits.z, hits.reflectivity, hits.number)
+    )
     group = np.concatenate((np.zeros((len(z), 1), np.int64), np.cumsum(-np.diff(z, axis=1) > _RESOLUTION_M, axis=1)), 1)
     found = []
     for echo in range(lidar.max_returns):
-        own = group == echo
-        count = own.sum(axis=1)
-        power = (shade * own).sum(axis=1) / _BEAMS
-        heard = np.flatnonzero((count > 0) & (power > _WEAKEST * rng.exponential(3.0, len(power))))
-        first = np.argmax(own[heard], axis=1)
-        height = (z[heard] * own[heard]).sum(axis=1) / count[heard]
-        strongest = number[heard, first + (count[heard] - 1) // 2]
-        found.append((heard, height, power[heard], strongest))
+        in_echo = group == echo
+        count = in_echo.sum(axis=1)
+        power = (reflectivity * in_echo).sum(axis=1) / _BEAMS
+        detected = np.flatnonzero((count > 0) & (power > _WEAKEST * rng.exponential(3.0, len(power))))
+        first = np.argmax(in_echo[detected], axis=1)
+        height = (z[detected] * in_echo[detected]).sum(axis=1) / count[detected]
+        strongest = number[detected, first + (count[detected] - 1) // 2]
+        found.append((detected, height, power[detected], strongest))
     pulse, height, power, label = (np.concatenate(column) for column in zip(*found, strict=True))
     order = np.argsort(pulse, kind="stable")
     return _points(pulses, (pulse[order], height[order], power[order], label[order]), lidar, rng)
@@ -282,8 +285,8 @@ def _points(
     return out
 
 
-def _stray(points: NDArray[np.void], params: WaterParams, rng: np.random.Generator) -> None:
-    """Turn a few echoes into such of nothing, below and above the surface."""
+def _add_noise_points(points: NDArray[np.void], params: WaterParams, rng: np.random.Generator) -> None:
+    """Convert a few echoes to noise below and above the surface."""
     chosen = np.flatnonzero(rng.random(len(points)) < params.stray_echo_share)
     low = rng.random(len(chosen)) < 0.5
     points["z"][chosen] = np.where(low, -rng.uniform(2, 15, len(chosen)), rng.uniform(8, 80, len(chosen)))

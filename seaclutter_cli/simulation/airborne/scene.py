@@ -1,4 +1,4 @@
-"""Scenes of airborne tiles: what lies where, the sea, and the lidar above it."""
+"""Scenes of airborne tiles: objects, water, lidar."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -29,20 +29,20 @@ _MARGIN_M = 12.0
 
 @dataclass(frozen=True, kw_only=True)
 class TileParams:
-    """The tile as such.
+    """Parameters of a tile.
 
     Parameters
     ----------
     description : str
-        What the scene shows.
+        Description of the scene.
     size_m : (float, float)
         Extent along x and y.
     origin_m : (float, float)
-        Its corner, in the coordinates of a map.
+        Corner in map coordinates.
     seed : int
-        What all chance comes from.
+        Seed of all random values.
     gap_m : float
-        Water between objects placed by chance.
+        Minimum gap around objects at random positions.
     """
 
     description: str = renamed("", formerly="about")
@@ -54,26 +54,26 @@ class TileParams:
 
 @dataclass(frozen=True, kw_only=True)
 class AirborneParams:
-    """The lidar and its flight; lines run along x.
+    """The lidar and its flight; flight lines run along x.
 
     Parameters
     ----------
     height_m : float
         Flying height.
     scan_angle_deg : float
-        Full angle across the track; less where the tile is narrower than that.
+        Full angle across the track; smaller if the tile is narrower than the swath.
     overlap : float
         Share of a strip that the next one covers again.
     pulses_m2 : float
-        Pulses per square metre and strip, on lines as close as the pulses on them.
+        Pulses per square metre and strip; scan lines are as close to each other as the pulses on them.
     divergence_mrad : float
         Width of the beam.
     max_returns : int
-        Echoes of a pulse at most.
+        Maximum number of echoes per pulse.
     gain : float
-        Digital numbers for an echo of reflectivity 1, met head on.
+        Digital number of an echo of reflectivity 1 at normal incidence.
     range_noise_m : float
-        Standard deviation of ranges.
+        Standard deviation of the range.
     """
 
     height_m: Annotated[float, Interval(ge=200, le=3000)] = 500.0
@@ -88,24 +88,24 @@ class AirborneParams:
 
 @dataclass(frozen=True, kw_only=True)
 class WaterParams:
-    """The water.
+    """The water of a tile.
 
     Parameters
     ----------
     wave_m : float
-        Significant height of the wind sea.
+        Significant wave height of the wind sea.
     wave_period_s : float
-        Its peak period.
+        Peak period of the wind sea.
     swell_m : float
-        Significant height of the swell.
+        Significant wave height of the swell.
     swell_period_s : float
-        Its peak period.
+        Peak period of the swell.
     direction_deg : float
-        Where both run to, counter-clockwise from x.
+        Direction in which both travel, counter-clockwise from x.
     reflectivity : float
-        Of the surface, met head on.
+        Reflectivity of the surface at normal incidence.
     stray_echo_share : float
-        Share of echoes from nothing, below and above the surface.
+        Share of the echoes that are noise below or above the surface.
     """
 
     wave_m: Annotated[float, Interval(ge=0, le=3)] = 0.1
@@ -119,20 +119,20 @@ class WaterParams:
 
 @dataclass(frozen=True, kw_only=True)
 class TileObjectParams:
-    """Something in the water; what is left out, chance decides.
+    """An object in the water; values that are None are random.
 
     Parameters
     ----------
     kind : str
-        Its class.
+        Class.
     position_m : (float, float) or None
-        Its middle, from the tile's corner.
+        Centre, from the corner of the tile.
     heading_deg : float or None
-        Counter-clockwise from x.
+        Heading, counter-clockwise from x.
     size_m : (float, float, float) or None
         Length, width and height.
     reflectivity : float or None
-        Met head on.
+        Reflectivity at normal incidence.
     """
 
     kind: str
@@ -149,7 +149,7 @@ class TileObjectParams:
 
 @dataclass(frozen=True)
 class TileObject:
-    """An object with its place: number from 1, class, middle in metres from the corner, heading in radians, size."""
+    """An object of a tile, numbered from 1, with its centre in metres from the corner and its heading in radians."""
 
     number: int
     kind: str
@@ -166,7 +166,7 @@ class TileObject:
 
 @dataclass(frozen=True)
 class TileScene:
-    """All of a scene."""
+    """A scene of an airborne tile."""
 
     tile: TileParams
     lidar: AirborneParams
@@ -174,52 +174,53 @@ class TileScene:
     objects: tuple[TileObjectParams, ...]
 
     def with_tile(self, **changes: Any) -> "TileScene":
-        """Return the scene with other values in the section ``tile``; None leaves one as it is."""
+        """Return the scene with other values in the section ``tile``; None keeps a value."""
         return replace(self, tile=replace(self.tile, **{k: v for k, v in changes.items() if v is not None}))
 
-    def things(self) -> list[TileObject]:
-        """Return the objects, each with a place clear of the others.
+    def placed_objects(self) -> list[TileObject]:
+        """Return the objects, with random positions clear of all others.
 
         Raises
         ------
         ConfigError
-            If there is no room for one.
+            If there is no room for an object.
         """
         placed: list[TileObject] = []
-        order = sorted(range(len(self.objects)), key=lambda at: self.objects[at].position_m is None)
-        for at in order:
-            placed.append(self._place(at, placed))
-        return sorted(placed, key=lambda thing: thing.number)
+        order = sorted(range(len(self.objects)), key=lambda index: self.objects[index].position_m is None)
+        for index in order:
+            placed.append(self._place(index, placed))
+        return sorted(placed, key=lambda item: item.number)
 
-    def _place(self, at: int, placed: list[TileObject]) -> TileObject:
-        given, rng = self.objects[at], np.random.default_rng([self.tile.seed, 1, at])
+    def _place(self, index: int, placed: list[TileObject]) -> TileObject:
+        given, rng = self.objects[index], np.random.default_rng([self.tile.seed, 1, index])
         kind = KINDS[given.kind]
-        share = rng.beta(1.2, 1.8, 3)  # rather small than large, length and width alike
+        share = rng.beta(1.2, 1.8, 3)  # favours small objects; length and width are correlated
         share[1] = np.clip(0.7 * share[0] + 0.3 * share[1], 0, 1)
-        chance = np.array(kind.least) + share * (np.array(kind.most) - np.array(kind.least))
-        length, width, height = given.size_m or chance.tolist()
+        random_size = np.array(kind.smallest) + share * (np.array(kind.largest) - np.array(kind.smallest))
+        length, width, height = given.size_m or random_size.tolist()
         size = (length, width, height)
-        shade = float(rng.uniform(*kind.shades)) if given.reflectivity is None else given.reflectivity
+        reflectivity = float(rng.uniform(*kind.reflectivities)) if given.reflectivity is None else given.reflectivity
         for _ in range(_TRIES):
-            heading = float(rng.uniform(0, 360)) if given.heading_deg is None else given.heading_deg
-            reach = _MARGIN_M + np.asarray(_bounds(size, float(np.radians(heading)))) / 2
-            place = given.position_m or tuple(
+            heading_deg = float(rng.uniform(0, 360)) if given.heading_deg is None else given.heading_deg
+            heading = float(np.radians(heading_deg))
+            reach = _MARGIN_M + np.asarray(_bounds(size, heading)) / 2
+            position = given.position_m or tuple(
                 rng.uniform(reach, np.maximum(np.array(self.tile.size_m) - reach, reach + 1e-6))
             )
-            thing = TileObject(at + 1, given.kind, place, float(np.radians(heading)), size, shade)  # type: ignore[arg-type]
-            if given.position_m or all(_apart(thing, other, self.tile.gap_m) for other in placed):
-                return thing
-        raise ConfigError(f"objects.{at}: no room for another {given.kind}; leave some out, or make the tile larger")
+            item = TileObject(index + 1, given.kind, position, heading, size, reflectivity)  # type: ignore[arg-type]
+            if given.position_m or all(_apart(item, other, self.tile.gap_m) for other in placed):
+                return item
+        raise ConfigError(f"objects.{index}: no room for another {given.kind}; remove objects or enlarge the tile")
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the scene as it stands in a file, with all defaults."""
+        """Return the scene as the content of a file, with default values."""
         sections = {name: plain(getattr(self, name)) for name in ("tile", "lidar", "water")}
         objects = [{key: value for key, value in plain(item).items() if value is not None} for item in self.objects]
         return {**sections, "objects": objects}
 
 
 def _bounds(size: Size, heading: float) -> tuple[float, float]:
-    """Return the extent along x and y of a turned rectangle."""
+    """Return the extent along x and y of a rotated rectangle."""
     c, s = abs(np.cos(heading)), abs(np.sin(heading))
     return float(size[0] * c + size[1] * s), float(size[0] * s + size[1] * c)
 
@@ -240,24 +241,24 @@ _SECTIONS = (*_KINDS, "objects", "random")
 
 
 def builtin_tiles() -> Mapping[str, Path]:
-    """Return the tile scenes that come with the program by name."""
+    """Return the built-in tile scenes by name."""
     return builtin_files("scenes/tiles")
 
 
 def is_tile_scene(name: str) -> bool:
-    """Whether a name is that of a built-in tile scene, or of a file with a section ``tile``."""
+    """Return whether a name is that of a built-in tile scene, or of a file with a section ``tile``."""
     path = Path(name)
     return "tile" in read_yaml(path, _SECTIONS) if path.exists() else name in builtin_tiles()
 
 
 def load_tile_scene(name: str) -> TileScene:
-    """Return a tile scene from a file, or a built-in one by its name; `ConfigError` with everything that is wrong."""
+    """Return the tile scene in a file, or a built-in one by its name; raises `ConfigError` with all problems."""
     path = find_file(name, "scenes/tiles", "tile scene")
     return parse_tile_scene(read_yaml(path, _SECTIONS), str(path))
 
 
 def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
-    """Return the scene that a mapping describes; ``where`` names it in errors."""
+    """Return the scene that a mapping describes; error messages start with ``where``."""
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
     parts = build_sections(_KINDS, raw, problems)
     listed = build_list(TileObjectParams, raw.get("objects") or [], "objects", "an object", problems)
@@ -267,13 +268,13 @@ def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
 
 
 def _random(raw: Any, problems: list[str]) -> list[TileObjectParams]:
-    """Return so many objects of each class, all else left to chance."""
+    """Return the given number of objects of each class, with random values."""
     if not isinstance(raw, dict):
         problems.append(f"random: must be a section with keys, is {kind_of(raw)}")
         return []
     problems += [f"random.{key}: unknown class; allowed: {', '.join(KINDS)}" for key in raw if key not in KINDS]
     wrong = [key for key, count in raw.items() if type(count) is not int or not 0 <= count <= 50]
     problems += [f"random.{key}: must be a whole number from 0 to 50" for key in wrong]
-    # The large ones first, while there is room.
+    # Large objects first, while there is room.
     order = [name for name in ("island", "fishing fence", "aquaculture", *KINDS) if name in raw and name not in wrong]
     return [TileObjectParams(kind=name) for name in dict.fromkeys(order) for _ in range(raw[name])]

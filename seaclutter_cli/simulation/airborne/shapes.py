@@ -1,4 +1,4 @@
-"""What lies in the water, seen from above: small height maps with chance in them."""
+"""Random objects of airborne tiles as small height maps."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,25 +13,25 @@ Size = tuple[float, float, float]
 Motion = Literal["fixed", "floats", "drifts"]
 
 STEP_M = 0.25
-"""Width of a map's cells in metres."""
+"""Width of the cells of a map in metres."""
 
 
 @dataclass(frozen=True)
 class Patch:
-    """Maps of one object in its own axes, length along the first; cells of `STEP_M`, L by W of them.
+    """Maps of one object in its own axes, length along the first; L by W cells of width `STEP_M`.
 
     Parameters
     ----------
     top : ndarray, shape (L, W), float64
-        Height above the waterline in metres; minus infinity where there is nothing.
+        Height above the waterline in metres; minus infinity without an object.
     cover : ndarray, shape (L, W), float64
-        Share of the rays that what is there stops: less than 1 for nets, debris and leaves.
+        Share of the rays that the object stops: less than 1 for nets, debris and leaves.
     depth : ndarray, shape (L, W), float64
-        How far below ``top`` it may stop them, in metres.
+        Distance below ``top`` within which it stops them, in metres.
     base : ndarray, shape (L, W), float64
-        Height of the ground beneath; minus infinity over water.
+        Height of the ground below; minus infinity over water.
     reflectivity : ndarray, shape (L, W), float64
-        Met head on.
+        Reflectivity at normal incidence.
     motion : str
         Fixed to the ground; floating as one body; or drifting, following the surface everywhere.
     """
@@ -45,14 +45,14 @@ class Patch:
 
 
 def _axes(length_m: float, width_m: float) -> tuple[Map, Map]:
-    """Return coordinates of the cells' middles, shape (L, 1) and (1, W), 0 in the middle."""
+    """Return coordinates of the cell centres, shape (L, 1) and (1, W), 0 in the middle."""
     sides = (max(1, round(side / STEP_M)) for side in (length_m, width_m))
     x, y = (np.asarray((np.arange(cells) - (cells - 1) / 2) * STEP_M, np.float64) for cells in sides)
     return x[:, None], y[None, :]
 
 
 def _noise(rng: np.random.Generator, shape: tuple[int, ...], scale_m: float) -> Map:
-    """Return smooth noise of about mean 0 and deviation 1."""
+    """Return smooth noise of mean 0 and standard deviation 1."""
     raw = ndimage.gaussian_filter(rng.standard_normal(shape), scale_m / STEP_M, mode="reflect")
     return np.asarray((raw - raw.mean()) / max(float(raw.std()), 1e-9))
 
@@ -68,13 +68,13 @@ def _blob(rng: np.random.Generator, x: Map, y: Map, ragged: float) -> Map:
 
 
 def _solid(top: Map, reflectivity: Map | float, motion: Motion) -> Patch:
-    """Return a patch that lets nothing through."""
+    """Return a patch that stops all rays."""
     whole, none = np.ones_like(top), np.zeros_like(top)
     return Patch(top, whole, none, np.full_like(top, -np.inf), np.broadcast_to(reflectivity, top.shape) * whole, motion)
 
 
-def _ship(rng: np.random.Generator, size: Size, shade: float) -> Patch:
-    """Make a hull with bulwark, house, containers, masts: a freighter, a tanker or a fishing boat."""
+def _ship(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+    """Return a ship with bulwark, house, containers, masts: a freighter, a tanker or a fishing boat."""
     length, width, height = size
     x, y = _axes(length, width)
     along = x / (length / 2)
@@ -84,7 +84,9 @@ def _ship(rng: np.random.Generator, size: Size, shade: float) -> Patch:
     top = np.where(inside, deck * (1 + 0.25 * np.clip(along, 0, 1) ** 2), -np.inf)
     rail = inside & ~ndimage.binary_erosion(inside, iterations=2)
     top[rail] += min(1.1, 0.12 * height)
-    paint = np.where(_noise(rng, top.shape, 1.5) > rng.uniform(-0.8, 0.8), shade, shade * rng.uniform(0.35, 0.9))
+    paint = np.where(
+        _noise(rng, top.shape, 1.5) > rng.uniform(-0.8, 0.8), reflectivity, reflectivity * rng.uniform(0.35, 0.9)
+    )
     kind = rng.choice(["freighter", "tanker", "fishing"]) if length > 35 else "fishing"
     if kind == "freighter":
         _stack(rng, top, inside & (np.abs(along) < 0.62), deck, (height - deck) * 0.75)
@@ -94,40 +96,40 @@ def _ship(rng: np.random.Generator, size: Size, shade: float) -> Patch:
     house = rng.choice([-0.72, -0.68, 0.3]) if kind != "fishing" else rng.uniform(-0.4, 0.45)
     ends = np.abs(along - house) < rng.uniform(0.1, 0.2)
     top[inside & ends & (np.abs(y) < 0.4 * width)] = height * rng.uniform(0.7, 0.85)
-    for place in rng.uniform(-0.5, 0.8, rng.integers(1, 4)):
-        top[inside & (np.abs(x - place * length / 2) <= STEP_M) & (np.abs(y) <= STEP_M)] = height
+    for position in rng.uniform(-0.5, 0.8, rng.integers(1, 4)):
+        top[inside & (np.abs(x - position * length / 2) <= STEP_M) & (np.abs(y) <= STEP_M)] = height
     return _solid(top, paint, "floats")
 
 
-def _stack(rng: np.random.Generator, top: Map, where: NDArray[np.bool_], deck: float, most: float) -> None:
-    """Pile up containers of 6 by 2.5 m to random heights."""
+def _stack(rng: np.random.Generator, top: Map, where: NDArray[np.bool_], deck: float, height: float) -> None:
+    """Stack containers of 6 by 2.5 m to random heights."""
     rows, columns = (np.arange(cells) // step for cells, step in zip(top.shape, (26, 10), strict=True))
-    piles = rng.integers(0, max(2, int(most / 2.6)) + 1, (rows[-1] + 1, columns[-1] + 1))
+    piles = rng.integers(0, max(2, int(height / 2.6)) + 1, (rows[-1] + 1, columns[-1] + 1))
     top[where] = (deck + 2.6 * piles[rows[:, None], columns[None, :]])[where]
 
 
-def _reef(rng: np.random.Generator, size: Size, shade: float) -> Patch:
-    """Make bare rocks, rough at all scales, with channels between them."""
+def _reef(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+    """Return bare rocks, rough at all scales, with channels between them."""
     x, y = _axes(*size[:2])
     body = _blob(rng, x, y, 0.35)
     rough = sum(weight * _noise(rng, body.shape, scale) for weight, scale in ((0.30, 3.0), (0.18, 1.2), (0.12, 0.5)))
     top = size[2] * (1.1 * np.sqrt(np.clip(body, 0, 1)) * (0.62 + rough) - 0.08)
     top[(body <= 0) | (top < -0.3)] = -np.inf
-    return _solid(top, shade * (1 + 0.25 * _noise(rng, body.shape, 0.8)).clip(0.3, 2), "fixed")
+    return _solid(top, reflectivity * (1 + 0.25 * _noise(rng, body.shape, 0.8)).clip(0.3, 2), "fixed")
 
 
-def _shoal(rng: np.random.Generator, size: Size, shade: float) -> Patch:
-    """Make a bank of sand that falls dry: smooth, with ripples, darker where it is wet."""
+def _shoal(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+    """Return a sandbank that dries at low water: smooth, with ripples, darker where it is wet."""
     x, y = _axes(*size[:2])
     body = _blob(rng, x, y, 0.25)
     ripples = 0.03 * np.sin(2 * np.pi * (x * rng.uniform(0.2, 0.5) + y * rng.uniform(-0.3, 0.3)))
     top = size[2] * np.clip(body, 0, 1) ** 0.33 * (1 + 0.10 * _noise(rng, body.shape, 6.0)) + ripples
     top[body <= 0] = -np.inf
-    return _solid(top, shade * np.clip(0.45 + 0.55 * top / size[2], 0.4, 1.1), "fixed")
+    return _solid(top, reflectivity * np.clip(0.45 + 0.55 * top / size[2], 0.4, 1.1), "fixed")
 
 
-def _aquaculture(rng: np.random.Generator, size: Size, shade: float) -> Patch:
-    """Make round cages with rails and nets over them in rows, or rafts of beams with a hut."""
+def _aquaculture(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+    """Return rows of round cages with rails and nets over them, or rafts of beams with a hut."""
     x, y = _axes(*size[:2])
     shape = (x.size, y.size)
     top, cover = np.full(shape, -np.inf), np.ones(shape)
@@ -136,7 +138,7 @@ def _aquaculture(rng: np.random.Generator, size: Size, shade: float) -> Patch:
     else:
         _rafts(rng, x, y, top, size)
     none = np.zeros(shape)
-    tint = shade * (1 + 0.2 * _noise(rng, shape, 1.0)).clip(0.3, 2)
+    tint = reflectivity * (1 + 0.2 * _noise(rng, shape, 1.0)).clip(0.3, 2)
     return Patch(top, cover, none, np.full(shape, -np.inf), tint, "drifts")
 
 
@@ -146,8 +148,8 @@ def _cages(rng: np.random.Generator, x: Map, y: Map, top: Map, cover: Map, size:
     rows = [max(1, int((side + pitch - across) / pitch)) for side in size[:2]]
     for i in range(rows[0]):
         for j in range(rows[1]):
-            place = ((i - (rows[0] - 1) / 2) * pitch, (j - (rows[1] - 1) / 2) * pitch)
-            apart = np.hypot(x - place[0], y - place[1]) - across / 2
+            position = ((i - (rows[0] - 1) / 2) * pitch, (j - (rows[1] - 1) / 2) * pitch)
+            apart = np.hypot(x - position[0], y - position[1]) - across / 2
             net, rail, tube = apart < -0.4, np.abs(apart) <= 0.3, np.abs(apart + 0.5) <= 0.5
             top[net], cover[net] = size[2] * (0.75 + 0.25 * np.clip(-apart[net] / across, 0, 1)), 0.12
             top[tube], cover[tube] = rng.uniform(0.35, 0.7), 0.95
@@ -159,12 +161,14 @@ def _rafts(rng: np.random.Generator, x: Map, y: Map, top: Map, size: Size) -> No
     beams = (np.mod(x, pitch) < beam) | (np.mod(y, pitch) < beam)
     top[beams] = deck
     for _ in range(rng.integers(1, 4)):
-        place = [rng.uniform(-0.4, 0.4) * side for side in size[:2]]
-        top[(np.abs(x - place[0]) < rng.uniform(1.2, 2.5)) & (np.abs(y - place[1]) < rng.uniform(1.2, 2))] = size[2]
+        position = [rng.uniform(-0.4, 0.4) * side for side in size[:2]]
+        top[(np.abs(x - position[0]) < rng.uniform(1.2, 2.5)) & (np.abs(y - position[1]) < rng.uniform(1.2, 2))] = size[
+            2
+        ]
 
 
-def _seaweed(rng: np.random.Generator, size: Size, shade: float) -> Patch:
-    """Make a floating mat, dense, with soft humps; leaves are bright in the near infrared."""
+def _seaweed(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+    """Return a dense floating mat with soft humps; leaves are bright in the near infrared."""
     x, y = _axes(*size[:2])
     body = _blob(rng, x, y, 0.5)
     humps = 0.8 + 0.16 * _noise(rng, body.shape, 2.5) + 0.08 * _noise(rng, body.shape, 0.6)
@@ -172,12 +176,12 @@ def _seaweed(rng: np.random.Generator, size: Size, shade: float) -> Patch:
     holes = _noise(rng, body.shape, 2.0) > rng.uniform(1.1, 2.0)
     top[(body <= 0) | holes] = -np.inf
     cover = np.full(body.shape, rng.uniform(0.8, 0.97))
-    tint = shade * (1 + 0.15 * _noise(rng, body.shape, 1.5)).clip(0.4, 1.6)
+    tint = reflectivity * (1 + 0.15 * _noise(rng, body.shape, 1.5)).clip(0.4, 1.6)
     return Patch(top, cover, np.full(body.shape, 0.12), np.full(body.shape, -np.inf), tint, "drifts")
 
 
-def _island(rng: np.random.Generator, size: Size, shade: float) -> Patch:
-    """Make ground with hills and a shore of rock or sand; trees and bushes on a part of it."""
+def _island(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+    """Return ground with hills and a shore of rock or sand, partly covered by trees and bushes."""
     x, y = _axes(*size[:2])
     body = _blob(rng, x, y, 0.25)
     hills = 1 + 0.25 * _noise(rng, body.shape, 12.0) + 0.05 * _noise(rng, body.shape, 2.0)
@@ -188,12 +192,14 @@ def _island(rng: np.random.Generator, size: Size, shade: float) -> Patch:
     green = (_noise(rng, body.shape, 7.0) > rng.uniform(-1.2, 0.5)) & (body > 0.08)
     top = np.where(green, ground + tall * crowns, ground)
     leaves = np.where(green, rng.uniform(0.5, 0.75), 1.0)
-    tint = np.where(green, rng.uniform(0.35, 0.55), shade) * (1 + 0.15 * _noise(rng, body.shape, 1.0)).clip(0.4, 1.6)
+    tint = np.where(green, rng.uniform(0.35, 0.55), reflectivity) * (1 + 0.15 * _noise(rng, body.shape, 1.0)).clip(
+        0.4, 1.6
+    )
     return Patch(top, leaves, np.where(green, 0.5 * tall, 0.0), ground, tint, "fixed")
 
 
-def _fence(rng: np.random.Generator, size: Size, shade: float) -> Patch:
-    """Make rows of stakes with nets between them: a leader, wings and a pen, or several rows side by side."""
+def _fence(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+    """Return rows of stakes with nets between them: a leader, wings and a pen, or several rows side by side."""
     x, y = _axes(*size[:2])
     shape, (length, width, height) = (x.size, y.size), size
     top, cover = np.full(shape, -np.inf), np.ones(shape)
@@ -217,24 +223,24 @@ def _fence(rng: np.random.Generator, size: Size, shade: float) -> Patch:
             top[i, j] = height * sag if net else height * rng.uniform(0.8, 1.0, len(i))
             cover[i, j] = mesh if net else 0.9
     depth = np.where(cover < 0.9, 0.6 * height * sag, 0.2)
-    tint = shade * rng.uniform(0.7, 1.3, shape)
+    tint = reflectivity * rng.uniform(0.7, 1.3, shape)
     return Patch(top, cover, depth, np.full(shape, -np.inf), tint, "fixed")
 
 
-def _garbage(rng: np.random.Generator, size: Size, shade: float) -> Patch:
-    """Make loose things of all sizes and shades, close together in a drifting patch."""
+def _garbage(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+    """Return loose debris of all sizes and reflectivities, close together in a drifting patch."""
     x, y = _axes(*size[:2])
     body = _blob(rng, x, y, 0.5)
-    top, tint = np.full(body.shape, -np.inf), np.full(body.shape, shade)
+    top, tint = np.full(body.shape, -np.inf), np.full(body.shape, reflectivity)
     for side, share in ((2, 0.35), (3, 0.30), (5, 0.15), (8, 0.05)):
         rows, columns = (np.arange(cells) // side for cells in body.shape)
         count = rows[-1] + 1, columns[-1] + 1
-        lies, high = rng.random(count) < share, size[2] * rng.beta(1.6, 2.2, count)
-        bright = np.clip(shade * rng.lognormal(0, 0.7, count), 0.03, 0.9)
-        here = lies[rows[:, None], columns[None, :]] & (body > 0)
+        present, height = rng.random(count) < share, size[2] * rng.beta(1.6, 2.2, count)
+        brightness = np.clip(reflectivity * rng.lognormal(0, 0.7, count), 0.03, 0.9)
+        here = present[rows[:, None], columns[None, :]] & (body > 0)
         top[here], tint[here] = (
-            high[rows[:, None], columns[None, :]][here],
-            bright[rows[:, None], columns[None, :]][here],
+            height[rows[:, None], columns[None, :]][here],
+            brightness[rows[:, None], columns[None, :]][here],
         )
     return _solid(top, tint, "drifts")
 
@@ -246,17 +252,17 @@ class Kind:
     Parameters
     ----------
     make : callable
-        Makes one, from chance, size and reflectivity.
-    least, most : (float, float, float)
-        Length, width and height in metres between which chance decides.
-    shades : (float, float)
-        Reflectivity, likewise.
+        Returns a random object of given size and reflectivity.
+    smallest, largest : (float, float, float)
+        Range of random length, width and height in metres.
+    reflectivities : (float, float)
+        Range of random reflectivities.
     """
 
     make: Callable[[np.random.Generator, Size, float], Patch]
-    least: Size
-    most: Size
-    shades: tuple[float, float]
+    smallest: Size
+    largest: Size
+    reflectivities: tuple[float, float]
 
 
 KINDS: Mapping[str, Kind] = {
@@ -269,4 +275,4 @@ KINDS: Mapping[str, Kind] = {
     "fishing fence": Kind(_fence, (60, 14, 1.6), (200, 45, 4), (0.12, 0.4)),
     "garbage patch": Kind(_garbage, (9, 7, 1.0), (32, 16, 1.9), (0.1, 0.45)),
 }
-"""Classes of objects by the name that they have in truth; a new one is a line here and one in `OBJECT_CLASSES`."""
+"""Classes of objects by their names in truth; to add one, add a line here and one in `OBJECT_CLASSES`."""

@@ -22,22 +22,22 @@ class TileWater:
     heights : ndarray, shape (M, M), float64
         Elevation in metres by x and y in steps of a metre.
     swell : ndarray, shape (M, M), float64
-        That of the swell alone, which moves ships.
+        Elevation of the swell alone, which moves ships.
     """
 
     heights: NDArray[np.float64]
     swell: NDArray[np.float64]
 
     def height(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return elevations at places, shape (N,), between the steps in proportion."""
+        """Return elevations at given positions by linear interpolation, shape (N,)."""
         return np.asarray(ndimage.map_coordinates(self.heights, (x, y), order=1, mode="grid-wrap"))
 
     def heave(self, x: float, y: float) -> float:
-        """Return the elevation of the swell at a place."""
+        """Return the elevation of the swell at a position."""
         return float(ndimage.map_coordinates(self.swell, ([x], [y]), order=1, mode="grid-wrap")[0])
 
     def slope(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return slopes along x and y at places, over a metre to both sides."""
+        """Return slopes along x and y at given positions, as differences over a metre to both sides."""
         along = self.height(x + 1, y) - self.height(x - 1, y)
         return along / 2, (self.height(x, y + 1) - self.height(x, y - 1)) / 2
 
@@ -47,8 +47,8 @@ def water(params: WaterParams, size_m: float, rng: np.random.Generator) -> TileW
 
     Notes
     -----
-    Wind sea and swell each have a JONSWAP spectrum of their own height and peak period, and a directional spread; their
-    sum is the inverse Fourier transform of random amplitudes. Waves shorter than 2 m are left out.
+    Wind sea and swell each have a JONSWAP spectrum with their own height and peak period, and a directional spread;
+    their sum is the inverse Fourier transform of random amplitudes. Waves shorter than 2 m are left out.
     """
     cells = int(fft.next_fast_len(int(size_m) + 64))
     wind = _field(cells, params.wave_m, params.wave_period_s, params.direction_deg, "wave", rng)
@@ -73,5 +73,5 @@ def _field(
     variance = np.zeros_like(k)
     variance[some] = density / k[some]
     heights = fft.ifft2(np.sqrt(variance) * (noise[0] + 1j * noise[1]), workers=1).real
-    # The grid cuts the spectrum off, so the height is set by what is left of it.
+    # The grid truncates the spectrum, so the remainder is scaled to the wave height.
     return np.asarray(heights * (height_m / 4) / max(float(heights.std()), 1e-12))

@@ -1,4 +1,4 @@
-"""Layouts: kinds of random scenes, each of one class, to train and test on."""
+"""Layouts: generators of random scenes, each of one scene class, for training and tests."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,73 +17,66 @@ Maker = Callable[[np.random.Generator], Scene]
 
 @dataclass(frozen=True)
 class Layout:
-    """A kind of random scenes.
+    """A generator of random scenes of one class.
 
     Parameters
     ----------
     scene_class : str
         ``open`` or ``confined`` on water, ``dense`` or ``sparse`` in a plantation.
-    about : str
-        What its scenes show.
     draw : callable
-        Makes a scene, which need not be of the class.
+        Returns a random scene, not necessarily of the class.
     """
 
     scene_class: str
-    about: str
     draw: Maker
 
     def make(self, rng: np.random.Generator) -> Scene:
-        """Return a random scene that is of the class by the rule of `scene_class`, over all its frames."""
+        """Return a random scene that `scene_class` assigns to the class in all of its frames."""
         for _ in range(_TRIES):
             scene = self.draw(rng)
             if scene_class(scene) == self.scene_class:
                 return scene
-        raise AssertionError(f"no scene is {self.scene_class} in {_TRIES} draws")
-
-
-def _layout(kind: str, draw: Maker) -> Layout:
-    return Layout(kind, (draw.__doc__ or "").removeprefix("Make ").split("\n")[0], draw)
+        raise AssertionError(f"layout draws no {self.scene_class} scene in {_TRIES} attempts")
 
 
 LAYOUTS: Mapping[str, Layout] = {
-    "open_sea": _layout("open", open_water.open_sea),
-    "anchorage": _layout("open", open_water.anchorage),
-    "fairway": _layout("open", open_water.fairway),
-    "regatta": _layout("open", open_water.regatta),
-    "coast": _layout("open", open_water.coast),
-    "rough_sea": _layout("open", open_water.rough_sea),
-    "pile_field": _layout("open", open_water.pile_field),
-    "harbour_basin": _layout("confined", confined_water.harbour_basin),
-    "moored_boats": _layout("confined", confined_water.moored_rows),
-    "channel": _layout("confined", confined_water.narrow_channel),
-    "lock_chamber": _layout("confined", confined_water.lock),
-    "river": _layout("confined", confined_water.river),
-    "apple_rows": _layout("dense", plantations.apple_rows),
-    "poplar_grove": _layout("sparse", plantations.poplar_grove),
-    "willow_grove": _layout("sparse", plantations.willow_grove),
+    "open_sea": Layout("open", open_water.open_sea),
+    "anchorage": Layout("open", open_water.anchorage),
+    "fairway": Layout("open", open_water.fairway),
+    "regatta": Layout("open", open_water.regatta),
+    "coast": Layout("open", open_water.coast),
+    "rough_sea": Layout("open", open_water.rough_sea),
+    "pile_field": Layout("open", open_water.pile_field),
+    "harbour_basin": Layout("confined", confined_water.harbour_basin),
+    "moored_boats": Layout("confined", confined_water.moored_rows),
+    "channel": Layout("confined", confined_water.narrow_channel),
+    "lock_chamber": Layout("confined", confined_water.lock),
+    "river": Layout("confined", confined_water.river),
+    "apple_rows": Layout("dense", plantations.apple_rows),
+    "poplar_grove": Layout("sparse", plantations.poplar_grove),
+    "willow_grove": Layout("sparse", plantations.willow_grove),
 }
-"""Layouts by name; a new one is a line here."""
+"""Layouts by name; to add one, add a line here."""
 
 
 def find_scene(name: str, seed: int | None = None) -> Scene:
-    """Return a scene by its file or name, or a random one of a layout.
+    """Return the scene in a file, a built-in scene, or a random scene of a layout.
 
     Parameters
     ----------
     name : str
-        A scene file, a built-in scene, or a layout.
+        Path of a scene file, or name of a built-in scene or of a layout.
     seed : int, optional
-        Takes the place of the scene's own; of a layout it is what everything comes from, by default 1.
+        Replaces the seed of the scene. A layout draws the whole scene from it; its default there is 1.
 
     Raises
     ------
     ConfigError
-        If there is no such scene, or anything is wrong with it.
+        If the scene does not exist or is not valid.
     """
     if Path(name).exists() or name in builtin_scenes():
         return load_scene(name).with_recording(seed=seed)
     if name not in LAYOUTS:
-        known = f"built in are {', '.join(builtin_scenes())}; layouts are {', '.join(LAYOUTS)}"
-        raise ConfigError(f"{name}: there is no such scene file; {known}")
+        known = f"built-in scenes: {', '.join(builtin_scenes())}; layouts: {', '.join(LAYOUTS)}"
+        raise ConfigError(f"{name}: no such scene; {known}")
     return LAYOUTS[name].make(np.random.default_rng(1 if seed is None else seed))

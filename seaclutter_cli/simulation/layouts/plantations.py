@@ -1,4 +1,4 @@
-"""Plantations as in S3: trees in rows, seen by a solid-state lidar on a vehicle between them."""
+"""Layouts of plantations as in [Bi]: rows of trees, measured by a solid-state lidar on a vehicle between the rows."""
 
 from dataclasses import dataclass
 
@@ -21,24 +21,24 @@ class Trees:
     kind : str
         Class in the labels.
     shape : str
-        What of them is labelled.
+        Shape of the labelled part.
     row_m, step_m : tuple of (float, float)
-        Distance between rows, and between trees in a row: least and most.
-    wide_m, high_m : tuple of (float, float)
-        Width and height of what is labelled: least and most.
-    aside_m : float
-        How far to either side there are rows; those behind dense ones cannot be seen.
+        Distance between rows, and between trees in a row: minimum and maximum.
+    width_m, height_m : tuple of (float, float)
+        Width and height of the labelled part: minimum and maximum.
+    reach_m : float
+        Distance to either side up to which there are rows; farther rows would be hidden by dense ones.
     crown_m : float
-        Width of the crown above it, an area to ignore; 0 where there is none.
+        Width of the crown above the labelled part, an area to ignore; 0 for none.
     """
 
     kind: str
     shape: str
     row_m: tuple[float, float]
     step_m: tuple[float, float]
-    wide_m: tuple[float, float]
-    high_m: tuple[float, float]
-    aside_m: float
+    width_m: tuple[float, float]
+    height_m: tuple[float, float]
+    reach_m: float
     crown_m: float = 0.0
 
 
@@ -48,55 +48,66 @@ WILLOW = Trees("willow", "trunk", (3.0, 4.5), (3.0, 4.5), (0.08, 0.18), (1.9, 2.
 
 
 def apple_rows(rng: np.random.Generator) -> Scene:
-    """Make dense rows of dwarf apple trees, which touch each other at breast height."""
+    """Return dense rows of dwarf apple trees, which touch each other at breast height."""
     return _plantation(Plan(rng), APPLE, "Dense rows of dwarf apple trees.")
 
 
 def poplar_grove(rng: np.random.Generator) -> Scene:
-    """Make a grove of poplars that stand apart."""
-    return _plantation(Plan(rng), POPLAR, "Poplars that stand apart.")
+    """Return a grove of well-spaced poplars."""
+    return _plantation(Plan(rng), POPLAR, "Well-spaced poplars.")
 
 
 def willow_grove(rng: np.random.Generator) -> Scene:
-    """Make a grove of willows that stand apart, with thin stems."""
-    return _plantation(Plan(rng), WILLOW, "Willows that stand apart.")
+    """Return a grove of well-spaced willows with thin stems."""
+    return _plantation(Plan(rng), WILLOW, "Well-spaced willows with thin stems.")
 
 
-def _plantation(plan: Plan, trees: Trees, about: str) -> Scene:
+def _plantation(plan: Plan, trees: Trees, description: str) -> Scene:
     row, step, missing = plan.uniform(*trees.row_m), plan.uniform(*trees.step_m), plan.uniform(0, 0.08)
-    turned = np.radians(plan.uniform(-4, 4) if trees is APPLE else plan.uniform(-30, 30))
+    rotation = np.radians(plan.uniform(-4, 4) if trees is APPLE else plan.uniform(-30, 30))
     shift = plan.uniform(-0.15, 0.15) * row
-    ends = plan.uniform(12, _REACH_M + 4) if plan.chance(0.3) else _REACH_M + 4
+    ends = plan.uniform(12, _REACH_M + 4) if plan.bernoulli(0.3) else _REACH_M + 4
     rows = np.arange(-7.5, 8) * row
-    for aside in rows[np.abs(rows) <= trees.aside_m]:
+    for across in rows[np.abs(rows) <= trees.reach_m]:
         for along in np.arange(-2.0, ends, step) + plan.uniform(0, step):
-            x, y = float(along) + plan.uniform(-0.1, 0.1), float(aside) + shift + plan.uniform(-0.08, 0.08)
-            place = x * float(np.cos(turned)) - y * float(np.sin(turned)), x * np.sin(turned) + y * np.cos(turned)
-            if not plan.chance(missing) and np.hypot(*place) > 1.2:
-                _tree(plan, trees, place, step)
-    return _seen(plan, about)
+            x, y = float(along) + plan.uniform(-0.1, 0.1), float(across) + shift + plan.uniform(-0.08, 0.08)
+            position = (
+                x * float(np.cos(rotation)) - y * float(np.sin(rotation)),
+                x * np.sin(rotation) + y * np.cos(rotation),
+            )
+            if not plan.bernoulli(missing) and np.hypot(*position) > 1.2:
+                _tree(plan, trees, position, step)
+    return _scene(plan, description)
 
 
-def _tree(plan: Plan, trees: Trees, place: tuple[float, float], step_m: float) -> None:
-    """Add a tree: what is labelled of it, and its crown."""
-    wide, high, bright = plan.uniform(*trees.wide_m), plan.uniform(*trees.high_m), plan.uniform(0.3, 0.65)
-    long = max(wide, 1.15 * step_m) if trees is APPLE else wide
-    heading = 180.0 * plan.count(0, 1) if trees is APPLE else plan.uniform(-180, 180)
+def _tree(plan: Plan, trees: Trees, position: tuple[float, float], step_m: float) -> None:
+    """Add a tree: its labelled part and its crown."""
+    width, height, reflectivity = plan.uniform(*trees.width_m), plan.uniform(*trees.height_m), plan.uniform(0.3, 0.65)
+    length = max(width, 1.15 * step_m) if trees is APPLE else width
+    heading = 180.0 * plan.integer(0, 1) if trees is APPLE else plan.uniform(-180, 180)
     plan.add(
-        trees.shape, place, (long, wide, high), heading, class_name=trees.kind, reflectivity=bright, wave_response=0.0
+        trees.shape,
+        position,
+        (length, width, height),
+        heading,
+        class_name=trees.kind,
+        reflectivity=reflectivity,
+        wave_response=0.0,
     )
     if trees.crown_m:
         crown = trees.crown_m * plan.uniform(0.8, 1.2)
-        plan.fixed("crown", place, (crown, crown, high + plan.uniform(3, 6)), class_name="crown", reflectivity=0.3)
+        plan.add_fixed(
+            "crown", position, (crown, crown, height + plan.uniform(3, 6)), class_name="crown", reflectivity=0.3
+        )
 
 
-def _seen(plan: Plan, about: str) -> Scene:
-    """Return the scene: what was gathered, with a CE30-D on a small vehicle on uneven ground."""
-    recording = RecordingParams(description=about, lidar="CE30-D", frames=50, seed=int(plan.rng.integers(2**31)))
+def _scene(plan: Plan, description: str) -> Scene:
+    """Return the trees added so far as a scene, with a CE30-D on a small vehicle on uneven ground."""
+    recording = RecordingParams(description=description, lidar="CE30-D", frames=50, seed=int(plan.rng.integers(2**31)))
     ground = GroundParams(roughness_m=plan.uniform(0.0, 0.03), reflectivity=plan.uniform(0.1, 0.4))
     noise = NoiseParams(
         false_return_share=plan.uniform(0.02, 0.3),
-        false_return_reach_m=plan.log(0.3, 1.2),
+        false_return_reach_m=plan.log_uniform(0.3, 1.2),
         mixed_pixel_share=plan.uniform(0.2, 0.8),
     )
     vehicle = VesselParams(

@@ -1,4 +1,4 @@
-"""Which surface each shot of a turn meets, and how well that reflects."""
+"""Shots of a frame, the nearest surface that each shot hits, and its reflectance."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,14 +11,14 @@ Floats = NDArray[np.float64]
 
 @dataclass
 class Shots:
-    """The shots of one turn in the world's frame, N = C · K of them, column by column.
+    """Shots of one frame in the world frame, N = C · K of them, column by column.
 
     Parameters
     ----------
     origins, directions : ndarray, shape (N, 3), float64
-        Where they come from in metres, and unit vectors of where they go.
+        Origins in metres, and unit vectors.
     azimuths : ndarray, shape (N,), float64
-        Direction in the world's frame, counter-clockwise from x, in radians.
+        Direction in the world frame, counter-clockwise from x, in radians.
     """
 
     origins: Floats
@@ -30,7 +30,7 @@ class Shots:
 
     @cached_property
     def spread_m(self) -> float:
-        """How far apart the places are that the shots come from, in metres."""
+        """Largest distance of an origin from the first one, in metres."""
         return float(np.linalg.norm(self.origins - self.origins[0], axis=1).max())
 
     @cached_property
@@ -39,7 +39,7 @@ class Shots:
         return self.azimuths[order], order
 
     def between(self, first: float, last: float) -> NDArray[np.int64]:
-        """Return the shots from one azimuth counter-clockwise to another, in radians and in their order."""
+        """Return the shots from one azimuth counter-clockwise to another, both in radians, in firing order."""
         if last - first >= 2 * np.pi:
             return np.arange(len(self))
         azimuths, order = self._by_azimuth
@@ -49,23 +49,23 @@ class Shots:
         return np.sort(chosen)
 
     def towards(self, azimuth: float, half: float) -> NDArray[np.int64]:
-        """Return the shots within an angle of an azimuth, in radians."""
+        """Return the shots within an angle of an azimuth, both in radians."""
         off = np.abs((self.azimuths - azimuth + np.pi) % (2 * np.pi) - np.pi)
         return np.flatnonzero(off <= half)
 
 
 @dataclass
 class Echoes:
-    r"""The nearest surface that each shot has met so far, N of them.
+    r"""The nearest surface that each shot has hit so far, N of them.
 
     Parameters
     ----------
     range_m : ndarray, shape (N,), float64
-        Distance in metres; infinite where nothing was met.
+        Distance in metres; infinity without a hit.
     reflectance : ndarray, shape (N,), float64
-        Reflectivity times the cosine of incidence, :math:`\rho \cos\theta` in Eq. 2 of S0.
+        Reflectivity times the cosine of incidence, :math:`\rho \cos\theta` in Eq. 2 of [Li2023].
     label : ndarray, shape (N,), uint16
-        What it belongs to, as in `Truth.points`.
+        The object that the surface belongs to, as in `Truth.points`.
     """
 
     range_m: Floats
@@ -73,12 +73,12 @@ class Echoes:
     label: NDArray[np.uint16]
 
     @classmethod
-    def none(cls, count: int) -> "Echoes":
-        """Return echoes of shots that have met nothing."""
+    def empty(cls, count: int) -> "Echoes":
+        """Return the echoes of shots that have hit nothing."""
         return cls(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.uint16))
 
     def add(self, shots: NDArray[np.int64], range_m: Floats, reflectance: Floats, label: int) -> None:
-        """Take what some shots meet, where it is nearer than what they met before."""
+        """Update the shots whose new hits are nearer than their previous ones."""
         nearer = range_m < self.range_m[shots]
         chosen = shots[nearer]
         self.range_m[chosen] = range_m[nearer]

@@ -1,4 +1,4 @@
-"""Lidars that can be simulated: where each beam points and when it fires, and how strong an echo must be."""
+"""Lidars that can be simulated: direction and firing time of each beam, sensitivity and range."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,35 +12,35 @@ from seaclutter_cli.simulation.lidar.noise import NO_NOISE, NoiseParams
 
 @dataclass(frozen=True)
 class Lidar:
-    """A lidar; K beams, C columns a turn. It rotates, or sees all of its field at once as a camera does.
+    """A rotating or flash lidar with K beams and C columns per frame.
 
     Parameters
     ----------
     elevations_deg : tuple of float
         Elevation of each beam in firing order, in degrees; K values.
     azimuth_offsets_deg : tuple of float
-        How far each beam points from the azimuth of its column, clockwise from above, in degrees; K values.
+        Azimuth of each beam relative to its column, clockwise in top view, in degrees; K values.
     firing_us : tuple of float
-        When each beam fires, in microseconds from the start of its column; K values.
+        Firing time of each beam, in microseconds from the start of its column; K values.
     columns : int
-        Columns a turn, C.
+        Columns per frame, C.
     detection_m : float
-        Range up to which a surface of reflectivity 0.1, met head on, gives an echo of intensity 1.
+        Range at which a surface of reflectivity 0.1 at normal incidence gives an echo of intensity 1.
     max_range_m, min_range_m : float
         Ranges between which echoes are reported.
     range_noise_m : float
         Standard deviation of the range.
     lens_m : float
-        How far ahead of the axis the lens is, in the direction of the column.
+        Distance of the lens from the axis, in the direction of the column.
     clockwise : bool
-        Sense of rotation seen from above.
+        Sense of rotation in top view.
     rate_hz : float
-        Turns per second.
+        Frames per second.
     field_deg : float
-        Width of its field; 360 of one that rotates. The columns of a lesser one are even about straight ahead, and all
-        shots are fired at once.
+        Horizontal field of view; 360 for a rotating lidar. In a smaller field, the columns are evenly spaced around
+        straight ahead, and all shots are fired at once.
     noise : NoiseParams
-        False returns, unless a scene says otherwise.
+        False returns, unless a scene overrides them.
     """
 
     elevations_deg: tuple[float, ...]
@@ -59,36 +59,39 @@ class Lidar:
 
     @property
     def gain(self) -> float:
-        """Intensity of an echo of unit reflectivity from one metre."""
+        """Intensity of an echo from a surface of reflectivity 1 at one metre."""
         return self.detection_m**2 / 0.1
 
     @property
     def step_rad(self) -> float:
-        """Angle from column to column in radians; negative where clockwise."""
+        """Angle from column to column in radians; negative if clockwise."""
         return float(np.radians(self.field_deg)) / self.columns * (-1 if self.clockwise else 1)
 
     @property
     def rotates(self) -> bool:
-        """Whether it turns, so that its columns are fired one after the other."""
+        """Whether the lidar rotates and fires its columns one after the other."""
         return self.field_deg == 360
 
-    def looks_s(self, azimuths: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return after which time in a turn it looks in some directions of its frame, in seconds; shape (N,)."""
+    def firing_times_s(self, azimuths: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the times in seconds, from the start of a frame, at which the lidar points at given azimuths.
+
+        Azimuths are in the frame of the lidar, in radians, shape (N,).
+        """
         if not self.rotates:
             return np.zeros(len(azimuths))
         return azimuths / self.step_rad % self.columns / (self.columns * self.rate_hz)
 
     @cached_property
     def times_s(self) -> NDArray[np.float64]:
-        """Time of each shot from the start of the turn, shape (C, K), in seconds."""
+        """Time of each shot from the start of the frame, shape (C, K), in seconds."""
         if not self.rotates:
             return np.zeros((self.columns, len(self.elevations_deg)))
         column = np.arange(self.columns) / (self.columns * self.rate_hz)
         return column[:, None] + np.array(self.firing_us) * 1e-6
 
     @cached_property
-    def _turned(self) -> NDArray[np.float64]:
-        """Angle by which the lidar has turned at each shot, counter-clockwise, shape (C, K), in radians."""
+    def _rotation(self) -> NDArray[np.float64]:
+        """Rotation of the lidar at each shot, counter-clockwise, shape (C, K), in radians."""
         if not self.rotates:
             column = self.step_rad * (np.arange(self.columns) - (self.columns - 1) / 2)
             return np.repeat(column[:, None], len(self.elevations_deg), axis=1)
@@ -96,22 +99,22 @@ class Lidar:
 
     @cached_property
     def lenses(self) -> NDArray[np.float64]:
-        """Where the lens is at each shot in the lidar's frame, shape (C, K, 3), in metres."""
+        """Position of the lens at each shot in the lidar's frame, shape (C, K, 3), in metres."""
         return self.lens_m * np.stack(
-            (np.cos(self._turned), np.sin(self._turned), np.zeros_like(self._turned)), axis=-1
+            (np.cos(self._rotation), np.sin(self._rotation), np.zeros_like(self._rotation)), axis=-1
         )
 
     @cached_property
     def directions(self) -> NDArray[np.float64]:
         """Unit vector of each shot in the lidar's frame (x forward, y left, z up), shape (C, K, 3)."""
-        azimuth = self._turned - np.radians(self.azimuth_offsets_deg)
+        azimuth = self._rotation - np.radians(self.azimuth_offsets_deg)
         elevation = np.broadcast_to(np.radians(self.elevations_deg), azimuth.shape)
         flat = np.cos(elevation)
         return np.stack((flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)), axis=-1)
 
     @cached_property
     def rings(self) -> NDArray[np.uint16]:
-        """Number of each beam counted from the lowest, shape (K,)."""
+        """Number of each beam, counted from the lowest, shape (K,)."""
         return np.argsort(np.argsort(self.elevations_deg)).astype(np.uint16)
 
 
@@ -121,8 +124,8 @@ _RS32_ELEVATIONS = (
     *(-25.0, -14.638, -7.91, -5.407, -3.667, -4.0, -4.333, -4.667),
     *(-2.333, -2.667, -3.0, -3.333, -1.0, -1.333, -1.667, -2.0),
 )
-# Four columns of lasers that look past each other. The manual prints the value of channel 10; the others follow the
-# pattern of the columns. Units differ from their design by fractions of a degree anyway.
+# The lasers are in four columns with different azimuths. The manual gives the value of channel 10; the others follow
+# the pattern of the columns. Individual sensors differ from the design by fractions of a degree.
 _RS32_OFFSETS = (-8.0, -2.672, 2.672, 8.0) * 8
 _RS32_FIRING = (
     *(2.88 * c for c in range(15)),
@@ -167,10 +170,10 @@ LIDARS: Mapping[str, Lidar] = {
     "OS1-128": _ouster(128),
     "CE30-D": _CE30_D,
 }
-"""Lidars by name; a new one is a line here.
+"""Lidars by name; to add one, add a line here.
 
 Angles, times and ranges are the makers' design values: RS-LiDAR-32 user manual (channel table, B.13 and B.14; appendix
-A for the times), RS-LiDAR-16 and VLP-16 user manuals, Ouster OS1 datasheet, CE30-D datasheet (table 2) and S3. That a
-CE30-D sees white at its full range and a reflectivity of 0.1 at a third of it, and the amounts of its noise, are
-assumptions.
+A for the times), RS-LiDAR-16 and VLP-16 user manuals, Ouster OS1 datasheet, CE30-D datasheet (table 2) and [Bi]. For
+the CE30-D, the amounts of noise are assumptions, and so is its sensitivity: it detects a white surface at its full
+range and a reflectivity of 0.1 at a third of it.
 """

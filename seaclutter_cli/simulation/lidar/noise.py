@@ -1,4 +1,4 @@
-"""What a lidar reports that is not there: the two kinds of noise of S3."""
+"""False returns of a lidar: the two kinds of noise in [Bi]."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -23,15 +23,15 @@ class NoiseParams:
     Parameters
     ----------
     false_return_share : float
-        Share of the beams without an echo that report a near place all the same (lost information).
+        Share of the shots without an echo that report a nearby point anyway ("lost information" in [Bi]).
     false_return_reach_m : float
-        Mean distance of these places beyond the least range.
+        Mean distance of these points beyond the minimum range.
     mixed_pixel_share : float
-        Share of the beams across an edge that report a place between the two surfaces (escape values).
+        Share of the shots across an edge that report a point between the two surfaces ("escape values" in [Bi]).
 
     Notes
     -----
-    S3 shows both kinds and gives no amount of either; those of the lidars here are assumptions.
+    [Bi] shows both kinds but does not quantify them; the values for the lidars here are assumptions.
     """
 
     false_return_share: Annotated[float, Interval(ge=0, le=1)] = renamed(0.0, formerly="lost_share")
@@ -42,27 +42,27 @@ class NoiseParams:
 NO_NOISE = NoiseParams()
 
 
-def mix_edges(echoes: Echoes, columns: int, noise: NoiseParams, rng: np.random.Generator) -> None:
-    r"""Turn some echoes at edges into escape values.
+def add_mixed_pixels(echoes: Echoes, columns: int, noise: NoiseParams, rng: np.random.Generator) -> None:
+    r"""Convert some echoes at edges to mixed pixels.
 
     Parameters
     ----------
     echoes : Echoes
-        Of a turn, column by column; changed in place.
+        Echoes of a frame, column by column; changed in place.
     columns : int
-        Columns a turn.
+        Columns per frame.
     noise : NoiseParams
-        How often.
+        Share of mixed pixels.
     rng : numpy.random.Generator
-        Source of chance.
+        Source of randomness.
 
     Notes
     -----
-    Where the centres of two beams side by side meet different surfaces, the edge runs through one of the two beams:
-    either with the same chance, and its larger part, a share s uniform from 0.5 to 1, is on the beam's own surface. The
-    light of both parts adds up, so that the beam reports the mean of their ranges weighted by their power,
-    :math:`s P_1` and :math:`(1-s) P_2` with :math:`P \propto \rho \cos\theta / R^2`. It is clutter where it is more
-    than 10 cm from both.
+    If the centres of two neighbouring beams hit different surfaces, the edge runs through one of the two beams, each
+    with probability 1/2. The larger part of that beam, a share s uniform from 0.5 to 1, is on its own surface. The
+    light of both parts adds up, and the beam reports the mean of their ranges weighted by their power, :math:`s P_1`
+    and :math:`(1-s) P_2` with :math:`P \propto \rho \cos\theta / R^2`. The point is clutter if it is more than 10 cm
+    from both surfaces.
     """
     if not noise.mixed_pixel_share:
         return
@@ -74,41 +74,41 @@ def mix_edges(echoes: Echoes, columns: int, noise: NoiseParams, rng: np.random.G
         np.isfinite(step) & (step > 2 * _SURFACE_M) & (rng.random(len(left)) < noise.mixed_pixel_share)
     )
     swap = rng.random(len(edges)) < 0.5
-    own, other = np.where(swap, right[edges], left[edges]), np.where(swap, left[edges], right[edges])
+    main, other = np.where(swap, right[edges], left[edges]), np.where(swap, left[edges], right[edges])
     share = 0.5 + 0.5 * rng.random(len(edges))
-    first, second = echoes.range_m[own], echoes.range_m[other]
-    power = share * echoes.reflectance[own] / first**2
-    power_behind = (1 - share) * echoes.reflectance[other] / second**2
-    both = np.maximum(power + power_behind, 1e-30)
-    mixed = (power * first + power_behind * second) / both
-    away = np.minimum(np.abs(mixed - first), np.abs(mixed - second)) > _SURFACE_M
-    own, mixed, both = own[away], mixed[away], both[away]
-    echoes.range_m[own], echoes.reflectance[own], echoes.label[own] = mixed, both * mixed**2, CLUTTER
+    first, second = echoes.range_m[main], echoes.range_m[other]
+    main_power = share * echoes.reflectance[main] / first**2
+    other_power = (1 - share) * echoes.reflectance[other] / second**2
+    total = np.maximum(main_power + other_power, 1e-30)
+    mixed = (main_power * first + other_power * second) / total
+    clear = np.minimum(np.abs(mixed - first), np.abs(mixed - second)) > _SURFACE_M
+    main, mixed, total = main[clear], mixed[clear], total[clear]
+    echoes.range_m[main], echoes.reflectance[main], echoes.label[main] = mixed, total * mixed**2, CLUTTER
 
 
-def lost_ranges(
-    silent: NDArray[np.int64], least_m: float, noise: NoiseParams, rng: np.random.Generator
+def false_returns(
+    silent: NDArray[np.int64], min_range_m: float, noise: NoiseParams, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """Return which of the shots without an echo report a place all the same, its distance and intensity.
+    """Return the shots without an echo that report a point anyway, with distances and intensities.
 
     Parameters
     ----------
     silent : ndarray, shape (S,), int64
         Shots without an echo.
-    least_m : float
-        Least range of the lidar in metres.
+    min_range_m : float
+        Minimum range of the lidar in metres.
     noise : NoiseParams
-        How many, and how near.
+        Share and mean distance of false returns.
     rng : numpy.random.Generator
-        Source of chance.
+        Source of randomness.
 
     Returns
     -------
     (ndarray, shape (L,), int64), (ndarray, shape (L,), float64), (ndarray, shape (L,), float64)
-        Distances fall off exponentially from the least range; intensities are the least that there are.
+        Distances beyond the minimum range are distributed exponentially; intensities are the lowest, 1 to 3.
     """
     if not noise.false_return_share:
         return silent[:0], np.empty(0), np.empty(0)
-    lost = silent[rng.random(len(silent)) < noise.false_return_share]
-    ranges = least_m + noise.false_return_reach_m * rng.standard_exponential(len(lost))
-    return lost, ranges, rng.integers(1, 4, len(lost)).astype(np.float64)
+    chosen = silent[rng.random(len(silent)) < noise.false_return_share]
+    ranges = min_range_m + noise.false_return_reach_m * rng.standard_exponential(len(chosen))
+    return chosen, ranges, rng.integers(1, 4, len(chosen)).astype(np.float64)

@@ -1,4 +1,4 @@
-"""What the receiver of a lidar makes of echoes."""
+"""The receiver of a lidar, which converts echoes to points."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes
 from seaclutter_cli.simulation.lidar.models import Lidar
-from seaclutter_cli.simulation.lidar.noise import NoiseParams, lost_ranges, mix_edges
+from seaclutter_cli.simulation.lidar.noise import NoiseParams, add_mixed_pixels, false_returns
 from seaclutter_cli.truth import CLUTTER
 
 Floats = NDArray[np.float64]
@@ -28,25 +28,25 @@ POINT = np.dtype(
 
 @dataclass(frozen=True)
 class Receiver:
-    r"""Makes points of echoes.
+    r"""Converter of echoes to points.
 
     Parameters
     ----------
     lidar : Lidar
-        What is measured with.
+        The lidar.
     noise : NoiseParams
-        What it reports that is not there.
+        Its false returns.
     extinction : float
         Extinction coefficient of air in 1/m.
     dropout : float
-        Share of echoes that get lost.
+        Share of the echoes that are lost.
 
     Notes
     -----
-    The intensity is Eq. 2 of S0 with a linear receiver:
-    :math:`I = G \, \rho \cos\theta \, e^{-2 \alpha R} / R^2`, rounded to a whole number and cut at 255, with :math:`G`
-    such that a surface of reflectivity 0.1 gives 1 at the range that the maker states for it. An echo is lost where,
-    with the noise of the receiver, it would be below 1.
+    The intensity is Eq. 2 of [Li2023] with a linear receiver:
+    :math:`I = G \, \rho \cos\theta \, e^{-2 \alpha R} / R^2`, rounded down to a whole number and limited to 255.
+    :math:`G` is the gain with which a surface of reflectivity 0.1 gives 1 at the range that the maker states for it. An
+    echo is lost if it is below 1 with the noise of the receiver.
     """
 
     lidar: Lidar
@@ -57,53 +57,56 @@ class Receiver:
     def receive(
         self, echoes: Echoes, times_s: Floats, rng: np.random.Generator
     ) -> tuple[NDArray[np.void], NDArray[np.int64], Floats]:
-        """Return the points of a turn, which shots they are of, and their distances.
+        """Return the points of a frame, the shot of each point, and its distance.
 
         Parameters
         ----------
         echoes : Echoes
-            What each shot meets; changed by the noise.
+            Surface that each shot hits; changed by the noise.
         times_s : ndarray, shape (C, K), float64
-            When each shot is fired.
+            Firing time of each shot.
         rng : numpy.random.Generator
-            Source of chance.
+            Source of randomness.
 
         Returns
         -------
         (ndarray, shape (M,), `POINT`), (ndarray, shape (M,), int64), (ndarray, shape (M,), float64)
         """
-        mix_edges(echoes, self.lidar.columns, self.noise, rng)
-        chosen, measured, power = self._echoed(echoes, rng)
+        add_mixed_pixels(echoes, self.lidar.columns, self.noise, rng)
+        chosen, measured, power = self._detect(echoes, rng)
         label = echoes.label[chosen]
         silent = np.setdiff1d(np.arange(len(echoes.range_m)), chosen) if self.noise.false_return_share else chosen[:0]
-        lost, near, weak = lost_ranges(silent, self.lidar.min_range_m, self.noise, rng)
-        if len(lost):
-            order = np.argsort(np.concatenate((chosen, lost)), kind="stable")
-            chosen, measured = np.concatenate((chosen, lost))[order], np.concatenate((measured, near))[order]
-            power = np.concatenate((power, weak))[order]
-            label = np.concatenate((label, np.full(len(lost), CLUTTER, np.uint16)))[order]
+        spurious, spurious_range, spurious_power = false_returns(silent, self.lidar.min_range_m, self.noise, rng)
+        if len(spurious):
+            order = np.argsort(np.concatenate((chosen, spurious)), kind="stable")
+            chosen, measured = (
+                np.concatenate((chosen, spurious))[order],
+                np.concatenate((measured, spurious_range))[order],
+            )
+            power = np.concatenate((power, spurious_power))[order]
+            label = np.concatenate((label, np.full(len(spurious), CLUTTER, np.uint16)))[order]
         return self._points(chosen, measured, power, label, times_s), chosen, measured
 
-    def _echoed(self, echoes: Echoes, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Return the shots whose echo is heard, the distances measured and the power received."""
+    def _detect(self, echoes: Echoes, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats, Floats]:
+        """Return the shots with a detected echo, the measured distances and the received power."""
         lidar = self.lidar
-        some = np.flatnonzero(echoes.reflectance > 0)
-        range_m = echoes.range_m[some]
-        power = lidar.gain * echoes.reflectance[some] / np.maximum(range_m, lidar.min_range_m) ** 2
+        reflecting = np.flatnonzero(echoes.reflectance > 0)
+        range_m = echoes.range_m[reflecting]
+        power = lidar.gain * echoes.reflectance[reflecting] / np.maximum(range_m, lidar.min_range_m) ** 2
         power *= np.exp(-2 * self.extinction * range_m)
-        power += 0.25 * rng.standard_normal(len(some)) * np.sqrt(1 + 0.05 * power)
+        power += 0.25 * rng.standard_normal(len(reflecting)) * np.sqrt(1 + 0.05 * power)
         kept = (power >= 1) & (range_m >= lidar.min_range_m) & (range_m <= lidar.max_range_m)
-        kept &= rng.random(len(some)) >= self.dropout
+        kept &= rng.random(len(reflecting)) >= self.dropout
         measured = range_m[kept] + lidar.range_noise_m * rng.standard_normal(int(kept.sum()))
-        return some[kept], measured, power[kept]
+        return reflecting[kept], measured, power[kept]
 
     def _points(
         self, chosen: NDArray[np.int64], measured: Floats, power: Floats, label: NDArray[np.uint16], times_s: Floats
     ) -> NDArray[np.void]:
         lidar = self.lidar
         points = np.empty(len(chosen), POINT)
-        place = lidar.lenses.reshape(-1, 3)[chosen] + lidar.directions.reshape(-1, 3)[chosen] * measured[:, None]
-        points["x"], points["y"], points["z"] = place.T
+        position = lidar.lenses.reshape(-1, 3)[chosen] + lidar.directions.reshape(-1, 3)[chosen] * measured[:, None]
+        points["x"], points["y"], points["z"] = position.T
         points["intensity"] = np.minimum(np.floor(power), 255.0)
         points["ring"] = lidar.rings[chosen % len(lidar.elevations_deg)]
         points["timestamp"] = times_s.reshape(-1)[chosen]

@@ -1,1 +1,1 @@
-"""Scenes at sea and on land, seen by a lidar on a vessel or vehicle."""
+"""Simulated scenes at sea and on land, with a lidar on a vessel or vehicle."""

@@ -1,8 +1,8 @@
-"""Air between a lidar and what it sees."""
+"""Attenuation by air."""
 
 
 def extinction(visibility_km: float) -> float:
-    r"""Return the extinction coefficient :math:`\alpha` of Eq. 2 of S0 in 1/m, by Koschmieder's law.
+    r"""Return the extinction coefficient :math:`\alpha` of Eq. 2 of [Li2023] in 1/m, by Koschmieder's law.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Files that simulated recordings go to."""
+"""File formats of simulated recordings."""
 
 import json
 from collections.abc import Mapping
@@ -22,36 +22,36 @@ from seaclutter_cli.sinks.mcap_writer import McapWriter
 from seaclutter_cli.sinks.pcap import Endpoints, ethernet_udp, pcap_header, pcap_record
 
 START_NS = 1_700_000_000 * 10**9
-"""When every simulated recording begins, in nanoseconds of Unix time."""
+"""Start of every simulated recording, in nanoseconds of Unix time."""
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 
 
 class Log(Protocol):
-    """A file that turns are written to."""
+    """Writer of a simulated recording."""
 
-    def add(self, turn: SimulatedFrame) -> None:
-        """Write a turn."""
+    def add(self, frame: SimulatedFrame) -> None:
+        """Write a frame."""
         ...
 
     def finish(self) -> None:
-        """Write what is left."""
+        """Complete the file."""
         ...
 
     def abort(self) -> None:
-        """Free what is held; the file stays incomplete."""
+        """Free resources and leave the file incomplete."""
         ...
 
 
 class McapLog:
-    """PointCloud2 messages in an MCAP file, with the scene as metadata.
+    """Writer of PointCloud2 messages to an MCAP file, with the scene as metadata.
 
     Parameters
     ----------
     scene : Scene
-        What is recorded.
+        The recorded scene.
     stream : BinaryIO
-        Where it goes.
+        Receives the file.
     """
 
     def __init__(self, scene: Scene, stream: BinaryIO) -> None:
@@ -61,51 +61,51 @@ class McapLog:
         self._writer.add_metadata(Metadata("scene", entries))
         self._writer.add_channel(Channel(1, "/points", "cdr", ros2_schema(_TYPE)))
 
-    def add(self, turn: SimulatedFrame) -> None:
-        """Write a turn; its stamp is that of its end, as drivers have it."""
-        stamp_ns = START_NS + (turn.index + 1) * self._period_ns
-        points = turn.points.copy()
+    def add(self, frame: SimulatedFrame) -> None:
+        """Write a frame, stamped with the time of its end, as drivers do."""
+        stamp_ns = START_NS + (frame.index + 1) * self._period_ns
+        points = frame.points.copy()
         points["timestamp"] += START_NS / 10**9
         message = CODECS[_TYPE, "cdr"].encode(from_array(points, stamp_ns=stamp_ns))
-        self._writer.write(1, stamp_ns, stamp_ns, turn.index, message)
+        self._writer.write(1, stamp_ns, stamp_ns, frame.index, message)
 
     def finish(self) -> None:
         """Write the summary."""
         self._writer.finish()
 
     def abort(self) -> None:
-        """Stop the threads that compress."""
+        """Stop the compression threads."""
         self._writer.abort()
 
 
 class CaptureLog:
-    """Packets of a RoboSense lidar in a PCAP file, with its angles; they hold no labels.
+    """Writer of packets of a RoboSense lidar, with its angles, to a PCAP file, which has no labels.
 
     Parameters
     ----------
     scene : Scene
-        What is recorded.
+        The recorded scene.
     stream : BinaryIO
-        Where it goes.
+        Receives the file.
 
     Raises
     ------
     UsageError
-        If the lidar is none of RoboSense.
+        If the lidar is not from RoboSense.
     """
 
     def __init__(self, scene: Scene, stream: BinaryIO) -> None:
         name = scene.recording.lidar
         if name not in MODELS:
             known = ", ".join(name for name in LIDARS if name in MODELS)
-            raise UsageError(f"packets of {name} cannot be written; those of {known} can")
+            raise UsageError(f"pcap: cannot write packets of {name}; choose one of {known}, or write an .mcap file")
         self._lidar, self._model, self._stream = LIDARS[name], MODELS[name], stream
         self._info = write_info(self._model, _angles(self._lidar)).tobytes()
         self._stream.write(pcap_header())
 
-    def add(self, turn: SimulatedFrame) -> None:
-        """Write a turn: its device information, then its data."""
-        columns = self._columns(turn)
+    def add(self, frame: SimulatedFrame) -> None:
+        """Write a frame: device information, then data."""
+        columns = self._columns(frame)
         ends, info = (
             Endpoints(source_port=DATA_PORT, target_port=DATA_PORT),
             Endpoints(source_port=INFO_PORT, target_port=INFO_PORT),
@@ -115,12 +115,12 @@ class CaptureLog:
         for time_ns, payload in zip(arrivals, write_data(self._model, columns), strict=True):
             self._stream.write(pcap_record(time_ns, ethernet_udp(ends, payload.tobytes())))
 
-    def _columns(self, turn: SimulatedFrame) -> Columns:
+    def _columns(self, frame: SimulatedFrame) -> Columns:
         shots = self._lidar.columns * len(self._lidar.rings)
         distance, intensity = np.zeros(shots), np.zeros(shots, np.uint8)
-        distance[turn.shots], intensity[turn.shots] = turn.distances_m, turn.points["intensity"]
+        distance[frame.shots], intensity[frame.shots] = frame.distances_m, frame.points["intensity"]
         blocks = np.arange(shots // CHANNELS)
-        packets = blocks[::BLOCKS] / len(blocks) + turn.index
+        packets = blocks[::BLOCKS] / len(blocks) + frame.index
         return Columns(
             np.round(36000 * blocks / len(blocks)).astype(np.int64),
             distance.reshape(-1, CHANNELS),
@@ -129,10 +129,10 @@ class CaptureLog:
         )
 
     def finish(self) -> None:
-        """Have nothing left to write."""
+        """Do nothing: all packets are already written."""
 
     def abort(self) -> None:
-        """Hold nothing."""
+        """Do nothing: there are no resources to free."""
 
 
 def _angles(lidar: Lidar) -> Angles | None:
@@ -144,4 +144,4 @@ def _angles(lidar: Lidar) -> Angles | None:
 
 
 FORMATS: Mapping[str, type[McapLog | CaptureLog]] = {"mcap": McapLog, "pcap": CaptureLog}
-"""Forms of simulated recordings by the ending of their files; a new one is a line here."""
+"""Writers of simulated recordings by file extension; to add a format, add a line here."""

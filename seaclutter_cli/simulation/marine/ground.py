@@ -1,4 +1,4 @@
-"""Ground: what plantations stand on."""
+"""The ground of scenes on land."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,11 +29,11 @@ class GroundParams:
     Parameters
     ----------
     roughness_m : float
-        Standard deviation of its height.
+        Standard deviation of the height.
     reflectivity : float
-        Of grass or earth, met head on.
+        Reflectivity of grass or earth at normal incidence.
     visibility_km : float
-        Meteorological visibility, from which the extinction in air follows.
+        Meteorological visibility, which determines the extinction in air.
     """
 
     roughness_m: Annotated[float, Ge(0)] = 0.015
@@ -47,18 +47,18 @@ class GroundParams:
 
 
 class Ground:
-    """Uneven ground: a sum of bumps 2 to 20 m long, of random direction. It is an area to ignore, not clutter.
+    """Uneven ground: a sum of bumps 2 to 20 m long in random directions; an area to ignore, not clutter.
 
     Parameters
     ----------
     params : GroundParams
-        How uneven and how bright.
+        Roughness and reflectivity.
     hulls : sequence
-        Leave no wake here.
+        Ignored: there are no wakes on land.
     own_length_m : float
-        Bumps of any length tilt the vehicle, as far as its `wave_response` lets them.
+        Ignored: bumps of any length tilt the vehicle, scaled by its `wave_response`.
     seed : int
-        What all chance comes from.
+        Seed of the bumps.
     """
 
     def __init__(self, params: GroundParams, hulls: Sequence[Any], own_length_m: float, seed: int) -> None:
@@ -71,42 +71,42 @@ class Ground:
         self._phase = rng.uniform(0, 2 * np.pi, _WAVES)
         self._amplitude = params.roughness_m * np.sqrt(2 / _WAVES)
 
-    def lie(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return height in metres and slopes along x and y at places, shape (N,) each."""
+    def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
         angle = np.outer(x, self._kx) + np.outer(y, self._ky) + self._phase
         steep = self._amplitude * np.cos(angle)
         return self._amplitude * np.sin(angle).sum(axis=1), steep @ self._kx, steep @ self._ky
 
-    def move(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
-        """Return height in metres and slopes along x and y that tilt the vehicle, shape (3, T)."""
+    def motion(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
+        """Return the height in metres and the slopes along x and y that move the vehicle, shape (3, T)."""
         del times_s
-        return np.stack(self.lie(x, y))
+        return np.stack(self.height_and_slopes(x, y))
 
     def at(self, time_s: float) -> "Ground":
-        """Return the ground, which is the same at any time."""
+        """Return the ground, which does not change over time."""
         del time_s
         return self
 
     def box(self, lidar: Pose, reach_m: float) -> Box:
-        """Return the area to ignore that it is within reach, as an upright box in the frame of the lidar."""
+        """Return the ground within reach as an area to ignore: an upright box in the frame of the lidar."""
         angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
         rim = reach_m * np.stack((np.cos(angles), np.sin(angles), np.zeros(16)), axis=1)
-        rim[:, 2] -= lidar.place[2]
-        heights = (rim @ lidar.turn)[:, 2]
+        rim[:, 2] -= lidar.position[2]
+        heights = (rim @ lidar.rotation)[:, 2]
         margin = 3 * self._params.roughness_m + _BOX_M
         lower, upper = heights.min() - margin, heights.max() + margin
         size = np.array([2 * reach_m, 2 * reach_m, upper - lower])
         return np.array([0.0, 0.0, (lower + upper) / 2]), size, 0.0
 
-    def meet(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
-        """Add what comes back from the ground to the echoes: where the plane is met, corrected for its height there."""
+    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
+        """Add the echoes of the ground: the intersection with a plane, corrected for the height there."""
         del rng
         down = np.flatnonzero(shots.directions[:, 2] < 0)
         rays, origins = shots.directions[down], shots.origins[down]
         height = np.zeros(len(down))
         for _ in range(2):
             distance = (height - origins[:, 2]) / rays[:, 2]
-            places = origins + distance[:, None] * rays
-            height, slope_x, slope_y = self.lie(places[:, 0], places[:, 1])
+            positions = origins + distance[:, None] * rays
+            height, slope_x, slope_y = self.height_and_slopes(positions[:, 0], positions[:, 1])
         facing = (rays[:, 0] * slope_x + rays[:, 1] * slope_y - rays[:, 2]) / np.sqrt(slope_x**2 + slope_y**2 + 1)
         echoes.add(down, distance, self._params.reflectivity * np.clip(facing, 0.0, 1.0), IGNORED)

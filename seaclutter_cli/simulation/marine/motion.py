@@ -1,4 +1,4 @@
-"""How vessels move: along a path, and with the waves."""
+"""Motion of vessels: along a path, and with the waves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,16 +11,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Leg:
-    """A straight part of a path, driven at one speed.
+    """A straight part of a path, at constant speed.
 
     Parameters
     ----------
     start_s, end_s : float
-        When it is driven; infinite where something lies still.
+        Start and end time; infinite end for a body at rest.
     x_m, y_m : float
-        Where it starts.
+        Start position.
     heading_rad : float
-        Where it leads, counter-clockwise from the world's x.
+        Heading, counter-clockwise from the world's x.
     speed_ms : float
         Speed in m/s.
     """
@@ -42,20 +42,20 @@ class Track:
     Parameters
     ----------
     path : sequence of (float, float)
-        Places in metres in the world's frame, one or more; the last leg goes on for ever.
+        Positions in metres in the world frame, one or more; the last leg has no end.
     speed_ms : float
         Speed in m/s.
     heading_deg : float
-        Heading where the path is a single place, counter-clockwise from the world's x.
+        Heading if the path is a single position, counter-clockwise from the world's x.
     start_s : float
-        When the path begins; before that, its first leg is thought to reach back.
+        Start time of the path; before it, the first leg is extended backwards.
     """
 
     def __init__(
         self, path: tuple[tuple[float, float], ...], speed_ms: float, heading_deg: float, start_s: float
     ) -> None:
-        places = np.array(path, np.float64)
-        steps = np.diff(places, axis=0)
+        positions = np.array(path, np.float64)
+        steps = np.diff(positions, axis=0)
         lengths = np.hypot(steps[:, 0], steps[:, 1])
         if speed_ms > 0 and len(steps):
             headings = np.arctan2(steps[:, 1], steps[:, 0])
@@ -65,11 +65,11 @@ class Track:
         ends = (*times[1:-1].tolist(), np.inf)
         self.legs = [
             Leg(float(start), end, float(x), float(y), float(heading), speed_ms)
-            for start, end, (x, y), heading in zip(times, ends, places, headings, strict=False)
+            for start, end, (x, y), heading in zip(times, ends, positions, headings, strict=False)
         ]
 
     def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return x and y in metres and the heading in radians at some times, shape (T,) each."""
+        """Return x and y in metres and the heading in radians at given times, shape (T,) each."""
         starts = np.array([leg.start_s for leg in self.legs])
         which = np.clip(np.searchsorted(starts, times_s, side="right") - 1, 0, None)
         fields = ("x_m", "y_m", "heading_rad", "speed_ms", "start_s")
@@ -79,7 +79,7 @@ class Track:
 
 
 class Tracks:
-    """Many paths, O of them, each asked at its own time.
+    """Many paths, O of them, each evaluated at its own time.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Tracks:
     def __init__(self, tracks: Sequence[Track]) -> None:
         most = max((len(track.legs) for track in tracks), default=1)
         names = ("start_s", "x_m", "y_m", "heading_rad", "speed_ms")
-        # A path with fewer legs than others goes on with legs that never start.
+        # Shorter paths are padded with legs that never start.
         padded = [[*track.legs, *[_NEVER] * (most - len(track.legs))] for track in tracks]
         legs = [[[getattr(leg, name) for leg in row] for row in padded] for name in names]
         self._start, self._x, self._y, self._heading, self._speed = np.array(legs, np.float64).reshape(5, -1, most)
@@ -125,20 +125,20 @@ def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Pose:
-    """Place and attitude of a body.
+    """Position and attitude of a body.
 
     Parameters
     ----------
-    place : ndarray, shape (3,), float64
-        Its origin in the world's frame, in metres.
-    turn : ndarray, shape (3, 3), float64
-        Rotation from its frame to the world's.
+    position : ndarray, shape (3,), float64
+        Origin of the body in the world frame, in metres.
+    rotation : ndarray, shape (3, 3), float64
+        Rotation from the frame of the body to that of the world.
     """
 
-    place: Floats
-    turn: Floats
+    position: Floats
+    rotation: Floats
 
     @classmethod
-    def of(cls, place: Floats, *, yaw: float, pitch: float = 0.0, roll: float = 0.0) -> "Pose":
-        """Return the pose of angles in radians."""
-        return cls(place, rotations(np.array([yaw]), np.array([pitch]), np.array([roll]))[0])
+    def of(cls, position: Floats, *, yaw: float, pitch: float = 0.0, roll: float = 0.0) -> "Pose":
+        """Return a pose from angles in radians."""
+        return cls(position, rotations(np.array([yaw]), np.array([pitch]), np.array([roll]))[0])

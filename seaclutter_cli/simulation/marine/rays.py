@@ -1,4 +1,4 @@
-"""Where rays meet triangles and boxes."""
+"""Intersections of rays with triangles and boxes."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,10 @@ Floats = NDArray[np.float64]
 _BLOCK = 1 << 17
 
 
-def meet_box(origins: Floats, directions: Floats, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
-    """Return how far along each ray a box begins and ends, shape (N,) each; it is missed where the end is not beyond.
+def intersect_box(origins: Floats, directions: Floats, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
+    """Return the distances at which rays enter and leave a box, shape (N,) each.
+
+    A ray misses the box unless it leaves at a larger distance than it enters.
 
     Parameters
     ----------
@@ -21,27 +23,27 @@ def meet_box(origins: Floats, directions: Floats, lower: Floats, upper: Floats) 
 
     Examples
     --------
-    >>> meet_box(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), np.array([2.0, -1, -1]), np.array([3.0, 1, 1]))
+    >>> intersect_box(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), np.array([2.0, -1, -1]), np.array([3.0, 1, 1]))
     (array([2.]), array([3.]))
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        one = (lower - origins) / directions
-        other = (upper - origins) / directions
-    near, far = np.fmin(one, other).T, np.fmax(one, other).T
+        first = (lower - origins) / directions
+        second = (upper - origins) / directions
+    near, far = np.fmin(first, second).T, np.fmax(first, second).T
     begin = np.maximum(np.maximum(near[0], near[1]), np.maximum(near[2], 0.0))
     return begin, np.minimum(np.minimum(far[0], far[1]), far[2])
 
 
 @dataclass(frozen=True)
 class UnitTransforms:
-    """What turns each of T triangles into the one of corners (0, 0), (1, 0) and (0, 1) in the plane z = 0.
+    """Transforms of T triangles to the one with corners (0, 0), (1, 0) and (0, 1) in the plane z = 0.
 
     Parameters
     ----------
     axes : ndarray, shape (3, 3, T), float64
         Matrices.
     shift : ndarray, shape (3, T), float64
-        What is taken off after that.
+        Translation subtracted after multiplication.
     """
 
     axes: Floats
@@ -49,17 +51,17 @@ class UnitTransforms:
 
     @classmethod
     def of(cls, triangles: Floats) -> "UnitTransforms":
-        """Return those of triangles with given corners in metres, shape (T, 3, 3)."""
+        """Return the transforms of triangles with given corners in metres, shape (T, 3, 3)."""
         corner = triangles[:, 0]
-        one, other = triangles[:, 1] - corner, triangles[:, 2] - corner
-        to_unit = np.linalg.inv(np.stack((one, other, np.cross(one, other)), axis=2))
+        first, second = triangles[:, 1] - corner, triangles[:, 2] - corner
+        to_unit = np.linalg.inv(np.stack((first, second, np.cross(first, second)), axis=2))
         return cls(to_unit.transpose(1, 2, 0), np.einsum("tij,tj->it", to_unit, corner))
 
 
-def meet_triangles(
+def intersect_triangles(
     origins: Floats, directions: Floats, triangles: Floats | UnitTransforms
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Return how far along each ray the nearest triangle is, and which; infinity and -1 where there is none.
+    """Return the distance along each ray to the nearest triangle, and its index; infinity and -1 for a miss.
 
     Parameters
     ----------
@@ -74,8 +76,8 @@ def meet_triangles(
 
     Notes
     -----
-    With each triangle turned into the same one, the test is the same for all pairs (Woop 2004, "A Ray Tracing Hardware
-    Architecture for Dynamic Scenes").
+    Each triangle is transformed to the same one, so that the test is the same for all pairs (Woop 2004, "A Ray Tracing
+    Hardware Architecture for Dynamic Scenes").
     """
     distance = np.full(len(origins), np.inf)
     which = np.full(len(origins), -1)
@@ -93,7 +95,7 @@ def meet_triangles(
 
 
 def _pairs(origins: Floats, directions: Floats, axes: Floats, shift: Floats) -> Floats:
-    """Return the distance of each ray to each triangle, shape (N, T)."""
+    """Return the distance of each triangle along each ray, shape (N, T)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = -(origins @ axes[2] - shift[2]) / (directions @ axes[2])
         u = origins @ axes[0] - shift[0] + distance * (directions @ axes[0])

@@ -1,4 +1,4 @@
-"""A simulated recording: simulate_frames made in several threads, written in their order."""
+"""Simulated recordings: frames rendered in several threads and written in order."""
 
 import csv
 import io
@@ -17,7 +17,7 @@ _COLUMNS = ("frame", "track_id", "class", "x", "y", "z", "length", "width", "hei
 
 
 def simulate_frames(scene: Scene) -> Iterator[SimulatedFrame]:
-    """Yield the simulate_frames of a scene in order, made by all cores; the same whatever their number."""
+    """Yield the frames of a scene in order, rendered on all cores; the number of cores does not change them."""
     threads = os.cpu_count() or 1
     renderer = Renderer(scene)
     pending: deque[Future[SimulatedFrame]] = deque()
@@ -33,47 +33,47 @@ def simulate_frames(scene: Scene) -> Iterator[SimulatedFrame]:
             pool.shutdown(cancel_futures=True)
 
 
-def record(scene: Scene, log: Path, labels: Path, on_turn: Callable[[SimulatedFrame], None] = lambda _: None) -> None:
-    """Write a scene to a file of one of `FORMATS`, told by its ending, and its labels as native CSV.
+def record(scene: Scene, log: Path, labels: Path, on_frame: Callable[[SimulatedFrame], None] = lambda _: None) -> None:
+    """Write a scene to a file in one of `FORMATS`, chosen by its extension, and its labels as native CSV.
 
     Parameters
     ----------
     scene : Scene
-        What is recorded.
+        The scene to record.
     log, labels : Path
         The files; they appear when they are complete.
-    on_turn : callable, optional
-        Is told of each turn.
+    on_frame : callable, optional
+        Called with each frame.
 
     Raises
     ------
     OutputError
         If a file cannot be written.
     UsageError
-        If the format cannot hold what the lidar measures.
+        If the format does not support the lidar.
     """
     with AtomicFile(log) as log_file, AtomicFile(labels) as label_file:
         writer: Log = FORMATS[log.suffix[1:]](scene, log_file.stream)
         try:
             label_file.stream.write((",".join(_COLUMNS) + "\n").encode())
-            for turn in simulate_frames(scene):
-                writer.add(turn)
-                label_file.stream.write(_rows(turn).encode())
-                on_turn(turn)
+            for frame in simulate_frames(scene):
+                writer.add(frame)
+                label_file.stream.write(_rows(frame).encode())
+                on_frame(frame)
             writer.finish()
         except BaseException:
             writer.abort()
             raise
 
 
-def _rows(turn: SimulatedFrame) -> str:
-    """Return the lines of a turn's labels."""
+def _rows(frame: SimulatedFrame) -> str:
+    """Return the CSV lines of a frame's labels."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    boxes = turn.boxes
+    boxes = frame.boxes
     for track, kind, center, size, yaw in zip(
         boxes.tracks, boxes.classes, boxes.centers, boxes.sizes, boxes.yaws, strict=True
     ):
         numbers = (f"{value:.3f}" for value in (*center, *size))
-        writer.writerow((turn.index, track, kind, *numbers, f"{yaw:.4f}"))
+        writer.writerow((frame.index, track, kind, *numbers, f"{yaw:.4f}"))
     return text.getvalue()

@@ -1,4 +1,4 @@
-"""One turn of a lidar at sea or on land."""
+"""Rendering of lidar frames at sea or on land."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,14 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.lidar.models import LIDARS
-from seaclutter_cli.simulation.lidar.receiver import POINT, Receiver
-from seaclutter_cli.simulation.marine.bodies import Bodies, Placed, box_of, meet_body
+from seaclutter_cli.simulation.lidar.receiver import Receiver
+from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes, box_of
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.ride import Ride
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, Terrain, terrain_name
 from seaclutter_cli.truth import IGNORED, Boxes
-
-__all__ = ["POINT", "Renderer", "SimulatedFrame"]
 
 Floats = NDArray[np.float64]
 
@@ -30,15 +28,15 @@ class SimulatedFrame:
     Parameters
     ----------
     index : int
-        Its number.
+        Number of the frame.
     points : ndarray, shape (N,), `POINT`
-        Echoes in the order of firing, in the frame of the lidar; times in seconds from the start of the recording.
+        Echoes in firing order, in the frame of the lidar; times in seconds from the start of the recording.
     shots : ndarray, shape (N,), int64
-        Which shot of the turn each is of: its column times the number of beams, and its beam.
+        Shot of each point: its column times the number of beams, plus its beam.
     distances_m : ndarray, shape (N,), float64
-        Distance that was measured, from the lens.
+        Measured distance from the lens.
     boxes : Boxes
-        Own vessel and what else is within the lidar's range; of class ``ignore`` where it is no target.
+        Own ship and every object within range of the lidar; of class ``ignore`` if it is not a target.
     """
 
     index: int
@@ -49,12 +47,12 @@ class SimulatedFrame:
 
 
 class Renderer:
-    """Makes the turns of a scene, each by itself, so that they can be made in any order.
+    """Renderer of the frames of a scene, which are independent and can be rendered in any order.
 
     Parameters
     ----------
     scene : Scene
-        What there is.
+        The scene.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -78,30 +76,30 @@ class Renderer:
         return terrain
 
     def turn(self, index: int) -> SimulatedFrame:
-        """Return a turn by its number."""
+        """Return a frame by its number."""
         rng = np.random.default_rng([self._seed, 1, index])
         start_s = index / self.lidar.rate_hz
         moment = self._terrain.at(start_s + 0.5 / self.lidar.rate_hz)
         times_s = start_s + self.lidar.times_s
-        shots = self._shots(*self._ride.along(times_s[:, 0]))
-        placed = self._bodies.placed(moment, self._ride, self.lidar, start_s)
+        shots = self._shots(*self._ride.interpolate(times_s[:, 0]))
+        placed = self._bodies.locate(moment, self._ride, self.lidar, start_s)
 
-        echoes = Echoes.none(len(shots))
-        moment.meet(shots, echoes, rng)
+        echoes = Echoes.empty(len(shots))
+        moment.add_echoes(shots, echoes, rng)
         hull = self._ride.hull(start_s)
-        meet_body(shots, echoes, np.arange(len(shots)), self._own, hull, (_DARK_REFLECTIVITY, IGNORED))
-        self._bodies.meet(shots, echoes, placed)
+        add_body_echoes(shots, echoes, np.arange(len(shots)), self._own, hull, (_DARK_REFLECTIVITY, IGNORED))
+        self._bodies.add_echoes(shots, echoes, placed)
         return SimulatedFrame(index, *self._receiver.receive(echoes, times_s, rng), self._boxes(placed, hull, start_s))
 
-    def _shots(self, places: Floats, turns: Floats) -> Shots:
+    def _shots(self, positions: Floats, rotation: Floats) -> Shots:
         beams = len(self.lidar.elevations_deg)
-        directions = (self.lidar.directions @ turns.transpose(0, 2, 1)).reshape(-1, 3)
+        directions = (self.lidar.directions @ rotation.transpose(0, 2, 1)).reshape(-1, 3)
         azimuths = np.arctan2(directions[:, 1], directions[:, 0])
-        origins = (self.lidar.lenses @ turns.transpose(0, 2, 1)).reshape(-1, 3) + np.repeat(places, beams, axis=0)
+        origins = (self.lidar.lenses @ rotation.transpose(0, 2, 1)).reshape(-1, 3) + np.repeat(positions, beams, axis=0)
         return Shots(origins, directions, azimuths)
 
-    def _boxes(self, placed: list[Placed], hull: Pose, start_s: float) -> Boxes:
-        """Return the boxes of what is within range; own vessel and the ground are areas to ignore."""
+    def _boxes(self, placed: list[PlacedBody], hull: Pose, start_s: float) -> Boxes:
+        """Return the boxes of all objects within range; own ship and the ground are areas to ignore."""
         lidar, reach_m = self._ride.lidar(start_s), self.lidar.max_range_m
         rows = [(IGNORED, "ignore", *box_of(self._own, hull, lidar, -np.inf))]
         if (ground := self._terrain.box(lidar, reach_m)) is not None:

@@ -1,4 +1,4 @@
-"""Scenes: what a simulated recording shows."""
+"""Scenes to simulate, and their files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -32,20 +32,20 @@ Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingParams:
-    """The recording as such.
+    """Parameters of a recording.
 
     Parameters
     ----------
     description : str
-        What the scene shows.
+        Description of the scene.
     lidar : str
-        A lidar by name.
+        Name of a lidar.
     frames : int
-        Turns of the lidar.
+        Number of frames.
     seed : int
-        What all chance comes from.
+        Seed of all random values.
     dropout : float
-        Share of echoes that get lost.
+        Share of the echoes that are lost.
     """
 
     description: str = renamed("", formerly="about")
@@ -62,18 +62,18 @@ class RecordingParams:
 
 @dataclass(frozen=True, kw_only=True)
 class MovingParams:
-    """Where something is.
+    """Position and motion of an object.
 
     Parameters
     ----------
     path : tuple of (float, float)
-        Places in metres in the world's frame (x east, y north), one or more.
+        Positions in metres in the world frame (x east, y north), one or more.
     speed_ms : float
         Speed along the path.
     heading_deg : float
-        Heading where it lies still, counter-clockwise from the world's x.
+        Heading of an object at rest, counter-clockwise from the world's x.
     start_s : float
-        When the path begins.
+        Start time of the path.
     """
 
     path: Path2 = ((0.0, 0.0),)
@@ -83,24 +83,24 @@ class MovingParams:
 
     @property
     def track(self) -> Track:
-        """The path in time."""
+        """Position and heading over time."""
         return Track(self.path, self.speed_ms, self.heading_deg, self.start_s)
 
 
 @dataclass(frozen=True, kw_only=True)
 class VesselParams(MovingParams):
-    """Own vessel, or the vehicle on land, and the lidar on it.
+    """Own ship, or the vehicle on land, and the lidar on it.
 
     Parameters
     ----------
     length_m, width_m : float
-        Of the hull.
+        Size of the hull.
     lidar_height_m : float
         Height of the lidar above the waterline or the ground.
     lidar_forward_m : float
-        How far ahead of the vessel's middle the lidar stands.
+        Distance of the lidar ahead of the vessel's centre.
     wave_response : float
-        How much of the height and slope of waves or ground the vessel follows, 0 to 1.
+        Share of the height and slope of waves or ground that the vessel follows, 0 to 1.
     """
 
     length_m: Annotated[float, Gt(0)] = 7.0
@@ -112,22 +112,22 @@ class VesselParams(MovingParams):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneObjectParams(MovingParams):
-    """Something in the scene.
+    """An object in the scene.
 
     Parameters
     ----------
     track_id : int
-        Its number in the labels; 1 to 65534.
+        Number in the labels; 1 to 65534.
     class_name : str
-        Its class in the labels; by default its shape.
+        Class in the labels; by default the shape.
     shape : str
-        A shape by name.
+        Name of a shape.
     size_m : tuple of float
         Length, width and height above the waterline or the ground.
     reflectivity : float
-        Of its brightest parts, met head on.
+        Reflectivity of the brightest parts at normal incidence.
     wave_response : float
-        How much of the waves' height it follows, 0 to 1.
+        Share of the waves' height and slope that the object follows, 0 to 1.
     ignore : bool
         Whether it is an area to ignore (land, a pier) instead of a target.
     """
@@ -148,18 +148,18 @@ class SceneObjectParams(MovingParams):
 
 @dataclass(frozen=True)
 class Scene:
-    """All of a scene.
+    """A scene to simulate.
 
     Parameters
     ----------
     recording : RecordingParams
         Lidar, length, seed.
     terrain : SeaParams or GroundParams
-        What it lies on: a section named as in `TERRAINS`.
+        Sea or ground; its section has a name from `TERRAINS`.
     vessel : VesselParams
-        Own vessel, or the vehicle on land.
+        Own ship, or the vehicle on land.
     objects : tuple of SceneObjectParams
-        What else is there.
+        All other objects.
     noise : NoiseParams, optional
         False returns; by default those of the lidar.
     """
@@ -171,7 +171,13 @@ class Scene:
     noise: NoiseParams | None = None
 
     def with_recording(self, **changes: Any) -> "Scene":
-        """Return the scene with other frames, seed or lidar; None leaves a value as it is; `ConfigError`."""
+        """Return the scene with other frames, seed or lidar; None keeps a value.
+
+        Raises
+        ------
+        ConfigError
+            If a value is not valid.
+        """
         given = {name: value for name, value in changes.items() if value is not None}
         try:
             return replace(self, recording=replace(self.recording, **given))
@@ -179,7 +185,7 @@ class Scene:
             raise ConfigError(str(error)) from error
 
     def as_dict(self, *, defaults: bool = True) -> dict[str, Any]:
-        """Return the scene as it stands in a file, with or without what is a default."""
+        """Return the scene as the content of a file, with or without default values."""
         parts: dict[str, Any] = {
             "recording": self.recording,
             terrain_name(self.terrain): self.terrain,
@@ -197,35 +203,35 @@ def _plain(params: Any, *, defaults: bool) -> dict[str, Any]:
 
 
 def builtin_scenes() -> Mapping[str, Path]:
-    """Return the scenes that come with the program by name."""
+    """Return the built-in scenes by name."""
     return builtin_files("scenes")
 
 
 def load_scene(name: str) -> Scene:
-    """Return a scene from a file, or a built-in one by its name.
+    """Return the scene in a file, or a built-in one by its name.
 
     Raises
     ------
     ConfigError
-        If anything is wrong, with everything that is.
+        If the scene is not valid; lists all problems.
     """
     path = find_file(name, "scenes", "scene file")
     return parse_scene(read_yaml(path, _SECTIONS), str(path))
 
 
 def save_scene(scene: Scene, path: Path) -> None:
-    """Write a scene to a file that `load_scene` reads, without what is a default and each object on a line.
+    """Write a scene to a file for `load_scene`, without default values and with one object per line.
 
     Raises
     ------
     OutputError
-        If it cannot be written.
+        If the file cannot be written.
     """
     write_scene(scene.as_dict(defaults=False), path)
 
 
 def write_scene(scene: Mapping[str, Any], path: Path) -> None:
-    """Write a scene as it stands in a file, each object on a line; `OutputError` if that cannot be done."""
+    """Write the content of a scene file with one object per line; raises `OutputError` on failure."""
     sections = dict(scene)
     objects = sections.pop("objects")
     text = yaml.safe_dump(sections, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
@@ -239,11 +245,11 @@ def write_scene(scene: Mapping[str, Any], path: Path) -> None:
 
 
 def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
-    """Return the scene that a mapping describes; ``where`` names it in errors."""
+    """Return the scene that a mapping describes; error messages start with ``where``."""
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
     chosen = [name for name in TERRAINS if name in raw] or [next(iter(TERRAINS))]
     if len(chosen) > 1:
-        problems.append(f"{' and '.join(chosen)}: a scene has one of them")
+        problems.append(f"{' and '.join(chosen)}: a scene can have only one of these sections")
     kinds: dict[str, type[Any]] = {
         "recording": RecordingParams,
         chosen[0]: TERRAINS[chosen[0]][0],
@@ -261,5 +267,7 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
 def _objects(raw: Any, problems: list[str]) -> list[SceneObjectParams]:
     found: list[SceneObjectParams] = build_list(SceneObjectParams, raw, "objects", "an object", problems)
     ids = [item.track_id for item in found]
-    problems += [f"objects: track_id {one} occurs twice" for one in sorted({i for i in ids if ids.count(i) > 1})]
+    problems += [
+        f"objects: track_id {number} is used more than once" for number in sorted({i for i in ids if ids.count(i) > 1})
+    ]
     return found

@@ -1,4 +1,4 @@
-"""The sea surface: random waves of a published spectrum that ride by."""
+"""The sea surface: random waves with a published spectrum."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -26,23 +26,23 @@ class SeaParams:
     Parameters
     ----------
     sea_state : float
-        Degree of the sea on the WMO scale, 0 to 6; between its whole numbers the wave height is interpolated.
+        Sea state on the WMO scale, 0 to 6; between whole numbers the wave height is interpolated.
     peak_enhancement : float
-        Peak enhancement of the JONSWAP spectrum; 1 makes it that of Pierson and Moskowitz.
+        Peak enhancement of the JONSWAP spectrum; 1 gives the Pierson-Moskowitz spectrum.
     direction_deg : float
-        Where the waves run to, counter-clockwise from the world's x.
+        Direction in which the waves travel, counter-clockwise from the world's x.
     spreading : int
         Exponent of the directional spread, :math:`\cos^{2s}(\theta/2)`.
     reflectivity : float
-        Mean reflectivity of water, met head on.
+        Mean reflectivity of water at normal incidence.
     spikiness : float
-        Shape of the texture that makes few facets bright and most dark; the smaller, the spikier.
+        Shape of the texture that makes few facets bright and most dark; smaller values are spikier.
     foam_reflectivity : float
-        Reflectivity of foam and spray, met head on.
+        Reflectivity of foam and spray at normal incidence.
     foam_lifetime_s : float
-        Time after which a wake's foam is down to 1/e.
+        Time in which the foam of a wake decays to 1/e.
     visibility_km : float
-        Meteorological visibility, from which the extinction in air follows.
+        Meteorological visibility, which determines the extinction in air.
     """
 
     sea_state: Annotated[float, Interval(ge=0, le=6)] = 2.0
@@ -62,7 +62,7 @@ class SeaParams:
 
     @property
     def wind_ms(self) -> float:
-        """Wind that raises such a sea if it is fully developed: :math:`H_s = 0.21 U^2 / g`."""
+        """Wind speed that raises this sea if it is fully developed: :math:`H_s = 0.21 U^2 / g`."""
         return float(np.sqrt(self.significant_height_m * GRAVITY / 0.21))
 
     @property
@@ -91,7 +91,7 @@ def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancemen
     peak : float
         Angular frequency of the peak, :math:`\omega_p`, in rad/s.
     enhancement : float
-        Peak enhancement :math:`\gamma`; with 1 this is the spectrum of Pierson and Moskowitz.
+        Peak enhancement :math:`\gamma`; 1 gives the Pierson-Moskowitz spectrum.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancemen
 
     Notes
     -----
-    A is such that the height is met to about 1 % (Goda's approximation of it).
+    A reproduces the height to within about 1 % (Goda's approximation).
 
     References
     ----------
@@ -163,13 +163,13 @@ class Sea:
     params : SeaParams
         Sea state and direction.
     rng : numpy.random.Generator
-        Source of phases.
+        Source of the random amplitudes.
 
     Notes
     -----
-    Each wave vector of a grid gets a random amplitude with the variance that spectrum and spread give it, and turns
-    with :math:`\omega = \sqrt{g k}`; the surface is their inverse Fourier transform, as in [1]_. The tile is twelve
-    peak wavelengths wide, but 160 m at most, so that its repetition lies beyond what a lidar sees of the sea.
+    Each wave vector of a grid gets a random amplitude with the variance given by spectrum and directional spread, and
+    oscillates with :math:`\omega = \sqrt{g k}`; the surface is the inverse Fourier transform, as in [1]_. The tile is
+    twelve peak wavelengths wide, but at most 160 m, so that it repeats beyond the part of the sea that a lidar sees.
 
     References
     ----------
@@ -199,7 +199,7 @@ class Sea:
         spread = np.cos(theta / 2) ** (2 * self.params.spreading)
         angles = np.linspace(-np.pi, np.pi, 720, endpoint=False)
         spread /= np.mean(np.cos(angles / 2) ** (2 * self.params.spreading)) * 2 * np.pi
-        # S(omega) D(theta) d omega d theta, in wave vectors: d omega / d k = g / (2 omega), dk k dtheta = dkx dky.
+        # S(omega) D(theta) d omega d theta by wave vector: d omega / d k = g / (2 omega), dk k dtheta = dkx dky.
         out[some] = spectrum * spread * GRAVITY / (2 * omega) / k[some] * (2 * np.pi / self.tile_m) ** 2
         return out
 
@@ -210,7 +210,7 @@ class Sea:
         return WaveSurface(heights.astype(np.float32), self.cell_m)
 
     def swell(self, shortest_m: float) -> "Swell":
-        """Return the waves longer than a hull, which are those that move it; ``shortest_m`` in metres."""
+        """Return the strongest waves longer than ``shortest_m`` in metres, which are those that move a hull."""
         kx, ky = (part.reshape(-1) for part in np.broadcast_arrays(self._kx, self._ky))
         long = np.flatnonzero(np.hypot(kx, ky) < 2 * np.pi / shortest_m)
         amplitude, omega = self._amplitude.reshape(-1), self._omega.reshape(-1)
@@ -228,6 +228,6 @@ class Swell:
     amplitude: NDArray[np.complex128]
 
     def at(self, x: NDArray[np.float64], y: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return height in metres and slopes along x and y at places and times, shape (T,) each, as shape (3, T)."""
+        """Return height in metres and slopes along x and y at given positions and times, (T,) each, as shape (3, T)."""
         modes = self.amplitude * np.exp(1j * (self.kx * x + self.ky * y - self.omega * times_s))
         return np.stack([(factor * modes).sum(axis=0).real for factor in (1, 1j * self.kx, 1j * self.ky)])

@@ -1,4 +1,4 @@
-"""Shapes of what floats or stands in the water, as triangles."""
+"""Shapes of vessels, buoys, walls and trees, as triangles."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,26 +24,26 @@ class Mesh:
     triangles : ndarray, shape (T, 3, 3), float64
         Corners in metres.
     shades : ndarray, shape (T,), float64
-        Reflectivity of each, as a factor of the object's own.
+        Reflectivity of each, relative to that of the object.
     """
 
     triangles: Triangles
     shades: NDArray[np.float64]
 
     @cached_property
-    def units(self) -> UnitTransforms:
-        """What tests of rays take."""
+    def unit_transforms(self) -> UnitTransforms:
+        """Transforms for the intersection with rays."""
         return UnitTransforms.of(self.triangles)
 
     @cached_property
     def normals(self) -> NDArray[np.float64]:
-        """Normals, as long as the triangle is large, shape (T, 3)."""
-        one, other = self.triangles[:, 1] - self.triangles[:, 0], self.triangles[:, 2] - self.triangles[:, 0]
-        return np.cross(one, other)
+        """Normals, with a length of twice the area of the triangle, shape (T, 3)."""
+        first, second = self.triangles[:, 1] - self.triangles[:, 0], self.triangles[:, 2] - self.triangles[:, 0]
+        return np.cross(first, second)
 
     @cached_property
     def corners(self) -> NDArray[np.float64]:
-        """All corners once, shape (V, 3), in metres."""
+        """Unique corners, shape (V, 3), in metres."""
         return np.unique(self.triangles.reshape(-1, 3), axis=0)
 
     @cached_property
@@ -52,12 +52,12 @@ class Mesh:
         return self.corners.min(axis=0), self.corners.max(axis=0)
 
     def scaled(self, length_m: float, width_m: float, height_m: float) -> "Mesh":
-        """Return the mesh, built in a box of unit length, width and height, in its true size."""
+        """Return the mesh, built in a box of unit length, width and height, at true size."""
         return Mesh(self.triangles * np.array([length_m, width_m, height_m]), self.shades)
 
 
 def _prism(outline: Sequence[Point], bottom: float, top: float, *, taper: float = 1.0) -> Triangles:
-    """Return an upright prism; its top is its bottom, shrunk towards the outline's middle."""
+    """Return an upright prism whose top is its base scaled by ``taper`` about the centre."""
     low = np.array([(x, y, bottom) for x, y in outline])
     middle = low.mean(axis=0)
     high = middle + (low - middle) * taper
@@ -78,7 +78,7 @@ def _box(x: Point, y: Point) -> list[Point]:
 
 
 def _hull(start: float = 0.15) -> list[Point]:
-    """Return the outline of a hull of unit length and width, its bow at x = 0.5."""
+    """Return the outline of a hull of unit length and width, with the bow at x = 0.5."""
     return [(-0.5, -0.42), (start, -0.5), (0.38, -0.3), (0.5, 0.0), (0.38, 0.3), (start, 0.5), (-0.5, 0.42)]
 
 
@@ -135,7 +135,7 @@ def _barge() -> Mesh:
 
 
 def _cargo_ship() -> Mesh:
-    """Return a high hull with its house astern and stacks of containers of uneven height."""
+    """Return a high hull with the house astern and stacks of containers of uneven height."""
     heights = (0.72, 0.6, 0.78, 0.66)
     stacks = [
         (_prism(_box((-0.2 + 0.15 * k, -0.08 + 0.15 * k), (-0.45, 0.45)), 0.45, height), 0.5 + 0.15 * (k % 2))
@@ -163,12 +163,12 @@ def _bank() -> Mesh:
 
 
 def _trunk() -> Mesh:
-    """Return a round stem that gets thinner upwards."""
+    """Return a round stem that gets thinner towards the top."""
     return _mesh((_prism(_circle(0.5, 10), -0.05, 1.0, taper=0.75), 1.0))
 
 
 def _crown() -> Mesh:
-    """Return the upper part of a tree, from 0.45 of its height on."""
+    """Return the upper part of a tree, from 0.45 of its height."""
     return _mesh(
         (_prism(_circle(0.5, 8), 0.6, 1.0, taper=0.25), 1.0),
         (_prism(_circle(0.15, 8), 0.45, 0.6, taper=1 / 0.3), 1.0),
@@ -176,7 +176,7 @@ def _crown() -> Mesh:
 
 
 def _apple_tree() -> Mesh:
-    """Return a slender stem full of leaves from 0.15 of its height on, between which some shots pass."""
+    """Return a slender stem with leaves from 0.15 of its height, sparse enough for some shots to pass."""
     rng = np.random.default_rng(5)
     centers = rng.uniform((-0.42, -0.42, 0.2), (0.42, 0.42, 0.95), (_LEAVES, 3))
     across = rng.normal(0, 1, (_LEAVES, 3, 3))
@@ -185,8 +185,8 @@ def _apple_tree() -> Mesh:
     return _mesh((_prism(_circle(0.04, 6), -0.05, 0.9), 0.7), (leaves, 1.0))
 
 
-def _deck() -> Mesh:
-    """Own vessel: a hull with a low house behind the lidar's mast."""
+def _own_ship() -> Mesh:
+    """Return own ship: a hull with a low house behind the lidar's mast."""
     house = _prism(_box((-0.3, 0.0), (-0.3, 0.3)), 0.5, 1.0)
     return _mesh((_prism(_hull(), -0.2, 0.5), 1.0), (house, 1.0))
 
@@ -207,6 +207,6 @@ SHAPES: Mapping[str, Callable[[], Mesh]] = {
     "trunk": _trunk,
     "crown": _crown,
     "apple_tree": _apple_tree,
-    "own_vessel": _deck,
+    "own_vessel": _own_ship,
 }
-"""Makers of meshes in a box of unit length, width and height above the waterline; a new shape is a line here."""
+"""Makers of meshes in a box of unit length, width and height above the waterline; to add a shape, add a line here."""

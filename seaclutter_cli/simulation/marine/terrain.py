@@ -1,4 +1,4 @@
-"""What a scene lies on: what it does to vessels, and what a lidar sees of it."""
+"""Sea or ground of a scene: its effect on vessels, and its echoes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,34 +20,34 @@ Floats = NDArray[np.float64]
 class Moment(Protocol):
     """A terrain at one moment."""
 
-    def lie(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return height in metres and slopes along x and y at places, shape (N,) each."""
+    def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
         ...
 
-    def meet(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
-        """Add what comes back from it to the echoes."""
+    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
+        """Add the echoes of the terrain."""
         ...
 
 
 class Terrain(Protocol):
-    """What a scene lies on."""
+    """The sea or the ground of a scene."""
 
-    def move(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
-        """Return height in metres and slopes along x and y that move own vessel, shape (3, T)."""
+    def motion(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
+        """Return the height in metres and the slopes along x and y that move the vessel, shape (3, T)."""
         ...
 
     def at(self, time_s: float) -> Moment:
-        """Return it at a time."""
+        """Return the terrain at a time."""
         ...
 
     def box(self, lidar: Pose, reach_m: float) -> Box | None:
-        """Return the area to ignore that it is within reach, in the frame of the lidar; None if it is clutter."""
+        """Return the terrain within reach as an area to ignore, in the frame of the lidar; None if it is clutter."""
         ...
 
 
 @dataclass(frozen=True)
 class SeaMoment:
-    """The sea at one moment: its surface, and what a lidar sees of it."""
+    """The sea at one moment: its surface and its echoes."""
 
     surface: WaveSurface
     water: MarineWater
@@ -55,31 +55,31 @@ class SeaMoment:
     params: SeaParams
     time_s: float
 
-    def lie(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return height in metres and slopes along x and y at places, shape (N,) each."""
+    def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
         slope_x, slope_y = self.surface.slope(x, y)
         return self.surface.height(x, y).astype(np.float64), slope_x.astype(np.float64), slope_y.astype(np.float64)
 
-    def meet(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
-        """Add what comes back from the water and from spray to the echoes."""
-        self.water.meet(shots, echoes, rng)
+    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
+        """Add the echoes of the water and of spray."""
+        self.water.add_echoes(shots, echoes, rng)
         for wake in self.wakes:
-            wake.meet_spray(shots, echoes, self.time_s, self.params.foam_reflectivity, rng)
+            wake.add_spray_echoes(shots, echoes, self.time_s, self.params.foam_reflectivity, rng)
 
 
 class SeaTerrain:
-    """The sea of a scene with the wakes on it.
+    """The sea of a scene and the wakes on it.
 
     Parameters
     ----------
     params : SeaParams
-        Waves, and how they reflect.
+        Waves and reflectivity.
     hulls : sequence of (Track, float, float)
-        Path, length and width of what leaves a wake; own vessel first.
+        Path, length and width of each hull that leaves a wake; own ship first.
     own_length_m : float
-        Waves longer than twice that move own vessel.
+        Length of own ship; waves longer than twice that move it.
     seed : int
-        What all chance comes from.
+        Seed of all random values.
     """
 
     def __init__(self, params: SeaParams, hulls: Sequence[Any], own_length_m: float, seed: int) -> None:
@@ -88,7 +88,7 @@ class SeaTerrain:
         self._swell = self._sea.swell(2 * own_length_m)
         self._wakes = [Wake(track, length, width, params.foam_lifetime_s) for track, length, width in hulls]
 
-    def move(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
+    def motion(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
         """Return height in metres and slopes along x and y of the long waves, shape (3, T)."""
         return self._swell.at(x, y, times_s)
 
@@ -109,7 +109,7 @@ TERRAINS: Mapping[str, tuple[type[Any], type[Any]]] = {
     "sea": (SeaParams, SeaTerrain),
     "ground": (GroundParams, Ground),
 }
-"""What scenes can lie on, by the section of the scene file: parameters and maker; the first is the default."""
+"""Parameters and maker of each terrain by its section in a scene file; the first is the default."""
 
 
 def terrain_name(params: TerrainParams) -> str:

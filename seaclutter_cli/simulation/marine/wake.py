@@ -1,4 +1,4 @@
-"""Wakes: foam and waves that a vessel leaves on the sea, and spray about it."""
+"""Wakes: the foam and waves that a vessel leaves on the sea, and the spray around it."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Leg, Pose, Track
-from seaclutter_cli.simulation.marine.rays import meet_box
+from seaclutter_cli.simulation.marine.rays import intersect_box
 from seaclutter_cli.simulation.marine.sea import GRAVITY
 from seaclutter_cli.truth import CLUTTER
 
@@ -32,25 +32,24 @@ class Wake:
     Parameters
     ----------
     track : Track
-        Where it goes.
+        Path of the vessel.
     length_m, width_m : float
-        Of its waterline.
+        Size of the waterline.
     foam_lifetime_s : float
-        Time after which foam is down to 1/e.
+        Time in which foam decays to 1/e.
 
     Notes
     -----
-    Three parts, each in the frame of the leg that left it, x metres behind the vessel and y to its side:
+    The wake has two parts, each in the frame of the leg that left it, x metres behind the vessel and y to its side.
+    Both remain in place after the vessel has gone.
 
-    * Foam churned up behind the stern. Its width grows with :math:`x^{1/5}` (Milgram et al. 1993), its cover starts
-      with the square of the speed and decays with the age of the water.
-    * The bow wave and the arms of the Kelvin wake, at :math:`\pm 19.47^\circ`, which break near the vessel; their
-      height falls with :math:`x^{-1/3}`, and their length along the arm is :math:`\tfrac23 \cdot 2 \pi U^2 / g`.
-    * Both stay where they are after the vessel has gone.
+    * Foam churned up behind the stern. Its width grows with :math:`x^{1/5}` (Milgram et al. 1993); its initial cover is
+      proportional to the square of the speed and decays with the age of the water.
+    * The bow wave and the arms of the Kelvin wake, at :math:`\pm 19.47^\circ`, which break near the vessel. Their
+      height falls with :math:`x^{-1/3}`, and their wavelength along the arm is :math:`\tfrac23 \cdot 2 \pi U^2 / g`.
 
-    How much foam there is, and how much spray, is not in the literature in terms that a lidar sees; the two constants
-    were set so that of the clutter in `buoy_speedboat` a few percent are brighter than the thresholds of S0, as in its
-    Table 3.
+    The literature does not quantify foam and spray as a lidar sees them. The two constants were chosen to match Table 3
+    of [Li2023]: a few percent of the clutter in `buoy_speedboat` is brighter than the thresholds of the paper.
 
     References
     ----------
@@ -65,7 +64,7 @@ class Wake:
     foam_lifetime_s: float
 
     def foam(self, x: Floats, y: Floats, time_s: float) -> Floats:
-        """Return the share of the water under foam at some places, shape (N,), from 0 to 1."""
+        """Return the share of the water under foam at given positions, shape (N,), from 0 to 1."""
         cover = np.zeros(len(x))
         for leg in self.track.legs:
             inside, behind, aside, age = self._behind(leg, x, y, time_s)
@@ -78,7 +77,7 @@ class Wake:
         return cover
 
     def height(self, x: Floats, y: Floats, time_s: float) -> Floats:
-        """Return what the wake adds to the sea's height at some places, shape (N,), in metres."""
+        """Return the height of the wake above the undisturbed sea at given positions, shape (N,), in metres."""
         rise = np.zeros(len(x))
         for leg in self.track.legs:
             steep = 0.1 * min(leg.speed_ms**2 / (2 * GRAVITY), 1.5)
@@ -92,18 +91,21 @@ class Wake:
         return rise
 
     def _arm(self, behind: Floats) -> Floats:
-        """Return how far to the side the arms of the wake are."""
+        """Return the lateral distance of the wake's arms."""
         return np.asarray(self.width_m / 2 + behind * np.tan(KELVIN))
 
     def _behind(
         self, leg: Leg, x: Floats, y: Floats, time_s: float
     ) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
-        """Return which places the wake of a leg reaches, how far behind the bow and aside they are, and their age."""
+        """Return the positions that the wake of a leg reaches, their offsets from the bow, and their age.
+
+        The offsets are the distances astern and to the side.
+        """
         if leg.speed_ms <= 0 or time_s <= leg.start_s - _LONGEST_S:
             return np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0)
         cos, sin = np.cos(leg.heading_rad), np.sin(leg.heading_rad)
         bow = leg.speed_ms * (time_s - leg.start_s) + self.length_m / 2
-        # The water that the leg has passed lately, from its start to its end; the first leg reaches back.
+        # Water that the leg has passed recently, between its start and its end; the first leg extends backwards.
         first = bow - leg.speed_ms * _LONGEST_S
         if leg is not self.track.legs[0]:
             first = max(first, 0.0)
@@ -117,13 +119,13 @@ class Wake:
         return passed[near], behind, aside[near], np.maximum(0.0, behind - self.length_m) / leg.speed_ms
 
     def spray(self, time_s: float) -> tuple[Floats, Floats, float] | None:
-        """Return the corners of the box in the world's frame turned by the heading in which droplets fly.
+        """Return the box in which droplets fly.
 
         Returns
         -------
         tuple of (ndarray, shape (2, 3)), (ndarray, shape (3,)), float; or None
-            Lower and upper corner in the vessel's frame; place and heading of the vessel; droplets met per metre.
-            None where it is too slow to throw any.
+            Lower and upper corner in the vessel's frame; x, y and heading of the vessel; droplets hit per metre. None
+            if it is too slow to throw up spray.
         """
         x, y, heading = self.track.at(np.array([time_s]))
         speed = next((leg.speed_ms for leg in reversed(self.track.legs) if leg.start_s <= time_s), 0.0)
@@ -133,32 +135,32 @@ class Wake:
         corners = np.array([[back, -self.width_m, 0.0], [self.length_m / 2, self.width_m, 0.08 * speed + 0.2]])
         return corners, np.array([x[0], y[0], heading[0]]), _DROPLETS_S_M2 * speed
 
-    def meet_spray(
+    def add_spray_echoes(
         self, shots: Shots, echoes: Echoes, time_s: float, reflectivity: float, rng: np.random.Generator
     ) -> None:
-        """Add droplets to the echoes: along a shot through spray, the chance to meet one grows with the way."""
+        """Add the echoes of droplets; the probability of a hit grows with the path of the shot through spray."""
         spray = self.spray(time_s)
         if spray is None:
             return
         corners, (x, y, heading), density = spray
         pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
-        offset = pose.place[:2] - shots.origins[0, :2]
-        away, reach = float(np.hypot(*offset)), float(np.abs(corners).max()) + 1
-        half = np.pi if away <= reach else float(np.arcsin(reach / away))
+        offset = pose.position[:2] - shots.origins[0, :2]
+        range_m, reach = float(np.hypot(*offset)), float(np.abs(corners).max()) + 1
+        half = np.pi if range_m <= reach else float(np.arcsin(reach / range_m))
         near = shots.towards(float(np.arctan2(offset[1], offset[0])), half)
-        origins = (shots.origins[near] - pose.place) @ pose.turn
-        begin, end = meet_box(origins, shots.directions[near] @ pose.turn, *corners)
-        way = np.clip(end - begin, 0.0, None)
-        met = np.flatnonzero(rng.random(len(near)) < 1 - np.exp(-density * way))
-        distance = begin[met] + rng.random(len(met)) * way[met]
-        bright = reflectivity * rng.standard_exponential(len(met))
-        echoes.add(near[met], distance, bright, CLUTTER)
+        origins = (shots.origins[near] - pose.position) @ pose.rotation
+        begin, end = intersect_box(origins, shots.directions[near] @ pose.rotation, *corners)
+        path = np.clip(end - begin, 0.0, None)
+        hit = np.flatnonzero(rng.random(len(near)) < 1 - np.exp(-density * path))
+        distance = begin[hit] + rng.random(len(hit)) * path[hit]
+        reflectance = reflectivity * rng.standard_exponential(len(hit))
+        echoes.add(near[hit], distance, reflectance, CLUTTER)
 
 
 def patches(x: Floats, y: Floats, seed: int) -> Floats:
-    """Return a number from 0 to 1 for each patch of water, shape (N,), which stays the same over time.
+    """Return a number from 0 to 1 for each patch of water, shape (N,), which is constant over time.
 
-    Where it is below the share of foam, the patch is foam; so a patch that is foam stays so until it fades.
+    A patch is foam while its number is below the share of foam, so it remains foam until it fades.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How shots meet the sea, and what comes back of them."""
+"""Echoes of the sea surface."""
 
 from collections.abc import Sequence
 
@@ -15,13 +15,13 @@ Floats = NDArray[np.float64]
 _RADII_M = np.geomspace(1.5, 130.0, 220)
 _ROWS = 1800
 _ROW_GAP = 16.0
-_STEEPEST = 7.0
+_MAX_TANGENT = 7.0
 _DIVERGENCE = 0.003
 _PULSE_M = 0.75
 
 
-def _stretch(range_m: Floats, sine: Floats) -> Floats:
-    """Return by how much an echo's peak is lower because the water lit by the beam is deeper than the pulse."""
+def _pulse_loss(range_m: Floats, sine: Floats) -> Floats:
+    """Return the factor on an echo's peak for water lit by the beam over a depth greater than the pulse length."""
     depth = _DIVERGENCE * range_m / np.maximum(sine, 1e-6)
     return np.minimum(1.0, _PULSE_M / depth)
 
@@ -32,30 +32,31 @@ class MarineWater:
     Parameters
     ----------
     surface : WaveSurface
-        Its waves.
+        Waves.
     params : SeaParams
-        How it reflects.
+        Reflectivity of water and foam.
     wakes : sequence of Wake
-        Wakes on it.
+        Wakes on the surface.
     time_s : float
         The moment.
     seed : int
-        For the patches of foam.
+        Seed of the patches of foam.
 
     Notes
     -----
-    *Where.* Heights are taken along radii around the lidar. Seen from there, a place at distance r and height
-    :math:`\eta` stands at the tangent :math:`(\eta - h)/r`; the running maximum of that along a radius is the horizon
-    of the waves so far, and a shot meets the first wave whose horizon reaches its own tangent. So crests hide troughs.
+    *Position.* Heights are sampled along radii around the lidar. From the lidar, at height h, a point of the surface at
+    distance r and height :math:`\eta` is at the tangent :math:`(\eta - h)/r`. The running maximum of the tangent along
+    a radius is the horizon of the waves up to there, and a shot hits the first wave whose horizon reaches the tangent
+    of the shot. Crests therefore hide troughs.
 
-    *How strongly.* The smooth sea reflects a lidar's shot away; what comes back at a grazing angle is from the few
-    facets, droplets and bubbles in the beam that happen to face it. As in radar, the mean falls with the grazing angle
-    (constant-gamma model: :math:`\rho \cos\theta` with :math:`\theta` the incidence on the local slope of the wave),
-    and the spread about the mean is a compound one: exponential speckle, its mean modulated by gamma-distributed
-    texture (K distribution). Foam is diffuse, with an effective reflectivity of 0.22 [2]_ on facets of any direction.
-    Where the beam, 3 mrad wide, lights water over a depth greater than the pulse is long, the echo of either is spread
-    in time and its peak is lower. The mean and the texture of water were set from S0: as many points of clutter as in
-    Table 3, the bulk of them in rings about the vessel and weak (section 2.2).
+    *Strength.* A smooth sea reflects a shot away from the lidar. The echo at a grazing angle comes from the few facets,
+    droplets and bubbles in the beam that happen to face the lidar. As in radar [1]_, the mean falls with the grazing
+    angle (constant-gamma model: :math:`\rho \cos\theta` with :math:`\theta` the incidence on the local slope of the
+    wave), and the distribution around the mean is compound: exponential speckle whose mean is modulated by
+    gamma-distributed texture (K distribution). Foam is diffuse, with an effective reflectivity of 0.22 [2]_ on facets
+    of any direction. If the beam, 3 mrad wide, lights water over a depth greater than the pulse length, the echo is
+    spread in time and its peak is lower. The mean and the texture of water were set from [Li2023]: as many points of
+    clutter as in Table 3, most of them weak and in concentric rings around own ship (section 2.2).
 
     References
     ----------
@@ -69,21 +70,21 @@ class MarineWater:
         self._surface, self._params, self._wakes = surface, params, wakes
         self._time_s, self._seed = time_s, seed
         spread = surface.heights[::4, ::4].astype(np.float64)
-        # Waves break at their crests: the highest share of the surface, as large as that of the whitecaps.
+        # Waves break at their crests, so whitecaps cover the highest part of the surface.
         self._crest = float(np.quantile(spread, 1 - params.whitecaps)) if params.whitecaps else np.inf
 
-    def meet(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
-        """Add what comes back from the water to the echoes."""
-        met, distance = self._strike(shots)
-        rays = shots.directions[met]
-        places = shots.origins[met] + distance[:, None] * rays
-        x, y = places[:, 0], places[:, 1]
+    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
+        """Add the echoes of the water."""
+        hit, distance = self._intersect(shots)
+        rays = shots.directions[hit]
+        positions = shots.origins[hit] + distance[:, None] * rays
+        x, y = positions[:, 0], positions[:, 1]
         slope_x, slope_y = self._surface.slope(x, y)
         facing = (rays[:, 0] * slope_x + rays[:, 1] * slope_y - rays[:, 2]) / np.sqrt(slope_x**2 + slope_y**2 + 1)
-        reflectance = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * self._speckle(len(met), rng)
+        reflectance = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * self._speckle(len(hit), rng)
         foamy = self._foam(x, y) > patches(x, y, self._seed)
-        foam = self._params.foam_reflectivity * rng.random(len(met)) * rng.standard_exponential(len(met))
-        echoes.add(met, distance, np.where(foamy, foam, reflectance) * _stretch(distance, -rays[:, 2]), CLUTTER)
+        foam = self._params.foam_reflectivity * rng.random(len(hit)) * rng.standard_exponential(len(hit))
+        echoes.add(hit, distance, np.where(foamy, foam, reflectance) * _pulse_loss(distance, -rays[:, 2]), CLUTTER)
 
     def _speckle(self, count: int, rng: np.random.Generator) -> Floats:
         """Return K-distributed factors of mean 1, shape (N,)."""
@@ -91,14 +92,14 @@ class MarineWater:
         return np.asarray(rng.gamma(shape, 1 / shape, count) * rng.standard_exponential(count))
 
     def _foam(self, x: Floats, y: Floats) -> Floats:
-        """Return the share of foam at places, shape (N,)."""
+        """Return the share of foam at given positions, shape (N,)."""
         cover = (self._surface.height(x, y) >= self._crest).astype(np.float64)
         for wake in self._wakes:
             cover = np.maximum(cover, wake.foam(x, y, self._time_s))
         return cover
 
-    def _strike(self, shots: Shots) -> tuple[NDArray[np.int64], Floats]:
-        """Return the shots that meet the water, and after how many metres."""
+    def _intersect(self, shots: Shots) -> tuple[NDArray[np.int64], Floats]:
+        """Return the shots that hit the water, and their distances in metres."""
         origin = shots.origins.mean(axis=0)
         angles = 2 * np.pi / _ROWS * np.arange(_ROWS)
         x = origin[0] + np.outer(np.cos(angles), _RADII_M)
@@ -110,18 +111,18 @@ class MarineWater:
         horizon = np.maximum.accumulate((heights - mast[:, None]) / _RADII_M, axis=1)
 
         flat = np.hypot(shots.directions[:, 0], shots.directions[:, 1])
-        tangent = np.clip(shots.directions[:, 2] / flat, -_STEEPEST, _STEEPEST)
-        met = np.flatnonzero(tangent < horizon[row, -1])
-        row, tangent = row[met], tangent[met]
-        # One search for all rows: each has its own stretch of the number line.
-        keys = (np.clip(horizon, -_STEEPEST, _STEEPEST) + _ROW_GAP * np.arange(_ROWS)[:, None]).reshape(-1)
+        tangent = np.clip(shots.directions[:, 2] / flat, -_MAX_TANGENT, _MAX_TANGENT)
+        hit = np.flatnonzero(tangent < horizon[row, -1])
+        row, tangent = row[hit], tangent[hit]
+        # One search for all rows: each row has its own interval of keys.
+        keys = (np.clip(horizon, -_MAX_TANGENT, _MAX_TANGENT) + _ROW_GAP * np.arange(_ROWS)[:, None]).reshape(-1)
         first = np.searchsorted(keys, tangent + _ROW_GAP * row) - row * len(_RADII_M)
         first = np.clip(first, 1, len(_RADII_M) - 1)
         above = tangent * _RADII_M[first - 1] + mast[row] - heights[row, first - 1]
         below = tangent * _RADII_M[first] + mast[row] - heights[row, first]
         share = np.clip(above / np.where(above > below, above - below, 1.0), 0.0, 1.0)
         radius = _RADII_M[first - 1] + share * (_RADII_M[first] - _RADII_M[first - 1])
-        return met, radius / flat[met]
+        return hit, radius / flat[hit]
 
     def _heights(self, x: Floats, y: Floats) -> Floats:
         heights = self._surface.height(x, y).astype(np.float64)

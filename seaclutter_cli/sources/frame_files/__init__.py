@@ -1,4 +1,4 @@
-"""Files that hold one frame each."""
+"""Files that contain one frame each."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -20,4 +20,4 @@ FRAME_READERS: Mapping[str, Callable[[Path], Cloud]] = {
     ".npy": read_npy,
     ".csv": read_csv,
 }
-"""Readers by file suffix in lower case; they raise `CloudError` for a damaged file. A new format is one line here."""
+"""Readers by file suffix in lower case; they raise `CloudError` for a damaged file. Add a new format here."""

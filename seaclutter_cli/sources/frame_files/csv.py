@@ -17,13 +17,13 @@ _MAX_HEAD = 2**16
 def read_csv(path: Path) -> Cloud:
     """Return the points of a text file, every column float64.
 
-    The first line names the columns, among them x, y and z in either case; a ``#`` before them is no part of it.
-    Without names, columns are x, y, z, intensity, ring, field_5 and so on. An empty cell is NaN.
+    The first line contains the column names, among them x, y and z in upper or lower case; a leading ``#`` is ignored.
+    Columns without names are x, y, z, intensity, ring, field_5 and so on. An empty cell is NaN.
 
     Raises
     ------
     CloudError
-        If the file has no lines, or lines that do not fit; names the line.
+        If the file has no points and no column names, or a line is not valid; the message gives the line.
     """
     with reading("CSV"):
         content = path.read_bytes().removeprefix(_BOM)
@@ -34,7 +34,7 @@ def read_csv(path: Path) -> Cloud:
         return from_array(parse_rows(body, dtype, delimiter=delimiter, first_line=line))
 
 
-def names_points(path: Path) -> bool:
+def is_point_table(path: Path) -> bool:
     """Return whether a text file starts like a table of points; tables of results and settings do not."""
     with path.open("rb") as file:
         start = file.read(_MAX_HEAD).removeprefix(_BOM)
@@ -46,7 +46,7 @@ def names_points(path: Path) -> bool:
 
 
 def _head(content: bytes) -> tuple[tuple[str, ...], str | None, bytes, int]:
-    """Return names, separator, the lines of points, and the number of the first of them."""
+    """Return the column names, the separator, the lines of points, and the number of the first of these lines."""
     at = 0
     for number, raw in enumerate(content.split(b"\n", 1000), 1):
         line = raw.decode("utf-8", "replace").strip()
@@ -57,9 +57,9 @@ def _head(content: bytes) -> tuple[tuple[str, ...], str | None, bytes, int]:
         if any(cells) and all(is_number(cell) for cell in cells if cell):
             return column_names(len(cells)), delimiter, content[at:], number
         if line and not line.startswith(("#", "//")):
-            raise CloudError(f"line {number} names no columns x, y and z, and holds no numbers: {line[:60]!r}")
+            raise CloudError(f"line {number} contains neither numbers nor the column names x, y and z: {line[:60]!r}")
         at += len(raw) + 1
-    raise CloudError("the file holds no points and no names of columns")
+    raise CloudError("the file contains no points and no column names")
 
 
 def _named(cells: list[str]) -> tuple[str, ...]:
@@ -68,7 +68,7 @@ def _named(cells: list[str]) -> tuple[str, ...]:
 
 
 def _fill_empty_cells(body: bytes, mark: bytes) -> bytes:
-    """Write nan where nothing stands between two separators, or between one and the end of its line."""
+    """Return the lines with nan between adjacent separators, and between a separator and either end of a line."""
     body = b"\n" + body + b"\n"
     if not any(hint in body for hint in (mark + mark, mark + b" ", mark + b"\r", mark + b"\n", b"\n" + mark)):
         return body

@@ -12,8 +12,8 @@ from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message
 from seaclutter_cli.sources.frame_files import FRAME_READERS
-from seaclutter_cli.sources.frame_files.csv import names_points
-from seaclutter_cli.sources.frame_files.stamps import from_names, from_times_beside
+from seaclutter_cli.sources.frame_files.csv import is_point_table
+from seaclutter_cli.sources.frame_files.stamps import from_names, from_time_files
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
@@ -25,21 +25,21 @@ class FolderSource:
     """A folder of frames of one format, or a single frame file, as ROS 2 point clouds on ``/points``.
 
     Known layouts are SeePerSea (``point_clouds/*.pcd`` with ``timestamp/*.txt``) and KITTI (``velodyne/*.bin`` or
-    ``velodyne_points/data/*.bin``, with ``times.txt`` or ``timestamps.txt`` beside them); else the frames lie in the
-    folder itself. Stamps come from the file names if all are times, from the files of these layouts, else from
-    the rate, from 0.
+    ``velodyne_points/data/*.bin``, with ``times.txt`` or ``timestamps.txt`` next to this folder); otherwise the frames
+    are in the folder itself. Stamps come from the file names if all contain a time, otherwise from the time files of
+    these layouts, otherwise from the rate, starting at 0.
 
     Parameters
     ----------
     path : Path
         The folder or file.
     rate_hz : float, optional
-        Frames per second where nothing carries a time.
+        Frames per second if the frames have no times.
 
     Raises
     ------
     InputError
-        If there are no frames, or frames of several formats, or the path cannot be read.
+        If the path contains no frames or frames of several formats, or cannot be read.
     UsageError
         If the rate is not positive.
     """
@@ -49,9 +49,9 @@ class FolderSource:
     facts = NO_FACTS
 
     def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
-        """List the frames; none is read yet."""
+        """List the frames without reading them."""
         if not 0 < rate_hz < float("inf"):
-            raise UsageError(f"the rate has to be above 0 frames per second, not {rate_hz}")
+            raise UsageError(f"the rate must be positive and finite, got {rate_hz} frames per second")
         try:
             files = _find_frames(path)
         except OSError as error:
@@ -71,15 +71,15 @@ class FolderSource:
         if stamps is not None:
             return sorted(zip(stamps, files, strict=True))
         try:
-            stamps = from_times_beside(files)
+            stamps = from_time_files(files)
         except InputError as error:
-            self.warnings.append(f"{error}; frames are taken as {rate_hz:g} per second")
+            self.warnings.append(f"{error}; using {rate_hz:g} frames per second")
         period_ns = 10**9 / Fraction(str(rate_hz))
         return list(zip(stamps or [round(index * period_ns) for index in range(len(files))], files, strict=True))
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """The only channel."""
+        """The channel ``/points``."""
         return (self._channel,)
 
     @property
@@ -88,12 +88,13 @@ class FolderSource:
         return {self._channel.id: len(self._frames)}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:
-        """Yield a message for each frame that can be read, one in memory at a time; note the others as damage.
+        """Yield a message for each readable frame, one in memory at a time; add the others to the damage.
 
-        Frames before the first one from ``start_ns`` on, and from the first one at ``end_ns`` on, are not read.
+        Reading starts at the first frame with a stamp of at least ``start_ns``, and stops before the first one with a
+        stamp of at least ``end_ns``.
         """
-        first = 0 if start_ns is None else self._place(start_ns)
-        last = len(self._frames) if end_ns is None else self._place(end_ns)
+        first = 0 if start_ns is None else self._index_at(start_ns)
+        last = len(self._frames) if end_ns is None else self._index_at(end_ns)
         for index, (stamp_ns, file) in list(enumerate(self._frames))[first:last]:
             try:
                 message = self._message(index, stamp_ns, file)
@@ -104,17 +105,17 @@ class FolderSource:
                 del message
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return the number of frames before the first one from a time on."""
-        return {self._channel.id: self._place(start_ns)}
+        """Return the number of frames, by channel id, that `records` leaves out before ``start_ns``."""
+        return {self._channel.id: self._index_at(start_ns)}
 
-    def _place(self, time_ns: int) -> int:
-        """Return the index of the first frame from a time on."""
+    def _index_at(self, time_ns: int) -> int:
+        """Return the index of the first frame with a stamp of at least ``time_ns``."""
         return next((index for index, (stamp, _) in enumerate(self._frames) if stamp >= time_ns), len(self._frames))
 
     def _message(self, index: int, stamp_ns: int, file: Path) -> Message:
         cloud = replace(self._read(file), stamp_ns=stamp_ns, frame_id="lidar")
         if len(cloud.data) > _MAX_MESSAGE_BYTES:
-            raise CloudError(f"{len(cloud.data)} bytes of points are more than a PointCloud2 message can hold")
+            raise CloudError(f"{len(cloud.data)} bytes of points exceed the size of a PointCloud2 message")
         return Message(self._channel, stamp_ns, stamp_ns, index, CODECS[_TYPE, "cdr"].encode(cloud))
 
     def _note(self, file: Path, error: CloudError | OSError) -> None:
@@ -128,18 +129,18 @@ class FolderSource:
             self.damage.append(damage)
 
     def close(self) -> None:
-        """Do nothing: no file stays open."""
+        """Do nothing: no file is kept open."""
 
 
 def is_frame_folder(path: Path) -> bool:
-    """Return whether a path is a folder with frame files in it, or in a place where SeePerSea or KITTI put them.
+    """Return whether a path is a folder that contains frame files, directly or in a layout of SeePerSea or KITTI.
 
-    Looks at names, and at the first lines of CSV files, since those may be any table. A folder that cannot be listed
-    is none.
+    Only names are checked and, because they may be any table, the first lines of CSV files. False for a folder that
+    cannot be listed.
     """
     try:
         frames = (file for layout in _LAYOUTS for file in _frames_in(path / layout))
-        return any(file.suffix.lower() != ".csv" or names_points(file) for file in frames)
+        return any(file.suffix.lower() != ".csv" or is_point_table(file) for file in frames)
     except OSError:
         return False
 
@@ -148,13 +149,13 @@ def _find_frames(path: Path) -> list[Path]:
     """Return the frame files of a recording in natural order."""
     if path.is_file():
         if path.suffix.lower() not in FRAME_READERS:
-            raise InputError(f"{path}: no frame file; known are {', '.join(FRAME_READERS)}")
+            raise InputError(f"{path}: not a frame file; supported suffixes: {', '.join(FRAME_READERS)}")
         return [path]
     path.stat()
     for layout in _LAYOUTS:
         if files := list(_frames_in(path / layout)):
             return sorted(_of_one_format(path, files), key=_natural)
-    raise InputError(f"{path}: no frames in it; known are {', '.join(FRAME_READERS)}")
+    raise InputError(f"{path}: no frames in this folder; supported suffixes: {', '.join(FRAME_READERS)}")
 
 
 def _frames_in(folder: Path) -> Iterator[Path]:
@@ -173,17 +174,17 @@ def _of_one_format(path: Path, files: list[Path]) -> list[Path]:
     by_suffix: dict[str, list[Path]] = {}
     for file in files:
         by_suffix.setdefault(file.suffix.lower(), []).append(file)
-    # A few CSV files beside more frames of another format are tables about them: poses, labels, results.
+    # A few CSV files next to more frames of another format are tables about them: poses, labels, results.
     most = max(by_suffix, key=lambda suffix: len(by_suffix[suffix]))
     if most != ".csv" and len(by_suffix.get(".csv", ())) < len(by_suffix[most]):
         by_suffix.pop(".csv", None)
     if len(by_suffix) > 1:
         found = ", ".join(f"{len(files)} {suffix}" for suffix, files in sorted(by_suffix.items()))
-        raise InputError(f"{path}: frames of several formats ({found}): give each format a folder of its own")
+        raise InputError(f"{path}: frames of several formats ({found}); move each format to its own folder")
     return by_suffix[most]
 
 
 def _natural(file: Path) -> tuple[list[str | int], str]:
-    """Sort numbers in names by their value: frame2 before frame10."""
+    """Return a sort key that orders numbers in names by value: frame2 before frame10."""
     parts = re.split(r"([0-9]+)", file.name)
     return [int(part) if index % 2 else part for index, part in enumerate(parts)], file.name

@@ -1,4 +1,4 @@
-"""What all frame readers share when a file is damaged."""
+"""Handling of damaged files, shared by all frame readers."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,17 +8,17 @@ from seaclutter_cli.errors import CloudError, MissingExtraError
 
 @contextmanager
 def reading(kind: str) -> Iterator[None]:
-    """Turn whatever a format's library raises on damaged bytes into a `CloudError` of one line."""
+    """Convert the errors that a format's library raises on damaged bytes to a one-line `CloudError`."""
     try:
         yield
     except (CloudError, MissingExtraError, FileNotFoundError, PermissionError, IsADirectoryError):
         raise
     except Exception as error:
         text = str(error) if " " in str(error) else repr(error)
-        raise CloudError(f"no valid {kind}: {' '.join(text.split())}") from error
+        raise CloudError(f"not a valid {kind} file: {' '.join(text.split())}") from error
 
 
 def check_size(needed: int, found: int) -> None:
-    """Raise `CloudError` if a file announces more bytes of points than it has, before memory is taken for them."""
+    """Raise `CloudError` if a file declares more bytes than it contains; call it before allocating memory."""
     if needed > found:
-        raise CloudError(f"its header announces {needed} bytes of points, the file has {found}: it was cut short")
+        raise CloudError(f"the header declares {needed} bytes of data, but the file contains {found}; it is truncated")

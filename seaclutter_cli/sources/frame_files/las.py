@@ -1,7 +1,7 @@
-"""LAS and LAZ, the formats of surveying.
+"""LAS and LAZ, the file formats of surveying.
 
-laspy and lazrs take the sizes in a file at their word: one wrong bit costs hours or gigabytes, or ends the process.
-So the sizes are checked here before they see them.
+laspy and lazrs trust the sizes in a file: one wrong bit can cost hours or gigabytes, or end the process. The sizes are
+therefore checked here first.
 """
 
 import logging
@@ -21,7 +21,7 @@ from seaclutter_cli.sources.frame_files.guard import check_size, reading
 from seaclutter_cli.sources.frame_files.las_records import read_records
 
 CHUNK_POINTS = 500_000
-"""Points that are decompressed at a time."""
+"""Number of points that are decompressed at a time."""
 
 _HEAD_BYTES = 104
 _VLR_BYTES = 54
@@ -30,19 +30,19 @@ _EVLRS_AT = 235
 _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # Point14, RGB14, RGBNIR14, WavePacket14
 _BYTE14 = 14
 _LASZIP_ITEMS_AT = 34
-# laspy logs what it then raises; without a handler of its own that would reach standard error.
+# laspy logs errors before it raises them; without a handler, the log would reach standard error.
 logging.getLogger("laspy").addHandler(logging.NullHandler())
 
 
 def read_las(path: Path) -> Cloud:
-    """Return the points of a LAS or LAZ file: x, y, z scaled, in float64, and every other dimension as it is.
+    """Return the points of a LAS or LAZ file: scaled x, y, z as float64, all other dimensions unchanged.
 
     Raises
     ------
     CloudError
-        If the file is no LAS, or does not hold as many points as its header says.
+        If the file is not a LAS file, or does not contain the number of points in its header.
     MissingExtraError
-        If laspy, or its part for LAZ, is not installed.
+        If laspy, or its LAZ backend, is not installed.
     """
     with reading("LAS"), open_las(path) as reader:
         count = reader.header.point_count
@@ -50,28 +50,28 @@ def read_las(path: Path) -> Cloud:
         empty = laspy.ScaleAwarePointRecord.zeros(0, header=reader.header)
         points = np.concatenate([_structured(part) for part in (empty, *reader.chunk_iterator(CHUNK_POINTS))])
         if len(points) != count:
-            raise CloudError(f"{len(points)} points where the header announces {count}")
+            raise CloudError(f"{len(points)} points found, but the header declares {count}")
         return from_array(points)
 
 
 @contextmanager
 def open_las(path: Path, *, evlrs: bool = False) -> Iterator[Any]:
-    """Open a LAS or LAZ file whose sizes have been checked, as a ``laspy.LasReader``.
+    """Open a LAS or LAZ file as a ``laspy.LasReader`` after checking its sizes.
 
     Parameters
     ----------
     path : Path
         The file.
     evlrs : bool, optional
-        Whether its extended records behind the points are read too.
+        Whether to read the extended records after the points too.
 
     Raises
     ------
     CloudError
-        If the file is no LAS, or announces what it does not hold. Use it inside of ``reading``, which turns laspy's own
-        errors into this one.
+        If the file is not a LAS file, or declares more data than it contains. Call this function inside ``reading``,
+        which converts laspy's own errors to this one.
     MissingExtraError
-        If laspy, or its part for LAZ, is not installed.
+        If laspy, or its LAZ backend, is not installed.
     """
     laspy = _laspy()
     with path.open("rb") as file:
@@ -79,7 +79,7 @@ def open_las(path: Path, *, evlrs: bool = False) -> Iterator[Any]:
         _check_head(file, size)
         if evlrs:
             _check_evlrs(file, size)
-        # In several threads, lazrs believes a broken chunk table too.
+        # The parallel backend of lazrs would trust even a damaged chunk table.
         with laspy.open(file, read_evlrs=evlrs, laz_backend=laspy.LazBackend.Lazrs, closefd=False) as reader:
             count = reader.header.point_count
             if count and not reader.header.are_points_compressed:
@@ -92,11 +92,11 @@ def open_las(path: Path, *, evlrs: bool = False) -> Iterator[Any]:
 
 
 def with_records(header: Any, path: Path) -> Any:
-    """Return the header of a file that `open_las` has opened, with its records as they are in the file."""
+    """Return the header of a file opened by `open_las`, with its variable length records unchanged."""
     laspy = _laspy()
     with path.open("rb") as file:
         vlrs, evlrs = read_records(laspy, file)
-    header.vlrs[:] = vlrs  # its setter would write some of them anew
+    header.vlrs[:] = vlrs  # the setter would rewrite some of them
     header.evlrs = laspy.vlrs.vlrlist.VLRList(evlrs)
     return header
 
@@ -110,7 +110,7 @@ def _laspy() -> Any:
 
 
 def _check_evlrs(file: BinaryIO, size: int) -> None:
-    """Follow the extended records of LAS 1.4 to the end of the file."""
+    """Check that the extended records of LAS 1.4 end within the file."""
     major, minor = _unpack(file, 24, "<BB")
     if (major, minor) >= (1, 4):
         (at,) = _unpack(file, _EVLRS_AT, "<Q")
@@ -138,14 +138,14 @@ def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:
     table = _find_chunk_table(file, start, size)
     _, chunks = _unpack(file, table, "<II")
     if chunks > min(size, header.point_count):
-        raise CloudError(f"its chunk table announces {chunks} chunks, more than points or bytes")
+        raise CloudError(f"the chunk table declares {chunks} chunks, more than points or bytes")
     described = header.vlrs.get("LasZipVlr")
     if not described:
-        raise CloudError("the record that describes its compression is missing")
+        raise CloudError("the record that describes the compression is missing")
     items = list(struct.iter_unpack("<HHH", described[0].record_data[_LASZIP_ITEMS_AT:]))
     widths = sum(width for _, width, _ in items)
     if widths != point_size:
-        raise CloudError(f"compressed points are of {widths} bytes, the header says {point_size}")
+        raise CloudError(f"compressed points have {widths} bytes, but the header declares {point_size}")
     layers = sum(width if kind == _BYTE14 else _LAYERS.get(kind, 0) for kind, width, _ in items)
     if layers:
         _check_layers(file, start + 8, table, point_size, layers)
@@ -154,27 +154,27 @@ def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:
 
 def _find_chunk_table(file: BinaryIO, start: int, size: int) -> int:
     (table,) = _unpack(file, start, "<q")
-    if table <= start:  # written to something that cannot seek: then it stands at the end
+    if table <= start:  # written to a stream without seek: the offset is at the end of the file
         (table,) = _unpack(file, size - 8, "<q")
     if not start < table <= size - 8:
-        raise CloudError("its chunk table is missing: the file was cut short")
+        raise CloudError("the chunk table is missing; the file is truncated")
     return int(table)
 
 
 def _check_layers(file: BinaryIO, at: int, end: int, point_size: int, layers: int) -> None:
-    """Follow the chunks of point formats 6 to 10: one point as it is, then the sizes of layers, then these."""
+    """Check the chunks of point formats 6 to 10: one uncompressed point, the sizes of the layers, the layers."""
     while at < end:
         _, *sizes = _unpack(file, at + point_size, f"<{layers + 1}I")
         at += point_size + 4 * (layers + 1) + sum(sizes)
     if at > end:
-        raise CloudError("the sizes of its compressed layers do not fit")
+        raise CloudError("the sizes of the compressed layers do not fit the chunk table")
 
 
 def _unpack(file: BinaryIO, at: int, layout: str) -> tuple[int, ...]:
     file.seek(at)
     data = file.read(struct.calcsize(layout))
     if len(data) < struct.calcsize(layout):
-        raise CloudError("the file was cut short")
+        raise CloudError("the file is truncated")
     return struct.unpack(layout, data)
 
 

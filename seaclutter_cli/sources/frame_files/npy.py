@@ -1,4 +1,4 @@
-"""NumPy ``.npy``: a row a point, or a structured array."""
+"""NumPy ``.npy`` files: one row per point, or a structured array."""
 
 from pathlib import Path
 from typing import Any
@@ -13,18 +13,18 @@ from seaclutter_cli.sources.frame_files.tables import column_names
 
 
 def read_npy(path: Path) -> Cloud:
-    """Return the points of an array of shape (N, 3) or wider, or of a structured one of shape (N,).
+    """Return the points of an array of shape (N, 3) or wider, or of a structured array of shape (N,).
 
-    Columns without names are x, y, z, intensity, ring, field_5 and so on; all keep their type. The file stays mapped
-    while the cloud lives.
+    Columns without names are x, y, z, intensity, ring, field_5 and so on; all keep their type. The file remains mapped
+    while the cloud exists.
 
     Raises
     ------
     CloudError
-        If the file holds no such array, or is cut short.
+        If the file does not contain such an array, or is truncated.
     """
     with reading("NPY"):
-        # Mapping checks the shape against the size of the file, where reading would first take memory for it.
+        # Mapping checks the shape against the file size; reading would first allocate memory for it.
         return from_array(_structured(np.lib.format.open_memmap(path, mode="r")))
 
 
@@ -32,6 +32,6 @@ def _structured(array: NDArray[Any]) -> NDArray[Any]:
     if array.dtype.names and array.ndim == 1:
         return array
     if array.dtype.names or array.ndim != 2:
-        raise CloudError(f"an array of shape {array.shape} and type {array.dtype}; needed is (N, 3) or wider")
+        raise CloudError(f"expected an array of shape (N, 3) or wider, got shape {array.shape} and type {array.dtype}")
     dtype = np.dtype([(name, array.dtype) for name in column_names(array.shape[1])])
     return np.ascontiguousarray(array).view(dtype).reshape(-1)

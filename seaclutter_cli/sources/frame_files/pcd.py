@@ -1,4 +1,4 @@
-"""PCD of the Point Cloud Library: ascii, binary and binary_compressed."""
+"""PCD files of the Point Cloud Library: ascii, binary and binary_compressed."""
 
 import io
 import re
@@ -18,8 +18,8 @@ _SIZES = {"F": ("4", "8"), "U": ("1", "2", "4", "8"), "I": ("1", "2", "4", "8")}
 _DATA_LINE = re.compile(rb"^DATA[ \t]+(\w+)[ \t]*\r?(?:\n|\Z)", re.MULTILINE)
 _MAX_HEADER = 2**16
 _MAX_POINT_BYTES = 2**16
-_MAX_RATIO = 100  # LZF makes at most 264 bytes of 3.
-_GAP = "_ "  # No field can have a space in its name.
+_MAX_RATIO = 100  # LZF expands 3 bytes to at most 264.
+_GAP = "_ "  # Field names cannot contain a space.
 _BYTES_HEADER = (
     "VERSION 0.7\nFIELDS byte\nSIZE 1\nTYPE U\nCOUNT 1\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\nDATA binary_compressed\n"
 )
@@ -31,7 +31,7 @@ def read_pcd(path: Path) -> Cloud:
     Raises
     ------
     CloudError
-        If the file is no PCD, or does not hold as many points as its header says.
+        If the file is not a PCD file, or does not contain the number of points in its header.
     """
     with reading("PCD"):
         content = path.read_bytes()
@@ -56,16 +56,16 @@ def _layout(header: dict[str, list[str]]) -> np.dtype[np.void]:
     names, sizes, types = (header.get(key, []) for key in ("FIELDS", "SIZE", "TYPE"))
     counts = header.get("COUNT", ["1"] * len(names))
     if not (len(names) == len(sizes) == len(types) == len(counts) > 0):
-        raise CloudError("the PCD header does not give every field a SIZE, a TYPE and a COUNT")
+        raise CloudError("the PCD header lacks the SIZE, TYPE or COUNT of a field")
     layout = []
     for index, (name, size, kind, count) in enumerate(zip(names, sizes, types, counts, strict=True)):
         if size not in _SIZES.get(kind, ()) or int(count) < 1:
-            raise CloudError(f"field {name!r} has the impossible type {kind}{size} x {count}")
+            raise CloudError(f"field {name!r} has the invalid type {kind}{size} x {count}")
         shape = (int(count),) if int(count) > 1 else ()
         layout.append((f"{_GAP}{index}" if name == "_" else name, f"<{kind.lower()}{size}", shape))
     dtype = np.dtype(layout)
     if dtype.itemsize > _MAX_POINT_BYTES:
-        raise CloudError(f"the PCD header announces points of {dtype.itemsize} bytes")
+        raise CloudError(f"the PCD header declares points of {dtype.itemsize} bytes, more than {_MAX_POINT_BYTES}")
     return dtype
 
 
@@ -73,7 +73,7 @@ def _shape(header: dict[str, list[str]]) -> tuple[int, int]:
     height, width = (int(header.get(key, ["-1"])[0]) for key in ("HEIGHT", "WIDTH"))
     points = int(header.get("POINTS", [str(height * width)])[0])
     if height < 0 or width < 0 or height * width != points:
-        raise CloudError(f"the PCD header announces HEIGHT {height}, WIDTH {width} and POINTS {points}")
+        raise CloudError(f"the PCD header is inconsistent: HEIGHT {height}, WIDTH {width}, POINTS {points}")
     return height, width
 
 
@@ -82,31 +82,31 @@ def _decode(content: bytes, data_line: re.Match[bytes], dtype: np.dtype[np.void]
     if encoding == "ascii":
         points = parse_rows(bytes(body), dtype, first_line=content.count(b"\n", 0, data_line.end()) + 1)
         if len(points) != count:
-            raise CloudError(f"{len(points)} points where the header announces {count}")
+            raise CloudError(f"{len(points)} points found, but the header declares {count}")
         return points
     if encoding == "binary":
         check_size(count * dtype.itemsize, len(body))
         return np.frombuffer(body, dtype, count)
     if encoding == "binary_compressed":
         return _from_columns(_decompress(body, count * dtype.itemsize), dtype, count)
-    raise CloudError(f"the PCD encoding {encoding!r} is not known")
+    raise CloudError(f"unknown PCD encoding {encoding!r}; supported: ascii, binary, binary_compressed")
 
 
 def _decompress(body: memoryview, size: int) -> NDArray[np.uint8]:
-    from pypcd4.pypcd4 import PointCloud  # brings pydantic
+    from pypcd4.pypcd4 import PointCloud  # slow: imports pydantic
 
     packed, unpacked = struct.unpack_from("<II", body)
     check_size(packed + 8, len(body))
     if unpacked != size or unpacked > packed * _MAX_RATIO:
-        raise CloudError(f"{packed} compressed bytes announce {unpacked} bytes of points, the header {size}")
-    # Asked for bytes alone, pypcd4 is right also for fields of several values and for headers of older versions.
+        raise CloudError(f"{packed} compressed bytes declare {unpacked} bytes of points; the header declares {size}")
+    # Read as single bytes: pypcd4 would misread fields of several values and headers of older versions.
     header = _BYTES_HEADER.format(size).encode()
     file: Any = io.BytesIO(b"".join((header, body)))
     return np.asarray(PointCloud.from_fileobj(file).pc_data["byte"])
 
 
 def _from_columns(columns: NDArray[np.uint8], dtype: np.dtype[np.void], count: int) -> NDArray[Any]:
-    """Return points whose fields were stored one after the other, each for all points."""
+    """Return points from data that is stored field by field."""
     points = np.empty(count, dtype)
     at = 0
     for name in dtype.names or ():

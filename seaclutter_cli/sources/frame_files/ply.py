@@ -1,4 +1,4 @@
-"""PLY: the vertices of ascii, little-endian and big-endian files."""
+"""PLY files: the vertices of ascii, little-endian and big-endian files."""
 
 import re
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ _MAX_HEADER = 2**20
 
 @dataclass
 class _Element:
-    """One kind of thing in the file, such as vertex or face."""
+    """An element of the header, such as vertex or face."""
 
     name: str
     count: int
@@ -34,7 +34,7 @@ class _Element:
 
     def dtype(self, order: str) -> np.dtype[np.void]:
         if self.lists:
-            raise CloudError(f"property {self.lists[0]!r} of element {self.name!r} is a list, which cannot be read")
+            raise CloudError(f"property {self.lists[0]!r} of element {self.name!r} is a list; lists are not supported")
         return np.dtype([(name, order + code) for name, code in self.properties])
 
 
@@ -44,8 +44,8 @@ def read_ply(path: Path) -> Cloud:
     Raises
     ------
     CloudError
-        If the file is no PLY or cut short, or a vertex has a list property, or an element of a binary file before
-        the vertices has.
+        If the file is not a PLY file, or is truncated; also for a list property of the vertices or, in a binary file,
+        of an element before the vertices.
     """
     with reading("PLY"):
         content = path.read_bytes()
@@ -78,9 +78,9 @@ def _parse_header(text: str) -> tuple[str, list[_Element]]:
             case [] | ["comment" | "obj_info", *_]:
                 pass
             case _:
-                raise CloudError(f"the PLY header has a line that cannot be read: {line[:60]!r}")
+                raise CloudError(f"invalid line in the PLY header: {line[:60]!r}")
     if not encoding:
-        raise CloudError("the PLY header names no format")
+        raise CloudError("the PLY header has no format line")
     return encoding, elements
 
 
@@ -98,5 +98,5 @@ def _read_ascii(body: memoryview, before: Sequence[_Element], vertex: _Element, 
     rest = bytes(body).split(b"\n", skipped)[skipped:]
     points = parse_rows(rest[0] if rest else b"", dtype, first_line=line + skipped, max_rows=vertex.count)
     if len(points) != vertex.count:
-        raise CloudError(f"{len(points)} vertices where the header announces {vertex.count}: the file was cut short")
+        raise CloudError(f"{len(points)} vertices found, but the header declares {vertex.count}; the file is truncated")
     return points

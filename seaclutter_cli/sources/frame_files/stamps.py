@@ -1,4 +1,4 @@
-"""When frames were taken: from the names of their files, or from the files of times beside them."""
+"""Stamps of frames, from the names of their files or from time files next to them."""
 
 import re
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from pathlib import Path
 from seaclutter_cli.errors import InputError
 
 _NANO = 1_000_000_000
-_LIMIT_NS = 2**31 * _NANO  # ROS stamps hold signed 32-bit seconds.
+_LIMIT_NS = 2**31 * _NANO  # ROS stamps have signed 32-bit seconds.
 _UNITS_NS = ((10**18, 1), (10**15, 10**3), (10**12, 10**6))
 _IN_NAME = re.compile(r"(?<![\d.])([1-9]\d{18}|[1-9]\d{15}|[1-9]\d{12}|[1-9]\d{9}\.\d+)(?![\d.])", re.ASCII)
 
@@ -17,13 +17,13 @@ _SECONDS_AND_NANOSECONDS = re.compile(r"(?<![\d.])([1-9]\d{9})[^\d.]+(\d{1,9})(?
 
 
 def parse_time(text: str) -> int | None:
-    """Return a time written by a recorder in nanoseconds, exact; None if the text is no time that a stamp can hold.
+    """Return the exact nanoseconds of a time written by a recorder; None if the text is not a valid stamp.
 
     Parameters
     ----------
     text : str
-        A number (nano-, micro- or milliseconds since 1970 if it has 19, 16 or 13 digits before the point, else
-        seconds), or date and time (UTC if no zone is given).
+        A number (nano-, micro- or milliseconds since 1970 if it has 19, 16 or 13 digits before the point,
+        otherwise seconds), or date and time (UTC if no zone is given).
 
     Examples
     --------
@@ -55,7 +55,7 @@ def _from_date(text: str) -> int | None:
 
 
 def from_names(files: Sequence[Path]) -> list[int] | None:
-    """Return one stamp a file if all names hold a time in the same unit and no two are equal, else None."""
+    """Return one stamp per file if all names contain different times in the same unit, otherwise None."""
     times = [_IN_NAME.search(file.stem) for file in files]
     found = [match[0] for match in times if match]
     stamps = [stamp for text in found if (stamp := parse_time(text)) is not None]
@@ -63,13 +63,13 @@ def from_names(files: Sequence[Path]) -> list[int] | None:
     return stamps if same_unit and len(set(stamps)) == len(files) else None
 
 
-def from_times_beside(files: Sequence[Path]) -> list[int] | None:
-    """Return one stamp a file from what SeePerSea and KITTI put beside their frames; None if there is nothing.
+def from_time_files(files: Sequence[Path]) -> list[int] | None:
+    """Return one stamp per file from the time files of a SeePerSea or KITTI folder; None without such files.
 
     Raises
     ------
     InputError
-        If there are times and they do not fit the frames.
+        If the times do not match the frames.
     """
     folder = files[0].parent
     if folder.name == "point_clouds" and (folder.parent / "timestamp").is_dir():
@@ -80,7 +80,7 @@ def from_times_beside(files: Sequence[Path]) -> list[int] | None:
         return None
     late = next((index for index in range(1, len(stamps)) if stamps[index] <= stamps[index - 1]), None)
     if late is not None:
-        raise InputError(f"the time of frame {files[late].name} is not after the one before it")
+        raise InputError(f"the time of frame {files[late].name} is not later than the previous time")
     return stamps
 
 
@@ -94,12 +94,12 @@ def _in_file(path: Path) -> int:
         text = f"{pair[1]}.{pair[2]:0>9}"
     stamp_ns = next((stamp for part in (text, *text.split()) if (stamp := parse_time(part)) is not None), None)
     if stamp_ns is None:
-        raise InputError(f"{path}: no time in it")
+        raise InputError(f"{path}: no valid time in this file")
     return stamp_ns
 
 
 def _lines_for(files: Sequence[Path], times: Path) -> list[int]:
-    """Take line by line, or, where KITTI left frames out, the lines that the frame numbers say."""
+    """Return the stamps line by line or, if KITTI left frames out, from the lines with the frame numbers."""
     lines = _text(times).splitlines()
     if len(lines) != len(files):
         numbers = [int(file.stem) if re.fullmatch("[0-9]{1,18}", file.stem) else len(lines) for file in files]
@@ -108,7 +108,7 @@ def _lines_for(files: Sequence[Path], times: Path) -> list[int]:
         lines = [lines[number] for number in numbers]
     stamps = [parse_time(line) for line in lines]
     if None in stamps:
-        raise InputError(f"{times}: {lines[stamps.index(None)][:40]!r} is no time")
+        raise InputError(f"{times}: {lines[stamps.index(None)][:40]!r} is not a valid time")
     return [stamp for stamp in stamps if stamp is not None]
 
 

@@ -1,4 +1,4 @@
-"""Points as plain tables: what columns without names are, and rows of text."""
+"""Points as plain tables: default names of columns, and rows of text."""
 
 import io
 from typing import Any
@@ -12,7 +12,7 @@ _COLUMNS = ("x", "y", "z", "intensity", "ring")
 
 
 def column_names(count: int) -> tuple[str, ...]:
-    """Return the names of ``count`` columns that have none.
+    """Return default names for ``count`` columns.
 
     Raises
     ------
@@ -25,7 +25,7 @@ def column_names(count: int) -> tuple[str, ...]:
     ('x', 'y', 'z', 'intensity', 'ring', 'field_5')
     """
     if count < len("xyz"):
-        raise CloudError(f"{count} columns, at least x, y and z are needed")
+        raise CloudError(f"expected at least 3 columns (x, y, z), got {count}")
     return (*_COLUMNS[:count], *(f"field_{index}" for index in range(len(_COLUMNS), count)))
 
 
@@ -42,20 +42,20 @@ def parse_rows(
     Parameters
     ----------
     body : bytes
-        Text. Blank lines and what follows a ``#`` are skipped.
+        Text. Blank lines and everything after a ``#`` are skipped.
     dtype : dtype
-        Structured; one number of a line for each scalar in it.
+        Structured; each scalar takes one number of a line.
     delimiter : str, optional
-        What separates numbers; None stands for any white space.
+        Separator of the numbers; any white space if None.
     first_line : int, optional
         Number of the first line, for messages.
     max_rows : int, optional
-        Rows to read; what follows them is not looked at.
+        Number of rows to read; later rows are ignored.
 
     Raises
     ------
     CloudError
-        If a line is of another length or holds anything but numbers; names the line.
+        If a line has the wrong number of values, or one that is not a number; the message gives the line.
 
     Examples
     --------
@@ -72,16 +72,16 @@ def parse_rows(
 
 
 def _first_fault(body: bytes, dtype: np.dtype[np.void], delimiter: str | None, first_line: int) -> str | None:
-    """Find the line that does not fit; slow, but only run on what is known to be broken."""
+    """Return a message about the first invalid line; slow, and only called if there is one."""
     columns = sum(int(np.prod(dtype[name].shape, dtype=int)) for name in dtype.names or ())
     for number, raw in enumerate(body.decode("latin-1").split("\n"), first_line):
         line = raw.partition("#")[0].strip()
         cells = line.split(delimiter) if line else []
         if line and len(cells) != columns:
-            return f"line {number} has {len(cells)} values, {columns} are needed"
+            return f"line {number} has {len(cells)} values, expected {columns}"
         bad = next((cell for cell in cells if not is_number(cell)), None)
         if bad is not None:
-            return f"line {number}: {bad.strip()[:40]!r} is no number"
+            return f"line {number}: {bad.strip()[:40]!r} is not a number"
     return None
 
 

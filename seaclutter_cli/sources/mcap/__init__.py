@@ -1,1 +1,1 @@
-"""MCAP files, whole or damaged: `source.McapSource`."""
+"""MCAP files, intact or damaged: `source.McapSource`."""

@@ -1,6 +1,6 @@
-"""The records of an MCAP file, found by walking from one to the next, past whatever is damaged.
+"""Records of an MCAP file, found one after another, with damaged data skipped.
 
-The index at the end is not needed for this, so a file that lost it, or has one that lies, reads like any other.
+The index at the end is not needed for this. A file with a missing or wrong index is read like any other.
 """
 
 import re
@@ -29,8 +29,8 @@ COMPRESSIONS = ("zstd", "lz4", "")
 
 _CANDIDATE = re.compile(rb"[\x01-\x0f](?=[\s\S]{5}\x00\x00\x00)")
 _WINDOW = 16 * 2**20
-_MOST_GROWTH = 256
-_MOST_UNPACKED = 2 * 2**30
+_MAX_GROWTH = 256
+_MAX_UNPACKED = 2 * 2**30
 _PIECE = 2**16
 _DECOMPRESSION_ERRORS = (zstandard.ZstdError, RuntimeError, MemoryError, ValueError, EOFError)
 
@@ -52,42 +52,41 @@ _LAYOUTS: dict[int, tuple[int | struct.Struct, ...]] = {
     Opcode.SUMMARY_OFFSET: (17,),
     Opcode.DATA_END: (4,),
 }
-"""What each record consists of: bytes of fixed size, and parts that begin with their own size."""
+"""Layout of each record: numbers of bytes of fixed size, and parts that begin with their own size."""
 _LARGE = (Opcode.CHUNK, Opcode.ATTACHMENT)
-_MENDED = (*_LARGE, Opcode.MESSAGE_INDEX, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA)
-"""Records that are known by their sizes though their opcode is broken; the former, though it is one of another kind."""
+_REPAIRABLE = (*_LARGE, Opcode.MESSAGE_INDEX, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA)
+"""Records that are known by their sizes if the opcode is damaged; only `_LARGE` if it reads as message or private."""
 _INSIDE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 _PRIVATE = 0x80
 _ENDLESS = 2**70
 
 R = TypeVar("R")
 
-
 Gap = Callable[[int, str, int], object]
-"""Takes place, kind and size in bytes of what is leapt over."""
+"""Receives offset, kind and size in bytes of skipped data."""
 
 
 class BrokenRecordError(Exception):
-    """A record's content cannot be what its opcode says."""
+    """The content of a record does not match its opcode."""
 
 
 class Span(NamedTuple):
-    """A record: its opcode, where it begins, where its content begins and ends.
+    """A record: opcode, offset, and start and end of its content.
 
-    ``sure`` if the sizes inside the content agree with the record's own. The end of such a record may lie behind the
-    end of the file: it is cut off.
+    ``consistent`` if the sizes inside the content agree with the size of the record. The end of a consistent record may
+    be after the end of the file: it is truncated.
     """
 
     op: int
     offset: int
     start: int
     end: int
-    sure: bool
+    consistent: bool
 
 
 @dataclass(frozen=True, slots=True)
-class ChunkHead:
-    """What a chunk says of itself, and where its compressed records lie in the file."""
+class ChunkHeader:
+    """Header of a chunk, and the location of its compressed records in the file."""
 
     start_ns: int
     end_ns: int
@@ -99,44 +98,44 @@ class ChunkHead:
 
     @classmethod
     def read(cls, data: Buffer, span: Span) -> Self:
-        """Read the head of a chunk that `walk` has found; `BrokenRecordError` if its parts cannot be told apart."""
+        """Return the header of a chunk found by `walk`; `BrokenRecordError` if its sizes are inconsistent."""
         name_start = span.start + CHUNK.size + _SHORT.size
         if name_start > len(data):
-            raise BrokenRecordError("it is cut off")
+            raise BrokenRecordError("it is truncated")
         start_ns, end_ns, size, crc = CHUNK.unpack_from(data, span.start)
         name_end = name_start + _SHORT.unpack_from(data, name_start - _SHORT.size)[0]
         name = bytes(data[name_start : min(name_end, name_start + 64)]).decode("utf-8", "replace")
         data_start = name_end + _LONG.size
         if data_start > span.end:
-            raise BrokenRecordError("its sizes do not fit together")
+            raise BrokenRecordError("its sizes are inconsistent")
         return cls(start_ns, end_ns, size, crc, name, data_start, span.end)
 
 
 def walk(data: Buffer, report: Gap, at: int = 0, touched: Callable[[int], object] = lambda _: None) -> Iterator[Span]:
-    """Yield the records from a place on, leaping over what is broken.
+    """Yield the records from an offset on; damaged data is skipped.
 
     Parameters
     ----------
     data : bytes or memoryview
         A file, or the unpacked records of a chunk.
     report : callable
-        Is told of what is leapt over.
+        Called for skipped data.
     at : int, optional
-        Where the first record begins.
+        Offset of the first record.
     touched : callable, optional
-        Is told how many bytes were looked at in search of a record.
+        Called with the number of bytes that were searched for a record.
     """
     walker = _Walker(data, report, touched)
     while not walker.is_end(at):
         span = walker.record(at)
         if span is None or not walker.is_plausible(span):
-            span = walker.mend(at, span)
+            span = walker.repair(at, span)
         elif span.op != data[at]:
-            report(at, f"broken opcode of this {name_of(span.op)}", 0)
+            report(at, f"damaged opcode of this {name_of(span.op)}", 0)
         if span is None:
-            following = walker.anchor(at + 1, len(data))
+            following = walker.next_record(at + 1, len(data))
             cut = following == len(data)
-            report(at, "no record can be read from here on" if cut else "broken bytes between records", following - at)
+            report(at, "no readable record follows" if cut else "damaged bytes between records", following - at)
             at = following
         elif span.end > len(data) and span.op != Opcode.CHUNK:
             report(at, f"the file ends inside this {name_of(span.op)}", len(data) - at)
@@ -147,7 +146,7 @@ def walk(data: Buffer, report: Gap, at: int = 0, touched: Callable[[int], object
 
 
 class _Walker:
-    """Finds records where some may be broken."""
+    """Search for records in data that may be damaged."""
 
     def __init__(self, data: Buffer, report: Gap, touched: Callable[[int], object]) -> None:
         self._data = data
@@ -156,55 +155,55 @@ class _Walker:
         self.record = lru_cache(4)(partial(_record, data))
 
     def is_end(self, at: int) -> bool:
-        """Tell whether the records end here."""
+        """Return whether the records end at an offset."""
         rest = len(self._data) - at
         return rest <= 0 or (rest == len(MAGIC) and self._data[at:] == MAGIC)
 
-    def joins(self, at: int, depth: int = 2) -> bool:
-        """Tell whether what ends here is followed by the end, by a sure record, or by several that may be some."""
+    def is_boundary(self, at: int, depth: int = 2) -> bool:
+        """Return whether the data ends at an offset, or a consistent record or ``depth`` possible records follow."""
         data = self._data
         if at >= len(data) or data[at : at + len(MAGIC)] == MAGIC:
             return at <= len(data)
         span = self.record(at)
-        if span is None or span.sure or depth == 1:
+        if span is None or span.consistent or depth == 1:
             return span is not None
-        return self.joins(span.end, depth - 1)
+        return self.is_boundary(span.end, depth - 1)
 
     def is_plausible(self, span: Span) -> bool:
-        """Tell whether a record joins what follows, and does not seem to hold others where there should be none."""
-        if not span.sure and span.op != Opcode.MESSAGE:
+        """Return whether a record ends at a boundary, and does not seem to contain unexpected records."""
+        if not span.consistent and span.op != Opcode.MESSAGE:
             known = span.op < _PRIVATE
-            if self.anchor(span.start, span.end, outside=known) < span.end:
+            if self.next_record(span.start, span.end, outside=known) < span.end:
                 return False
-        return self.joins(span.end)
+        return self.is_boundary(span.end)
 
-    def mend(self, at: int, span: Span | None) -> Span | None:
-        """Return a record that is not plausible as it should have been written; None if it is broken.
+    def repair(self, at: int, span: Span | None) -> Span | None:
+        """Return the repaired version of an implausible record; None if the record is damaged.
 
-        Either it is broken or what follows it; the former, if another record begins before it ends.
+        Either the record or the data after it is damaged. It is the record if another one begins before its end.
         """
         data, op = self._data, self._data[at]
         start = at + RECORD.size
-        if op in _LARGE and not (span and span.sure):
+        if op in _LARGE and not (span and span.consistent):
             end = _extent(data, op, start)
-            if end < len(data) and self.joins(end) and self.anchor(at + 1, end, outside=True) == end:
-                self._report(at, f"broken size of this {name_of(op)}", 0)
+            if end < len(data) and self.is_boundary(end) and self.next_record(at + 1, end, outside=True) == end:
+                self._report(at, f"damaged size of this {name_of(op)}", 0)
                 return Span(op, at, start, end, True)
         if span is None:
             return None
-        end = self.anchor(at + 1, min(span.end, len(data)), outside=span.op == Opcode.CHUNK)
+        end = self.next_record(at + 1, min(span.end, len(data)), outside=span.op == Opcode.CHUNK)
         if end == min(span.end, len(data)):
             return span
         if span.op != Opcode.CHUNK:
             return None
-        cut = span._replace(end=end, sure=False)
-        if _is_sound_chunk(data, span) and not _is_sound_chunk(data, cut):
+        cut = span._replace(end=end, consistent=False)
+        if _is_valid_chunk(data, span) and not _is_valid_chunk(data, cut):
             return span
         self._report(at, "bytes are missing inside this chunk", 0)
         return cut
 
-    def anchor(self, start: int, stop: int, *, outside: bool = False) -> int:
-        """Return the first place where a record begins that joins what follows; if ``outside``, one of no chunk."""
+    def next_record(self, start: int, stop: int, *, outside: bool = False) -> int:
+        """Return the offset of the next record that ends at a boundary; with ``outside``, of a kind outside chunks."""
         for at in range(start, stop, _WINDOW):
             end = min(at + _WINDOW, stop)
             self._touched(end - at)
@@ -212,16 +211,16 @@ class _Walker:
                 span = self.record(match.start())
                 if span is None or match.start() >= end or (outside and span.op in _INSIDE):
                     continue
-                if span.op != match[0][0] or not (span.sure or span.op == Opcode.MESSAGE):
+                if span.op != match[0][0] or not (span.consistent or span.op == Opcode.MESSAGE):
                     continue
-                whole = span.end <= len(self._data) and self.joins(span.end)
-                if whole or (span.sure and span.op == Opcode.CHUNK):
+                whole = span.end <= len(self._data) and self.is_boundary(span.end)
+                if whole or (span.consistent and span.op == Opcode.CHUNK):
                     return match.start()
         return stop
 
 
 def _record(data: Buffer, at: int) -> Span | None:
-    """Return the record at a place, if there can be one."""
+    """Return the record at an offset; None if no record can be there."""
     if len(data) - at < RECORD.size:
         return None
     op, size = RECORD.unpack_from(data, at)
@@ -231,29 +230,29 @@ def _record(data: Buffer, at: int) -> Span | None:
     known = op in _LAYOUTS and op != Opcode.MESSAGE
     if known and extent == end:
         return Span(op, at, start, end, True)
-    for kind in _LARGE if op == Opcode.MESSAGE or op >= _PRIVATE else _MENDED:
+    for kind in _LARGE if op == Opcode.MESSAGE or op >= _PRIVATE else _REPAIRABLE:
         if _extent(data, kind, start, filled=True) == end:
             return Span(kind, at, start, end, True)
     if not (op in _LAYOUTS or op >= _PRIVATE) or end > len(data) or (extent > end and op != Opcode.CHUNK):
         return None
-    # Later versions of the format may add to a record; private records may hold anything.
-    return None if known and end - extent > _MOST_GROWTH else Span(op, at, start, end, False)
+    # Later versions of the format may extend a record; private records may contain anything.
+    return None if known and end - extent > _MAX_GROWTH else Span(op, at, start, end, False)
 
 
-def _is_sound_chunk(data: Buffer, span: Span) -> bool:
-    """Tell whether a chunk holds what it should."""
+def _is_valid_chunk(data: Buffer, span: Span) -> bool:
+    """Return whether a chunk can be unpacked, and is compressed or has a checksum."""
     try:
-        head = ChunkHead.read(data, span)
-        unpack(head, memoryview(data)[head.data_start : head.data_end])
+        header = ChunkHeader.read(data, span)
+        unpack(header, memoryview(data)[header.data_start : header.data_end])
     except BrokenRecordError:
         return False
-    return head.crc != 0 or head.compression != ""
+    return header.crc != 0 or header.compression != ""
 
 
 def _extent(data: Buffer, op: int, at: int, *, filled: bool = False) -> int:
-    """Return where the content of a record ends by the sizes inside it; endless if it runs out of the data.
+    """Return the end of a record's content according to the sizes inside it; `_ENDLESS` if it exceeds the data.
 
-    What must be ``filled`` is endless too if it is empty, as zeros always seem to be.
+    With ``filled``, empty content gives `_ENDLESS` too: zeros would match every layout.
     """
     inside = 0
     for part in _LAYOUTS.get(op, ()):
@@ -269,13 +268,13 @@ def _extent(data: Buffer, op: int, at: int, *, filled: bool = False) -> int:
 
 
 def is_other(data: Buffer, span: Span) -> bool:
-    """Tell whether a record fits to the byte what another kind of record consists of."""
+    """Return whether a record exactly matches the layout of another kind of record."""
     kinds = (op for op, parts in _LAYOUTS.items() if op != span.op and not all(isinstance(part, int) for part in parts))
     return any(_extent(data, op, span.start) == span.end for op in kinds)
 
 
 def name_of(op: int) -> str:
-    """Return what people call a record.
+    """Return the name of a kind of record, for messages.
 
     Examples
     --------
@@ -286,7 +285,7 @@ def name_of(op: int) -> str:
 
 
 def split(records: Buffer, report: Gap, *, trusted: bool) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, begin and end of the records of an unpacked chunk; ``trusted`` ones are not looked into."""
+    """Yield opcode, start and end of each record in an unpacked chunk; ``trusted`` records are not checked."""
     at = 0
     while trusted and at + RECORD.size <= len(records):
         op, size = RECORD.unpack_from(records, at)
@@ -300,65 +299,65 @@ def split(records: Buffer, report: Gap, *, trusted: bool) -> Iterator[tuple[int,
 
 
 def parse(read: Callable[[ReadDataStream], R], content: Buffer) -> R:
-    """Read one of the ``mcap`` library's records; `BrokenRecordError` if the content is none."""
+    """Return a record of the ``mcap`` library; `BrokenRecordError` if the content is not valid."""
     try:
         return read(ReadDataStream(BytesIO(content)))
     except (McapError, struct.error, ValueError, OverflowError) as error:
         raise BrokenRecordError(str(error)) from error
 
 
-def unpack(head: ChunkHead, packed: memoryview) -> Buffer:
+def unpack(header: ChunkHeader, packed: memoryview) -> Buffer:
     """Return the records of a chunk.
 
     Raises
     ------
     BrokenRecordError
-        If they cannot be decompressed, or are not those that were written.
+        If they cannot be decompressed, or have a wrong size or checksum.
     """
     try:
-        records = _decompress(head, packed)
+        records = _decompress(header, packed)
     except _DECOMPRESSION_ERRORS as error:
         raise BrokenRecordError(f"cannot be decompressed ({error})") from error
-    if len(records) != head.size:
-        raise BrokenRecordError(f"does not hold the {head.size} bytes that it should")
-    if head.crc and crc32(records) != head.crc:
+    if len(records) != header.size:
+        raise BrokenRecordError(f"does not contain the {header.size} bytes that it declares")
+    if header.crc and crc32(records) != header.crc:
         raise BrokenRecordError("fails its checksum")
     return records
 
 
-def _decompress(head: ChunkHead, packed: memoryview) -> Buffer:
-    """Return the records, but no more than one byte above what the chunk says, whatever the compressor says."""
-    if head.compression == "":
+def _decompress(header: ChunkHeader, packed: memoryview) -> Buffer:
+    """Return the records, at most one byte more than the chunk declares."""
+    if header.compression == "":
         return packed
-    if head.compression not in COMPRESSIONS:
-        raise ValueError(f"compression {head.compression[:8]!r} is not known")
-    if head.size > _MOST_UNPACKED:
-        raise ValueError(f"it would take {head.size} bytes")
-    if head.compression == "zstd":
+    if header.compression not in COMPRESSIONS:
+        raise ValueError(f"unknown compression {header.compression[:8]!r}")
+    if header.size > _MAX_UNPACKED:
+        raise ValueError(f"{header.size} bytes exceed the limit of {_MAX_UNPACKED}")
+    if header.compression == "zstd":
         with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
-            return stream.read(head.size + 1)
-    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=head.size + 1))
+            return stream.read(header.size + 1)
+    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=header.size + 1))
 
 
-def salvage(head: ChunkHead, packed: memoryview) -> Buffer:
-    """Return the records at the beginning of a chunk that is cut off or broken, as far as they can be decompressed."""
-    if head.compression == "":
+def salvage(header: ChunkHeader, packed: memoryview) -> Buffer:
+    """Return the records at the beginning of a truncated or damaged chunk, as far as they can be decompressed."""
+    if header.compression == "":
         return packed
     records = bytearray()
     with suppress(*_DECOMPRESSION_ERRORS):
-        for piece in _pieces(head, packed):
+        for piece in _pieces(header, packed):
             records += piece
-            if len(records) >= min(head.size, _MOST_UNPACKED):
+            if len(records) >= min(header.size, _MAX_UNPACKED):
                 break
     return bytes(records)
 
 
-def _pieces(head: ChunkHead, packed: memoryview) -> Iterator[bytes]:
-    if head.compression == "zstd":
+def _pieces(header: ChunkHeader, packed: memoryview) -> Iterator[bytes]:
+    if header.compression == "zstd":
         with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
             while piece := stream.read(_PIECE):
                 yield piece
-    elif head.compression == "lz4":
+    elif header.compression == "lz4":
         decompressor = lz4.frame.LZ4FrameDecompressor()
         yield decompressor.decompress(packed, max_length=_PIECE)
         while not (decompressor.eof or decompressor.needs_input):

@@ -1,4 +1,4 @@
-"""MCAP files: indexed or not, chunked or not, every compression, whole or damaged."""
+"""MCAP files: indexed or not, chunked or not, every compression, intact or damaged."""
 
 import zlib
 from collections import Counter
@@ -45,11 +45,11 @@ class McapSource:
     Raises
     ------
     InputError
-        If the file is no MCAP, or nothing in it can be read.
+        If the file is not an MCAP file, or contains no readable record.
 
     Notes
     -----
-    Memory holds a few unpacked chunks, and a few numbers for each chunk of the file.
+    A few unpacked chunks are in memory, and a few numbers for each chunk of the file.
     """
 
     format = "MCAP"
@@ -74,40 +74,40 @@ class McapSource:
         if self._view[: len(MAGIC)] != MAGIC:
             if self.path.suffix.lower() != ".mcap":
                 raise InputError(f"{self.path}: not an MCAP file")
-            self._report(0, "the file does not begin as an MCAP file should", 0)
+            self._report(0, "the file does not begin with the MCAP magic bytes", 0)
         found = McapSurvey(self._file, self._declared, self._report)
         self.profile = found.profile
         self._chunks, self._extras, self._tail = found.chunks, found.extras, found.tail
         self._counts, self._first = found.counts, found.first
         if not (self._chunks or self._extras or self._tail or self._declared.all()):
-            raise InputError(f"{self.path}: nothing in this MCAP file can be read")
-        used = (chunk.head.compression for chunk in self._chunks if chunk.head)
+            raise InputError(f"{self.path}: no readable record in this MCAP file")
+        used = (chunk.header.compression for chunk in self._chunks if chunk.header)
         self.compression = next((name for name in used if name in COMPRESSIONS), None)
-        trust, in_place = self._trust_in_tail(found.end)
+        trust, has_valid_offset = self._trust_in_tail(found.end)
         found.declare(self._tail, trust)
         self._declares_channels = trust == Trust.SUMMARY and any(span.op == Opcode.CHANNEL for span in self._tail)
         self._statistics: mcap_records.Statistics | None = None
-        if in_place:
+        if has_valid_offset:
             self._check_chunk_index()
         if self._is_closed and trust > Trust.BROKEN:
             self._statistics = next(iter(self._summary(Opcode.STATISTICS, mcap_records.Statistics.read)), None)
         self._inspect_chunks()
-        self._declared.report_lacking_schemas()
+        self._declared.report_missing_schemas()
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """Channels in the order of their numbers."""
+        """Channels in numerical order."""
         return self._declared.all()
 
     @property
     def counts(self) -> dict[int, int]:
-        """Messages per channel number, from the statistics, else from the index behind each chunk."""
+        """Messages per channel number, from the statistics or, without them, from the message indexes."""
         return dict(self._statistics.channel_message_counts if self._statistics else self._counts)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield metadata and attachments, then the messages in the order of their log time; can be called again.
+        """Yield metadata and attachments, then the messages in log time order; can be called again.
 
-        Chunks that lie outside of ``[start_ns, end_ns)`` are left out.
+        Chunks outside ``[start_ns, end_ns)`` are left out.
         """
         self._reported = set(self.damage)
         yield from self._extras
@@ -120,17 +120,17 @@ class McapSource:
             self._check_statistics(found)
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return how many messages per channel number `records` leaves out before a start, by the message indexes."""
+        """Return the number of messages per channel number that `records` leaves out before ``start_ns``."""
         left_out = before(self._chunks, start_ns, self._is_counted)
         return sum((index_counts(self._view, chunk.offset + chunk.size) for chunk in left_out), Counter())
 
     def _is_counted(self, chunk: McapChunk) -> bool:
-        """Tell whether the index behind a chunk counts all of its messages."""
+        """Return whether the message indexes of a chunk count all of its messages."""
         counts = index_counts(self._view, chunk.offset + chunk.size)
-        return chunk.head is not None and 0 < chunk.messages == counts.total()
+        return chunk.header is not None and 0 < chunk.messages == counts.total()
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._file.close()
 
     @property
@@ -138,23 +138,23 @@ class McapSource:
         return bool(self._tail) and self._tail[-1].op == Opcode.FOOTER
 
     def _trust_in_tail(self, end: int) -> tuple[Trust, bool]:
-        """Return how far the summary is to be believed, and whether its places are; report what is wrong."""
+        """Return the trust in the summary, and whether its stated offset is valid; report damage."""
         if not self._is_closed:
             self._report(len(self._view), "the recording was not closed: the file has no footer", 0)
             return Trust.UNCHECKED, False
         if self._view[end : end + len(MAGIC)] != MAGIC:
-            self._report(end, "the file does not end as an MCAP file should", 0)
+            self._report(end, "the file does not end with the MCAP magic bytes", 0)
         first, last = self._tail[0], self._tail[-1]
         footer = parse(mcap_records.Footer.read, self._view[last.start : last.end])
-        in_place = footer.summary_start == (0 if len(self._tail) == 1 else first.offset)
-        # The checksum covers all from the summary's beginning up to itself.
+        has_valid_offset = footer.summary_start == (0 if len(self._tail) == 1 else first.offset)
+        # The checksum covers the summary and the footer up to the checksum itself.
         if footer.summary_crc == zlib.crc32(self._view[first.offset : last.end - 4]):
             trust = Trust.SUMMARY
         else:
-            trust = Trust.UNCHECKED if in_place and not footer.summary_crc else Trust.BROKEN
-        if not in_place or trust == Trust.BROKEN:
-            self._report(first.offset, "the index at the end is broken; the log was read without it", 0)
-        return trust, in_place and trust > Trust.BROKEN
+            trust = Trust.UNCHECKED if has_valid_offset and not footer.summary_crc else Trust.BROKEN
+        if not has_valid_offset or trust == Trust.BROKEN:
+            self._report(first.offset, "the index at the end is damaged; the log is read without it", 0)
+        return trust, has_valid_offset and trust > Trust.BROKEN
 
     def _summary(self, op: Opcode, read: Callable[[ReadDataStream], R]) -> list[R]:
         """Return the records of a kind in the summary."""
@@ -164,11 +164,11 @@ class McapSource:
                 try:
                     records.append(parse(read, self._view[span.start : span.end]))
                 except BrokenRecordError as error:
-                    self._report(span.offset, f"broken {name_of(op)} ({error})", span.end - span.start)
+                    self._report(span.offset, f"damaged {name_of(op)} ({error})", span.end - span.start)
         return records
 
     def _check_chunk_index(self) -> None:
-        """Compare the index with the chunks; the times of those that it knows otherwise are suspect."""
+        """Compare the chunk index with the chunks; mark chunks that it describes differently as suspect."""
         entries = self._summary(Opcode.CHUNK_INDEX, mcap_records.ChunkIndex.read)
         if not entries:
             return
@@ -177,60 +177,60 @@ class McapSource:
         wrong = [
             number
             for number, chunk in enumerate(self._chunks)
-            if chunk.head and (chunk.offset, chunk.start_ns, chunk.end_ns) not in indexed
+            if chunk.header and (chunk.offset, chunk.start_ns, chunk.end_ns) not in indexed
         ]
         for number in wrong:
             self._chunks[number] = replace(self._chunks[number], suspect=True)
         if wrong:
-            what = f"the index at the end does not fit {len(wrong)} of {len(known)} chunks; the log was read without it"
+            what = f"the index at the end does not fit {len(wrong)} of {len(known)} chunks; the log is read without it"
             self._report(self._chunks[wrong[0]].offset, what, 0)
         absent = sum(entry.chunk_start_offset not in known for entry in entries)
         if absent and not wrong and not self.damage:
-            place = next(span.offset for span in self._tail if span.op == Opcode.CHUNK_INDEX)
-            self._report(place, f"the index at the end names {absent} chunks that are not there", 0)
+            offset = next(span.offset for span in self._tail if span.op == Opcode.CHUNK_INDEX)
+            self._report(offset, f"the index at the end lists {absent} chunks that are not in the file", 0)
 
     def _check_statistics(self, found: int) -> None:
-        """Compare what was found, or is known to be lost, with the statistics."""
+        """Compare the number of read and lost messages with the statistics."""
         if self._statistics is None:
             return
-        place = next(span.offset for span in self._tail if span.op == Opcode.STATISTICS)
+        offset = next(span.offset for span in self._tail if span.op == Opcode.STATISTICS)
         expected = self._statistics.message_count
         missing = expected - found - sum(item.lost_messages or 0 for item in self.damage)
         extras = self._statistics.attachment_count + self._statistics.metadata_count
         if missing > 0:
-            self._report(place, f"{missing} of {expected} messages are nowhere in the file", 0, missing)
+            self._report(offset, f"{missing} of {expected} messages are not in the file", 0, missing)
         elif found > expected:
-            self._report(place, f"the file holds {found - expected} messages more than its statistics say", 0)
+            self._report(offset, f"the file contains {found - expected} more messages than its statistics state", 0)
         elif extras > len(self._extras) and not self.damage:
-            what = f"{extras - len(self._extras)} of {extras} attachments and metadata records are nowhere in the file"
-            self._report(place, what, 0)
+            what = f"{extras - len(self._extras)} of {extras} attachments and metadata records are not in the file"
+            self._report(offset, what, 0)
 
     def _inspect_chunks(self) -> None:
-        """Load chunks that declare channels, if the summary does not, and those of which too little is known."""
-        wanted = self._declared.lacking(self._first) if self._declares_channels else self._first
+        """Load chunks that declare channels, unless the summary does, and chunks with unknown times or counts."""
+        wanted = self._declared.incomplete(self._first) if self._declares_channels else self._first
         for number in sorted({self._first[channel] for channel in wanted}):
             self._read(replace(self._chunks[number], suspect=True))
         for number, chunk in enumerate(self._chunks):
             if chunk.suspect or not (chunk.messages or self._declares_channels):
                 self._inspect(number)
         for chunk in self._chunks:
-            if not self._declared.lacking(self._first):
+            if not self._declared.incomplete(self._first):
                 return
             self._read(replace(chunk, suspect=True))
 
     def _inspect(self, number: int) -> None:
-        """Find out what a chunk really holds."""
+        """Determine the times and the number of messages of a chunk from its content."""
         chunk = replace(self._chunks[number], suspect=True)
         messages = self._read(chunk)
-        further = chunk.messages + chunk.further - len(messages)
-        if chunk.further and further > 0:
-            self._report(chunk.offset, "the chunk that followed this one is not there", 0, further)
+        additional = chunk.messages + chunk.additional - len(messages)
+        if chunk.additional and additional > 0:
+            self._report(chunk.offset, "the chunk after this one is missing", 0, additional)
         if not chunk.messages:
             self._counts.update(message.channel.id for message in messages)
         times_ns = [message.log_time_ns for message in messages] or [chunk.start_ns, chunk.end_ns]
         start_ns, end_ns = min(times_ns), max(times_ns)
         if not chunk.start_ns <= start_ns <= end_ns <= chunk.end_ns:
-            self._report(chunk.offset, "the messages of this chunk are of other times than it says", 0)
+            self._report(chunk.offset, "messages of this chunk are outside the times that it states", 0)
         count = max(chunk.messages, len(messages))
         self._chunks[number] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=count, suspect=False)
 
@@ -238,7 +238,7 @@ class McapSource:
         return self._load(chunk, partial(self._unpack, chunk))
 
     def _load(self, chunk: McapChunk, unpacked: Callable[[], Buffer]) -> list[Message]:
-        """Return the messages of a chunk in the order of the file, and report what is wrong with it."""
+        """Return the messages of a chunk in file order, and report its damage."""
         try:
             records = unpacked()
         except BrokenRecordError as error:
@@ -246,64 +246,64 @@ class McapSource:
             self._salvage_declarations(chunk)
             return []
         gaps: list[int] = []
-        strangers = Counter[int]()
-        messages = list(self._messages(chunk, records, gaps, strangers))
-        lost = max(chunk.messages - len(messages) - strangers.total(), 0)
+        undeclared = Counter[int]()
+        messages = list(self._messages(chunk, records, gaps, undeclared))
+        lost = max(chunk.messages - len(messages) - undeclared.total(), 0)
         if self._is_cut(chunk):
-            missing = max(chunk.head.size - len(records), 0) if chunk.head else 0
+            missing = max(chunk.header.size - len(records), 0) if chunk.header else 0
             self._report(chunk.offset, "the file ends inside this chunk", missing + sum(gaps))
         elif gaps or (lost and not self._is_verified(chunk)):
-            self._report(chunk.offset, "broken records inside the chunk", sum(gaps), lost or None)
+            self._report(chunk.offset, "damaged records in this chunk", sum(gaps), lost or None)
         elif lost and not chunk.suspect:
-            self._report(chunk.offset, f"the index behind this chunk names {lost} messages that are not in it", 0)
+            self._report(chunk.offset, f"the index of this chunk lists {lost} messages that are not in it", 0)
         if not chunk.suspect:
-            self._check_messages(chunk, messages, strangers)
+            self._check_messages(chunk, messages, undeclared)
         return messages
 
-    def _check_messages(self, chunk: McapChunk, messages: Sequence[Message], strangers: Counter[int]) -> None:
-        """Report what is wrong with messages once all channels and times are known."""
-        for number, count in strangers.items():
-            self._report(chunk.offset, f"messages of channel {number}, which is declared nowhere", 0, count)
+    def _check_messages(self, chunk: McapChunk, messages: Sequence[Message], undeclared: Counter[int]) -> None:
+        """Report messages of undeclared channels or wrong times, once all channels and times are known."""
+        for number, count in undeclared.items():
+            self._report(chunk.offset, f"messages of channel {number}, which is not declared", 0, count)
         if not all(chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
-            self._report(chunk.offset, "the messages of this chunk are of other times than it says", 0)
+            self._report(chunk.offset, "messages of this chunk are outside the times that it states", 0)
 
     def _salvage_declarations(self, chunk: McapChunk) -> None:
-        """Take note of the channels in a broken chunk: the rest of a log without a summary depends on them."""
-        if chunk.head is not None and not self._declares_channels:
-            records = memoryview(salvage(chunk.head, self._view[chunk.head.data_start : chunk.head.data_end]))
+        """Add the channels of a damaged chunk: without a summary, the rest of the log depends on them."""
+        if chunk.header is not None and not self._declares_channels:
+            records = memoryview(salvage(chunk.header, self._view[chunk.header.data_start : chunk.header.data_end]))
             for op, _, start, end, _ in walk(records, lambda *_: None):
                 self._declared.add(op, records[start:end], chunk.offset, Trust.BROKEN)
 
     def _unpack(self, chunk: McapChunk) -> Buffer:
-        """Return the records of a chunk; those of an uncompressed one are a view of the file."""
-        head = chunk.head
+        """Return the records of a chunk; for an uncompressed one, a view of the file."""
+        header = chunk.header
         self._file.touched(chunk.size)
-        if head is None:
+        if header is None:
             return self._view[chunk.offset : chunk.offset + chunk.size]
-        packed = self._view[head.data_start : head.data_end]
-        return salvage(head, packed) if self._is_cut(chunk) else unpack(head, packed)
+        packed = self._view[header.data_start : header.data_end]
+        return salvage(header, packed) if self._is_cut(chunk) else unpack(header, packed)
 
     def _is_cut(self, chunk: McapChunk) -> bool:
         return chunk.offset + chunk.size > len(self._view)
 
     def _is_verified(self, chunk: McapChunk) -> bool:
-        """Tell whether a chunk that could be unpacked holds what was written."""
-        return chunk.head is not None and chunk.head.crc != 0 and not self._is_cut(chunk)
+        """Return whether a checksum has verified the content of an unpacked chunk."""
+        return chunk.header is not None and chunk.header.crc != 0 and not self._is_cut(chunk)
 
     def _messages(
-        self, chunk: McapChunk, unpacked: Buffer, gaps: list[int], strangers: Counter[int]
+        self, chunk: McapChunk, unpacked: Buffer, gaps: list[int], undeclared: Counter[int]
     ) -> Iterator[Message]:
-        """Yield the messages among unpacked records, and take note of the channels."""
+        """Yield the messages among unpacked records, and add the channels."""
         view = memoryview(unpacked)
         verified = self._is_verified(chunk)
         trust = Trust.CHUNK if verified else Trust.UNCHECKED
-        records = split(view, lambda _, __, size: gaps.append(size), trusted=verified or chunk.head is None)
+        records = split(view, lambda _, __, size: gaps.append(size), trusted=verified or chunk.header is None)
         for op, start, end in records:
             if op == Opcode.MESSAGE and end - start >= MESSAGE.size:
                 number, sequence, log_time, publish_time = MESSAGE.unpack_from(view, start)
                 channel = self._declared.get(number)
                 if channel is None:
-                    strangers[number] += 1
+                    undeclared[number] += 1
                 else:
                     yield Message(channel, log_time, publish_time, sequence, view[start + MESSAGE.size : end])
             else:

@@ -1,4 +1,4 @@
-"""What an MCAP file holds, found in one pass over its records that unpacks no chunk."""
+"""Content of an MCAP file, found in one pass over its records without unpacking a chunk."""
 
 import struct
 import zlib
@@ -18,7 +18,7 @@ from seaclutter_cli.sources.mcap.records import (
     MESSAGE,
     RECORD,
     BrokenRecordError,
-    ChunkHead,
+    ChunkHeader,
     Span,
     is_other,
     name_of,
@@ -44,15 +44,15 @@ _END_OPS = (
 
 
 class ReportDamage(Protocol):
-    """Takes note of damage."""
+    """Callback for damage."""
 
     def __call__(self, offset: int, what: str, lost_bytes: int, lost_messages: int | None = None, /) -> object:
-        """Take place, kind and amount of a damage."""
+        """Record the offset, kind and amount of damage."""
         ...
 
 
 def index_counts(view: memoryview, at: int) -> Counter[int]:
-    """Return the messages per channel of a chunk that ends at a place, by the message index behind it."""
+    """Return the number of messages per channel of a chunk that ends at an offset, from its message indexes."""
     counts = Counter[int]()
     while at + RECORD.size <= len(view):
         op, size = RECORD.unpack_from(view, at)
@@ -70,39 +70,40 @@ D = TypeVar("D", mcap_records.Schema, mcap_records.Channel)
 
 @dataclass(frozen=True, slots=True)
 class McapChunk(Chunk):
-    """A chunk record, or a run of messages that stand outside chunks (``head`` is None).
+    """A chunk record, or a run of messages outside chunks (``header`` is None).
 
-    ``messages`` is their number as far as known. ``suspect`` tells that the times may be wrong, or that this many
-    ``further`` messages, of which an index behind broken bytes tells, may be here or in a chunk that is lost.
+    ``messages`` is their number as far as known. ``suspect`` chunks may have wrong times, or contain ``additional``
+    messages: those that an index after damaged bytes lists, unless they are in a lost chunk.
     """
 
-    head: ChunkHead | None
+    header: ChunkHeader | None
     messages: int = 0
     suspect: bool = False
-    further: int = 0
+    additional: int = 0
 
 
 class Trust(IntEnum):
-    """How far a declaration is to be believed."""
+    """Levels of trust in a declaration, in ascending order."""
 
     BROKEN = 0
-    """It stands among records of which some are broken."""
+    """The declaration is among records that include damaged ones."""
     UNCHECKED = 1
     CHUNK = 2
-    """It is in a chunk whose checksum is right."""
+    """The declaration is in a chunk with a correct checksum."""
     SUMMARY = 3
-    """It is in the summary, whose checksum is right."""
+    """The declaration is in the summary, which has a correct checksum."""
 
 
 class Declarations:
-    """The schemas and channels of a file, whatever the order in which they turn up.
+    """Schemas and channels of a file, declared in any order.
 
-    The format allows no two of a number that differ. Where there are, the most trustworthy one holds, then the first.
+    The format does not allow different declarations of one number. If there are any, the most trusted one applies, or
+    the first of equally trusted ones.
 
     Parameters
     ----------
     report : callable
-        Is told of broken records and contradictions.
+        Called for damaged records and contradictions.
     """
 
     def __init__(self, report: ReportDamage) -> None:
@@ -114,7 +115,7 @@ class Declarations:
         self._contradicted: set[tuple[int, int]] = set()
 
     def add(self, op: int, content: Buffer, offset: int, trust: Trust) -> None:
-        """Take note of a schema or channel, and leave alone other records."""
+        """Add a schema or channel; other records are ignored."""
         try:
             if op == Opcode.SCHEMA:
                 differs = _put(self._schemas, parse(mcap_records.Schema.read, content), trust)
@@ -123,7 +124,7 @@ class Declarations:
             else:
                 return
         except BrokenRecordError as error:
-            self._report(offset, f"broken {name_of(op)} ({error})", len(content))
+            self._report(offset, f"damaged {name_of(op)} ({error})", len(content))
             return
         self._channels = {}
         number = int.from_bytes(content[:2], "little")
@@ -131,10 +132,10 @@ class Declarations:
             self._offsets.setdefault(number, offset)
         if differs and (op, number) not in self._contradicted:
             self._contradicted.add((op, number))
-            self._report(offset, f"{name_of(op)} {number} is declared again, and differently", 0)
+            self._report(offset, f"{name_of(op)} {number} is declared again, with different content", 0)
 
     def get(self, number: int) -> Channel | None:
-        """Return a channel by its number."""
+        """Return a channel by its number; None if it is not declared."""
         built = self._channels
         channel = built.get(number)
         if channel is None and number in self._records:
@@ -150,15 +151,15 @@ class Declarations:
         channels = (self.get(number) for number in sorted(self._records))
         return [channel for channel in channels if channel is not None]
 
-    def lacking(self, numbers: Iterable[int]) -> set[int]:
-        """Return those of some channels that are not declared, or whose schema is not."""
+    def incomplete(self, numbers: Iterable[int]) -> set[int]:
+        """Return the channel numbers that are not declared, or whose schema is not."""
         return {number for number in numbers if number not in self._records or self._lacks_schema(number)}
 
-    def report_lacking_schemas(self) -> None:
-        """Report channels whose schema is nowhere."""
+    def report_missing_schemas(self) -> None:
+        """Report channels whose schema is not declared."""
         for number, (_, record) in self._records.items():
             if self._lacks_schema(number):
-                what = f"topic {record.topic} has schema {record.schema_id}, which is nowhere"
+                what = f"topic {record.topic} has schema {record.schema_id}, which is not declared"
                 self._report(self._offsets[number], what, 0)
 
     def _lacks_schema(self, number: int) -> bool:
@@ -167,7 +168,7 @@ class Declarations:
 
 
 def _put(known: dict[int, tuple[Trust, D]], record: D, trust: Trust) -> bool:
-    """Keep a record under its id, if it is the first or more to be trusted; return whether another one was there."""
+    """Store a record under its id if it is the first or more trusted; return whether it differs from a stored one."""
     before, other = known.setdefault(record.id, (trust, record))
     if trust > before:
         known[record.id] = trust, record
@@ -175,16 +176,16 @@ def _put(known: dict[int, tuple[Trust, D]], record: D, trust: Trust) -> bool:
 
 
 class McapSurvey:
-    """One pass over the records of a file.
+    """Result of one pass over the records of a file.
 
     Parameters
     ----------
     file : MappedFile
         The file.
     declarations : Declarations
-        Takes the schemas and channels outside chunks, but for those in the tail.
+        Receives the schemas and channels outside chunks, except those in the tail.
     report : callable
-        Is told of damage: its place, kind, and amount in bytes and messages.
+        Called for damage with its offset, its kind, and its amount in bytes and messages.
 
     Attributes
     ----------
@@ -193,15 +194,15 @@ class McapSurvey:
     chunks : list of McapChunk
         Chunks, and runs of messages outside chunks, in the order of the file.
     counts : Counter
-        Messages per channel number, from the index behind each chunk.
+        Messages per channel number, from the message indexes.
     first : dict of int to int
-        For each channel number, the first chunk that holds messages of it.
+        For each channel number, the index of the first chunk with messages of it.
     extras : list of Attachment and Metadata
         Attachments, which are views of the file, and metadata records.
     tail : list of Span
-        The records behind the last one that is data: the summary, if there is one.
+        Records after the last data record: the summary, if there is one.
     end : int
-        Where the last record ends.
+        Offset at which the last record ends.
     """
 
     def __init__(self, file: MappedFile, declarations: Declarations, report: ReportDamage) -> None:
@@ -233,14 +234,14 @@ class McapSurvey:
         self._report_orphans()
 
     def declare(self, spans: Sequence[Span], trust: Trust) -> None:
-        """Take note of the schemas and channels among records of the file."""
+        """Add the schemas and channels among records of the file."""
         for span in spans:
             self._declarations.add(span.op, self._view[span.start : span.end], span.offset, trust)
 
     def _take(self, span: Span) -> None:
         is_out_of_place = span.op == Opcode.MESSAGE and (self._follows_chunk or self._follows_odd)
         if is_out_of_place and is_other(self._view, span):
-            self._report(span.offset, "broken opcode of a record that is not needed", 0)
+            self._report(span.offset, "damaged opcode of a record that is not needed", 0)
             return
         if span.op in _END_OPS:
             self.tail.append(span)
@@ -263,15 +264,15 @@ class McapSurvey:
 
     def _chunk(self, span: Span) -> None:
         try:
-            head = ChunkHead.read(self._view, span)
+            header = ChunkHeader.read(self._view, span)
         except BrokenRecordError as error:
-            self._report(span.offset, f"broken chunk ({error})", span.end - span.offset)
+            self._report(span.offset, f"damaged chunk ({error})", span.end - span.offset)
             self._follows_chunk = False
             return
-        self.chunks.append(McapChunk(span.offset, span.end - span.offset, head.start_ns, head.end_ns, head))
+        self.chunks.append(McapChunk(span.offset, span.end - span.offset, header.start_ns, header.end_ns, header))
 
     def _extra(self, span: Span) -> None:
-        """Take in a record that is about the file as a whole."""
+        """Add a record that describes the file as a whole, or an attachment."""
         content = self._view[span.start : span.end]
         try:
             if span.op == Opcode.HEADER or span.offset == len(MAGIC):
@@ -282,10 +283,10 @@ class McapSurvey:
             elif span.op == Opcode.ATTACHMENT:
                 self.extras.append(self._attachment(content))
         except BrokenRecordError as error:
-            self._report(span.offset, f"broken {name_of(span.op)} ({error})", len(content))
+            self._report(span.offset, f"damaged {name_of(span.op)} ({error})", len(content))
 
     def _attachment(self, content: memoryview) -> Attachment:
-        """Read an attachment without copying its data."""
+        """Return an attachment without copying its data."""
         crc = 0
         for start in range(0, len(content) - 4, _PIECE):
             piece = content[start : min(start + _PIECE, len(content) - 4)]
@@ -304,7 +305,7 @@ class McapSurvey:
         return Attachment(log_time, create_time, strings[0], strings[1], content[at + 8 : at + 8 + size])
 
     def _message_index(self, span: Span) -> None:
-        """Count the messages of a channel in the chunk before, and compare their times with the chunk's."""
+        """Count the messages of a channel in the previous chunk, and compare their times with the chunk's."""
         content = self._view[span.start : span.end]
         count = int.from_bytes(content[2:6], "little") // 16
         if not self._follows_chunk:
@@ -317,7 +318,7 @@ class McapSurvey:
             self._count(int.from_bytes(content[:2], "little"), count)
 
     def _is_index(self, span: Span) -> bool:
-        """Tell whether a record holds times as an index of the last chunk does."""
+        """Return whether a record contains valid times of messages in the last chunk."""
         content = self._view[span.start : span.end]
         size = int.from_bytes(content[2:6], "little")
         if size % 16 or not 0 < size <= len(content) - 6:
@@ -328,10 +329,10 @@ class McapSurvey:
         return chunk.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= chunk.end_ns
 
     def _gap(self, offset: int, what: str, lost_bytes: int) -> None:
-        """Report broken bytes; the chunk of an index that follows them is not known."""
+        """Report damaged bytes; the chunk of an index after them is unknown."""
         is_behind = self.tail and self.tail[-1].op == Opcode.FOOTER and lost_bytes > len(MAGIC)
         if is_behind and self._view[offset : offset + len(MAGIC)] == MAGIC:
-            what, offset, lost_bytes = "bytes behind the end of the recording", offset + 8, lost_bytes - len(MAGIC)
+            what, offset, lost_bytes = "bytes after the end of the recording", offset + 8, lost_bytes - len(MAGIC)
         self._report(offset, what, lost_bytes)
         if self._follows_chunk:
             self.chunks[-1] = replace(self.chunks[-1], suspect=True)
@@ -339,19 +340,19 @@ class McapSurvey:
             self._follows_chunk, self._follows_gap, self._follows_odd = False, self._follows_chunk, True
 
     def _report_orphans(self) -> None:
-        """Report the messages of a chunk that is lost though its index is there, but for those found all the same."""
+        """Report the messages of a lost chunk whose index is present, except those found outside chunks."""
         if self._orphans and self._follows_gap:
-            self.chunks[-1] = replace(self.chunks[-1], suspect=True, further=self._orphans)
+            self.chunks[-1] = replace(self.chunks[-1], suspect=True, additional=self._orphans)
         elif self._orphans > self._loose_streak:
             lost = self._orphans - self._loose_streak
-            self._report(self._orphans_at, "the chunk before this message index is not there", 0, lost)
+            self._report(self._orphans_at, "the chunk before this message index is missing", 0, lost)
         self._orphans = self._orphans_at = 0
 
     def _loose_message(self, span: Span) -> None:
         """Add a message outside chunks to the run before it, or begin a run."""
         channel, _, log_time, _ = MESSAGE.unpack_from(self._view, span.start)
         last = self.chunks[-1] if self.chunks else None
-        if last and last.head is None and last.offset + last.size == span.offset and last.size < _LOOSE_BYTES:
+        if last and last.header is None and last.offset + last.size == span.offset and last.size < _LOOSE_BYTES:
             offset, start_ns, end_ns = (
                 self.chunks.pop().offset,
                 min(last.start_ns, log_time),
@@ -364,6 +365,6 @@ class McapSurvey:
         self._count(channel, 1)
 
     def _count(self, channel: int, messages: int) -> None:
-        """Note that the last chunk holds messages of a channel."""
+        """Count messages of a channel in the last chunk."""
         self.counts[channel] += messages
         self.first.setdefault(channel, len(self.chunks) - 1)

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.records import Damage
 from seaclutter_cli.sources.pcap.magics import PCAPNG_MAGIC
-from seaclutter_cli.sources.pcap.records import BATCH, LONGEST, Records
+from seaclutter_cli.sources.pcap.records import BATCH, MAX_PACKET, Records
 from seaclutter_cli.sources.shared.mapped import MappedFile
 
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 _KINDS = (_SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET)
 _ORDER = {bytes.fromhex("1a2b3c4d"): ">", bytes.fromhex("4d3c2b1a"): "<"}
 _RESOLUTION, _TIME_OFFSET = 9, 14
-_LEAST, _MOST = 12, 2**24
+_MIN_BLOCK, _MAX_BLOCK = 12, 2**24
 _LATEST_NS = 2**62
 _WINDOW = 2**20
 _RUN, _SINGLY = 4, 64
@@ -27,7 +27,7 @@ Row = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Interface:
-    """Where packets were captured; ``ticks`` of its clock make a second."""
+    """An interface on which packets were captured; its clock has ``ticks`` per second."""
 
     link: int
     snap: int
@@ -47,14 +47,14 @@ class Interface:
 
 
 class PcapngReader:
-    """Reads a PCAPNG capture.
+    """Reader of a PCAPNG capture.
 
     Parameters
     ----------
     file : MappedFile
         The capture.
     path : Path
-        Its name, for messages.
+        Path of the capture, for messages.
     """
 
     def __init__(self, file: MappedFile, path: Path) -> None:
@@ -70,7 +70,7 @@ class PcapngReader:
         self._packet, self._old_packet = struct.Struct(order + "IIIII"), struct.Struct(order + "HHIIII")
 
     def batches(self) -> Iterator[Records]:
-        """Yield all records in their order."""
+        """Yield all records in order, in batches."""
         parts: list[NDArray[np.int64]] = []
         link, offset, left, singly = -1, 0, BATCH, 0
         while offset < self._size:
@@ -87,7 +87,7 @@ class PcapngReader:
                 parts, left = [], BATCH
             link, row = found
             rows = np.array([row], np.int64)
-            # Blocks of one length are taken all at once; where lengths change from one to the next, singly.
+            # Blocks of equal length are read all at once; where the lengths change, one by one.
             if kind == _PACKET and not singly:
                 rows = self._run(offset, length, row, left)
                 singly = 0 if len(rows) >= _RUN else _SINGLY
@@ -99,10 +99,10 @@ class PcapngReader:
         if parts:
             yield Records(link, *np.concatenate(parts).T.copy())
 
-    def _run(self, offset: int, length: int, row: Row, most: int) -> NDArray[np.int64]:
-        """Return the rows of packets of one length and interface from a block on, of which the first has this row."""
+    def _run(self, offset: int, length: int, row: Row, limit: int) -> NDArray[np.int64]:
+        """Return the rows of packets of equal length and interface from a block on; ``row`` is the first row."""
         word, data = np.dtype(self._order + "u4"), self._file.data
-        count = min(most, (self._size - offset) // length)
+        count = min(limit, (self._size - offset) // length)
         words = np.ndarray((count, 6), word, data, offset, (length, 4)).astype(np.int64)
         ends = np.ndarray((count,), word, data, offset + length - 4, (length,))
         alike = (words[:, [0, 1, 2, 5]] == words[0, [0, 1, 2, 5]]).all(axis=1) & (ends == length)
@@ -115,9 +115,9 @@ class PcapngReader:
         return rows
 
     def _read_block(self, offset: int) -> tuple[int, int]:
-        """Return kind and length of the block at a place; a length of 0 if it is none."""
+        """Return kind and length of the block at an offset; a length of 0 if it is not a valid block."""
         data = self._file.data
-        if offset + _LEAST > self._size:
+        if offset + _MIN_BLOCK > self._size:
             return 0, 0
         if data[offset : offset + 4] == PCAPNG_MAGIC:
             order = _ORDER.get(data[offset + 8 : offset + 12])
@@ -125,16 +125,16 @@ class PcapngReader:
                 return 0, 0
             self._use_order(order)
         kind, length = self._block.unpack_from(data, offset)
-        if not _LEAST <= length <= _MOST or length % 4 or offset + length > self._size:
+        if not _MIN_BLOCK <= length <= _MAX_BLOCK or length % 4 or offset + length > self._size:
             return 0, 0
         if self._length.unpack_from(data, offset + length - 4)[0] != length:
             return 0, 0
         return int(kind), int(length)
 
     def _read_packet(self, kind: int, offset: int, length: int) -> tuple[int, Row] | None:
-        """Return link type and row of a block, if it holds a packet."""
+        """Return link type and row of a block; None if it contains no valid packet."""
         data, body, number = self._file.data, offset + 8, 0
-        room = length - _LEAST
+        room = length - _MIN_BLOCK
         if kind == _PACKET and room >= 20:
             number, high, low, captured, _ = self._packet.unpack_from(data, body)
         elif kind == _OLD_PACKET and room >= 20:
@@ -149,8 +149,8 @@ class PcapngReader:
                 self._interfaces.append(self._read_interface(body, room))
             return None
         start = body + (4 if kind == _SIMPLE_PACKET else 20)
-        if number >= len(self._interfaces) or captured > min(LONGEST, offset + length - 4 - start):
-            self._note(offset, "a packet that does not fit its block or interface", length)
+        if number >= len(self._interfaces) or captured > min(MAX_PACKET, offset + length - 4 - start):
+            self._note(offset, "this packet does not fit its block or interface", length)
             return None
         interface = self._interfaces[number]
         if high is not None:
@@ -160,15 +160,15 @@ class PcapngReader:
     def _read_interface(self, body: int, room: int) -> Interface:
         data = self._file.data
         link, _, snap = struct.unpack_from(self._order + "HHI", data, body)
-        ticks, offset_s, place = 10**6, 0, body + 8
-        while place + 4 <= body + room:
-            code, size = struct.unpack_from(self._order + "HH", data, place)
-            value = data[place + 4 : min(place + 4 + size, body + room)]
+        ticks, offset_s, at = 10**6, 0, body + 8
+        while at + 4 <= body + room:
+            code, size = struct.unpack_from(self._order + "HH", data, at)
+            value = data[at + 4 : min(at + 4 + size, body + room)]
             if code == _RESOLUTION and len(value) == 1:
                 ticks = 2 ** (value[0] & 0x7F) if value[0] & 0x80 else 10 ** value[0]
             elif code == _TIME_OFFSET and len(value) == 8:
                 (offset_s,) = struct.unpack(self._order + "q", value)
-            place += 4 + (size + 3) // 4 * 4
+            at += 4 + (size + 3) // 4 * 4
             if code == 0:
                 break
         offset_s = offset_s if abs(offset_s) < _LATEST_NS // 2 // 10**9 else 0
@@ -184,12 +184,12 @@ class PcapngReader:
         self.damage.append(Damage(self._path, offset, what, size))
 
     def _find(self, offset: int) -> int:
-        """Return the next place after ``offset`` where a block begins."""
+        """Return the next offset after ``offset`` where a block begins; the file size without one."""
         word = np.dtype(self._order + "u4")
-        for start in range(offset + 1, self._size - _LEAST + 1, _WINDOW):
-            count = min(_WINDOW, self._size - _LEAST + 1 - start)
+        for start in range(offset + 1, self._size - _MIN_BLOCK + 1, _WINDOW):
+            count = min(_WINDOW, self._size - _MIN_BLOCK + 1 - start)
             kinds, lengths = (np.ndarray((count,), word, self._file.data, start + 4 * n, (1,)) for n in range(2))
-            is_block = np.isin(kinds, _KINDS) & (lengths >= _LEAST) & (lengths <= _MOST) | (kinds == _SECTION)
+            is_block = np.isin(kinds, _KINDS) & (lengths >= _MIN_BLOCK) & (lengths <= _MAX_BLOCK) | (kinds == _SECTION)
             for candidate in (np.flatnonzero(is_block) + start).tolist():
                 if self._read_block(candidate)[1]:
                     return int(candidate)

@@ -1,4 +1,4 @@
-"""Records of captures: where each packet lies in the file, and when it was taken."""
+"""Records of captures: location of each packet in the file, and capture time."""
 
 import struct
 from collections.abc import Iterator
@@ -15,8 +15,8 @@ from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS
 from seaclutter_cli.sources.shared.mapped import MappedFile
 
 BATCH = 1024
-LONGEST = 262144
-"""Bytes that a capture keeps of a packet at most: libpcap's own limit."""
+MAX_PACKET = 262144
+"""Maximum bytes of a captured packet: libpcap's own limit."""
 DAY_NS = 86400 * 10**9
 
 _HEADER_BYTES, _RECORD_BYTES = 24, 16
@@ -26,16 +26,16 @@ _RUN, _SINGLY = 16, 128
 
 @dataclass(frozen=True)
 class Records:
-    """Some records of one link type, R of them.
+    """R records of one link type.
 
     Parameters
     ----------
     link : int
         Link type.
     offsets, lengths : ndarray, shape (R,), int64
-        Where each packet lies in the file, in bytes, as far as it was captured.
+        Offset and captured length of each packet, in bytes of the file.
     times_ns : ndarray, shape (R,), int64
-        When it was taken, in nanoseconds of Unix time.
+        Capture times in nanoseconds of Unix time.
     """
 
     link: int
@@ -45,29 +45,29 @@ class Records:
 
 
 class RecordReader(Protocol):
-    """Reads a capture once."""
+    """Reader for one pass over a capture."""
 
     damage: list[Damage]
 
     def batches(self) -> Iterator[Records]:
-        """Yield all records in their order."""
+        """Yield all records in order, in batches."""
         ...
 
 
 class PcapReader:
-    """Reads a classic capture.
+    """Reader of a classic capture.
 
     Parameters
     ----------
     file : MappedFile
         The capture.
     path : Path
-        Its name, for messages.
+        Path of the capture, for messages.
 
     Raises
     ------
     InputError
-        If it is not even as long as its header.
+        If the file is shorter than the header.
     """
 
     def __init__(self, file: MappedFile, path: Path) -> None:
@@ -77,13 +77,13 @@ class PcapReader:
         self._file, self._path, self._size = file, path, len(file.data)
         self._word = np.dtype(order + "u4")
         self._record = struct.Struct(order + "IIII")
-        # The upper bits tell of check sums.
+        # The upper bits describe checksums.
         self._link = int(struct.unpack_from(order + "I", file.data, 20)[0]) & 0xFFFF
         self._time_ns: int | None = None
         self.damage: list[Damage] = []
 
     def batches(self) -> Iterator[Records]:
-        """Yield all records in their order."""
+        """Yield all records in order, in batches."""
         offset = _HEADER_BYTES
         while offset < self._size:
             rows, after = self._walk(offset)
@@ -95,11 +95,11 @@ class PcapReader:
                 offset = self._skip_damage(offset)
 
     def _walk(self, offset: int) -> tuple[NDArray[np.int64], int]:
-        """Return the rows of a batch at most, and where it ends: at the end of the file, or at what is no record."""
+        """Return the rows of at most one batch, up to the first invalid record, and the offset after them."""
         parts: list[NDArray[np.int64]] = []
         left, many = BATCH, True
         while left and offset + _RECORD_BYTES <= self._size:
-            # Records of one length are taken all at once; where lengths change from one to the next, singly.
+            # Records of equal length are read all at once; where the lengths change, one by one.
             rows, offset = self._run(offset, left) if many else self._step(offset, min(left, _SINGLY))
             if not len(rows):
                 break
@@ -108,25 +108,25 @@ class PcapReader:
             left -= len(rows)
         return np.concatenate(parts) if parts else np.empty((0, 3), np.int64), offset
 
-    def _step(self, offset: int, most: int) -> tuple[NDArray[np.int64], int]:
-        """Return the rows of records from a place on, one after the other, and where they end."""
+    def _step(self, offset: int, limit: int) -> tuple[NDArray[np.int64], int]:
+        """Return the rows of records from an offset on, read one by one, and the offset after them."""
         data, unpack, size, ticks = self._file.data, self._record.unpack_from, self._size, 10**9 // self._tick_ns
         rows: list[tuple[int, int, int]] = []
-        while len(rows) < most and offset + _RECORD_BYTES <= size:
+        while len(rows) < limit and offset + _RECORD_BYTES <= size:
             seconds, fraction, length, original = unpack(data, offset)
             end = offset + _RECORD_BYTES + length
-            if end > size or length > LONGEST or fraction >= ticks or not original:
+            if end > size or length > MAX_PACKET or fraction >= ticks or not original:
                 break
             rows.append((offset + _RECORD_BYTES, length, seconds * 10**9 + fraction * self._tick_ns))
             offset = end
         return np.array(rows, np.int64).reshape(-1, 3), offset
 
-    def _run(self, offset: int, most: int) -> tuple[NDArray[np.int64], int]:
-        """Return the rows of records of one length from a place on, and where they end."""
+    def _run(self, offset: int, limit: int) -> tuple[NDArray[np.int64], int]:
+        """Return the rows of records of equal length from an offset on, and the offset after them."""
         length = int(self._record.unpack_from(self._file.data, offset)[2])
         size = _RECORD_BYTES + length
-        count = min(most, (self._size - offset) // size)
-        if length > LONGEST or not count:
+        count = min(limit, (self._size - offset) // size)
+        if length > MAX_PACKET or not count:
             return np.empty((0, 3), np.int64), offset
         words = np.ndarray((count, 4), self._word, self._file.data, offset, (size, 4)).astype(np.int64)
         bad = np.flatnonzero((words[:, 2] != length) | (words[:, 1] >= 10**9 // self._tick_ns) | (words[:, 3] == 0))
@@ -137,21 +137,21 @@ class PcapReader:
         return rows, offset + len(words) * size
 
     def _skip_damage(self, offset: int) -> int:
-        """Return where sound records go on; note what lies between, or that the file ends within a record."""
+        """Return the offset of the next valid record; report the damage before it, or a truncated last record."""
         found = self._find(offset)
-        cut = found == self._size and self._looks_cut(offset)
+        cut = found == self._size and self._is_truncated(offset)
         what = "the capture ends within a packet" if cut else "no packet can be read here"
         self.damage.append(Damage(self._path, offset, what, found - offset))
         return found
 
-    def _looks_cut(self, offset: int) -> bool:
+    def _is_truncated(self, offset: int) -> bool:
         if offset + _RECORD_BYTES > self._size:
             return True
         _, fraction, length, original = self._record.unpack_from(self._file.data, offset)
-        return bool(length <= LONGEST and fraction < 10**9 // self._tick_ns and original > 0)
+        return bool(length <= MAX_PACKET and fraction < 10**9 // self._tick_ns and original > 0)
 
     def _find(self, offset: int) -> int:
-        """Return the next place where two records of a likely time begin, or one that ends the file."""
+        """Return the next offset where two plausible records begin, or one that ends the file; or the file size."""
         for start in range(offset + 1, self._size - _RECORD_BYTES + 1, _WINDOW):
             count = min(_WINDOW, self._size - _RECORD_BYTES + 1 - start)
             for candidate in self._candidates(start, count):
@@ -163,7 +163,7 @@ class PcapReader:
     def _candidates(self, start: int, count: int) -> list[int]:
         words = (np.ndarray((count,), self._word, self._file.data, start + 4 * n, (1,)) for n in range(4))
         seconds, fraction, length, original = words
-        likely = (fraction < 10**9 // self._tick_ns) & (length <= LONGEST) & (length <= original) & (length > 0)
+        likely = (fraction < 10**9 // self._tick_ns) & (length <= MAX_PACKET) & (length <= original) & (length > 0)
         if self._time_ns is not None:
             likely &= np.abs(seconds.astype(np.int64) - self._time_ns // 10**9) <= DAY_NS // 10**9
         return (np.flatnonzero(likely) + start).tolist()
@@ -174,5 +174,5 @@ class PcapReader:
         if end + _RECORD_BYTES > self._size:
             return end == self._size
         after, fraction, length, original = self._record.unpack_from(self._file.data, end)
-        likely = fraction < 10**9 // self._tick_ns and length <= LONGEST and length <= original and original > 0
+        likely = fraction < 10**9 // self._tick_ns and length <= MAX_PACKET and length <= original and original > 0
         return bool(likely and abs(after - seconds) <= DAY_NS // 10**9)

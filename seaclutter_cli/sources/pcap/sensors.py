@@ -1,4 +1,4 @@
-"""Which sensors sent the datagrams of a capture."""
+"""Detection of the sensors that sent the datagrams of a capture."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 
 _TRIED_AT_ONCE, _TRIED = 4, 256
 _SAMPLES, _CALIBRATIONS = 64, 32
-_MOST_FLOWS = 10_000
+_MAX_FLOWS = 10_000
 _FEW = 10
 
 Kind = tuple[int, int]
@@ -21,7 +21,7 @@ Kind = tuple[int, int]
 
 @dataclass
 class Flow:
-    """Datagrams of one length that one port sent to one port.
+    """Datagrams of one length from one source port to one target port.
 
     Parameters
     ----------
@@ -32,11 +32,11 @@ class Flow:
     length : int
         Bytes of the payload.
     family : str or None
-        Family of sensors that they belong to, once it is known.
+        Sensor family, once it is known.
     count : int
-        How many there are.
+        Number of datagrams.
     samples, calibrations : list of (int, ndarray)
-        Times and payloads of some with data and of some with a calibration.
+        Times and payloads of some data packets and of some calibration packets.
     """
 
     address: str
@@ -50,12 +50,12 @@ class Flow:
 
     @property
     def ends(self) -> str:
-        """Sender and receiver, for people."""
+        """Sender and receiver as text."""
         return f"{self.address}:{self.source_port} to port {self.port}"
 
     def __str__(self) -> str:
-        """Return what is said where no flow is of a sensor."""
-        return f"{self.count} of {self.length} bytes from {self.ends}"
+        """Return a description for the message that no sensor was found."""
+        return f"{self.count} UDP datagrams of {self.length} bytes from {self.ends}"
 
 
 @dataclass
@@ -65,17 +65,17 @@ class CapturedSensor:
     Parameters
     ----------
     family : str
-        Its family.
+        Sensor family.
     address : str
-        Its address.
+        Address of the sensor.
     port : int
-        Where it sends its data.
+        Port that its data packets are sent to.
     kinds : set of (int, int)
-        Its flows.
+        Flows of the sensor.
     sample : Packets
-        Some of its packets, calibrations first.
+        Some packets of the sensor, calibrations first.
     shares : bool
-        Whether the address is that of several sensors.
+        Whether several sensors share the address.
     """
 
     family: str
@@ -87,7 +87,7 @@ class CapturedSensor:
 
 
 def each_kind(datagrams: Datagrams) -> list[tuple[Kind, NDArray[np.int64]]]:
-    """Return the rows, ascending, of each flow and length among some datagrams."""
+    """Return the rows of each flow and length among datagrams, in ascending order."""
     if not len(datagrams.flows):
         return []
     codes = datagrams.flows << 16 | datagrams.lengths
@@ -99,12 +99,12 @@ def each_kind(datagrams: Datagrams) -> list[tuple[Kind, NDArray[np.int64]]]:
 
 
 class CaptureSurvey:
-    """Looks through the datagrams of a capture for sensors.
+    """Search for sensors among the datagrams of a capture.
 
     Parameters
     ----------
     udp : Udp
-        Knows where payloads lie.
+        Parser that gives access to the payloads.
     """
 
     def __init__(self, udp: Udp) -> None:
@@ -113,7 +113,7 @@ class CaptureSurvey:
         self._calibrated: set[tuple[str, str]] = set()
 
     def add(self, datagrams: Datagrams) -> None:
-        """Look at some datagrams."""
+        """Add datagrams to the search."""
         for kind, rows in each_kind(datagrams):
             flow = self.flows.get(kind) or Flow(*self._udp.ends(kind[0]), kind[1])
             flow.count += len(rows)
@@ -121,7 +121,7 @@ class CaptureSurvey:
                 self._recognise(flow, self._udp.payloads(datagrams, rows[:_TRIED_AT_ONCE]))
             if flow.family is not None:
                 self._sample(flow, datagrams, rows)
-            if flow.family is not None or len(self.flows) < _MOST_FLOWS:
+            if flow.family is not None or len(self.flows) < _MAX_FLOWS:
                 self.flows[kind] = flow
 
     def _recognise(self, flow: Flow, payloads: NDArray[np.uint8]) -> None:
@@ -142,14 +142,14 @@ class CaptureSurvey:
             calibrates = family.is_calibration(payloads)
         _take(flow.calibrations, times_ns[calibrates], payloads[calibrates], _CALIBRATIONS)
         if isinstance(family, SelfCalibrating):
-            sound = np.array([family.recognises(payload) for payload in payloads[:_SAMPLES]], np.bool_)
-            calibrates[: len(sound)] |= ~sound
+            valid = np.array([family.recognises(payload) for payload in payloads[:_SAMPLES]], np.bool_)
+            calibrates[: len(valid)] |= ~valid
         _take(flow.samples, times_ns[~calibrates], payloads[~calibrates], _SAMPLES)
         if len(flow.calibrations) >= _CALIBRATIONS:
             self._calibrated.add(sensor)
 
-    def strays(self) -> list[Flow]:
-        """Return flows of so few data packets that those are rather damaged ones of another flow."""
+    def damaged_flows(self) -> list[Flow]:
+        """Return flows of few data packets; these are probably damaged packets of another flow."""
         most: dict[tuple[str | None, int], int] = defaultdict(int)
         for flow in self.flows.values():
             most[flow.family, flow.length] = max(most[flow.family, flow.length], flow.count)
@@ -157,11 +157,11 @@ class CaptureSurvey:
         return [flow for flow in few if flow.count * 100 < most[flow.family, flow.length]]
 
     def sensors(self) -> list[CapturedSensor]:
-        """Return the sensors, by address."""
+        """Return the sensors, sorted by address, port and family."""
         groups: dict[tuple[str, str], dict[Kind, Flow]] = defaultdict(dict)
-        strays = {id(flow) for flow in self.strays()}
+        damaged = {id(flow) for flow in self.damaged_flows()}
         for kind, flow in self.flows.items():
-            if flow.family is not None and id(flow) not in strays:
+            if flow.family is not None and id(flow) not in damaged:
                 groups[flow.address, flow.family][kind] = flow
         found = [sensor for group in groups.values() for sensor in _split(group)]
         addresses = [sensor.address for sensor in found]
@@ -171,45 +171,45 @@ class CaptureSurvey:
 
 
 def _take(
-    samples: list[tuple[int, NDArray[np.uint8]]], times_ns: NDArray[np.int64], payloads: NDArray[np.uint8], most: int
+    samples: list[tuple[int, NDArray[np.uint8]]], times_ns: NDArray[np.int64], payloads: NDArray[np.uint8], limit: int
 ) -> None:
-    count = most - len(samples)
+    count = limit - len(samples)
     pairs = zip(times_ns[:count].tolist(), payloads[:count], strict=True)
     samples += [(time_ns, payload.copy()) for time_ns, payload in pairs]
 
 
 def _split(flows: dict[Kind, Flow]) -> list[CapturedSensor]:
-    """Return the sensors behind one address: as many as there are ports that send data of one length."""
+    """Return the sensors at one address: one for each port that receives data of the main packet length."""
     data = {kind: flow for kind, flow in flows.items() if flow.samples}
     by_length: dict[int, list[Kind]] = defaultdict(list)
     for kind, flow in sorted(data.items(), key=lambda item: (item[1].port, item[1].source_port)):
         by_length[flow.length].append(kind)
     if not by_length:
         return []
-    heaviest = max(by_length, key=lambda length: sum(data[kind].count for kind in by_length[length]) * length)
-    firsts = by_length[heaviest]
+    main_length = max(by_length, key=lambda length: sum(data[kind].count for kind in by_length[length]) * length)
+    main = by_length[main_length]
     sensors = []
-    for place, first in enumerate(firsts):
-        own = {first} | {kinds[place] for kinds in by_length.values() if len(kinds) == len(firsts)}
-        if len(firsts) == 1:
+    for index, first in enumerate(main):
+        own = {first} | {kinds[index] for kinds in by_length.values() if len(kinds) == len(main)}
+        if len(main) == 1:
             own = set(data)
-        sensors.append(_sensor(first, own, flows, place, len(firsts)))
+        sensors.append(_sensor(first, own, flows, index, len(main)))
     return sensors
 
 
-def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], place: int, count: int) -> CapturedSensor:
+def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], index: int, count: int) -> CapturedSensor:
     flow = flows[first]
-    informing = sorted(
+    calibrating = sorted(
         (kind for kind, other in flows.items() if other.calibrations and other.length == flow.length),
         key=lambda kind: (flows[kind].port, flows[kind].source_port),
     )
-    apart = [kind for kind in informing if not flows[kind].samples]
-    if first in informing:
-        informing = [first]
-    elif len(apart) == count:
-        informing = [apart[place]]
-    if not place:
-        own = own | set(apart)
-    pairs = [pair for kind in informing for pair in flows[kind].calibrations] + flow.samples
+    separate = [kind for kind in calibrating if not flows[kind].samples]
+    if first in calibrating:
+        calibrating = [first]
+    elif len(separate) == count:
+        calibrating = [separate[index]]
+    if not index:
+        own = own | set(separate)
+    pairs = [pair for kind in calibrating for pair in flows[kind].calibrations] + flow.samples
     sample = Packets(np.array([time_ns for time_ns, _ in pairs], np.int64), np.stack([payload for _, payload in pairs]))
     return CapturedSensor(flow.family or "", flow.address, flow.port, own, sample)

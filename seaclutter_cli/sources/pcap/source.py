@@ -1,4 +1,4 @@
-"""Captures of the packets of lidars: PCAP and PCAPNG."""
+"""Captures of lidar packets: PCAP and PCAPNG."""
 
 from collections import defaultdict, deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,27 +22,27 @@ from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.mapped import MappedFile
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
-_MOST_WAITING = 16
+_MAX_WAITING = 16
 _SHOWN_FLOWS = 5
 
 
 class CaptureSource:
-    """A capture of one or several sensors, each turn of one a ROS 2 point cloud.
+    """A capture of one or several sensors; each revolution is a ROS 2 point cloud.
 
-    One sensor is on ``/points``, several are on ``/points/<address>``, or ``/points/<address>/<port>`` where they
-    share an address.
+    One sensor is on ``/points``, several are on ``/points/<address>``, or ``/points/<address>/<port>`` if they share an
+    address.
 
     Parameters
     ----------
     path : Path
         The capture.
     options : DecoderOptions, optional
-        What the packets cannot tell. Metadata of an Ouster that lies beside the capture is found without it.
+        Settings that packets do not contain. Ouster metadata next to the capture is found without them.
 
     Raises
     ------
     InputError
-        If it is no capture, or none of its packets can be decoded.
+        If the file is not a capture, or none of its packets can be decoded.
     """
 
     profile = "ros2"
@@ -65,7 +65,7 @@ class CaptureSource:
         )
         self.facts: dict[str, SensorFacts] = {}
         for channel, (_, decoder) in zip(self._channels, decoders, strict=True):
-            self._tell(channel, decoder.facts)
+            self._add_facts(channel, decoder.facts)
         models = dict.fromkeys(facts.model for facts in self.facts.values())
         self.format = f"{self._kind} of {', '.join(models)}"
 
@@ -78,7 +78,7 @@ class CaptureSource:
             return PcapngReader(self._file, self._path)
         if self._file.data[:4] in PCAP_MAGICS:
             return PcapReader(self._file, self._path)
-        raise InputError(f"{self._path}: no capture: it does not begin as PCAP or PCAPNG files do")
+        raise InputError(f"{self._path}: not a packet capture: it does not begin with PCAP or PCAPNG magic bytes")
 
     def _datagrams(self, reader: RecordReader, udp: Udp) -> Iterator[Datagrams]:
         for records in reader.batches():
@@ -86,7 +86,7 @@ class CaptureSource:
             self._file.touched(int(records.offsets[-1] - records.offsets[0]))
 
     def _survey(self) -> CaptureSurvey:
-        """Look through the whole capture: a sensor's calibration may be anywhere."""
+        """Survey the whole capture: a sensor's calibration may be anywhere in it."""
         reader, udp = self._reader(), Udp(self._file)
         survey = CaptureSurvey(udp)
         cut = 0
@@ -99,20 +99,20 @@ class CaptureSource:
             Damage(
                 self._path,
                 None,
-                f"{stray.count} packets from {stray.ends}, too few for a sensor",
-                stray.count * stray.length,
+                f"{flow.count} packets from {flow.ends}, too few for a sensor",
+                flow.count * flow.length,
             )
-            for stray in survey.strays()
+            for flow in survey.damaged_flows()
         ]
         if udp.fragments.lost:
             self.warnings.append(f"fragments of {udp.fragments.lost} datagrams are missing")
         if not survey.sensors():
             found = _found(survey, cut, udp.other, self.damage)
-            raise InputError(f"{self._path}: no packets of a known lidar; {found}")
+            raise InputError(f"{self._path}: no packets of a supported lidar; {found}")
         return survey
 
     def _usable(self, survey: CaptureSurvey) -> list[tuple[CapturedSensor, PacketDecoder]]:
-        """Return the sensors that can be decoded, with what was found out; `InputError` if there is none."""
+        """Return the sensors that can be decoded, and their decoders; `InputError` if there are no such sensors."""
         usable: list[tuple[CapturedSensor, PacketDecoder]] = []
         problems = []
         for sensor in survey.sensors():
@@ -143,17 +143,17 @@ class CaptureSource:
 
     @property
     def counts(self) -> dict[int, int]:
-        """Nothing: turns are only known when they are decoded."""
+        """Empty mapping: frames are only known when they are decoded."""
         return {}
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
-        """Return nothing: turns are numbered by decoding all packets before them."""
+        """Return an empty mapping: nothing is left out because frames are numbered by decoding all packets."""
         return {}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:  # noqa: ARG002
-        """Yield the turns of all sensors, one at a time decoded, in the order of their stamps.
+        """Yield the frames of all sensors in the order of their stamps; one at a time is decoded.
 
-        Packets are not read any further once every sensor has had a turn at ``end_ns`` or later.
+        Reading stops as soon as every sensor has a frame at ``end_ns`` or later.
         """
         decoders = [self._decoder(sensor) for sensor in self._sensors]
         kinds = {kind: number for number, sensor in enumerate(self._sensors) for kind in sensor.kinds}
@@ -175,13 +175,13 @@ class CaptureSource:
                 yield from merge.add(number, frame)
         yield from merge.finish()
         for number, channel in enumerate(self._channels):
-            self._tell(channel, decoders[number].facts, merge.partial[number])
+            self._add_facts(channel, decoders[number].facts, merge.partial[number])
             self._count(channel, decoders[number].facts, int(cut[number]))
 
-    def _tell(self, channel: Channel, facts: SensorFacts, partial: int = 0) -> None:
-        """Take over what a decoder found out."""
+    def _add_facts(self, channel: Channel, facts: SensorFacts, partial: int = 0) -> None:
+        """Store the facts from a decoder, and add its warnings."""
         if partial:
-            facts.details["partial turns"] = f"{partial}, where the capture begins or ends"
+            facts.details["partial revolutions"] = f"{partial}, where the capture begins or ends"
         self.facts[channel.topic] = facts
         self._warn(*(f"{channel.topic}: {text}" for text in facts.warnings))
 
@@ -190,8 +190,8 @@ class CaptureSource:
 
     def _count(self, channel: Channel, facts: SensorFacts, cut: int) -> None:
         if facts.lost_packets:
-            self._warn(f"{channel.topic}: {facts.lost_packets} packets are missing, as gaps tell")
-        counted = {"packets that cannot be decoded": facts.bad_packets, "packets cut short by the capture": cut}
+            self._warn(f"{channel.topic}: {facts.lost_packets} packets are missing, counted from gaps")
+        counted = {"packets cannot be decoded": facts.bad_packets, "packets are truncated by the capture": cut}
         size = self._sensors[channel.id - 1].sample.payloads.shape[1]
         for what, count in counted.items():
             damage = Damage(self._path, None, f"{channel.topic}: {count} {what}", count * size)
@@ -204,7 +204,7 @@ class CaptureSource:
 
 
 def _packets(datagrams: Datagrams, udp: Udp, kinds: Mapping[Kind, int]) -> Iterator[tuple[int, Packets]]:
-    """Yield the packets of each sensor among some datagrams, those of a length in the order of their arrival."""
+    """Yield the packets of each sensor among datagrams; packets of equal length are in order of arrival."""
     rows = defaultdict(list)
     for kind, found in each_kind(datagrams):
         if kind in kinds:
@@ -215,11 +215,11 @@ def _packets(datagrams: Datagrams, udp: Udp, kinds: Mapping[Kind, int]) -> Itera
 
 
 class _Merge:
-    """Puts the turns of several sensors into the order of their stamps.
+    """Merger of the frames of several sensors in the order of their stamps.
 
     Notes
     -----
-    State: turns that wait for those of the other sensors, at most 16 of each.
+    State: frames that wait for frames of the other sensors, at most 16 per sensor.
     """
 
     def __init__(self, channels: Sequence[Channel]) -> None:
@@ -230,20 +230,20 @@ class _Merge:
         self.partial = [0] * len(channels)
 
     def add(self, number: int, frame: PacketFrame) -> Iterator[Message]:
-        """Yield the turns whose place is known now."""
+        """Add a frame, and yield the frames whose order is now known."""
         self.partial[number] += frame.partial
         self._waiting[number].append(frame)
         self._latest_ns[number] = frame.stamp_ns
-        while all(self._waiting) or max(map(len, self._waiting)) > _MOST_WAITING:
+        while all(self._waiting) or max(map(len, self._waiting)) > _MAX_WAITING:
             yield self._next()
 
     @property
     def latest_ns(self) -> int:
-        """Time up to which the turns of every sensor have been added."""
+        """Time up to which the frames of every sensor have been added."""
         return min(self._latest_ns)
 
     def finish(self) -> Iterator[Message]:
-        """Yield the others."""
+        """Yield the waiting frames."""
         while any(self._waiting):
             yield self._next()
 
@@ -260,23 +260,23 @@ class _Merge:
 
 
 def _found(survey: CaptureSurvey, cut: int, other: int, damage: Sequence[Damage]) -> str:
-    """Return what there is in a capture without sensors, and what to do."""
+    """Return a description of a capture without sensors, and advice."""
     flows = sorted(survey.flows.values(), key=lambda flow: flow.count * flow.length, reverse=True)
     found = [str(flow) for flow in flows[:_SHOWN_FLOWS]]
     if len(flows) > _SHOWN_FLOWS:
         found.append(f"{len(flows) - _SHOWN_FLOWS} other flows")
-    parts = [f"UDP datagrams: {', '.join(found)}" if found else "no whole UDP datagrams"]
+    parts = [", ".join(found) or "no complete UDP datagrams"]
     if cut:
-        parts.append(f"{cut} cut short: capture with whole packets (tcpdump -s 0)")
+        parts.append(f"{cut} truncated datagrams: capture whole packets (tcpdump -s 0)")
     if other:
         parts.append(f"{other} other packets")
     parts += [str(item) for item in damage[:1]]
     titles = ", ".join(family.title for family in PACKET_FAMILIES.values())
-    return f"found {'; '.join(parts)}. Packets of these are read: {titles}"
+    return f"found {'; '.join(parts)}. Supported sensors: {titles}"
 
 
 def _find_beside(path: Path, suffix: str) -> Path | None:
-    """Return the file beside a capture that is named like it, or the only one whose name begins alike."""
+    """Return the file next to a capture with the same name, or the only one where one name starts with the other."""
     same = path.with_suffix(suffix)
     if same.is_file():
         return same

@@ -1,4 +1,4 @@
-"""UDP datagrams in the records of a capture, many at a time."""
+"""UDP datagrams in the records of a capture, parsed in batches."""
 
 import ipaddress
 from dataclasses import dataclass, field
@@ -15,27 +15,27 @@ _HEAD = 128
 _ETHERNET, _COOKED, _COOKED_2, _RAW = 1, 113, 276, (12, 14, 101, 228, 229)
 _LOOPBACK = (0, 108)
 _VLAN = (0x8100, 0x88A8, 0x9100)
-_MOST_TAGS = 4
+_MAX_TAGS = 4
 _IPV4, _IPV6, _UDP = 0x0800, 0x86DD, 17
-_MOST_ADDRESSES = 2**15
+_MAX_ADDRESSES = 2**15
 
 
 @dataclass(frozen=True)
 class Datagrams:
-    """Some UDP datagrams in order, D of them.
+    """D UDP datagrams in order.
 
     Parameters
     ----------
     flows : ndarray, shape (D,), int64
         Sender and ports of each as one number, see `Udp.ends`.
     times_ns : ndarray, shape (D,), int64
-        When it was taken.
+        Capture time in nanoseconds of Unix time.
     offsets, lengths : ndarray, shape (D,), int64
-        Where its payload lies in the file; below 0 for the number of one in ``joined``, from -1 down.
+        Offset and length of each payload in the file; offset ``-1 - i`` refers to ``joined[i]``.
     joined : list of bytes
-        Payloads that came in fragments.
+        Payloads that were sent in fragments.
     cut : ndarray, int64
-        Flows of those of which the capture has only the beginning.
+        Flows of the datagrams that the capture truncates.
     """
 
     flows: NDArray[np.int64]
@@ -48,7 +48,7 @@ class Datagrams:
 
 @dataclass
 class _Parsed:
-    """Rows of one batch that are UDP over IP, with the places of their headers."""
+    """Rows of one batch that are UDP over IP, with the offsets of their headers."""
 
     rows: NDArray[np.int64]
     udp: NDArray[np.int64]
@@ -57,7 +57,7 @@ class _Parsed:
 
 
 class Udp:
-    """Finds datagrams.
+    """Parser of the datagrams in a capture.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Udp:
 
     Notes
     -----
-    State: addresses seen, and open fragments. ``other`` counts records without a datagram.
+    State: known addresses, and incomplete datagrams. ``other`` counts records without a datagram.
     """
 
     def __init__(self, file: MappedFile) -> None:
@@ -78,11 +78,11 @@ class Udp:
         self.other = 0
 
     def ends(self, flow: int) -> tuple[str, int, int]:
-        """Return address of the sender, its port and the port of the receiver."""
+        """Return the address of the sender, its port, and the port of the receiver."""
         return str(ipaddress.ip_address(self._names[flow >> 32])), flow >> 16 & 0xFFFF, flow & 0xFFFF
 
     def payloads(self, datagrams: Datagrams, rows: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """Return the payloads of some datagrams of equal length L, shape (P, L)."""
+        """Return the payloads of datagrams of equal length L, shape (P, L)."""
         offsets, length = datagrams.offsets[rows], int(datagrams.lengths[rows[0]])
         direct = offsets >= 0
         if direct.all():
@@ -95,11 +95,11 @@ class Udp:
         return payloads
 
     def _gather(self, offsets: NDArray[np.int64], length: int) -> NDArray[np.uint8]:
-        places = len(self._bytes) - length + 1
-        return np.ndarray((places, length), np.uint8, self._file.data, strides=(1, 1))[offsets]
+        count = len(self._bytes) - length + 1
+        return np.ndarray((count, length), np.uint8, self._file.data, strides=(1, 1))[offsets]
 
     def datagrams(self, records: Records) -> Datagrams:
-        """Return the datagrams in some records."""
+        """Return the datagrams in records."""
         heads = self._heads(records)
         parsed = self._parse(records, heads)
         self.other += len(records.offsets) - len(parsed.rows) - len(parsed.fragments)
@@ -120,7 +120,7 @@ class Udp:
         return self._with_joined(found, rows[whole], records, heads, parsed) if len(parsed.fragments) else found
 
     def _heads(self, records: Records) -> NDArray[np.uint8]:
-        """Return the first bytes of each record, shape (R, 128), with zeros behind its end."""
+        """Return the first bytes of each record, shape (R, 128), padded with zeros after its end."""
         offsets = records.offsets
         heads = np.zeros((len(offsets), _HEAD), np.uint8)
         inside = offsets + _HEAD <= len(self._bytes)
@@ -159,7 +159,7 @@ class Udp:
         return _Parsed(rows[order], udp[order], np.concatenate([sources[usable], sources6])[order], fragments)
 
     def _numbers4(self, heads: NDArray[np.uint8], rows: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the number of each sender, shape (R,); -1 where there are too many."""
+        """Return the number of each sender, shape (R,); -1 for new senders beyond the limit."""
         values = _word(heads, rows, at + 12) << 16 | _word(heads, rows, at + 14)
         different, inverse = np.unique(values, return_inverse=True)
         numbers = [self._number(int(value).to_bytes(4, "big")) for value in different]
@@ -172,7 +172,7 @@ class Udp:
     def _number(self, address: bytes) -> int:
         number = self._addresses.get(address)
         if number is None:
-            if len(self._names) >= _MOST_ADDRESSES:
+            if len(self._names) >= _MAX_ADDRESSES:
                 return -1
             number = self._addresses[address] = len(self._names)
             self._names.append(address)
@@ -186,7 +186,7 @@ class Udp:
         heads: NDArray[np.uint8],
         parsed: _Parsed,
     ) -> Datagrams:
-        """Return datagrams with those between them that fragments complete."""
+        """Return datagrams together with those that fragments complete, in order."""
         network, _ = _network(records.link, heads[parsed.fragments])
         more: list[tuple[int, int, int, bytes]] = []
         for row, at in zip(parsed.fragments.tolist(), network.tolist(), strict=True):
@@ -210,22 +210,22 @@ class Udp:
         return Datagrams(flows, times_ns, offsets, lengths, [data for _, _, _, data in more], found.cut)
 
     def _join(self, records: Records, head: bytes, row: int, at: int) -> bytes:
-        """Return the datagram that a fragment completes, else nothing."""
+        """Return the datagram that a fragment completes; empty if it is still incomplete."""
         header = (head[at] & 0x0F) * 4
         begin = int(records.offsets[row]) + at + header
         size = int.from_bytes(head[at + 2 : at + 4], "big") - header
         left = int(records.lengths[row]) - at - header
         if size <= 0 or size > left:
-            return b""  # cut: its datagram never becomes complete, and is counted then
-        place = int.from_bytes(head[at + 6 : at + 8], "big")
+            return b""  # truncated: its datagram remains incomplete, and is counted as lost
+        position = int.from_bytes(head[at + 6 : at + 8], "big")
         pair = int.from_bytes(head[at + 12 : at + 16], "big"), int.from_bytes(head[at + 16 : at + 20], "big")
         key = (*pair, int.from_bytes(head[at + 4 : at + 6], "big"))
         piece = self._file.data[begin : begin + size]
-        return self.fragments.add(key, (place & 0x1FFF) * 8, bool(place & 0x2000), piece) or b""
+        return self.fragments.add(key, (position & 0x1FFF) * 8, bool(position & 0x2000), piece) or b""
 
 
 def _network(link: int, heads: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where the IP header of each record begins, shape (R,), and its version; 0 if there is none."""
+    """Return the offset of the IP header in each record, shape (R,), and its version; 0 without a header."""
     count = len(heads)
     if link in _RAW or link in _LOOPBACK:
         at = np.full(count, 0 if link in _RAW else 4)
@@ -237,17 +237,17 @@ def _network(link: int, heads: NDArray[np.uint8]) -> tuple[NDArray[np.int64], ND
     rows = np.arange(count)
     kind = _word(heads, rows, kind_at)
     at = kind_at + (20 if link == _COOKED_2 else 2)
-    for _ in range(_MOST_TAGS):
+    for _ in range(_MAX_TAGS):
         tagged = np.isin(kind, _VLAN)
         if not tagged.any():
             break
         kind = np.where(tagged, _word(heads, rows, at + 2), kind)
         at = at + 4 * tagged
     version = (heads[rows, at] >> 4).astype(np.int64)
-    sound = ((kind == _IPV4) & (version == 4)) | ((kind == _IPV6) & (version == 6))
-    return at, np.where(sound, version, 0)
+    valid = ((kind == _IPV4) & (version == 4)) | ((kind == _IPV6) & (version == 6))
+    return at, np.where(valid, version, 0)
 
 
 def _word(heads: NDArray[np.uint8], rows: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the two bytes at a place of each row, as a number."""
+    """Return the two bytes at an offset of each row, as a number."""
     return heads[rows, at].astype(np.int64) << 8 | heads[rows, at + 1]

@@ -1,1 +1,1 @@
-"""ROS 1 bags, whole or damaged: `source.BagSource`."""
+"""ROS 1 bags, intact or damaged: `source.BagSource`."""

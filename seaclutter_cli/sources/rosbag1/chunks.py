@@ -1,4 +1,4 @@
-"""Chunks of ROS 1 bags: unpacking them, as far as they are whole, and reading the index behind them."""
+"""Chunks of ROS 1 bags, intact or damaged: their content, and the index after them."""
 
 import bz2
 from collections import Counter
@@ -14,7 +14,7 @@ import lz4.frame
 from seaclutter_cli.sources.rosbag1.records import NANO, BagRecord, Op, read_record
 
 MAX_CHUNK_BYTES = 2**30
-"""Bytes that a chunk may unpack to; what is beyond is left out."""
+"""Maximum bytes of an unpacked chunk; the rest is left out."""
 
 _PIECE = 4096
 _MAX_RATIO = 256
@@ -35,7 +35,7 @@ class ChunkIndex:
 
 
 def read_index(view: memoryview, at: int) -> ChunkIndex | None:
-    """Return what the index records at a place say; None if there are none, or broken ones."""
+    """Return the index from the index records at an offset; None if they are missing or damaged."""
     counts: Counter[int] = Counter()
     first, last = (2**32, 0), (0, 0)
     while (record := read_record(view, at)) is not None and record.op == Op.INDEX:
@@ -54,29 +54,29 @@ def read_index(view: memoryview, at: int) -> ChunkIndex | None:
 
 
 def unpack(view: memoryview, chunk: BagRecord) -> tuple[memoryview, str | None]:
-    """Return the content of a chunk as far as it can be had, and in words what is wrong with it, if anything is."""
+    """Return the readable content of a chunk, and a description of its damage; None if it is intact."""
     packed = view[chunk.data : chunk.end]
     size = chunk.number(b"size")
     compression = chunk.fields[b"compression"]
     if compression == b"none":
-        content, whole = packed[:size] if chunk.mended else packed, True
+        content, whole = packed[:size] if chunk.repaired else packed, True
     elif compression in _DECOMPRESSORS:
         unpacked, whole = _decompress(_DECOMPRESSORS[compression], packed, size)
         content = memoryview(unpacked)
     else:
-        return memoryview(b""), f"a chunk of unknown compression {compression.decode('utf-8', 'replace')!r}"
+        return memoryview(b""), f"a chunk with the unknown compression {compression.decode('utf-8', 'replace')!r}"
     if not whole or len(content) != size:
-        if chunk.mended and chunk.end == len(view):
-            return content, "the bag ends in the middle of a chunk"
+        if chunk.repaired and chunk.end == len(view):
+            return content, "the bag ends inside a chunk"
         return content, f"a damaged chunk: {len(content)} of {size} bytes can be read"
-    return content, "a record of wrong length, or damage behind it" if chunk.mended else None
+    return content, "a record of wrong length, or damage after it" if chunk.repaired else None
 
 
 def _decompress(make: Callable[[], Any], packed: memoryview, size: int) -> tuple[bytes | bytearray, bool]:
-    """Return what can be decompressed, and whether that is all."""
+    """Return the data that can be decompressed, and whether it is complete."""
     with suppress(OSError, RuntimeError, EOFError):
         decompressor = make()
-        # One more than expected, since the end is only noticed behind it; no more than can be, since it is allocated.
+        # One byte more than expected, which reveals the end; limited by the packed size because it is allocated.
         content: bytes = decompressor.decompress(packed, min(size, _MAX_RATIO * len(packed), MAX_CHUNK_BYTES) + 1)
         if decompressor.eof:
             return content, True
@@ -84,7 +84,7 @@ def _decompress(make: Callable[[], Any], packed: memoryview, size: int) -> tuple
 
 
 def _salvage(decompressor: Any, packed: memoryview) -> tuple[bytearray, bool]:
-    """Decompress piece by piece, so that what precedes an error is not lost."""
+    """Return the data before the first error, decompressed piece by piece, and whether it is complete."""
     content = bytearray()
     with suppress(OSError, RuntimeError, EOFError):
         for at in range(0, len(packed), _PIECE):

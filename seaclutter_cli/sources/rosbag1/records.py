@@ -1,7 +1,7 @@
-"""Records of ROS 1 bags (format 2.0), in a file or in a chunk: parsing them, and finding the next one behind damage.
+"""Records of ROS 1 bags (format 2.0), in a file or in a chunk: parsing them, and finding the next one after damage.
 
-A record is a header of ``name=value`` fields and data, each behind its length. No length is trusted: where a record
-does not end at another one, the next is searched for.
+A record is a header of ``name=value`` fields and data, each preceded by its length. No length is trusted: where a
+record does not end at another one, the next is searched for.
 """
 
 import re
@@ -30,7 +30,7 @@ class Op(IntEnum):
 
 
 BETWEEN_CHUNKS = frozenset({Op.INDEX, Op.CHUNK, Op.CHUNK_INFO})
-"""Records that never stand in a chunk."""
+"""Records that never occur in a chunk."""
 
 # Fields that a record must have, with their sizes; None for text.
 _REQUIRED: Mapping[bytes, tuple[Op, Mapping[bytes, int | None]]] = {
@@ -42,11 +42,10 @@ _REQUIRED: Mapping[bytes, tuple[Op, Mapping[bytes, int | None]]] = {
     b"\x07": (Op.CONNECTION, {b"conn": 4, b"topic": None}),
 }
 _FIELDS = {name for _, fields in _REQUIRED.values() for name in fields} | {b"op", b"ver", b"encryptor"}
-# What follows the length of a header and that of its first field, 8 bytes in all.
+# The first field name of a header; the lengths of header and field, 8 bytes in total, precede it.
 _NAME = re.compile(rb"(?:" + b"|".join(sorted(_FIELDS)) + rb")=")
 
-
-# The header of a message in the two orders in which recorders write it: a shortcut, as most records are such.
+# Message headers in the two field orders that recorders write: a shortcut for most records.
 _SHORTCUTS = (
     (Struct("<21s4s9s8sI"), b"&\0\0\0\x04\0\0\0op=\x02\t\0\0\0conn=", b"\r\0\0\0time="),
     (Struct("<13s4s17s8sI"), b"&\0\0\0\t\0\0\0conn=", b"\x04\0\0\0op=\x02\r\0\0\0time="),
@@ -54,28 +53,28 @@ _SHORTCUTS = (
 
 
 class BagRecord(NamedTuple):
-    """A record: its kind, its fields, and where it starts, its data start, and it ends."""
+    """A record: kind, fields, and the offsets of its start, its data and its end."""
 
     op: Op
     fields: dict[bytes, bytes]
     start: int
     data: int
     end: int
-    mended: bool = False
-    """Whether the end is not the one that the record states."""
+    repaired: bool = False
+    """Whether the end differs from the one that the record states."""
 
     def number(self, name: bytes) -> int:
-        """Return a field of 4 or 8 bytes."""
+        """Return the number in a field of 4 or 8 bytes."""
         return int.from_bytes(self.fields[name], "little")
 
     def time_ns(self, name: bytes = b"time") -> int:
-        """Return a field that is a time, in nanoseconds."""
+        """Return the time in a field, in nanoseconds."""
         seconds, nanoseconds = STAMP.unpack(self.fields[name])
         return int(seconds * NANO + nanoseconds)
 
 
 def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
-    r"""Return the fields of a header; None if it is no header.
+    r"""Return the fields of a header; None if it is not valid.
 
     Examples
     --------
@@ -99,7 +98,7 @@ def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
 
 
 def read_record(view: memoryview, at: int) -> BagRecord | None:
-    """Return the record at a place; None if there is none. Its end may lie beyond the view."""
+    """Return the record at an offset; None if there is no record. Its end may be beyond the view."""
     if at + 46 <= len(view) and view[at] == 38:
         for header, start, middle in _SHORTCUTS:
             found_start, connection, found_middle, time, length = header.unpack_from(view, at)
@@ -125,7 +124,7 @@ def _read_any_record(view: memoryview, at: int) -> BagRecord | None:
 
 
 def find_record(view: memoryview, at: int, ops: Collection[Op] = frozenset(Op)) -> int:
-    """Return the place of the first record of certain kinds at or behind a place; the view's end if there is none."""
+    """Return the offset of the first record of some kinds at or after an offset; the view's length without one."""
     for match in _NAME.finditer(view, at + 8):
         record = read_record(view, match.start() - 8)
         if record is not None and record.op in ops:
@@ -134,46 +133,46 @@ def find_record(view: memoryview, at: int, ops: Collection[Op] = frozenset(Op)) 
 
 
 def walk(view: memoryview, at: int, gaps: list[tuple[int, int]]) -> Iterator[BagRecord]:
-    """Yield the records from a place on, one behind the other.
+    """Yield the records from an offset on, one after another.
 
     Parameters
     ----------
     view : memoryview
         The file, or the content of a chunk.
     at : int
-        Where to start.
+        Offset of the first record.
     gaps : list of tuple
-        Takes start and end of what had to be skipped; empty gaps mark records of a wrong length.
+        Receives start and end of every part that is skipped; empty gaps mark records of wrong length.
 
     Notes
     -----
-    A record that states a length beyond the next record, or beyond the view, ends there; if it is not followed by a
-    record either, it is a gap. Chunks end only at records that cannot stand in a chunk, or with the view.
+    A record whose stated length exceeds the start of the next record ends there; if no record follows it at all, it is
+    a gap. Chunks end only at records that cannot occur in a chunk, or with the view.
     """
     record = read_record(view, at)
     while at < len(view):
         if record is not None:
             following = read_record(view, record.end)
             if following is None and record.end != len(view):
-                record = _mend(view, record)
+                record = _repair(view, record)
                 following = None if record is None else read_record(view, record.end)
         if record is None:
             resumed = find_record(view, at + 1)
             gaps.append((at, resumed))
             at, record = resumed, read_record(view, resumed)
             continue
-        if record.mended and record.op != Op.CHUNK:
+        if record.repaired and record.op != Op.CHUNK:
             gaps.append((record.start, record.start))
         yield record
         at, record = record.end, following
 
 
-def _mend(view: memoryview, record: BagRecord) -> BagRecord | None:
-    """Return a record that ends where the next one starts, if its own end is behind it; None if it is not whole."""
+def _repair(view: memoryview, record: BagRecord) -> BagRecord | None:
+    """Return a record that ends at the start of the next one if it overlaps it; None if it is incomplete."""
     if record.op == Op.CHUNK:
         resumed = find_record(view, record.data, BETWEEN_CHUNKS)
-        return record._replace(end=resumed, mended=True) if resumed < record.end else record
+        return record._replace(end=resumed, repaired=True) if resumed < record.end else record
     resumed = find_record(view, record.data)
     if resumed < record.end and resumed < len(view):
-        return record._replace(end=resumed, mended=True)
+        return record._replace(end=resumed, repaired=True)
     return record if record.end < len(view) else None

@@ -1,4 +1,4 @@
-"""ROS 1 bags (format 2.0), healthy, unindexed, cut off or damaged."""
+"""ROS 1 bags (format 2.0): intact, unindexed, truncated or damaged."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,18 +23,18 @@ Content = tuple[memoryview, int, str | None]
 class BagSource:
     """A ROS 1 bag as a `Source`.
 
-    Memory holds a few unpacked chunks, and a few numbers for each chunk of the file. Messages are views of their chunk,
-    or of the file if that is not compressed.
+    A few unpacked chunks are in memory, and a few numbers for each chunk of the file. Messages are views of their
+    chunk, or of the file if it is not compressed.
 
     Parameters
     ----------
     path : Path
-        The bag; ``.bag.active``, as a crashed recorder leaves it, is as good.
+        The bag, or the ``.bag.active`` file that a crashed recorder leaves.
 
     Raises
     ------
     InputError
-        If the file is no bag of format 2.0, or an encrypted one.
+        If the file is not a bag of format 2.0, or is encrypted.
     """
 
     format = "ROS 1 bag"
@@ -66,13 +66,13 @@ class BagSource:
         self.damage += survey.damage(self._path)
         self._channels = survey.channels
         self._counts = survey.counts
-        self._announced = survey.announced
+        self._indexed = survey.indexed
         self._chunks = list(survey.chunks.values())
         self._unpack_untimed(survey)
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """Channels known before reading, those without messages too."""
+        """Channels known before reading, including those without messages."""
         return list(self._channels.values())
 
     @property
@@ -81,9 +81,9 @@ class BagSource:
         return {channel: self._counts[channel] for channel in self._channels}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield the messages in the order of their log time; can be called again.
+        """Yield the messages in log time order; can be called again.
 
-        Chunks that lie outside of ``[start_ns, end_ns)`` are left out.
+        Chunks outside ``[start_ns, end_ns)`` are left out.
         """
         read = 0
         chunks = within(self._chunks, start_ns, end_ns, self._is_counted)
@@ -94,7 +94,7 @@ class BagSource:
             self._compare(read)
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return how many messages per connection `records` leaves out before a start, by the index of each chunk."""
+        """Return the number of messages per connection that `records` leaves out before ``start_ns``."""
         counts = Counter[int]()
         for chunk in before(self._chunks, start_ns, self._is_counted):
             index = read_index(self._view, chunk.offset + chunk.size)
@@ -102,15 +102,15 @@ class BagSource:
         return counts
 
     def _is_counted(self, chunk: Chunk) -> bool:
-        """Tell whether the index behind a chunk counts its messages."""
+        """Return whether an index counts the messages of a chunk."""
         return read_index(self._view, chunk.offset + chunk.size) is not None
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._file.close()
 
     def _unpack_untimed(self, survey: BagSurvey) -> None:
-        """Unpack the chunks where unknown channels first occur, and those of unknown times."""
+        """Unpack the chunks where unknown channels first occur, and those with unknown times."""
         for connection, offset in survey.first_use.items():
             if connection not in self._channels and offset in survey.chunks:
                 self._read(survey.chunks[offset])
@@ -125,57 +125,57 @@ class BagSource:
         return self._load(chunk, partial(self._unpack, chunk))
 
     def _load(self, chunk: Chunk, unpacked: Callable[[], Content]) -> list[Message]:
-        """Return the messages of a chunk, and report what is wrong with it."""
+        """Return the messages of a chunk, and report its damage."""
         end = chunk.offset + chunk.size
         content, size, problem = unpacked()
         gaps: list[tuple[int, int]] = []
-        messages, strays = self._messages(content, gaps)
+        messages, unknown = self._messages(content, gaps)
         if problem is None and gaps:
-            problem = "damaged records in a chunk"
-        elif problem is None and strays:
-            problem = "messages of a connection that is described nowhere"
+            problem = "damaged records in this chunk"
+        elif problem is None and unknown:
+            problem = "messages of an unknown connection"
         if problem is not None:
             index = read_index(self._view, end)
             lost_bytes = max(size - len(content), 0) + sum(stop - start for start, stop in gaps)
-            lost = index.counts.total() - len(messages) if index else strays
+            lost = index.counts.total() - len(messages) if index else unknown
             self._report(chunk.offset, problem, lost_bytes, lost if lost > 0 else None)
         elif any(not chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
-            self._report(chunk.offset, "a chunk whose messages are of other times than its index says", 0, None)
+            self._report(chunk.offset, "messages of this chunk are outside the times in its index", 0, None)
         return messages
 
     def _unpack(self, chunk: Chunk) -> Content:
-        """Return the records of a chunk, the size that they should have, and what is wrong with them, if anything."""
+        """Return the records of a chunk, their expected size, and a description of their damage, if any."""
         self._file.touched(chunk.size)
         view = self._view[: chunk.offset + chunk.size]
         record = read_record(view, chunk.offset)
         if record is None or record.op != Op.CHUNK:
             return view[chunk.offset :], chunk.size, None
-        mended = record.end != len(view)
-        content, problem = unpack(self._view, record._replace(end=len(view), mended=mended))
+        repaired = record.end != len(view)
+        content, problem = unpack(self._view, record._replace(end=len(view), repaired=repaired))
         return content, record.number(b"size"), problem
 
     def _messages(self, content: memoryview, gaps: list[tuple[int, int]]) -> tuple[list[Message], int]:
-        """Return the messages of a chunk, and the number of those whose connection is unknown."""
+        """Return the messages of a chunk, and the number of messages of unknown connections."""
         messages = []
-        strays = 0
+        unknown = 0
         for record in walk(content, 0, gaps):
             if record.op == Op.MESSAGE:
                 channel = self._channels.get(record.number(b"conn"))
                 if channel is None:
-                    strays += 1
+                    unknown += 1
                     continue
                 time_ns = record.time_ns()
                 messages.append(Message(channel, time_ns, time_ns, 0, content[record.data : record.end]))
             elif record.op == Op.CONNECTION:
                 self._channels.setdefault(record.number(b"conn"), channel_of(content, record))
-        return messages, strays
+        return messages, unknown
 
     def _compare(self, read: int) -> None:
-        """Report messages that the index announces, and that are neither read nor reported as lost."""
+        """Report messages that the index lists and that are neither read nor reported as lost."""
         known = sum(damage.lost_messages or 0 for damage in self.damage)
-        if self._announced is not None and self._announced > read + known:
-            what = f"the index announces {self._announced} messages, {read} could be read"
-            self._report(None, what, 0, self._announced - read - known)
+        if self._indexed is not None and self._indexed > read + known:
+            what = f"the index lists {self._indexed} messages, but {read} can be read"
+            self._report(None, what, 0, self._indexed - read - known)
 
     def _report(self, offset: int | None, what: str, lost_bytes: int, lost_messages: int | None) -> None:
         damage = Damage(self._path, offset, what, lost_bytes, lost_messages)
@@ -186,8 +186,8 @@ class BagSource:
 
 def _describe(start: bytes) -> str:
     if MAGIC.startswith(start):
-        return "the bag is cut off in its first line"
+        return "the bag is truncated in its first line"
     if start.startswith(b"#ROSBAG V"):
         version = start[9:].strip().decode("utf-8", "replace")
-        return f"a bag of version {version}; only 2.0 can be read, so convert it first (rosbag reindex)"
+        return f"bag version {version} is not supported; convert the bag to 2.0 first (rosbag reindex)"
     return "not a ROS 1 bag"

@@ -1,4 +1,4 @@
-"""What a ROS 1 bag holds, found by hopping over its records without unpacking a chunk."""
+"""Content of a ROS 1 bag, found in one pass over its records without unpacking a chunk."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -27,15 +27,15 @@ def channel_of(view: memoryview, record: BagRecord) -> Channel:
 class BagSurvey:
     """Chunks, channels and counts of a bag.
 
-    Messages outside of chunks, as a chunk leaves behind whose own header is destroyed, are put together to runs that
-    are read like a chunk.
+    Messages outside chunks, which remain of a chunk with a destroyed header, are combined into runs that are read like
+    a chunk.
 
     Parameters
     ----------
     view : memoryview
         The whole bag.
     touched : callable
-        Called whenever a place of it was read.
+        Called after every record.
 
     Attributes
     ----------
@@ -44,17 +44,17 @@ class BagSurvey:
     compression : bytes or None
         Compression of the first chunk.
     channels : dict
-        By connection id.
+        Channels by connection id.
     chunks : dict
-        By offset, those whose times are known.
+        Chunks with known times by offset.
     untimed : dict
-        Sizes by offset of the chunks that have to be unpacked for their times and counts to be known.
+        Sizes by offset of the chunks whose times and counts are known only after unpacking.
     first_use : dict
-        By connection id, the offset of a chunk that holds messages of it.
+        Offsets of a chunk with messages of each connection, by connection id.
     counts : Counter
-        Messages per connection id, those of untimed chunks left out.
-    announced : int or None
-        Number of messages by the index at the end of the bag; None if there is no complete one.
+        Messages per connection id, without those of untimed chunks.
+    indexed : int or None
+        Number of messages in the index at the end of the bag; None if it is missing or incomplete.
     """
 
     def __init__(self, view: memoryview, touched: Callable[[], None]) -> None:
@@ -65,7 +65,7 @@ class BagSurvey:
         self.untimed: dict[int, int] = {}
         self.first_use: dict[int, int] = {}
         self.counts: Counter[int] = Counter()
-        self.announced: int | None = None
+        self.indexed: int | None = None
         self._view = view
         self._gaps: list[tuple[int, int]] = []
         self._seen: Counter[Op] = Counter()
@@ -83,9 +83,9 @@ class BagSurvey:
             self._seen[record.op] += 1
             if record.op in take:
                 take[record.op](record)
-        self._settle_runs()
+        self._close_runs()
         if self.header is not None and self._infos and not self._index_incomplete(self.header):
-            self.announced = sum(self._infos.values())
+            self.indexed = sum(self._infos.values())
 
     def _take_header(self, record: BagRecord) -> None:
         self.header = self.header or record
@@ -96,7 +96,7 @@ class BagSurvey:
     def _take_chunk(self, record: BagRecord) -> None:
         self.compression = self.compression or record.fields[b"compression"]
         size = record.end - record.start
-        index = None if record.mended else read_index(self._view, record.end)
+        index = None if record.repaired else read_index(self._view, record.end)
         if index is None:
             self.untimed[record.start] = size
             return
@@ -104,7 +104,7 @@ class BagSurvey:
         self._count(record.start, index.counts)
 
     def _take_info(self, record: BagRecord) -> None:
-        """Complete or check the times of a chunk, or note that it was not found."""
+        """Add or check the times of a chunk, and count its messages in case it is lost."""
         offset = record.number(b"chunk_pos")
         start_ns, end_ns = record.time_ns(b"start_time"), record.time_ns(b"end_time")
         entries = self._view[record.data : record.end]
@@ -117,30 +117,30 @@ class BagSurvey:
             self._count(offset, counts)
         chunk = self.chunks.get(offset)
         if chunk is not None and (chunk.start_ns, chunk.end_ns) != (start_ns, end_ns):
-            self._distrust(self.chunks.pop(offset))
+            self._unpack_later(self.chunks.pop(offset))
 
     def _count(self, offset: int, counts: Counter[int]) -> None:
         self.counts += counts
         for connection in counts:
             self.first_use.setdefault(connection, offset)
 
-    def _distrust(self, chunk: Chunk) -> None:
-        """Have a chunk unpacked, since its index and its chunk info contradict each other."""
+    def _unpack_later(self, chunk: Chunk) -> None:
+        """Mark a chunk for unpacking because its index and its chunk info contradict each other."""
         self.untimed[chunk.offset] = chunk.size
         index = read_index(self._view, chunk.offset + chunk.size)
         if index is not None:
             self.counts -= index.counts
 
     def _take_message(self, record: BagRecord) -> None:
-        """Append a message outside of chunks to the run before it, or start a run."""
+        """Append a message outside chunks to the run before it, or start a run."""
         start, end = self._runs.pop() if self._runs else (record.start, record.start)
         if end != record.start or end - start > _RUN_BYTES:
             self._runs.append((start, end))
             start = record.start
         self._runs.append((start, record.end))
 
-    def _settle_runs(self) -> None:
-        """Keep the messages outside of chunks, unless they are what compressed data happen to contain of them."""
+    def _close_runs(self) -> None:
+        """Keep the messages outside chunks; in a compressed bag, treat them as part of damaged data."""
         if self.compression in {None, b"none"}:
             self.untimed |= {start: end - start for start, end in self._runs}
         else:
@@ -148,19 +148,19 @@ class BagSurvey:
             self._runs = []
 
     def damage(self, path: Path) -> list[Damage]:
-        """Return what is wrong with the bag as far as that shows without unpacking its chunks."""
+        """Return the damage that is visible without unpacking chunks."""
         found = [self._gap(path, *gap) for gap in _joined(self._gaps)]
         size = len(self._view)
         if self.header is None:
-            return found or [Damage(path, len(MAGIC), "the bag is cut off before its first record")]
+            return found or [Damage(path, len(MAGIC), "the bag is truncated before its first record")]
         index_pos = self.header.number(b"index_pos")
         if index_pos == 0:
-            found.append(Damage(path, None, "the recorder did not close the bag; it was read without its index"))
+            found.append(Damage(path, None, "the recorder did not close the bag; it is read without its index"))
         elif self._index_incomplete(self.header):
-            what = "the index at the end of the bag is incomplete; the bag was read without it"
+            what = "the index at the end of the bag is incomplete; the bag is read without it"
             if index_pos > size:
                 what = (
-                    f"the bag is cut off, at least {index_pos - size} bytes are missing; it was read without its index"
+                    f"the bag is truncated, at least {index_pos - size} bytes are missing; it is read without its index"
                 )
             found.append(Damage(path, min(index_pos, size), what))
         return found
@@ -174,14 +174,14 @@ class BagSurvey:
         if start == end:
             what = "a record of wrong length"
         elif end == len(self._view):
-            what = "damaged or cut off; nothing readable follows"
+            what = "damaged or truncated; nothing readable follows"
         else:
-            what = f"damaged; reading resumed at byte {end}"
+            what = f"damaged; reading resumes at byte {end}"
         return Damage(path, start, what, end - start, lost or None)
 
 
 def _joined(gaps: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return gaps in order, those that touch as one."""
+    """Return gaps in order, with adjacent ones merged."""
     joined: list[tuple[int, int]] = []
     for start, end in sorted(gaps):
         touches = joined and joined[-1][1] == start

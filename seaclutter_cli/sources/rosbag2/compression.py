@@ -1,4 +1,4 @@
-"""The two ways in which rosbag2 compresses besides its storage: message by message, and whole files."""
+"""The compression modes of rosbag2 outside its storage format: single messages and whole files."""
 
 from pathlib import Path
 from typing import BinaryIO
@@ -9,17 +9,17 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Buffer, Damage
 
 MAGIC = b"\x28\xb5\x2f\xfd"
-"""First bytes of compressed data; no CDR message begins so."""
+"""First bytes of compressed data; no CDR message starts with them."""
 
 MAX_MESSAGE_BYTES = 2**30
-"""Bytes that a message may unpack to."""
+"""Maximum bytes of an unpacked message."""
 
 _MAX_RATIO = 256
 _PIECE = 4096
 
 
 def unpack_message(data: Buffer) -> Buffer | None:
-    """Return a message unpacked if it is compressed, else as it is; None if it is damaged or impossibly large."""
+    """Return a message, unpacked if it is compressed; None if it is damaged or too large."""
     if data[:4] != MAGIC:
         return data
     try:
@@ -33,12 +33,12 @@ def unpack_message(data: Buffer) -> Buffer | None:
 
 
 def unpack_file(path: Path, folder: Path) -> tuple[Path, Damage | None]:
-    """Unpack a ``.zstd`` file into a folder as far as it is whole.
+    """Unpack the readable part of a ``.zstd`` file into a folder.
 
     Returns
     -------
     tuple of Path and Damage
-        The unpacked file, and what is wrong with the packed one; None if nothing is.
+        The unpacked file, and the damage of the packed one; None if it is intact.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def unpack_file(path: Path, folder: Path) -> tuple[Path, Damage | None]:
 
 
 def _copy_unpacked(packed: BinaryIO, unpacked: BinaryIO) -> str | None:
-    """Unpack as much as is whole, and return what is wrong with the rest."""
+    """Unpack the readable part, and return a description of the damage; None if the file is intact."""
     frame = None
     try:
         while piece := packed.read(_PIECE):
@@ -66,4 +66,4 @@ def _copy_unpacked(packed: BinaryIO, unpacked: BinaryIO) -> str | None:
                 piece = frame.unused_data if frame.eof else b""
     except zstandard.ZstdError as error:
         return f"the compressed file is damaged ({error})"
-    return None if frame is not None and frame.eof else "the compressed file is cut off"
+    return None if frame is not None and frame.eof else "the compressed file is truncated"

@@ -1,4 +1,4 @@
-"""Opening sqlite3 files without writing to them, and reading the messages of damaged ones."""
+"""Read-only access to sqlite3 files, intact or damaged."""
 
 import sqlite3
 from collections import defaultdict
@@ -15,7 +15,7 @@ import numpy as np
 from seaclutter_cli.sources.rosbag2.salvage import BROKEN, find_rows
 
 Row = tuple[int, Any, Any, Any]
-"""Number, time in nanoseconds, topic and data of a message; but for the number, of any type in a damaged file."""
+"""Number, time in nanoseconds, topic and data of a message; in a damaged file, only the number has a known type."""
 
 _COLUMNS = "rowid, timestamp, topic_id, data FROM messages"
 _ANY_TIME = 2**63 - 1
@@ -23,17 +23,17 @@ _PROBE = "SELECT count(*) FROM sqlite_master"
 
 
 def open_database(path: Path, stack: ExitStack) -> sqlite3.Connection:
-    """Open a database read-only; the stack closes it again.
+    """Open a database read-only; the stack closes it.
 
     Notes
     -----
-    A file alone is opened as immutable: in read-only folders too, and with nothing left beside it. Where a crashed
-    recorder left a ``-wal`` or ``-journal`` file, what it holds is read as well, in a temporary copy if need be.
+    A single file is opened as immutable, which works in read-only folders and leaves no file next to it. The content of
+    a ``-wal`` or ``-journal`` file that a crashed recorder left is read too, if necessary in a temporary copy.
 
     Raises
     ------
     sqlite3.Error
-        If it is no database.
+        If the file is not a database.
     """
     beside = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
     beside = [file for file in beside if file.exists() and file.stat().st_size]
@@ -59,7 +59,7 @@ def _connect(path: Path, options: str, stack: ExitStack) -> sqlite3.Connection:
     except sqlite3.DatabaseError as error:
         if error.sqlite_errorcode != sqlite3.SQLITE_CORRUPT:
             raise
-        # The way to make sqlite3 open a file that is shorter than it should be.
+        # With this setting, sqlite3 opens truncated files.
         database.execute("PRAGMA writable_schema=ON")
         database.execute(_PROBE).fetchone()
     return database
@@ -71,21 +71,21 @@ def read_rows(
     start_ns: int | None = None,
     end_ns: int | None = None,
 ) -> Iterator[Row]:
-    """Yield the messages in the order of their times, and all that can be read of a damaged file.
+    """Yield the messages in time order; from a damaged file, all that can be read.
 
     Parameters
     ----------
     database : Connection
         With the tables of rosbag2.
     report : callable
-        Takes what is wrong, and the number of lost messages if it is known, once reading ends.
+        Receives a description of the damage and the number of lost messages, if known, when reading ends.
     start_ns, end_ns : int, optional
-        Times outside of which messages are left out; the end is left out too.
+        Time range of the messages; excludes the end.
 
     Notes
     -----
-    Rows come through the index over their times. Where that breaks, the rest is looked up row by row; what came already
-    is remembered in a bit a row.
+    Rows are read through the index of their times. If it is damaged, the remaining rows are read one by one; the rows
+    that were already yielded are marked with one bit each.
     """
     seen: defaultdict[int, int] = defaultdict(int)
     bounds = (-_ANY_TIME if start_ns is None else start_ns, _ANY_TIME if end_ns is None else end_ns)
@@ -93,7 +93,7 @@ def read_rows(
         for row in _in_time_order(database, bounds if start_ns is not None or end_ns is not None else None):
             block, bit = row[0] >> 10, 1 << (row[0] & 1023)
             if seen[block] & bit:
-                raise sqlite3.DatabaseError("the index names a message twice")
+                raise sqlite3.DatabaseError("the index lists a message twice")
             seen[block] |= bit
             yield row
     except BROKEN as error:
@@ -105,7 +105,7 @@ def _in_time_order(database: sqlite3.Connection, bounds: tuple[int, int] | None)
     query = f"SELECT {_COLUMNS} {inside} ORDER BY timestamp, rowid"
     if not any("TEMP B-TREE" in row[3] for row in database.execute(f"EXPLAIN QUERY PLAN {query}", given)):
         return database.execute(query, given)
-    # No index over the times: sort the numbers only, since sorting rows would copy all data to a temporary file.
+    # Without an index of the times, sort the numbers only: sorting rows would copy all data to a temporary file.
     numbers = database.execute(f"SELECT rowid FROM messages {inside} ORDER BY timestamp, rowid", given)  # noqa: S608
     return (row for (number,) in numbers for row in _row(database, number))
 
@@ -120,13 +120,13 @@ def _salvage(
     bounds: tuple[int, int],
     report: Callable[[int | None], None],
 ) -> Iterator[Row]:
-    """Yield the rows that are not seen yet and can be read, in the order of their times."""
+    """Yield the readable rows that were not yielded yet, in time order."""
     rows = find_rows(database)
     lost = 0
     try:
-        for place in np.lexsort((rows.numbers, rows.times)):
-            number = rows.numbers[place]
-            if not bounds[0] <= rows.times[place] < bounds[1]:
+        for index in np.lexsort((rows.numbers, rows.times)):
+            number = rows.numbers[index]
+            if not bounds[0] <= rows.times[index] < bounds[1]:
                 continue
             if seen.get(number >> 10, 0) & 1 << (number & 1023):
                 continue

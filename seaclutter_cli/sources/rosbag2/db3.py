@@ -14,9 +14,8 @@ from seaclutter_cli.sources.rosbag2.database import open_database, read_rows
 from seaclutter_cli.sources.rosbag2.salvage import BROKEN
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 
-# Optional columns of topics, and what rosbag2's MCAP storage calls them.
+# Optional columns of topics, and their names in rosbag2's MCAP storage.
 _METADATA = {"offered_qos_profiles": "offered_qos_profiles", "type_description_hash": "topic_type_hash"}
-
 
 _COUNT = "SELECT topic_id, count(*) FROM messages"
 
@@ -25,7 +24,7 @@ class Db3Source:
     """One sqlite3 storage file of rosbag2 as a `Source`.
 
     The file is opened read-only. Messages that are compressed one by one are unpacked; a file that is compressed as a
-    whole (``.db3.zstd``) is unpacked to a temporary one, which `close` removes.
+    whole (``.db3.zstd``) is unpacked to a temporary file, which `close` removes.
 
     Parameters
     ----------
@@ -35,12 +34,12 @@ class Db3Source:
     Attributes
     ----------
     warnings : list of str
-        Topics whose message definition neither the file nor this program has.
+        Topics whose message definition is neither in the file nor known to this program.
 
     Raises
     ------
     InputError
-        If the file is no sqlite3 recording, or so damaged that its topics cannot be read.
+        If the file is not an sqlite3 recording, or its topics cannot be read.
     """
 
     format = "ROS 2 bag (sqlite3)"
@@ -67,7 +66,7 @@ class Db3Source:
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """Channels, those without messages too."""
+        """Channels, including those without messages."""
         return list(self._channels.values())
 
     @property
@@ -79,7 +78,7 @@ class Db3Source:
         return {}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield the messages with log times in ``[start_ns, end_ns)`` in their order; can be called again."""
+        """Yield the messages with log times in ``[start_ns, end_ns)`` in log time order; can be called again."""
         del self.damage[self._at_opening :]
         lost = 0
         try:
@@ -91,16 +90,16 @@ class Db3Source:
                     yield message
         finally:
             if lost:
-                self._report("messages of unknown topics, or that are broken", lost)
+                self._report("messages that are damaged or of unknown topics", lost)
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return how many messages per channel id there are before a start; empty if damage prevents counting."""
+        """Return the number of messages per channel id before ``start_ns``; empty if damage prevents counting."""
         with suppress(*BROKEN):
             return dict(self._db.execute(f"{_COUNT} WHERE timestamp < ? GROUP BY topic_id", (start_ns,)))
         return {}
 
     def close(self) -> None:
-        """Close the file, and remove the temporary one."""
+        """Close the file, and remove the temporary file."""
         self._stack.close()
 
     def _unpacked(self) -> Path:
@@ -112,7 +111,7 @@ class Db3Source:
         return path
 
     def _message(self, time_ns: Any, topic: Any, data: Any) -> Message | None:
-        """Return the message of a row; None if the row holds none."""
+        """Return the message of a row; None if the row is not valid."""
         channel = self._channels.get(topic)
         if channel is None or not isinstance(time_ns, int) or time_ns < 0 or not isinstance(data, bytes):
             return None
@@ -121,15 +120,13 @@ class Db3Source:
 
     def _report(self, what: str, lost_messages: int | None) -> None:
         if lost_messages is None:
-            what += "; how many messages are lost cannot be told"
+            what += "; the number of lost messages is unknown"
         self.damage.append(Damage(self._path, None, what, lost_messages=lost_messages))
 
     def _read_channels(self) -> dict[int, Channel]:
         columns = {row[1] for row in self._db.execute("PRAGMA table_info(topics)")}
         if not columns or not self._db.execute("PRAGMA table_info(messages)").fetchall():
-            raise InputError(
-                f"{self._path}: an sqlite3 database, but no ROS 2 recording: it has no topics and messages"
-            )
+            raise InputError(f"{self._path}: not a ROS 2 recording: the database has no tables of topics and messages")
         extra = [column for column in _METADATA if column in columns]
         definitions = self._read_definitions()
         channels = {}
@@ -142,7 +139,7 @@ class Db3Source:
         return channels
 
     def _read_definitions(self) -> dict[str, Schema]:
-        """Return the message definitions in the file; there are some since ROS 2 Iron."""
+        """Return the message definitions in the file; recorders store them since ROS 2 Iron."""
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY rowid"
         try:
             rows = self._db.execute(query).fetchall()
@@ -156,12 +153,12 @@ class Db3Source:
         try:
             return ros2_schema(typename)
         except KeyError:
-            self.warnings.append(f"{topic}: the definition of {typename} is not known, so the output will lack it")
+            self.warnings.append(f"{topic}: the definition of {typename} is unknown; the output will lack it")
             return Schema(typename, "ros2msg", b"")
 
 
 def _full_name(typename: str) -> str:
-    """Return a type name in its present form; the first ROS 2 versions left out ``msg``."""
+    """Return a type name in its current form; the first ROS 2 versions left out ``msg``."""
     package, slash, name = typename.partition("/")
     return f"{package}/msg/{name}" if slash and "/" not in name else typename
 

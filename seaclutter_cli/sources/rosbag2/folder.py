@@ -1,4 +1,4 @@
-"""ROS 2 recordings: folders with a ``metadata.yaml``, and what a crashed recorder leaves of them."""
+"""ROS 2 recordings: folders with a ``metadata.yaml``, or without it after a crash of the recorder."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +24,7 @@ _NUMBERED = re.compile(r"(.+)_(0|[1-9][0-9]{0,8})(\.mcap|\.db3|\.bag)(\.zstd|\.a
 
 @dataclass(frozen=True)
 class _Metadata:
-    """What of a ``metadata.yaml`` matters here; everything is there already in the storage files."""
+    """The used part of a ``metadata.yaml``; the storage files contain the rest."""
 
     names: list[str] = field(default_factory=list)
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -34,9 +34,9 @@ class _Metadata:
 
 
 def is_rosbag2_folder(path: Path) -> bool:
-    """Say whether a folder is one ROS 2 recording.
+    """Return whether a folder is a ROS 2 recording.
 
-    It is if it has a ``metadata.yaml`` of rosbag2, or holds nothing but the files that a recorder named after it.
+    A recording has a ``metadata.yaml`` of rosbag2, or all of its storage files are named after the folder.
     """
     if not path.is_dir():
         return False
@@ -49,10 +49,10 @@ def is_rosbag2_folder(path: Path) -> bool:
 
 
 def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
-    """Open a rosbag2 folder.
+    """Open a rosbag2 folder as one source.
 
-    The files that ``metadata.yaml`` names are read, then those that continue their numbers. Topics come from the files,
-    so that a wrong or incomplete ``metadata.yaml`` costs no message.
+    The files that ``metadata.yaml`` lists are read, then those that continue their numbers. Topics come from the files;
+    no message is lost if ``metadata.yaml`` is wrong or incomplete.
 
     Parameters
     ----------
@@ -64,22 +64,22 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
     Raises
     ------
     InputError
-        If no file of the recording is there, none can be read, or they are compressed in an unknown format.
+        If the recording has no files, no file can be read, or their compression is not supported.
     """
     metadata, damage = _read_metadata(folder)
     if metadata.compression_mode in {"file", "message"} and metadata.compression_format not in {"", "zstd"}:
-        raise InputError(f"{folder}: compressed as {metadata.compression_format!r}; of those, only zstd can be read")
+        raise InputError(f"{folder}: unsupported compression {metadata.compression_format!r}; only zstd can be read")
     files = []
     for name in metadata.names:
         file = _find(folder, name)
         if file is None:
-            what = f"{METADATA} names this file, but it is not there"
+            what = f"{METADATA} lists this file, but it does not exist"
             damage.append(Damage(folder / name, None, what, lost_messages=metadata.counts.get(name)))
         else:
             files.append(file)
     files += _unnamed(folder, files)
     if not files:
-        raise InputError(f"{folder}: a ROS 2 recording without its .mcap or .db3 files")
+        raise InputError(f"{folder}: a ROS 2 recording without .mcap or .db3 files")
     return SplitSource(
         files,
         open_file,
@@ -91,7 +91,7 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
 
 
 def split_groups(files: Sequence[Path]) -> list[list[Path]]:
-    """Group the files of split recordings: equal names but for consecutive numbers from 0; all others stay alone.
+    """Return files in groups of equal names with consecutive numbers from 0; other files are groups of one.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def split_groups(files: Sequence[Path]) -> list[list[Path]]:
         groups.append([file])
         if _number(file) == 0:
             growing[key] = groups[-1]
-    order = {file: place for place, file in enumerate(files)}
+    order = {file: index for index, file in enumerate(files)}
     return sorted(groups, key=lambda group: order[group[0]])
 
 
@@ -120,7 +120,7 @@ def _number(file: Path) -> int:
 
 
 def _storage_files(folder: Path) -> list[Path]:
-    """Return the storage files of a folder in natural order; of a file packed and unpacked, only the latter."""
+    """Return the storage files of a folder in natural order; of packed and unpacked versions, only the latter."""
     try:
         files = [file for file in folder.iterdir() if _STORAGE.fullmatch(file.name) and file.is_file()]
     except OSError as error:
@@ -135,13 +135,13 @@ def _natural(file: Path) -> tuple[str, int, str]:
 
 
 def _find(folder: Path, name: str) -> Path | None:
-    """Return a named file, or its packed or unpacked twin."""
+    """Return the file of a name, or its packed or unpacked version; None if there is no such file."""
     candidates = (folder / name, folder / f"{name}.zstd", folder / name.removesuffix(".zstd"))
     return next((file for file in candidates if file.is_file()), None)
 
 
 def _unnamed(folder: Path, named: list[Path]) -> list[Path]:
-    """Return the files that belong to the recording although ``metadata.yaml`` does not say so, as after a crash."""
+    """Return the files of the recording that ``metadata.yaml`` does not list, as after a crash."""
     files = _storage_files(folder)
     if not named:
         return files
@@ -160,7 +160,7 @@ def _read_text(path: Path) -> str:
 
 
 def _read_metadata(folder: Path) -> tuple[_Metadata, list[Damage]]:
-    """Return what ``metadata.yaml`` says as far as it makes sense, and what is wrong with it."""
+    """Return the valid content of ``metadata.yaml``, and its damage."""
     path = folder / METADATA
     if not path.is_file():
         return _Metadata(), []
@@ -172,10 +172,10 @@ def _read_metadata(folder: Path) -> tuple[_Metadata, list[Damage]]:
     info = info if isinstance(info, dict) else {}
     names = _list(info, "relative_file_paths", str)
     if not names:
-        return _Metadata(), [Damage(path, None, "not readable; the files were taken in the order of their numbers")]
+        return _Metadata(), [Damage(path, None, "not readable; the files are read in the order of their numbers")]
     files = [file for file in _list(info, "files", dict) if isinstance(file.get("path"), str)]
     return _Metadata(
-        # Early versions put the name of the folder before the files'.
+        # In early versions, the folder name precedes the file names.
         names=[PureWindowsPath(name).name for name in names],
         counts={PureWindowsPath(file["path"]).name: _count(file) or 0 for file in files},
         messages=_count(info),

@@ -1,4 +1,4 @@
-"""Finding the messages that can still be reached in a damaged sqlite3 file."""
+"""Search for the readable messages of a damaged sqlite3 file."""
 
 import sqlite3
 import sys
@@ -6,21 +6,21 @@ from array import array
 from contextlib import suppress
 
 BROKEN = (sqlite3.Error, MemoryError, OverflowError, UnicodeError)
-"""What sqlite3 raises over a damaged file."""
+"""Errors that sqlite3 raises on a damaged file."""
 
 _QUERY = "SELECT rowid, timestamp FROM messages NOT INDEXED"
 _MAX_MISSES = 100_000
 
 
 class FoundRows:
-    """Rows of the messages table, 16 bytes each.
+    """Rows found in the messages table; each takes 16 bytes.
 
     Attributes
     ----------
     numbers, times : array of int
-        Number and time in nanoseconds of each row that can be reached.
+        Number and time in nanoseconds of each readable row.
     missing : int or None
-        How many rows cannot be reached; None if that cannot be told.
+        Number of rows that cannot be read; None if it is unknown.
     """
 
     def __init__(self, database: sqlite3.Connection) -> None:
@@ -30,7 +30,7 @@ class FoundRows:
         self._database = database
 
     def scan(self, order: str, above: int) -> bool:
-        """Add the rows of numbers above one, from one end until something is broken; say whether nothing was."""
+        """Add the rows above a number, from one end of the table on; return whether all of them can be read."""
         last = None
         with suppress(*BROKEN):
             for number, time_ns in self._database.execute(f"{_QUERY} ORDER BY rowid {order}"):
@@ -44,7 +44,7 @@ class FoundRows:
         return False
 
     def probe(self, first: int, end: int) -> None:
-        """Try row after row, until there is none for long."""
+        """Add the readable rows of a range of numbers; stop after a long series of missing rows."""
         misses = 0
         for number in range(first, end):
             misses += 1
@@ -62,7 +62,7 @@ class FoundRows:
 
 
 def find_rows(database: sqlite3.Connection) -> FoundRows:
-    """Find the rows from both ends of the table, and between them one by one."""
+    """Return the readable rows, searched from both ends of the table, and between them one by one."""
     rows = FoundRows(database)
     if rows.scan("ASC", 0):
         return rows
@@ -80,7 +80,7 @@ def find_rows(database: sqlite3.Connection) -> FoundRows:
 
 
 def _indexed(database: sqlite3.Connection) -> int | None:
-    """Return the number of messages by the index over their times."""
+    """Return the number of messages in the index of their times; None if it is damaged or missing."""
     with suppress(*BROKEN):
         query = "SELECT count(*) FROM messages INDEXED BY timestamp_idx WHERE timestamp IS NOT NULL"
         return int(database.execute(query).fetchone()[0])

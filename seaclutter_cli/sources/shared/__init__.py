@@ -1,1 +1,1 @@
-"""Parts that sources of several formats use."""
+"""Components shared by the sources of several formats."""

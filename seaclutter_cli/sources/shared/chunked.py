@@ -1,4 +1,4 @@
-"""Reading logs that store messages in chunks: in time order, ahead of the consumer, in bounded memory."""
+"""Reader of logs that store messages in chunks: in time order, ahead of the consumer, in bounded memory."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -11,7 +11,7 @@ from typing import TypeVar
 from seaclutter_cli.records import Message
 
 MAX_WAITING_BYTES = 256 * 2**20
-"""Bytes of messages that may wait for their turn; beyond it, the earliest leave though earlier ones may follow."""
+"""Maximum bytes of waiting messages; above it, the earliest are yielded although earlier ones may follow."""
 
 _OBJECT_BYTES = 300
 _NEVER = 2**64
@@ -21,7 +21,7 @@ _log_time = attrgetter("log_time_ns")
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """A part of a file that is read at once: place, size, and log times of the first and last message."""
+    """A part of a file that is read as a whole: offset, size, and log times of the first and last message."""
 
     offset: int
     size: int
@@ -33,12 +33,12 @@ C = TypeVar("C", bound=Chunk)
 
 
 def before(chunks: Iterable[C], start_ns: int, is_counted: Callable[[C], bool]) -> list[C]:
-    """Return the chunks whose messages are all earlier than a time and counted without reading them."""
+    """Return the chunks whose messages are all earlier than ``start_ns`` and can be counted without reading them."""
     return [chunk for chunk in chunks if chunk.end_ns < start_ns and is_counted(chunk)]
 
 
 def within(chunks: Iterable[C], start_ns: int | None, end_ns: int | None, is_counted: Callable[[C], bool]) -> list[C]:
-    """Return the chunks without those of `before`, and without those that begin at an end or later."""
+    """Return the chunks to read for a time range: all but those of `before` and those from ``end_ns`` on."""
     chosen = [chunk for chunk in chunks if end_ns is None or chunk.start_ns < end_ns]
     left_out = {chunk.offset for chunk in before(chosen, start_ns, is_counted)} if start_ns is not None else set()
     return [chunk for chunk in chosen if chunk.offset not in left_out]
@@ -52,7 +52,7 @@ _UNPACKERS = 2
 def in_time_order(
     chunks: Iterable[C], unpack: Callable[[C], P], load: Callable[[C, Callable[[], P]], list[Message]]
 ) -> Iterator[Message]:
-    """Yield the messages of all chunks in the order of their log time; of equal times, in the order of the file.
+    """Yield the messages of all chunks in log time order; messages of equal times in file order.
 
     Parameters
     ----------
@@ -61,13 +61,13 @@ def in_time_order(
     unpack : callable
         Returns the content of a chunk. Runs in two other threads, at most two chunks ahead.
     load : callable
-        Returns the messages of a chunk in the order of the file; it is given the chunk, and what returns its content or
-        raises what unpacking it has raised. Runs in the caller's thread, one chunk after the other.
+        Returns the messages of a chunk in file order. Its arguments are the chunk, and a function that returns the
+        unpacked content or raises the error of unpacking. Runs in the caller's thread, one chunk after another.
 
     Notes
     -----
-    Chunks rarely overlap in time by more than their neighbours. Where they do (a file regrouped by topic), at most
-    `MAX_WAITING_BYTES` wait, and what is above it leaves early.
+    Chunks rarely overlap in time with more than their neighbours. Where they do (a file regrouped by topic), at most
+    `MAX_WAITING_BYTES` wait; messages above this limit are yielded early.
     """
     waiting = _Waiting()
     for chunk, messages in _ahead(sorted(chunks, key=attrgetter("start_ns", "offset")), unpack, load):
@@ -81,26 +81,26 @@ def in_time_order(
 
 
 class _Run:
-    """The messages of a chunk that wait, the next one last; all of the chunk stays in memory until they have left."""
+    """Waiting messages of a chunk, the next one last; they keep the whole chunk in memory."""
 
     def __init__(self, messages: list[Message]) -> None:
         self.messages = sorted(messages, key=_log_time)
         self.messages.reverse()
         self.size = sum(map(_size, messages))
-        self._held = len(messages)
+        self._loaded = len(messages)
 
     def compact(self) -> int:
-        """Let go of the chunk if less than half of it still waits; return how many bytes that frees."""
-        if 2 * len(self.messages) > self._held:
+        """Release the chunk if at most half of its messages still wait; return the number of freed bytes."""
+        if 2 * len(self.messages) > self._loaded:
             return 0
         before = self.size
         self.messages = [replace(message, data=bytes(message.data)) for message in self.messages]
-        self.size, self._held = sum(map(_size, self.messages)), len(self.messages)
+        self.size, self._loaded = sum(map(_size, self.messages)), len(self.messages)
         return before - self.size
 
 
 class _Waiting:
-    """Messages of several chunks that wait for their turn."""
+    """Waiting messages of several chunks."""
 
     def __init__(self) -> None:
         self.size = 0
@@ -108,7 +108,7 @@ class _Waiting:
         self._added = 0
 
     def add(self, chunk: Chunk, messages: list[Message]) -> None:
-        """Take in the messages of a chunk."""
+        """Add the messages of a chunk."""
         if messages:
             run = _Run(messages)
             self.size += run.size
@@ -121,11 +121,11 @@ class _Waiting:
         while heap and heap[0][0] < time_ns:
             messages = heap[0][-1].messages
             while len(heap) == 1 and len(messages) > 1 and messages[-2].log_time_ns < time_ns:
-                yield messages.pop()  # as most of them do: nothing else waits
+                yield messages.pop()  # the usual case: no other chunk waits
             yield self.pop()
 
     def pop(self, *, compact: bool = False) -> Message:
-        """Return the next message; make its chunk smaller if memory is short."""
+        """Return the next message; with ``compact``, release its chunk if it has few waiting messages."""
         _, offset, number, run = self._heap[0]
         message = run.messages.pop()
         if not run.messages:
@@ -138,7 +138,7 @@ class _Waiting:
         return message
 
     def compact(self) -> None:
-        """Let go of chunks of which little is left."""
+        """Release the chunks that have few waiting messages."""
         self.size -= sum(run.compact() for *_, run in self._heap)
 
 

@@ -1,4 +1,4 @@
-"""What most sources have in common."""
+"""Sensor facts of logs without packets."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -6,4 +6,4 @@ from types import MappingProxyType
 from seaclutter_cli.records import SensorFacts
 
 NO_FACTS: Mapping[str, SensorFacts] = MappingProxyType({})
-"""What a log without packets reveals of its sensors."""
+"""Sensor facts of a log without packets."""

@@ -1,4 +1,4 @@
-"""Files mapped into memory, of which only a bounded part is resident at a time."""
+"""Memory-mapped files with a bounded resident part."""
 
 import mmap
 import os
@@ -8,12 +8,12 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError
 
-_MOST_RESIDENT = 32 * 2**20
+_MAX_RESIDENT = 32 * 2**20
 _FAULT = 64 * 2**10
 
 
 class MappedFile:
-    """A file as bytes. Pages that were read count as the program's memory until they are let go.
+    """A memory-mapped file. Pages that were read count as memory of the process until they are released.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class MappedFile:
             with path.open("rb") as file:
                 status = os.fstat(file.fileno())
                 if not stat.S_ISREG(status.st_mode):
-                    raise InputError(f"{path}: not a file on a disk; a log is read from several places at once")
+                    raise InputError(f"{path}: not a regular file; logs need random access")
                 if not status.st_size:
                     raise InputError(f"{path}: the file is empty")
                 self.data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -41,17 +41,17 @@ class MappedFile:
         self._resident = 0
 
     def touched(self, size: int = 0) -> None:
-        """Note that a place was read, ``size`` bytes long; from time to time, let all pages go.
+        """Count ``size`` bytes as read; from time to time, release all pages.
 
-        Views stay valid: the system reads their pages again.
+        Views remain valid: the system reads their pages again.
         """
         self._resident += size + _FAULT
-        if self._resident > _MOST_RESIDENT and hasattr(mmap, "MADV_DONTNEED"):
+        if self._resident > _MAX_RESIDENT and hasattr(mmap, "MADV_DONTNEED"):
             self.data.madvise(mmap.MADV_DONTNEED)
             self._resident = 0
 
     def close(self) -> None:
-        """Unmap the file; what views still point to stays mapped until they are gone."""
+        """Unmap the file; the data of existing views remains mapped until they are deleted."""
         self.view.release()
         with suppress(BufferError):
             self.data.close()

@@ -1,4 +1,4 @@
-"""Packet topics in logs: what lidar drivers record before they decode it, turned into point clouds."""
+"""Point clouds from packet topics: packets that lidar drivers publish before they are decoded."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,28 +17,28 @@ from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record, Sch
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
 
 _NANO = 1_000_000_000
-_MOST_IDS = 65_535
-_MOST_TRIES = 10
-_MOST_SLACK = 8
+_MAX_IDS = 65_535
+_MAX_TRIES = 10
+_MAX_SLACK = 8
 
 _PACKET_BYTES: Mapping[str, tuple[int, bool]] = {
     "velodyne_msgs/msg/VelodyneScan": (1206, False),
     "pandar_msgs/msg/PandarScan": (1500, True),
 }
-"""Bytes of a packet in a scan message, and whether its length is told behind it."""
+"""Bytes of a packet in a scan message, and whether its length follows it."""
 
 
 def wrap_packets(
     source: Source, options: DecoderOptions | None = None, families: Mapping[str, PacketFamily] | None = None
 ) -> Source:
-    """Return a source with point clouds for its packet topics; one that has none, as it is.
+    """Return a source with point clouds for its packet topics; a source without them is returned unchanged.
 
     Parameters
     ----------
     source : Source
         A log. The first messages of its packet topics are read.
     options : DecoderOptions, optional
-        What packets cannot tell.
+        Settings that packets do not contain.
     families : mapping of str to PacketFamily, optional
         Sensors that can be decoded; all if not given.
     """
@@ -58,7 +58,7 @@ def wrap_packets(
 
 
 def _scan_type(channel: Channel) -> str | None:
-    """Return the ROS 2 name of a channel's messages; None if they are no scans of a known layout."""
+    """Return the ROS 2 type of a channel's messages; None if they are not scans of a known layout."""
     if channel.schema is None or channel.message_encoding not in ("cdr", "ros1"):
         return None
     package, _, name = channel.schema.name.partition("/")
@@ -73,7 +73,7 @@ def _find_family(channel: Channel, families: Iterable[PacketFamily]) -> PacketFa
 
 @dataclass(frozen=True)
 class _Topic:
-    """A packet topic, the channel of its clouds, and what makes decoders for it."""
+    """A packet topic: the channel of its clouds, and the family and sample that its decoders need."""
 
     clouds: Channel
     family: PacketFamily
@@ -82,7 +82,7 @@ class _Topic:
 
 @dataclass
 class _Stream:
-    """A packet topic while it is read."""
+    """State of reading a packet topic."""
 
     topic: _Topic
     decoder: PacketDecoder
@@ -94,10 +94,11 @@ class _Stream:
 
 
 class PacketTopics:
-    """A log whose packet topics have point clouds beside them, as the sensor's driver would publish them.
+    """A log with additional point clouds for its packet topics, as the sensor's driver would publish them.
 
-    Every message stays. Behind the scan message that completes a frame comes its cloud, with the times of that message;
-    what is left at the end comes last. Topics that cannot be decoded stay as they are, with a warning.
+    Every message is kept. The cloud of a frame follows the scan message that completes it, and has the times of this
+    message; frames that are incomplete at the end of the log come last. Topics that cannot be decoded are kept without
+    clouds, with a warning.
 
     Parameters
     ----------
@@ -106,12 +107,12 @@ class PacketTopics:
     families : mapping of str to PacketFamily
         Sensors that can be decoded.
     options : DecoderOptions
-        What packets cannot tell.
+        Settings that packets do not contain.
 
     Attributes
     ----------
     facts : dict of str to SensorFacts
-        What is known of the sensor behind each cloud topic; filled while the records are read.
+        Facts about the sensor of each cloud topic; filled while the records are read.
     """
 
     def __init__(self, inner: Source, families: Mapping[str, PacketFamily], options: DecoderOptions) -> None:
@@ -123,19 +124,19 @@ class PacketTopics:
         self.facts: dict[str, SensorFacts] = {}
         self._topics: dict[int, _Topic] = {}
         topics = {channel.topic for channel in inner.channels}
-        # Where the driver's clouds were recorded too, as in what `filter` has written, there is nothing to decode.
-        open_ones = [channel for channel in inner.channels if _points_topic(channel.topic) not in topics]
-        waiting = {c.id: f for c in open_ones if (f := _find_family(c, families.values()))}
+        # Topics whose clouds were recorded too, as in the output of `filter`, are not decoded.
+        undecoded = [channel for channel in inner.channels if _points_topic(channel.topic) not in topics]
+        waiting = {c.id: f for c in undecoded if (f := _find_family(c, families.values()))}
         self._probe({number: family for number, family in waiting.items() if inner.counts.get(number) != 0})
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """Channels of the log and those of the clouds."""
+        """Channels of the log and of the clouds."""
         return [*self._inner.channels, *(topic.clouds for topic in self._topics.values())]
 
     @property
     def counts(self) -> dict[int, int]:
-        """Messages per channel id; a scan is taken for a frame."""
+        """Messages per channel id; each scan counts as one frame."""
         counts = dict(self._inner.counts)
         counts |= {topic.clouds.id: counts[number] for number, topic in self._topics.items() if number in counts}
         return counts
@@ -145,7 +146,7 @@ class PacketTopics:
         self._inner.close()
 
     def _probe(self, waiting: dict[int, PacketFamily]) -> None:
-        """Find out, by the first scans of each topic, which of them can be decoded."""
+        """Determine from the first scans of each topic whether it can be decoded."""
         problems: dict[int, list[str]] = {number: [] for number in waiting}
         for record in self._inner.records() if waiting else ():
             if isinstance(record, Message) and record.channel.id in waiting:
@@ -159,14 +160,14 @@ class PacketTopics:
                     del waiting[number]
                 except InputError as error:
                     problems[number].append(f"{record.channel.topic} is not decoded: {error}")
-                    if len(problems[number]) == _MOST_TRIES:
+                    if len(problems[number]) == _MAX_TRIES:
                         del waiting[number]
             if not waiting:
                 break
         self._warn(*(texts[0] for texts in problems.values() if texts))
 
     def _accept(self, message: Message, family: PacketFamily) -> None:
-        """Note a topic that can be decoded; `InputError` or `MissingExtraError` if it cannot."""
+        """Add the clouds of a topic; `InputError` or `MissingExtraError` if it cannot be decoded."""
         sample = _sample(message)
         facts = family.decoder(sample, self._options).facts
         topic = _Topic(self._cloud_channel(message.channel), family, sample)
@@ -181,18 +182,18 @@ class PacketTopics:
         """Return the channel of a packet topic's clouds."""
         channels = self.channels
         taken = {channel.id for channel in channels}
-        number = next(id_ for id_ in range(_MOST_IDS, 0, -1) if id_ not in taken)
+        number = next(id_ for id_ in range(_MAX_IDS, 0, -1) if id_ not in taken)
         ros1 = packets.message_encoding == "ros1"
         schema = _ros1_schema() if ros1 else ros2_schema("sensor_msgs/msg/PointCloud2")
         topic = _points_topic(packets.topic)
         return Channel(number, topic, packets.message_encoding, schema)
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
-        """Return nothing: clouds are numbered by decoding all packets before them."""
+        """Return an empty mapping: nothing is left out because clouds are numbered by decoding all packets."""
         return {}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
-        """Yield the records of the log up to an end, and the clouds among them; can be called again."""
+        """Yield the records of the log before ``end_ns``, and the clouds between them; can be called again."""
         streams: dict[int, _Stream] = {}
         latest_ns = 0
         for record in self._inner.records():
@@ -238,21 +239,21 @@ class PacketTopics:
             try:
                 data = codec.encode(replace(cloud, extra=number))
             except CloudError as error:
-                self._note(f"turn {number} of {channel.topic} cannot be written ({error})", len(cloud.data), 1)
+                self._note(f"frame {number} of {channel.topic} cannot be written ({error})", len(cloud.data), 1)
                 continue
             yield Message(channel, message.log_time_ns, message.publish_time_ns, number, data)
 
     def _conclude(self, stream: _Stream) -> None:
-        """Tell what was found out about a topic."""
+        """Report the facts and losses of a topic at its end."""
         topic, facts = stream.topic.clouds.topic, stream.decoder.facts
         if stream.partial:
-            facts.details["partial turns"] = f"{stream.partial}, where the recording begins, pauses or ends"
+            facts.details["partial revolutions"] = f"{stream.partial}, where the recording begins, pauses or ends"
         self._warn(*(f"{topic}: {text}" for text in facts.warnings))
         if facts.lost_packets:
-            self._warn(f"{topic}: {facts.lost_packets} packets are missing, as gaps tell")
+            self._warn(f"{topic}: {facts.lost_packets} packets are missing, counted from gaps")
         if facts.bad_packets:
             size = stream.topic.sample.payloads.shape[1]
-            self._note(f"{topic}: {facts.bad_packets} packets that cannot be decoded", facts.bad_packets * size, None)
+            self._note(f"{topic}: {facts.bad_packets} packets cannot be decoded", facts.bad_packets * size, None)
 
     def _note(self, what: str, lost_bytes: int, lost_messages: int | None) -> None:
         damage = Damage(Path(self.name), None, what, lost_bytes, lost_messages)
@@ -261,10 +262,10 @@ class PacketTopics:
 
 
 def _sample(message: Message) -> Packets:
-    """Return packets of one length, most of a scan; `CloudError` if there are none."""
+    """Return the longest run of packets of equal length in a scan; `CloudError` if it has no packets."""
     runs = _Scan.read(message).packets
     if not runs:
-        raise CloudError("a scan holds no packets")
+        raise CloudError("the scan contains no packets")
     return max(runs, key=len)
 
 
@@ -290,14 +291,14 @@ def _ros1_schema() -> Schema:
 
 @dataclass(frozen=True)
 class _Scan:
-    """A scan message: its coordinate frame and its packets, in runs of one length."""
+    """A scan message: its coordinate frame and its packets, in runs of equal length."""
 
     frame_id: str
     packets: list[Packets]
 
     @classmethod
     def read(cls, message: Message) -> "_Scan":
-        """Read a message; `CloudError` if it is cut off or of another layout."""
+        """Return the scan in a message; `CloudError` if it is truncated or has another layout."""
         payload_bytes, sized = _PACKET_BYTES[_scan_type(message.channel) or ""]
         order, start, align = _encapsulation(message.channel, message.data)
         frame_id, at = _header(message.data, order, start, ros1=message.channel.message_encoding == "ros1")
@@ -306,8 +307,8 @@ class _Scan:
         packet = np.dtype([*fields, ("size", order + "u4")] if sized else fields)
         step = packet.itemsize + -packet.itemsize % align
         needed = (count - 1) * step + packet.itemsize if count else 0
-        if not 0 <= len(message.data) - at - 4 - needed <= _MOST_SLACK:
-            raise CloudError(f"{count} packets need {needed} bytes, the message has {len(message.data) - at - 4}")
+        if not 0 <= len(message.data) - at - 4 - needed <= _MAX_SLACK:
+            raise CloudError(f"{count} packets need {needed} bytes, but the message has {len(message.data) - at - 4}")
         packets = np.ndarray((count,), packet, message.data, at + 4, (step,))
         return cls(frame_id, list(_runs(packets, message.log_time_ns, sized=sized)))
 
@@ -322,11 +323,11 @@ def _encapsulation(channel: Channel, data: Buffer) -> tuple[str, int, int]:
 
 
 def _header(data: Buffer, order: str, start: int, *, ros1: bool) -> tuple[str, int]:
-    """Return the frame of a message's header, and the place behind it."""
+    """Return the frame id in a message's header, and the offset after the header."""
     at = start + (12 if ros1 else 8)
     size = _number(data, at, order)
     if size > len(data) - at - 4:
-        raise CloudError(f"the frame id announces {size} bytes where {len(data) - at - 4} are left")
+        raise CloudError(f"the frame id declares {size} bytes, but {len(data) - at - 4} are left")
     end = at + 4 + size
     name = bytes(data[at + 4 : end]).decode(errors="surrogateescape").removesuffix("" if ros1 else "\0")
     return name, end if ros1 else end + -(end - start) % 4
@@ -339,7 +340,7 @@ def _number(data: Buffer, at: int, order: str) -> int:
 
 
 def _runs(packets: NDArray[np.void], log_time_ns: int, *, sized: bool) -> Iterator[Packets]:
-    """Yield packets in their order, those of one length together; of what has no time, the message has."""
+    """Yield packets in order, in runs of equal length; packets without a time get the log time."""
     times_ns = packets["sec"].astype(np.int64) * _NANO + packets["nanosec"]
     times_ns[times_ns == 0] = log_time_ns
     most = packets["data"].shape[1]

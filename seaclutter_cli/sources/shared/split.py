@@ -16,29 +16,29 @@ from seaclutter_cli.sources.shared.facts import NO_FACTS
 
 
 class SplitSource:
-    """Several storage files in their order as one `Source`, of which one is open at a time.
+    """Several storage files in order as one `Source`; one file is open at a time.
 
-    Equal channels of different files become one channel; the others get ids of their own.
+    Equal channels of different files become one channel; different channels get different ids.
 
     Parameters
     ----------
     files : sequence of Path
-        In the order of time.
+        In time order.
     open_file : callable
         Opens one file.
     name : str, optional
         Name of the recording; from the first file if not given.
     damage : sequence of Damage, optional
-        What is known to be wrong with the recording already.
+        Damage of the recording that is already known.
     expected : tuple of Path and int, optional
-        Number of messages that there should be, and the file that says so.
+        File that lists the number of messages, and this number.
     packed_messages : bool, optional
         Whether messages are compressed one by one.
 
     Attributes
     ----------
     warnings : list of str
-        What the files have to say besides damage.
+        Warnings of the files.
 
     Raises
     ------
@@ -70,7 +70,7 @@ class SplitSource:
         self._at_opening = len(self.damage)
 
     def _survey(self, files: Sequence[Path]) -> None:
-        """Look into every file for its channels."""
+        """Open every file once for its channels and warnings."""
         for file in files:
             try:
                 source = self._source(file)
@@ -93,7 +93,7 @@ class SplitSource:
 
     @cached_property
     def counts(self) -> dict[int, int]:
-        """Messages per channel id, as far as all files know."""
+        """Messages per channel id, as far as known before reading."""
         counts: Counter[int] = Counter()
         for file, channels in self._relabelled.items():
             for channel, count in self._source(file).counts.items():
@@ -103,11 +103,11 @@ class SplitSource:
 
     @property
     def facts(self) -> Mapping[str, SensorFacts]:
-        """Nothing: packets are decoded outside."""
+        """Empty mapping: `wrap_packets` decodes the packets."""
         return NO_FACTS
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return how many messages per channel id `records` leaves out before a start."""
+        """Return the number of messages per channel id that `records` leaves out before ``start_ns``."""
         counts = Counter[int]()
         for file, channels in self._relabelled.items():
             for channel, count in self._source(file).skipped(start_ns).items():
@@ -116,10 +116,10 @@ class SplitSource:
         return counts
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield the records of one file after the other; can be called again.
+        """Yield the records of one file after another; can be called again.
 
-        Messages are in the order of their log time within a file. Where a recorder wrote late messages into the next
-        file, they stay there.
+        Within a file, messages are in log time order. Late messages that a recorder wrote to the next file remain in
+        that file.
         """
         del self.damage[self._at_opening :]
         read = 0
@@ -145,12 +145,12 @@ class SplitSource:
             self._compare(read)
 
     def close(self) -> None:
-        """Close the file that is open."""
+        """Close the open file."""
         self._current = None
         self._stack.close()
 
     def _source(self, file: Path) -> Source:
-        """Return a file opened, and close the one before."""
+        """Return the opened source of a file, and close the previous one."""
         if self._current is not None and self._current[0] == file:
             return self._current[1]
         self.close()
@@ -163,7 +163,7 @@ class SplitSource:
         return source
 
     def _message(self, file: Path, message: Message) -> Message | None:
-        """Return a message under the channel of the whole recording; None if it cannot be unpacked."""
+        """Return a message with its channel of the whole recording; None if it cannot be unpacked."""
         channel = self._relabelled[file].get(message.channel.id) or self._relabel(file, message.channel)
         if channel.id == message.channel.id and not self._packed_messages:
             return message
@@ -173,24 +173,24 @@ class SplitSource:
         return Message(channel, message.log_time_ns, message.publish_time_ns, message.sequence, data)
 
     def _relabel(self, file: Path, channel: Channel) -> Channel:
-        """Return the channel of the whole recording for a channel of a file."""
+        """Return the channel of the whole recording that corresponds to a channel of a file."""
         known = self._relabelled[file]
-        alike = replace(channel, id=0)
-        twin = sum(replace(other, id=0) == alike for other in known.values())
-        merged = self._merged.get((alike, twin))
+        unnumbered = replace(channel, id=0)
+        occurrence = sum(replace(other, id=0) == unnumbered for other in known.values())
+        merged = self._merged.get((unnumbered, occurrence))
         if merged is None:
             taken = {other.id for other in self._merged.values()}
             merged = replace(channel, id=max(taken) + 1) if channel.id in taken else channel
-            self._merged[alike, twin] = merged
+            self._merged[unnumbered, occurrence] = merged
         known[channel.id] = merged
         return merged
 
     def _compare(self, read: int) -> None:
-        """Report messages that should be there, are not, and are not reported yet."""
+        """Report expected messages that are missing and not reported yet."""
         if self._expected is None:
             return
         path, expected = self._expected
         known = sum(damage.lost_messages or 0 for damage in self.damage)
         if expected > read + known:
-            what = f"{expected} messages are announced here, the files hold {read}"
+            what = f"{expected} messages are listed here, but the files contain {read}"
             self.damage.append(Damage(path, None, what, lost_messages=expected - read - known))

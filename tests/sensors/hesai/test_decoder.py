@@ -1,4 +1,4 @@
-"""Hesai packets: against a frame that Nebula decoded, and packets made by the user manuals."""
+"""Hesai decoder, on a real frame decoded by Nebula and on packets written according to the user manuals."""
 
 import datetime as dt
 import math
@@ -24,11 +24,11 @@ from tests.paths import shared
 PCD_STAMP = 1673400678101968885
 START = dt.datetime(2024, 2, 29, 23, 59, 59, tzinfo=dt.UTC)
 START_NS = int(START.timestamp()) * 10**9
-XT32, P40, P40_NUMBERED = "XT32", "P40", "P40 with numbers"
-# Channels, blocks of a packet, time between blocks, time of the last block after the packet's, in nanoseconds.
+XT32, P40, P40_NUMBERED = "XT32", "P40", "P40 with sequence numbers"
+# Channels, blocks per packet, time between blocks, and time from the packet's time to its last block, in nanoseconds.
 SHAPES = {XT32: (32, 8, 50_000, 5_632), P40: (40, 10, 55_560, -28_580), P40_NUMBERED: (40, 10, 55_560, -28_580)}
 SINGLE, DUAL = 0x37, 0x39
-BY_DESIGN = DecoderOptions()
+NOMINAL = DecoderOptions()
 
 
 def scans():
@@ -55,8 +55,8 @@ def nebula_points():
     return np.frombuffer(data[data.index(b"DATA binary\n") + 12 :], "<f4").reshape(-1, 3)
 
 
-def decode(packets, batch=10_000, options=BY_DESIGN, told_by=None):
-    decoder = Hesai().decoder(told_by or packets, options)
+def decode(packets, batch=10_000, options=NOMINAL, sample=None):
+    decoder = Hesai().decoder(sample or packets, options)
     frames = []
     for start in range(0, len(packets), batch):
         part = slice(start, start + batch)
@@ -74,7 +74,7 @@ def assert_same(one, two):
         np.testing.assert_array_equal(a.points, b.points)
 
 
-def test_the_real_recording_has_whole_turns():
+def test_a_real_recording_contains_complete_revolutions():
     packets = all_scans()
     frames, facts = decode(packets)
     assert facts.model == "PandarXT-32"
@@ -82,13 +82,13 @@ def test_the_real_recording_has_whole_turns():
     assert facts.lost_packets == facts.bad_packets == 0
     assert [frame.partial for frame in frames] == [True, False, False, False, True]
     assert [len(frame.points) for frame in frames[1:4]] == pytest.approx([63000] * 3, abs=100)
-    # This sensor's clock is in 2019.
+    # The clock of this sensor is in 2019.
     assert "not synchronised" in facts.details["clock"]
     assert abs(frames[-1].stamp_ns - packets.times_ns[-1]) < 10_000_000
 
 
 def unit_angles(frames, expected):
-    """Return the angles of the unit, which the recording lacks, fitted to what Nebula made with them."""
+    """Return the angles of the unit, which the recording lacks, fitted to the points decoded by Nebula."""
     points = np.concatenate([frame.points for frame in frames])
     ranges, lengths = np.linalg.norm(xyz(points), axis=1), np.linalg.norm(expected, axis=1)
     elevations = np.degrees(np.arcsin(expected[:, 2] / lengths))
@@ -100,8 +100,8 @@ def unit_angles(frames, expected):
         shift = next(
             n for n in range(len(ours)) if np.allclose(ranges[ours[n : n + count]], lengths[theirs], atol=1e-3)
         )
-        turned = azimuths_of(expected[theirs]) - azimuths_of(xyz(points[ours[shift : shift + count]]))
-        offset = np.median((turned + 180) % 360 - 180)
+        difference = azimuths_of(expected[theirs]) - azimuths_of(xyz(points[ours[shift : shift + count]]))
+        offset = np.median((difference + 180) % 360 - 180)
         lines.append(f"{channel + 1},{np.median(elevations[theirs]):.4f},{offset:.4f}")
     return "\n".join(lines)
 
@@ -120,7 +120,7 @@ def test_every_point_agrees_with_nebula(tmp_path):
 
 
 @pytest.mark.parametrize("batch", [1, 37, 500])
-def test_real_batches_of_any_size_give_the_same_frames(batch):
+def test_batch_size_does_not_matter_for_real_packets(batch):
     packets = all_scans()
     part = Packets(packets.times_ns[:900], packets.payloads[:900])
     assert_same(decode(part, batch)[0], decode(part)[0])
@@ -131,7 +131,7 @@ def test_real_packets_are_recognised():
 
 
 def returns_of(kind, number, block, channel, mode):
-    """Return distance and intensity of a slot: some have none, some pairs of returns are equal."""
+    """Return distance and intensity of a slot. Some slots are empty, some pairs of returns are equal."""
     blocks, pair = SHAPES[kind][1], 2 if mode == DUAL else 1
     firing = (number * blocks + block) // pair
     second = pair == 2 and block % 2
@@ -142,7 +142,7 @@ def returns_of(kind, number, block, channel, mode):
 
 
 def make_packet(kind, number, azimuths, time_ns, mode=SINGLE, utc=None):
-    """Return packet number so-and-so, by the tables of the user manual."""
+    """Return packet ``number``, according to the tables of the user manual."""
     channels, blocks, _, _ = SHAPES[kind]
     body = b""
     for block in range(blocks):
@@ -162,12 +162,12 @@ def make_packet(kind, number, azimuths, time_ns, mode=SINGLE, utc=None):
     return body + tail + (struct.pack("<I", number + 1) if kind == P40_NUMBERED else b"")
 
 
-def make_packets(kind, turns=3.0, mode=SINGLE, start=0.0, *, backwards=False, behind_ns=0):
-    """Return packets of a sensor at 600 turns a minute, and what a slow decoder makes of them."""
+def make_packets(kind, revolutions=3.0, mode=SINGLE, start=0.0, *, backwards=False, behind_ns=0):
+    """Return packets of a sensor at 600 rpm, and packet number, block, azimuth and time of each firing or return."""
     _, blocks, block_ns, last_ns = SHAPES[kind]
     pair = 2 if mode == DUAL else 1
     step = 3600 * block_ns / 1e9
-    count = math.ceil(turns * 360 / (step * blocks / pair))
+    count = math.ceil(revolutions * 360 / (step * blocks / pair))
     made, times, slots = [], [], []
     for number in range(count):
         firings = [number * blocks // pair + block // pair for block in range(blocks)]
@@ -190,8 +190,8 @@ P40_FIRING = {1: -42.22, 4: -3.62, 8: -54.67, 21: -23.89, 40: -3.62}
 
 @pytest.mark.parametrize("kind", SHAPES)
 @pytest.mark.parametrize("mode", [SINGLE, DUAL])
-def test_points_are_as_the_manual_says(kind, mode):
-    packets, slots = make_packets(kind, turns=0.5, mode=mode, start=30.0)
+def test_points_agree_with_the_manual(kind, mode):
+    packets, slots = make_packets(kind, revolutions=0.5, mode=mode, start=30.0)
     points = np.concatenate([frame.points for frame in decode(packets)[0]])
     points = points[np.argsort(points["timestamp"], kind="stable")]
     known = range(1, 33) if kind == XT32 else [channel for channel in P40_ELEVATION if channel in P40_AZIMUTH]
@@ -227,8 +227,8 @@ def slow_points(kind, mode, slots, channel):
 @pytest.mark.parametrize("kind", SHAPES)
 @pytest.mark.parametrize("backwards", [False, True])
 @pytest.mark.parametrize("mode", [SINGLE, DUAL])
-def test_each_channel_is_cut_where_it_crosses_azimuth_0(kind, mode, backwards):
-    packets, slots = make_packets(kind, turns=3.2, mode=mode, start=90.0, backwards=backwards)
+def test_each_channel_is_split_where_it_crosses_azimuth_0(kind, mode, backwards):
+    packets, slots = make_packets(kind, revolutions=3.2, mode=mode, start=90.0, backwards=backwards)
     frames, facts = decode(packets)
     assert [frame.partial for frame in frames] == [True, False, False, True]
     assert facts.lost_packets == facts.bad_packets == 0
@@ -245,31 +245,31 @@ def test_each_channel_is_cut_where_it_crosses_azimuth_0(kind, mode, backwards):
 
 @pytest.mark.parametrize("kind", SHAPES)
 def test_lost_packets_are_counted(kind):
-    packets, _ = make_packets(kind, turns=2)
+    packets, _ = make_packets(kind, revolutions=2)
     keep = np.delete(np.arange(len(packets)), [10, 11, 12, 200])
     assert decode(Packets(packets.times_ns[keep], packets.payloads[keep]))[1].lost_packets == 4
 
 
 @pytest.mark.parametrize("kind", SHAPES)
 @pytest.mark.parametrize("gap", [0.3, 0.6, 1.0, 1.4])
-def test_turns_are_told_apart_across_a_gap(kind, gap):
-    packets, _ = make_packets(kind, turns=4, start=180.0)
+def test_revolutions_are_separated_across_a_gap(kind, gap):
+    packets, _ = make_packets(kind, revolutions=4, start=180.0)
     count = len(packets) / 4
     lost = np.arange(round(1.2 * count), round((1.2 + gap) * count))
     keep = np.delete(np.arange(len(packets)), lost)
     frames, facts = decode(Packets(packets.times_ns[keep], packets.payloads[keep]))
     assert facts.lost_packets == len(lost)
     assert max(np.ptp(frame.points["timestamp"]) for frame in frames) < 0.1 + 8.5 / 3600
-    assert sum(len(frame.points) for frame in frames) == pytest.approx(len(keep) * 0.8 * packets_slots(kind), rel=0.01)
+    assert sum(len(frame.points) for frame in frames) == pytest.approx(len(keep) * 0.8 * slots_of(kind), rel=0.01)
 
 
-def packets_slots(kind):
+def slots_of(kind):
     return SHAPES[kind][0] * SHAPES[kind][1]
 
 
 @pytest.mark.parametrize("kind", SHAPES)
 def test_late_packets_are_not_lost(kind):
-    packets, _ = make_packets(kind, turns=2)
+    packets, _ = make_packets(kind, revolutions=2)
     order = np.arange(len(packets))
     order[[50, 51, 120, 121]] = [51, 50, 121, 120]
     frames, facts = decode(Packets(packets.times_ns[order], packets.payloads[order]))
@@ -278,12 +278,12 @@ def test_late_packets_are_not_lost(kind):
     assert [len(frame.points) for frame in frames] == [len(frame.points) for frame in straight]
 
 
-def test_a_recording_that_begins_and_ends_at_the_seam_is_whole():
-    frames, _ = decode(make_packets(XT32, turns=2)[0])
+def test_a_recording_that_begins_and_ends_at_azimuth_0_is_complete():
+    frames, _ = decode(make_packets(XT32, revolutions=2)[0])
     assert [frame.partial for frame in frames[:2]] == [False, False]
 
 
-def test_a_clock_that_is_not_set_is_set_right():
+def test_a_clock_that_is_not_set_is_corrected():
     packets, _ = make_packets(XT32, behind_ns=5 * 365 * 86400 * 10**9)
     frames, facts = decode(packets)
     assert "not synchronised" in facts.details["clock"]
@@ -291,15 +291,15 @@ def test_a_clock_that_is_not_set_is_set_right():
     assert decode(make_packets(XT32)[0])[1].details.get("clock") is None
 
 
-def test_seconds_of_unix_time_are_understood():
+def test_seconds_of_unix_time_are_read():
     seconds = START_NS // 10**9
     payload = make_packet(XT32, 0, [0] * 8, START_NS, utc=b"\0\0" + struct.pack(">I", seconds))
     packets = Packets(np.array([START_NS]), np.frombuffer(payload, np.uint8)[None])
     assert decode(packets)[0][0].points["timestamp"][0] == pytest.approx(START_NS / 1e9, abs=1e-3)
 
 
-def test_a_rotor_that_stands_does_not_fill_the_memory(monkeypatch):
-    monkeypatch.setattr("seaclutter_cli.sensors.hesai.decoder._MOST_SLOTS", 10_000)
+def test_a_stationary_rotor_does_not_fill_the_memory(monkeypatch):
+    monkeypatch.setattr("seaclutter_cli.sensors.hesai.decoder._MAX_SLOTS", 10_000)
     payloads = [make_packet(XT32, n, [500] * 8, START_NS + n * 400_000) for n in range(200)]
     packets = Packets(np.full(200, START_NS), np.stack([np.frombuffer(payload, np.uint8) for payload in payloads]))
     frames, _ = decode(packets, batch=10)
@@ -308,16 +308,16 @@ def test_a_rotor_that_stands_does_not_fill_the_memory(monkeypatch):
 
 
 def test_the_return_mode_may_change():
-    one, _ = make_packets(XT32, turns=0.2, mode=DUAL)
-    two, _ = make_packets(XT32, turns=0.2, mode=SINGLE)
+    one, _ = make_packets(XT32, revolutions=0.2, mode=DUAL)
+    two, _ = make_packets(XT32, revolutions=0.2, mode=SINGLE)
     both = Packets(np.concatenate([one.times_ns, two.times_ns]), np.concatenate([one.payloads, two.payloads]))
     _, facts = decode(both)
     assert facts.details["return mode"] == "last, strongest; strongest"
     assert any("return mode changes" in warning for warning in facts.warnings)
 
 
-def test_angles_by_design_are_said(tmp_path):
-    packets, _ = make_packets(P40, turns=0.1)
+def test_nominal_angles_give_a_warning(tmp_path):
+    packets, _ = make_packets(P40, revolutions=0.1)
     assert "--calibration" in decode(packets)[1].warnings[0]
     path = tmp_path / "unit.csv"
     path.write_text("Channel,Elevation,Azimuth\n" + "".join(f"{n},{15 - n},{n / 10}\n" for n in range(1, 41)))
@@ -331,20 +331,20 @@ def test_angles_by_design_are_said(tmp_path):
 @pytest.mark.parametrize(
     "text", ["", "Laser id,Elevation,Azimuth\n1,2,3", "1,a,b", "1,2", "1,nan,0\n2,0,0", "\x00\xff"]
 )
-def test_a_calibration_that_does_not_fit_is_one_line(text, tmp_path):
+def test_an_invalid_calibration_is_an_error(text, tmp_path):
     path = tmp_path / "unit.csv"
     path.write_text(text, encoding="latin-1")
     with pytest.raises(InputError, match=r"unit\.csv"):
         read_angles(path, 2)
 
 
-def test_other_sensors_are_refused():
+def test_other_sensors_are_rejected():
     with pytest.raises(InputError, match="PandarXT-32 and Pandar40P"):
         Hesai().decoder(Packets(np.zeros(1, np.int64), np.zeros((1, 893), np.uint8)), DecoderOptions())
 
 
-def test_position_packets_are_not_bad():
-    decoder = Hesai().decoder(make_packets(XT32, turns=0.1)[0], DecoderOptions())
+def test_position_packets_are_not_counted_as_invalid():
+    decoder = Hesai().decoder(make_packets(XT32, revolutions=0.1)[0], DecoderOptions())
     assert list(decoder.add(Packets(np.zeros(2, np.int64), np.zeros((2, 512), np.uint8)))) == []
     assert decoder.facts.bad_packets == 0
 
@@ -359,14 +359,14 @@ def test_losses_are_counted_for_any_pattern(numbers, start):
 
 
 @cache
-def sound_packets(kind, mode):
-    return make_packets(kind, turns=0.06, mode=mode, start=350.0)[0]
+def valid_packets(kind, mode):
+    return make_packets(kind, revolutions=0.06, mode=mode, start=350.0)[0]
 
 
 @settings(max_examples=150, deadline=None)
 @given(st.data())
-def test_broken_bytes_never_raise_and_batches_do_not_matter(data):
-    packets = sound_packets(data.draw(st.sampled_from(sorted(SHAPES))), data.draw(st.sampled_from([SINGLE, DUAL])))
+def test_broken_bytes_raise_no_error_and_batch_size_does_not_matter(data):
+    packets = valid_packets(data.draw(st.sampled_from(sorted(SHAPES))), data.draw(st.sampled_from([SINGLE, DUAL])))
     payloads = packets.payloads.copy()
     for _ in range(data.draw(st.integers(1, 12))):
         packet = data.draw(st.integers(0, len(payloads) - 1))
@@ -374,8 +374,8 @@ def test_broken_bytes_never_raise_and_batches_do_not_matter(data):
         found = np.frombuffer(data.draw(st.binary(min_size=1, max_size=12)), np.uint8)[: payloads.shape[1] - start]
         payloads[packet, start : start + len(found)] = found
     broken = Packets(packets.times_ns, payloads)
-    frames, facts = decode(broken, told_by=packets)
-    assert_same(frames, decode(broken, data.draw(st.integers(1, 5)), told_by=packets)[0])
+    frames, facts = decode(broken, sample=packets)
+    assert_same(frames, decode(broken, data.draw(st.integers(1, 5)), sample=packets)[0])
     assert 0 <= facts.bad_packets <= len(payloads)
     for frame in frames:
         assert np.isfinite(xyz(frame.points)).all()
@@ -383,10 +383,10 @@ def test_broken_bytes_never_raise_and_batches_do_not_matter(data):
 
 
 @given(st.binary(max_size=1500))
-def test_random_packets_never_raise(content):
+def test_random_packets_raise_no_error(content):
     payload = np.frombuffer(content, np.uint8)
     assert Hesai().recognises(payload) is False
-    decoder = Hesai().decoder(sound_packets(XT32, SINGLE), DecoderOptions())
+    decoder = Hesai().decoder(valid_packets(XT32, SINGLE), DecoderOptions())
     whole = np.resize(np.frombuffer(content + b"\x01", np.uint8), (2, 1080))
     for payloads in (whole, payload[None]):
         assert list(decoder.add(Packets(np.zeros(len(payloads), np.int64), payloads))) == []

@@ -1,4 +1,4 @@
-"""Ouster packets: against a slow decoder written with struct and math, on real captures and packets made here."""
+"""Ouster decoder, compared with a slow one based on struct and math, on real and synthetic packets."""
 
 import json
 import math
@@ -34,15 +34,15 @@ COLUMN_NS = 1_562_500
 
 
 def capture(name):
-    """Return the data packets of a classic capture of Ethernet frames."""
+    """Return the data packets of a PCAP file of Ethernet frames."""
     data = (shared("ouster") / f"{name}.pcap").read_bytes()
-    place, times, payloads = 24, [], []
-    while place < len(data):
-        seconds, micros, size, _ = struct.unpack_from("<IIII", data, place)
+    start, times, payloads = 24, [], []
+    while start < len(data):
+        seconds, micros, size, _ = struct.unpack_from("<IIII", data, start)
         if size > 100:
             times.append((seconds * 10**6 + micros) * 1000)
-            payloads.append(np.frombuffer(data, np.uint8, size - 42, place + 16 + 42))
-        place += 16 + size
+            payloads.append(np.frombuffer(data, np.uint8, size - 42, start + 16 + 42))
+        start += 16 + size
     return Packets(np.array(times), np.stack(payloads))
 
 
@@ -50,20 +50,20 @@ def metadata_path(name):
     return shared("ouster") / f"{CAPTURES[name][0]}.json"
 
 
-def pixel(data, place, profile):
+def pixel(data, start, profile):
     """Return (range in metres, intensity) of each return of a pixel."""
     if profile == "RNG15_RFL8_NIR8":
-        distance, reflectivity, _ = struct.unpack_from("<HBB", data, place)
+        distance, reflectivity, _ = struct.unpack_from("<HBB", data, start)
         return [((distance & 0x7FFF) * 0.008, reflectivity)]
     if profile == "RNG19_RFL8_SIG16_NIR16_DUAL":
-        one, two, signal, second = struct.unpack_from("<IIHH", data, place)
+        one, two, signal, second = struct.unpack_from("<IIHH", data, start)
         return [((one & 0x7FFFF) / 1000, signal), ((two & 0x7FFFF) / 1000, second)]
-    word, _, signal = struct.unpack_from("<IHH", data, place)
+    word, _, signal = struct.unpack_from("<IHH", data, start)
     return [((word & (0xFFFFF if profile == "LEGACY" else 0x7FFFF)) / 1000, signal)]
 
 
 def slow_points(payload, path):
-    """Return x, y, z, intensity, ring and return number of the points of one packet, by Ouster's manual."""
+    """Return x, y, z, intensity, ring and return number of the points of a packet, according to Ouster's manual."""
     meta = json.loads(path.read_text())
     beams, lidar = meta.get("beam_intrinsics", meta), meta.get("lidar_intrinsics", meta)
     layout = meta.get("lidar_data_format") or meta["data_format"]
@@ -75,20 +75,20 @@ def slow_points(payload, path):
     width = head + rows * SIZES[profile] + (4 if profile == "LEGACY" else 0)
     points = []
     for column in range(layout["columns_per_packet"]):
-        place = (0 if profile == "LEGACY" else 32) + column * width
-        number = struct.unpack_from("<H", data, place + 8)[0]
-        status = struct.unpack_from("<I", data, place + width - 4) if head == 16 else (data[place + 10],)
+        start = (0 if profile == "LEGACY" else 32) + column * width
+        number = struct.unpack_from("<H", data, start + 8)[0]
+        status = struct.unpack_from("<I", data, start + width - 4) if head == 16 else (data[start + 10],)
         encoder = 2 * math.pi * (1 - number / columns)
         for row in range(rows if status[0] & 1 else 0):
             altitude = math.radians(beams["beam_altitude_angles"][row])
             angle = encoder - math.radians(beams["beam_azimuth_angles"][row])
-            for index, (distance, intensity) in enumerate(pixel(data, place + head + row * SIZES[profile], profile)):
+            for index, (distance, intensity) in enumerate(pixel(data, start + head + row * SIZES[profile], profile)):
                 if distance:
                     length = distance - offset
                     x = length * math.cos(angle) * math.cos(altitude) + offset * math.cos(encoder)
                     y = length * math.sin(angle) * math.cos(altitude) + offset * math.sin(encoder)
-                    turned = matrix[:3, :3] @ (x, y, length * math.sin(altitude)) + matrix[:3, 3] / 1000
-                    points.append((*turned, intensity, row, index + 1))
+                    rotated = matrix[:3, :3] @ (x, y, length * math.sin(altitude)) + matrix[:3, 3] / 1000
+                    points.append((*rotated, intensity, row, index + 1))
     return np.array(points)
 
 
@@ -108,7 +108,7 @@ def assert_same(one, two):
 
 
 @pytest.mark.parametrize("name", CAPTURES)
-def test_real_captures_are_full_turns(name):
+def test_real_captures_contain_complete_revolutions(name):
     packets = capture(name)
     frames, facts = decode(packets, metadata_path(name))
     assert facts.model == CAPTURES[name][1]
@@ -122,7 +122,7 @@ def test_real_captures_are_full_turns(name):
 
 
 @pytest.mark.parametrize("name", CAPTURES)
-def test_real_points_have_the_ranges_and_angles_of_the_manual(name):
+def test_real_points_agree_with_the_manual(name):
     packets = capture(name)
     first = Packets(packets.times_ns[1:2], packets.payloads[1:2])
     frames, _ = decode(first, metadata_path(name))
@@ -140,7 +140,7 @@ def test_real_packets_are_recognised(name):
 
 
 @pytest.mark.parametrize("batch", [1, 7, 64])
-def test_real_batches_of_any_size_give_the_same_frames(batch):
+def test_batch_size_does_not_matter_for_real_packets(batch):
     name = "OS-1-128_v2.3.0_1024x10_lb_n3"
     packets = capture(name)
     assert_same(decode(packets, metadata_path(name), batch)[0], decode(packets, metadata_path(name))[0])
@@ -168,7 +168,7 @@ def write_metadata(request, tmp_path):
 
 
 def make_packet(profile, frame, first, invalid=(), clock_ns=START_NS):
-    """Return one packet of a turn, with some pixels without return."""
+    """Return one packet of a revolution, in which some pixels have no return."""
     rng = np.random.default_rng(frame * 1000 + first)
     parts = []
     for column in range(first, first + PER_PACKET):
@@ -199,7 +199,7 @@ def make_pixel(profile, rng):
 
 def make_packets(profile="LEGACY", frames=(0, 1, 2), firsts=range(0, COLUMNS, PER_PACKET), **options):
     made = [(frame, first) for frame in frames for first in firsts]
-    payloads = [np.frombuffer(make_packet(profile, *place, **options), np.uint8) for place in made]
+    payloads = [np.frombuffer(make_packet(profile, *position, **options), np.uint8) for position in made]
     times = [START_NS + (frame * COLUMNS + first + PER_PACKET) * COLUMN_NS + 5000 for frame, first in made]
     return Packets(np.array(times), np.stack(payloads))
 
@@ -210,7 +210,7 @@ def without(packets, *lost):
 
 
 @pytest.mark.parametrize("profile", SIZES)
-def test_each_profile_is_as_the_manual_says(profile, write_metadata):
+def test_each_profile_agrees_with_the_manual(profile, write_metadata):
     path = write_metadata(profile)
     packets = make_packets(profile)
     assert Ouster().recognises(packets.payloads[0])
@@ -229,43 +229,43 @@ def test_each_profile_is_as_the_manual_says(profile, write_metadata):
     assert ("reflectivity" in facts.details["intensity"]) == (profile == "RNG15_RFL8_NIR8")
 
 
-def test_a_lost_packet_is_counted_and_its_turn_whole(write_metadata):
+def test_lost_packets_are_counted_and_their_revolution_is_not_partial(write_metadata):
     frames, facts = decode(without(make_packets(), 5, 6), write_metadata())
     assert facts.lost_packets == 2
     assert [frame.partial for frame in frames] == [False] * 3
 
 
-def test_lost_turns_are_counted(write_metadata):
+def test_lost_revolutions_are_counted(write_metadata):
     assert decode(make_packets(frames=(65534, 65535, 65538)), write_metadata())[1].lost_packets == 8
 
 
-def test_first_and_last_turns_that_are_cut_are_partial_and_nothing_is_lost(write_metadata):
+def test_incomplete_first_and_last_revolutions_are_partial_without_losses(write_metadata):
     frames, facts = decode(without(make_packets(), 0, 11), write_metadata())
     assert [frame.partial for frame in frames] == [True, False, True]
     assert facts.lost_packets == 0
 
 
-def test_late_and_double_packets_change_nothing(write_metadata):
+def test_late_and_duplicate_packets_change_nothing(write_metadata):
     packets, path = make_packets(), write_metadata()
     order = np.array([0, 2, 1, 3, 3, 4, 6, 5, 7, 2, 8, 9, 10, 11])
     mixed = Packets(packets.times_ns[order], packets.payloads[order])
     assert_same(decode(mixed, path)[0], decode(packets, path)[0])
 
 
-def test_columns_that_are_not_valid_have_no_points(write_metadata):
+def test_invalid_columns_have_no_points(write_metadata):
     frames, _ = decode(make_packets(frames=[0], invalid=range(10, 20)), write_metadata())
     columns = np.rint((frames[0].points["timestamp"] - START_NS / 1e9) / (COLUMN_NS / 1e9)).astype(int)
     assert sorted(set(columns.tolist())) == [*range(10), *range(20, COLUMNS)]
 
 
 @pytest.mark.parametrize(("window", "firsts"), [((17, 40), (16, 32)), ((50, 10), (0, 48))])
-def test_a_turn_with_a_window_is_whole(window, firsts, write_metadata):
+def test_a_revolution_with_a_window_is_complete(window, firsts, write_metadata):
     frames, facts = decode(make_packets(firsts=firsts), write_metadata(window=window))
     assert [frame.partial for frame in frames] == [False] * 3
     assert facts.lost_packets == 0
 
 
-def test_a_clock_that_counts_from_switching_on_is_set_right(write_metadata):
+def test_a_clock_that_starts_at_power_on_is_corrected(write_metadata):
     frames, facts = decode(make_packets(clock_ns=10**9), write_metadata())
     assert "not synchronised" in facts.details["clock"]
     assert [frame.stamp_ns for frame in frames] == [
@@ -274,21 +274,21 @@ def test_a_clock_that_counts_from_switching_on_is_set_right(write_metadata):
     assert all(np.allclose(np.diff(np.unique(f.points["timestamp"])), COLUMN_NS / 1e9, atol=1e-6) for f in frames)
 
 
-def test_metadata_of_another_sensor_is_said(write_metadata):
+def test_metadata_of_another_sensor_is_reported(write_metadata):
     packets = make_packets("RNG15_RFL8_NIR8")
     facts = decode(packets, write_metadata("RNG15_RFL8_NIR8", prod_sn="1"))[1]
     assert "122201000998" in facts.warnings[0]
-    with pytest.raises(InputError, match="is it of another sensor"):
+    with pytest.raises(InputError, match="pass the metadata of this sensor"):
         Ouster().decoder(packets, DecoderOptions(write_metadata("LEGACY")))
 
 
-def test_missing_metadata_is_asked_for():
+def test_missing_metadata_is_an_error():
     with pytest.raises(InputError, match=r"--calibration METADATA\.json"):
         Ouster().decoder(make_packets(), DecoderOptions())
 
 
-def test_an_unknown_profile_is_said(write_metadata):
-    with pytest.raises(InputError, match=r"FUSA.*known are LEGACY"):
+def test_an_unknown_profile_is_an_error(write_metadata):
+    with pytest.raises(InputError, match=r"FUSA.*supported: LEGACY"):
         Ouster().decoder(make_packets(), DecoderOptions(write_metadata("FUSA_RNG15_RFL8_NIR8_DUAL")))
 
 
@@ -302,10 +302,10 @@ def test_an_unknown_profile_is_said(write_metadata):
         '{"beam_altitude_angles": [1], "beam_azimuth_angles": [1], "data_format": {"columns_per_frame": 1e999}}',
     ],
 )
-def test_broken_metadata_is_one_line(text, tmp_path):
+def test_broken_metadata_is_an_error(text, tmp_path):
     path = tmp_path / "broken.json"
     path.write_text(text)
-    with pytest.raises(InputError, match="not the metadata of an Ouster sensor"):
+    with pytest.raises(InputError, match="not valid Ouster metadata"):
         read_metadata(path)
 
 
@@ -319,7 +319,7 @@ def test_metadata_of_the_first_firmware_has_no_data_format(tmp_path):
 
 @settings(max_examples=150, deadline=None)
 @given(st.data())
-def test_broken_bytes_never_raise_and_batches_do_not_matter(data):
+def test_broken_bytes_raise_no_error_and_batch_size_does_not_matter(data):
     profile = data.draw(st.sampled_from(sorted(SIZES)))
     packets = make_packets(profile)
     payloads = packets.payloads.copy()
@@ -349,7 +349,7 @@ def broken_metadata(profile):
 
 
 @given(st.binary(max_size=300), st.sampled_from(sorted(SIZES)))
-def test_random_packets_never_raise_and_those_of_other_lengths_are_bad(content, profile):
+def test_random_packets_raise_no_error_and_other_lengths_are_invalid(content, profile):
     decoder = Ouster().decoder(make_packets(profile, frames=[0]), DecoderOptions(broken_metadata(profile)))
     size = len(make_packet(profile, 0, 0))
     whole = np.resize(np.frombuffer(content + b"\x01", np.uint8), (2, size))
@@ -361,12 +361,12 @@ def test_random_packets_never_raise_and_those_of_other_lengths_are_bad(content, 
     assert Ouster().recognises(np.frombuffer(content, np.uint8)) is False
 
 
-def test_packets_of_the_motion_sensor_are_not_bad(write_metadata):
+def test_imu_packets_are_not_counted_as_invalid(write_metadata):
     decoder = Ouster().decoder(make_packets(), DecoderOptions(write_metadata()))
     assert list(decoder.add(Packets(np.zeros(3, np.int64), np.zeros((3, 48), np.uint8)))) == []
     assert decoder.facts.bad_packets == 0
 
 
-def test_turns_follow_one_another(write_metadata):
+def test_revolutions_follow_one_another(write_metadata):
     frames, _ = decode(make_packets(frames=range(5)), write_metadata())
     assert all(one.stamp_ns < two.points["timestamp"][0] * 1e9 + 1000 for one, two in pairwise(frames))

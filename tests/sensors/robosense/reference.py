@@ -1,4 +1,4 @@
-"""RoboSense packets decoded one value after the other, as the description of them reads."""
+"""Slow decoder for RoboSense packets, written value by value from the packet description."""
 
 import calendar
 import math
@@ -54,7 +54,7 @@ def header_time(packet, helios):
 
 
 class Reference:
-    """Decodes packets into frames: lists of (x, y, z, intensity, ring, time, return), and the last channel's time."""
+    """Decoder whose frames are lists of (x, y, z, intensity, ring, time, return) and the last channel's time."""
 
     def __init__(self, name, vertical, horizontal, *, dual=False, rps=10, fov=(0, 36000)):
         self.kind, self.dual, self.name = KINDS[name], dual, name

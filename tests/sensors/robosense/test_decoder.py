@@ -1,4 +1,4 @@
-"""The fast decoder against a slow one that was written from the description of the packets alone."""
+"""RoboSense decoder, compared with a slow one written only from the packet description."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def angles_of(model, seed=3):
 
 
 def columns_of(model, azimuth, seed=0, period_ns=None, missing=0.3):
-    """Return columns of random distances; packets follow each other without a gap."""
+    """Return columns of random distances, in packets without gaps."""
     random = np.random.default_rng(seed)
     azimuth = np.asarray(azimuth) % 36000
     distance = random.uniform(0.2, model.range_m[1] * 1.02, (len(azimuth), 32))
@@ -86,7 +86,7 @@ WRAPS = {
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("dual", [False, True])
 @pytest.mark.parametrize("wrap", WRAPS)
-def test_as_the_description_says(name, dual, wrap):
+def test_agrees_with_the_reference(name, dual, wrap):
     model = MODELS[name]
     azimuth = WRAPS[wrap]
     if dual and model.lasers == 32:
@@ -105,7 +105,7 @@ def test_as_the_description_says(name, dual, wrap):
 
 
 @pytest.mark.parametrize("batch", [1, 2, 5, 8])
-def test_batches_make_no_difference(batch):
+def test_batch_size_does_not_matter(batch):
     model = MODELS["RS-LiDAR-32"]
     columns = columns_of(model, np.arange(96) * 900)
     payloads, info = write_data(model, columns), write_info(model, angles_of(model))
@@ -127,19 +127,19 @@ def test_points_within_half_a_unit_and_a_hundredth_of_a_degree(name):
     )
     points = np.concatenate([frame.points for frame in frames])
     assert len(points) == distance.size
-    turned = columns.azimuth[:, None] + 20 * firings * model.channel_ns(dual=False) / (firings * model.block_ns)
-    lens = model.lens_m[0] * np.exp(-1j * np.radians(turned / 100))
-    place = (points["x"] + 1j * points["y"]).reshape(-1, 32) - lens
+    rotated = columns.azimuth[:, None] + 20 * firings * model.channel_ns(dual=False) / (firings * model.block_ns)
+    lens = model.lens_m[0] * np.exp(-1j * np.radians(rotated / 100))
+    position = (points["x"] + 1j * points["y"]).reshape(-1, 32) - lens
     z = points["z"].reshape(-1, 32).astype(float)
-    assert np.abs(np.hypot(np.abs(place), z) - distance).max() <= model.unit_m / 2 + 2e-5
-    side = np.exp(-1j * np.radians((turned + angles.horizontal) / 100))
-    assert np.abs(np.degrees(np.angle(place / side))).max() <= 0.01 + 1e-4, (
-        "the lens turns with the azimuth as it is rounded"
+    assert np.abs(np.hypot(np.abs(position), z) - distance).max() <= model.unit_m / 2 + 2e-5
+    side = np.exp(-1j * np.radians((rotated + angles.horizontal) / 100))
+    assert np.abs(np.degrees(np.angle(position / side))).max() <= 0.01 + 1e-4, (
+        "the lens offset follows the rounded azimuth"
     )
-    assert np.abs(np.degrees(np.arctan2(z, np.abs(place))) - angles.vertical / 100).max() <= 0.0001
+    assert np.abs(np.degrees(np.arctan2(z, np.abs(position))) - angles.vertical / 100).max() <= 0.0001
     expected_ns = np.repeat(columns.times_ns, 12) + np.arange(1800) % 12 * firings * model.block_ns
     times = (expected_ns[:, None] + model.channel_ns(dual=False)).ravel() / 1e9
-    assert np.abs(points["timestamp"] - times).max() < 1.5e-6, "packets hold whole microseconds"
+    assert np.abs(points["timestamp"] - times).max() < 1.5e-6, "packets contain whole microseconds"
 
 
 def test_values_of_the_vendors_own_tests():
@@ -154,14 +154,14 @@ def test_values_of_the_vendors_own_tests():
     first = frame.points[0]
     assert first["z"] == np.float32(5.0) * np.float32(np.sin(np.radians(-10.28)))
     assert first["intensity"] == 7
-    assert decoder.facts.details["temperature"] == "2.2 °C at the beginning"
+    assert decoder.facts.details["temperature"] == "2.2 °C at the start"
     device = read_device(model, info)
     assert list(device.angles.vertical[:2]) == [-1028, 233]
-    step, _ = steps(np.array([[1, 21, 51, *[76] * 9]]), replace(device, turns_hz=12))
+    step, _ = steps(np.array([[1, 21, 51, *[76] * 9]]), replace(device, rotation_hz=12))
     assert list(step[0, :3]) == [20, 30, 25]
 
 
-def test_lost_packets_are_counted_and_shorten_the_turn():
+def test_lost_packets_are_counted_and_shorten_the_revolution():
     model = MODELS["RS-LiDAR-32"]
     columns = columns_of(model, np.arange(3600) * 20)
     payloads, info = write_data(model, columns), write_info(model, angles_of(model))
@@ -174,7 +174,7 @@ def test_lost_packets_are_counted_and_shorten_the_turn():
     assert len(frames) == 2
 
 
-def test_a_blind_sector_is_no_loss():
+def test_a_blind_sector_is_not_a_loss():
     model = MODELS["RS-LiDAR-32"]
     azimuth = np.tile(np.arange(900) * 20 + 9000, 4)
     columns = columns_of(model, azimuth)
@@ -187,7 +187,7 @@ def test_a_blind_sector_is_no_loss():
     assert [frame.partial for frame in frames] == [False] * 4
 
 
-def test_partial_turns_are_marked():
+def test_partial_revolutions_are_marked():
     model = MODELS["RS-LiDAR-32"]
     info = write_info(model, angles_of(model))
     columns = columns_of(model, np.arange(4800) * 20 + 18000)
@@ -213,7 +213,7 @@ def test_old_firmware_of_32_lasers():
     assert any("raw" in text for text in decoder.facts.warnings)
 
 
-def test_a_block_that_is_none_ends_its_packet():
+def test_an_invalid_block_ends_its_packet():
     model, angles = MODELS["RS-LiDAR-32"], angles_of(MODELS["RS-LiDAR-32"])
     azimuth = np.arange(48) * 20
     azimuth[7:12] = azimuth[24:36] = NO_BLOCK
@@ -225,7 +225,7 @@ def test_a_block_that_is_none_ends_its_packet():
 
 
 @pytest.mark.parametrize("name", ["RS-LiDAR-32", "RS-Helios"])
-def test_a_clock_that_is_off_gives_way_to_that_of_the_recording(name):
+def test_times_of_a_wrong_clock_are_shifted_to_the_recording_time(name):
     model = MODELS[name]
     columns = columns_of(model, np.arange(3600) * 20)
     off = replace(columns, times_ns=columns.times_ns - START_NS + 946_684_800 * 10**9)
@@ -242,7 +242,7 @@ def test_a_clock_that_is_off_gives_way_to_that_of_the_recording(name):
     assert decoder.facts.lost_packets == 0
 
 
-def test_a_single_broken_time_does_no_harm():
+def test_single_broken_times_are_tolerated():
     model = MODELS["RS-LiDAR-32"]
     columns = columns_of(model, np.arange(1800) * 20)
     payloads = write_data(model, columns)
@@ -272,7 +272,7 @@ class TestCalibration:
 
     def test_not_programmed(self):
         info = write_info(self.model, None)
-        with pytest.raises(InputError, match=r"holds no angles.*--calibration"):
+        with pytest.raises(InputError, match=r"contains no angles.*--calibration"):
             decode(self.payloads, self.columns.times_ns, info, DecoderOptions(model="RS-LiDAR-32"))
 
     def test_from_a_file(self, tmp_path):
@@ -281,19 +281,19 @@ class TestCalibration:
         assert_same(frames, reference_of(self.model.name, self.angles, self.payloads))
         assert any("DIFOP" in text for text in decoder.facts.warnings)
 
-    def test_two_returns_are_seen_without_information(self, tmp_path):
+    def test_two_returns_are_detected_without_device_information(self, tmp_path):
         columns = columns_of(self.model, np.repeat(np.arange(48) * 20, 2))
         payloads = write_data(self.model, columns)
         options = DecoderOptions(self.file(tmp_path), "RS-LiDAR-32")
         _, frames = decode(payloads, columns.times_ns, None, options)
         assert_same(frames, reference_of(self.model.name, self.angles, payloads, dual=True))
 
-    def test_a_file_that_does_not_fit(self, tmp_path):
+    def test_a_file_of_another_model(self, tmp_path):
         options = DecoderOptions(self.file(tmp_path, lasers=16), "RS-LiDAR-32")
-        with pytest.raises(InputError, match="16 lines"):
+        with pytest.raises(InputError, match="got 16"):
             decode(self.payloads, self.columns.times_ns, None, options)
 
-    def test_another_model_is_said(self):
+    def test_another_model_is_an_error(self):
         info = write_info(self.model, self.angles)
         with pytest.raises(InputError, match="no angles"):
             decode(self.payloads, self.columns.times_ns, info, DecoderOptions(model="RS-LiDAR-16"))
@@ -303,8 +303,8 @@ class TestCalibration:
 
 @settings(max_examples=60, deadline=None)
 @given(st.data())
-def test_bytes_that_mean_nothing(data):
-    """Whatever is in the packets: no error, and what cannot be decoded is counted."""
+def test_random_bytes(data):
+    """Random bytes raise no error, and packets that cannot be decoded are counted."""
     name = data.draw(st.sampled_from(NAMES))
     model = MODELS[name]
     columns = columns_of(model, np.arange(96) * 20 + 35000)

@@ -1,4 +1,4 @@
-"""Velodyne packets: synthetic ones of known geometry, real ones against Nebula, and broken ones."""
+"""Velodyne decoder, on synthetic packets of known geometry, real packets decoded by Nebula, and broken packets."""
 
 import re
 import sys
@@ -20,11 +20,11 @@ START = 1_700_000_000 * 10**9
 SINGLE, LAST, DUAL = 0x37, 0x38, 0x39
 VLP16, VLP32C, VLP32AB, HDL32E, ALPHA_PRIME = 0x22, 0x28, 0x23, 0x21, 0xA1
 STEP = 40
-"""Azimuth from block to block in 0.01°: a VLP-16 at 10 Hz."""
+"""Azimuth step between blocks in 0.01°, of a VLP-16 at 10 Hz."""
 
 
 def make_packets(count, *, model=VLP16, mode=SINGLE, first=0, step=STEP, period_us=1327.104, clock_s=0.0):
-    """Return packets of a sensor that turns evenly and sees a wall 10 m around, of which second returns are at 5 m."""
+    """Return packets of an evenly rotating sensor inside a wall at 10 m; second returns are at 5 m."""
     packets = np.zeros(count, PACKET)
     pairs = 2 if mode == DUAL else 1
     banks = MODELS[model].banks
@@ -45,12 +45,12 @@ def make_packets(count, *, model=VLP16, mode=SINGLE, first=0, step=STEP, period_
     return Packets(times_ns, packets.view(np.uint8).reshape(count, -1).copy())
 
 
-def turns(packets, *, size=None, options=None):
-    """Return frames and facts of some packets, given in portions."""
+def decode(packets, *, size=None, options=None):
+    """Return frames and facts of packets that are added in batches."""
     decoder = VELODYNE.decoder(packets, options or DecoderOptions())
     size = size or len(packets)
-    portions = [take(packets, slice(start, start + size)) for start in range(0, len(packets), size)]
-    frames = [frame for portion in portions for frame in decoder.add(portion)] + list(decoder.finish())
+    batches = [take(packets, slice(start, start + size)) for start in range(0, len(packets), size)]
+    frames = [frame for batch in batches for frame in decoder.add(batch)] + list(decoder.finish())
     return frames, decoder.facts
 
 
@@ -66,8 +66,8 @@ def positions(points):
     return np.stack([points[axis].astype(float) for axis in "xyz"], axis=1)
 
 
-def test_points_have_the_place_ring_time_and_intensity_of_their_firing():
-    frames, facts = turns(make_packets(30, first=18000))
+def test_points_have_the_position_ring_time_and_intensity_of_their_firing():
+    frames, facts = decode(make_packets(30, first=18000))
     assert [frame.partial for frame in frames] == [True]
     points = frames[0].points
     assert points.dtype == point_dtype()
@@ -80,12 +80,12 @@ def test_points_have_the_place_ring_time_and_intensity_of_their_firing():
     assert (points["intensity"][:32] == np.arange(32)).all()
     assert points["ring"][:4].tolist() == [0, 8, 1, 9]
     assert facts.model == "VLP-16"
-    assert facts.details == {"clock": "sensor time, agrees with the time of recording", "returns": "strongest"}
+    assert facts.details == {"clock": "sensor time, consistent with the recording time", "return mode": "strongest"}
     assert (facts.lost_packets, facts.bad_packets) == (0, 0)
 
 
-def test_turns_are_cut_at_azimuth_0_within_packets():
-    frames, _ = turns(make_packets(200, first=30000))
+def test_revolutions_are_split_at_azimuth_0_within_packets():
+    frames, _ = decode(make_packets(200, first=30000))
     assert [frame.partial for frame in frames] == [True, False, False, True]
     assert [len(frame.points) for frame in frames[1:3]] == [900 * 32] * 2
     assert all(azimuth_deg(frame.points)[0] < 0.05 for frame in frames[1:])
@@ -96,10 +96,10 @@ def test_turns_are_cut_at_azimuth_0_within_packets():
 
 
 @pytest.mark.parametrize("size", [1, 7, 75, 1000])
-def test_portions_do_not_matter(size):
+def test_batch_size_does_not_matter(size):
     packets = make_packets(300, first=1234)
-    expected, facts = turns(packets)
-    frames, other = turns(packets, size=size)
+    expected, facts = decode(packets)
+    frames, other = decode(packets, size=size)
     assert facts == other
     assert [(frame.stamp_ns, frame.partial) for frame in frames] == [(f.stamp_ns, f.partial) for f in expected]
     assert all((frame.points == other.points).all() for frame, other in zip(frames, expected, strict=True))
@@ -116,7 +116,7 @@ def test_portions_do_not_matter(size):
     ],
 )
 def test_models_and_returns(model, mode, period_us, step, points):
-    frames, facts = turns(make_packets(1000, model=model, mode=mode, period_us=period_us, step=step, first=180))
+    frames, facts = decode(make_packets(1000, model=model, mode=mode, period_us=period_us, step=step, first=180))
     assert {len(frame.points) for frame in frames[1:-1]} == {points}
     assert (facts.model, facts.lost_packets, facts.bad_packets) == (MODELS[model].name, 0, 0)
     frame = frames[1].points
@@ -127,36 +127,36 @@ def test_models_and_returns(model, mode, period_us, step, points):
 
 
 @pytest.mark.parametrize("mode", [SINGLE, DUAL])
-def test_an_alpha_prime_is_cut_between_packets(mode):
+def test_an_alpha_prime_is_split_between_packets(mode):
     packets = make_packets(4000, model=ALPHA_PRIME, mode=mode, period_us=173.4, step=20)
-    if mode == DUAL:  # four blocks of it are empty
+    if mode == DUAL:  # its last four blocks are empty
         packets.payloads[:, 800:1200] = 0
-    frames, facts = turns(packets)
+    frames, facts = decode(packets)
     assert (facts.model, facts.lost_packets, facts.bad_packets) == ("Alpha Prime", 0, 0)
     assert len(frames) >= 3
     assert all(abs(len(frame.points) - 1800 * 128 * (2 if mode == DUAL else 1)) <= 3 * 128 for frame in frames[1:-1])
     assert frames[1].points["ring"].max() == 127
 
 
-def test_a_sector_that_is_left_out_is_no_loss_and_turns_are_cut_in_it():
+def test_a_blind_sector_is_not_a_loss_and_revolutions_are_split_in_it():
     packets = make_packets(600, first=27000)
     ahead = packets.payloads.view(PACKET)["blocks"]["azimuth"][:, 0, 0]
     seen = (ahead >= 27000) | (ahead < 9000)
-    frames, facts = turns(take(packets, seen))
+    frames, facts = decode(take(packets, seen))
     assert facts.lost_packets == 0
     assert facts.details["field of view"].startswith("270° to 9")
     assert [frame.partial for frame in frames] == [False] * len(frames)
     assert all(0.04 < np.ptp(frame.points["timestamp"]) < 0.06 for frame in frames)
 
 
-def test_a_sector_that_begins_within_a_packet_is_no_rotation():
+def test_a_blind_sector_within_a_packet_is_not_rotation():
     packets = make_packets(300, first=27000)
     rows = packets.payloads.view(PACKET)[:, 0]
     flat = rows["blocks"].reshape(-1)
     flat = flat[(flat["azimuth"] >= 27000 + 6 * STEP) | (flat["azimuth"] < 9000)]
     rows = rows[: len(flat) // 12].copy()
     rows["blocks"] = flat[: len(rows) * 12].reshape(-1, 12)
-    frames, _ = turns(Packets(packets.times_ns[: len(rows)], rows.view(np.uint8).reshape(len(rows), -1)))
+    frames, _ = decode(Packets(packets.times_ns[: len(rows)], rows.view(np.uint8).reshape(len(rows), -1)))
     for frame in frames[1:-1]:
         degrees = azimuth_deg(frame.points)
         assert ((degrees > 272) | (degrees < 90.5)).all()
@@ -165,42 +165,42 @@ def test_a_sector_that_begins_within_a_packet_is_no_rotation():
 def test_lost_packets_are_counted():
     packets = make_packets(300)
     keep = ~np.isin(np.arange(300), [10, 11, 12, 150])
-    frames, facts = turns(take(packets, keep), size=20)
+    frames, facts = decode(take(packets, keep), size=20)
     assert facts.lost_packets == 4
     assert sum(len(frame.points) for frame in frames) == 296 * 12 * 32
 
 
-def test_a_pause_ends_a_turn():
+def test_a_pause_ends_a_revolution():
     packets = make_packets(300, first=100)
     packets.times_ns[100:] += 2 * 10**9
     packets.payloads.view(PACKET)["time_us"][100:] += 2_000_000
-    frames, _ = turns(packets)
+    frames, _ = decode(packets)
     assert [frame.partial for frame in frames] == [False, True, True, False, False, True]
     assert all(np.ptp(frame.points["timestamp"]) < 0.11 for frame in frames)
 
 
-def test_a_sensor_that_stands_still_gives_frames_all_the_same():
-    frames, _ = turns(make_packets(2000, step=0))
+def test_a_sensor_that_does_not_rotate_gives_frames():
+    frames, _ = decode(make_packets(2000, step=0))
     assert all(frame.partial for frame in frames)
     assert max(np.ptp(frame.points["timestamp"]) for frame in frames) <= 0.51
 
 
 @pytest.mark.parametrize("clock_s", [-1700, -5, 300, 1799])
-def test_a_clock_that_is_not_set_is_moved_to_the_time_of_recording(clock_s):
-    frames, facts = turns(make_packets(100, clock_s=clock_s))
-    assert facts.details["clock"] == "sensor time, set to the time of recording"
+def test_a_clock_that_is_not_set_is_shifted_to_the_recording_time(clock_s):
+    frames, facts = decode(make_packets(100, clock_s=clock_s))
+    assert facts.details["clock"] == "sensor time, shifted to the recording time"
     assert frames[0].points["timestamp"][0] == pytest.approx(START / 1e9, abs=1e-4)
 
 
-def test_the_hour_of_the_sensor_may_be_the_next_one():
+def test_the_sensor_time_may_be_in_the_next_hour():
     packets = make_packets(100, clock_s=3600 - 1_700_000_000 % 3600)
     packets = Packets(packets.times_ns + (3600 - 1_700_000_000 % 3600) * 10**9 - 10**6, packets.payloads)
-    frames, facts = turns(packets)
-    assert facts.details["clock"] == "sensor time, agrees with the time of recording"
+    frames, facts = decode(packets)
+    assert facts.details["clock"] == "sensor time, consistent with the recording time"
     assert frames[0].points["timestamp"][0] % 3600 < 0.001
 
 
-def test_bad_packets_are_counted_and_position_packets_are_not():
+def test_invalid_packets_are_counted_and_position_packets_are_not():
     packets = make_packets(100)
     packets.payloads[5, 0] = 0
     packets.payloads[6, 2:4] = 255
@@ -213,59 +213,59 @@ def test_bad_packets_are_counted_and_position_packets_are_not():
     assert sum(len(frame.points) for frame in frames) == 96 * 12 * 32
 
 
-def test_it_recognises_its_packets():
+def test_packets_are_recognised():
     good = make_packets(1).payloads[0]
     assert VELODYNE.recognises(good)
-    for place, value in ((0, 0), (1204, 0x40), (1205, 0x99)):
+    for index, value in ((0, 0), (1204, 0x40), (1205, 0x99)):
         bad = good.copy()
-        bad[place] = value
+        bad[index] = value
         assert not VELODYNE.recognises(bad)
     assert not VELODYNE.recognises(good[:1200])
     assert not VELODYNE.recognises(np.zeros(512, np.uint8))
-    with pytest.raises(InputError, match="none of the packets"):
+    with pytest.raises(InputError, match="not from a supported Velodyne sensor"):
         VELODYNE.decoder(Packets(np.zeros(1, int), np.zeros((1, 512), np.uint8)), DecoderOptions())
 
 
-def test_what_has_to_be_told():
+def test_an_ambiguous_model_is_an_error():
     packets = make_packets(10, model=VLP32AB)
-    with pytest.raises(InputError, match="say which"):
+    with pytest.raises(InputError, match="--sensor"):
         VELODYNE.decoder(packets, DecoderOptions())
     for name in ("VLP-32A", "VLP-32B"):
-        assert turns(packets, options=DecoderOptions(model=name))[1].model == name
+        assert decode(packets, options=DecoderOptions(model=name))[1].model == name
 
 
-def test_a_calibration_of_its_own(tmp_path):
+def test_a_calibration_file(tmp_path):
     packets, path = make_packets(100), tmp_path / "unit.yaml"
     calibration = vd.Calibration.default_calibs[vd.Model.VLP16]
     path.write_text(re.sub(r"rot_correction: 0\b", "rot_correction: 0.1", calibration.to_string()))
-    (frame, _), _ = turns(packets, options=DecoderOptions(calibration=path))
-    (usual, _), _ = turns(packets)
+    (frame, _), _ = decode(packets, options=DecoderOptions(calibration=path))
+    (usual, _), _ = decode(packets)
     shift = (azimuth_deg(usual.points) - azimuth_deg(frame.points) + 180) % 360 - 180
     assert np.abs(shift - np.degrees(0.1)).max() < 0.01
     vd.Calibration.default_calibs[vd.Model.VLP32C].write(str(path))
     with pytest.raises(InputError, match="32 lasers, the VLP-16 has 16"):
-        turns(packets, options=DecoderOptions(calibration=path))
+        decode(packets, options=DecoderOptions(calibration=path))
     for text in ("", "lasers: 3", ": : :"):
         path.write_text(text)
         with pytest.raises(InputError, match=r"unit\.yaml"):
-            turns(packets, options=DecoderOptions(calibration=path))
+            decode(packets, options=DecoderOptions(calibration=path))
 
 
 def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "velodyne_decoder", None)
     with pytest.raises(MissingExtraError, match=re.escape("seaclutter[velodyne]")):
-        turns(make_packets(10))
+        decode(make_packets(10))
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.data())
-def test_broken_packets_are_counted_never_raised(data):
+def test_broken_packets_are_counted_and_raise_no_error(data):
     packets = make_packets(90, model=data.draw(st.sampled_from([VLP16, VLP32C, ALPHA_PRIME])), period_us=1000, first=99)
     flat = packets.payloads.reshape(-1)
     noise = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     for _ in range(data.draw(st.integers(1, 40))):
-        place = noise.integers(len(flat))
-        flat[place : place + noise.integers(1, 200)] = noise.integers(256)
+        start = noise.integers(len(flat))
+        flat[start : start + noise.integers(1, 200)] = noise.integers(256)
     packets.times_ns[noise.integers(90)] += noise.integers(-(10**12), 10**12)
     try:
         decoder = VELODYNE.decoder(packets, DecoderOptions())
@@ -278,7 +278,7 @@ def test_broken_packets_are_counted_never_raised(data):
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32), st.integers(0, 1500))
-def test_random_bytes_are_no_packets(seed, size):
+def test_random_bytes_are_not_packets(seed, size):
     payloads = np.random.default_rng(seed).integers(0, 256, (3, size), np.uint8)
     assert not VELODYNE.recognises(payloads[0])
     decoder = VELODYNE.decoder(make_packets(3), DecoderOptions())
@@ -287,7 +287,7 @@ def test_random_bytes_are_no_packets(seed, size):
 
 
 def nebula(name):
-    """Return packets of a real recording, and the frame that Nebula decoded from it, shape (N, 3)."""
+    """Return packets of a real recording, and a frame that Nebula decoded from it, shape (N, 3)."""
     from pypcd4 import PointCloud
 
     from seaclutter_cli.sources.rosbag2.db3 import Db3Source
@@ -301,49 +301,49 @@ def nebula(name):
     return packets, positions(PointCloud.from_path(next(folder.glob("*.pcd"))).pc_data)
 
 
-def as_nebula_has_it(points, model, *, pairs):
-    """Move points to where Nebula's reading of the manuals puts them.
+def as_nebula(points, model, *, pairs):
+    """Return points as Nebula computes them from the manuals, shape (N, 3).
 
-    It leaves out that lasers do not all start in the centre, and fires the lasers of a VLP-32C one after another, where
-    the manual has two at a time. In the last block of a packet it does not interpolate the azimuth: these points, one
-    in twelve or six, stay up to 0.3° apart.
+    Nebula ignores the vertical offsets of the lasers, and fires the lasers of a VLP-32C one by one instead of two at a
+    time. It does not interpolate the azimuth in the last block of a packet; these points, one in twelve or six, remain
+    up to 0.3° apart.
     """
     text = vd.Calibration.default_calibs[model].to_string()
     elevation, offset = (
         np.array(re.findall(rf"{key}: (\S+)", text), float) for key in ("vert_correction", "vert_offset_correction")
     )
     laser = np.argsort(elevation)[points["ring"]]
-    turned = np.radians(0.199 * 2.304 / 55.296) * (laser - laser // 2) * pairs
-    angle = np.arctan2(-points["y"], points["x"]) + turned
+    rotation = np.radians(0.199 * 2.304 / 55.296) * (laser - laser // 2) * pairs
+    angle = np.arctan2(-points["y"], points["x"]) + rotation
     distance = np.hypot(points["x"], points["y"]).astype(float)
     return np.stack([distance * np.cos(angle), -distance * np.sin(angle), points["z"] - offset[laser]], axis=1)
 
 
 @pytest.mark.parametrize(
-    ("name", "model", "turn", "apart", "explained"),
+    ("name", "model", "number", "apart", "explained"),
     [("vlp16", "VLP16", 3, 0.15, 0.042), ("vlp32", "VLP32C", 0, 0.27, 0.023)],
 )
-def test_a_real_frame_agrees_with_nebula(name, model, turn, apart, explained):
+def test_a_real_frame_agrees_with_nebula(name, model, number, apart, explained):
     from scipy.spatial import cKDTree
 
     packets, expected = nebula(name)
-    frames, facts = turns(packets, size=100)
+    frames, facts = decode(packets, size=100)
     assert (facts.lost_packets, facts.bad_packets) == (0, 0)
     assert [frame.partial for frame in frames] == [False] * (len(frames) - 1) + [True]
-    points = frames[turn].points
+    points = frames[number].points
     assert abs(len(points) - len(expected)) < 50
     distance, _ = cKDTree(positions(points)).query(expected)
     assert np.median(distance) < 0.007
     assert (distance > 0.01).mean() < apart
-    moved = as_nebula_has_it(points, getattr(vd.Model, model), pairs=name == "vlp32")
+    moved = as_nebula(points, getattr(vd.Model, model), pairs=name == "vlp32")
     distance, _ = cKDTree(moved).query(expected)
     assert np.median(distance) < 0.001
     assert (distance > 0.01).mean() < explained
 
 
-def test_a_real_sensor_that_looks_ahead_only():
+def test_a_real_sensor_with_a_blind_sector():
     packets, _ = nebula("vlp32")
-    frames, facts = turns(packets)
+    frames, facts = decode(packets)
     assert facts.details["field of view"] == "270° to 91°"
     for frame in frames:
         degrees = azimuth_deg(frame.points)

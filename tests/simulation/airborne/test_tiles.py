@@ -1,4 +1,4 @@
-"""Tiles seen from the air: what is in them, and that it is what the scene says."""
+"""Simulated tiles agree with their scenes."""
 
 from dataclasses import replace
 
@@ -29,15 +29,15 @@ def small():
 
 
 @pytest.mark.parametrize("name", builtin_tiles())
-def test_scenes_that_come_with_the_program(name):
+def test_built_in_tiles_load(name):
     one = load_tile_scene(name)
-    things = one.things()
-    assert len(things) == len(one.objects) > 0
+    objects = one.placed_objects()
+    assert len(objects) == len(one.objects) > 0
     assert parse_tile_scene(one.as_dict(), "again") == one
     assert one.tile.description
 
 
-def test_what_the_papers_tiles_are_like():
+def test_tiles_of_the_paper():
     assert set(KINDS) == set(OBJECT_CLASSES)
     for name in set(builtin_tiles()) - {"small"}:
         assert load_tile_scene(name).tile.size_m == (875, 695)
@@ -45,30 +45,30 @@ def test_what_the_papers_tiles_are_like():
     assert {kind: kinds.count(kind) for kind in set(kinds)} == {"ship": 4, "aquaculture": 2, "garbage patch": 1}
 
 
-def test_every_object_is_where_the_scene_has_it(small):
+def test_every_object_is_at_its_position(small):
     one, points = small
-    for thing in one.things():
-        own = points[points["object_id"] == thing.number]
-        assert len(own) > 50, thing
-        assert set(own["object_class"]) == {thing.code}
+    for item in one.placed_objects():
+        own = points[points["object_id"] == item.number]
+        assert len(own) > 50, item
+        assert set(own["object_class"]) == {item.code}
         x, y = (
-            own[axis] - origin - at for axis, origin, at in zip("xy", one.tile.origin_m, thing.position_m, strict=True)
+            own[axis] - origin - at for axis, origin, at in zip("xy", one.tile.origin_m, item.position_m, strict=True)
         )
-        c, s = np.cos(thing.heading), np.sin(thing.heading)
-        for along, side in zip((c * x + s * y, c * y - s * x), thing.size_m, strict=False):
+        c, s = np.cos(item.heading), np.sin(item.heading)
+        for along, side in zip((c * x + s * y, c * y - s * x), item.size_m, strict=False):
             assert np.abs(along).max() < side / 2 + 1.5
-        assert own["z"].max() < 1.9 * thing.size_m[2] + 1
-        assert own["z"].max() > 0.45 * thing.size_m[2]
+        assert own["z"].max() < 1.9 * item.size_m[2] + 1
+        assert own["z"].max() > 0.45 * item.size_m[2]
 
 
-def test_the_file_keeps_to_the_format(tmp_path):
+def test_the_file_conforms_to_the_format(tmp_path):
     laspy = pytest.importorskip("laspy")
     record_tile(scene([{"kind": "reef", "position_m": [60, 50]}]), tmp_path / "t.laz")
     header = laspy.read(tmp_path / "t.laz").header
     assert (header.point_format.id, str(header.version), header.global_encoding.wkt) == (6, "1.4", True)
 
 
-def test_truth_fits_itself(small):
+def test_truth_is_consistent(small):
     _, points = small
     sea = points["object_id"] == 0
     assert (points["object_class"][sea] == 0).all()
@@ -91,7 +91,7 @@ def test_echoes_are_numbered(small):
     assert (points["z"][first] > points["z"][first + 1]).mean() > 0.98
 
 
-def test_one_return_means_one():
+def test_a_single_return_per_pulse():
     island = {"kind": "island", "position_m": [60, 50], "size_m": [60, 50, 12]}
     points = points_of(scene([island], lidar={"max_returns": 1}))
     assert set(points["number_of_returns"]) == {1}
@@ -104,7 +104,7 @@ def test_swell_has_its_height():
     assert 4 * points_of(scene(water={**water, "swell_m": 0.0}))["z"].std() < 0.2
 
 
-def test_calm_water_is_dark_and_often_silent_askance():
+def test_calm_water_is_dark_and_often_without_echo_at_oblique_angles():
     points = points_of(scene(size=(300, 230), lidar={"height_m": 200, "scan_angle_deg": 60, "overlap": 0}))
     askance = np.abs(points["scan_angle"]) > 24
     below = np.abs(points["scan_angle"]) < 6
@@ -113,7 +113,7 @@ def test_calm_water_is_dark_and_often_silent_askance():
     assert (askance.sum() / pulses) < 0.9
 
 
-def test_a_tall_ship_hides_water_from_a_lidar_that_looks_askance():
+def test_a_tall_ship_hides_water_at_oblique_angles():
     ship = {"kind": "ship", "position_m": [100, 190], "heading_deg": 0, "size_m": [90, 14, 20], "reflectivity": 0.4}
     lidar = {"height_m": 200, "scan_angle_deg": 60, "overlap": 0}
     points = points_of(scene([ship], size=(200, 230), lidar=lidar))
@@ -124,32 +124,32 @@ def test_a_tall_ship_hides_water_from_a_lidar_that_looks_askance():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_kinds_vary(kind):
+def test_random_objects_vary(kind):
     one = scene([{"kind": kind}] * 6, size=(1500, 1500))
-    things = one.things()
-    sizes = np.array([thing.size_m for thing in things])
+    objects = one.placed_objects()
+    sizes = np.array([item.size_m for item in objects])
     assert (np.ptp(sizes, axis=0) > 0.05 * sizes.mean(axis=0)).all()
-    assert len({thing.reflectivity for thing in things}) == 6
-    low, high = KINDS[kind].least, KINDS[kind].most
+    assert len({item.reflectivity for item in objects}) == 6
+    low, high = KINDS[kind].smallest, KINDS[kind].largest
     assert ((sizes >= low) & (sizes <= high)).all()
-    patch = KINDS[kind].make(np.random.default_rng(1), things[0].size_m, 0.3)
-    assert patch.top.shape == tuple(round(side / STEP_M) for side in things[0].size_m[:2])
+    patch = KINDS[kind].make(np.random.default_rng(1), objects[0].size_m, 0.3)
+    assert patch.top.shape == tuple(round(side / STEP_M) for side in objects[0].size_m[:2])
     there = np.isfinite(patch.top)
     assert 0.005 < there.mean() < 0.98
     assert ((patch.cover > 0) & (patch.cover <= 1)).all()
     assert (patch.reflectivity[there] > 0).all()
 
 
-def test_objects_keep_apart():
+def test_objects_keep_clear_of_each_other():
     one = scene([{"kind": "ship"}] * 12, size=(875, 695))
-    things = one.things()
-    for i, here in enumerate(things):
-        for there in things[:i]:
+    objects = one.placed_objects()
+    for i, here in enumerate(objects):
+        for there in objects[:i]:
             gap = np.hypot(here.position_m[0] - there.position_m[0], here.position_m[1] - there.position_m[1])
             assert gap > 0.5 * (here.size_m[1] + there.size_m[1]) + 25
 
 
-def test_strips_depend_on_their_number_alone():
+def test_strips_depend_only_on_their_number():
     one = scene([{"kind": "reef"}], lidar={"height_m": 200, "scan_angle_deg": 10})
     renderer = TileRenderer(one)
     assert len(renderer.lines) == 4
@@ -167,7 +167,7 @@ def test_strips_cover_the_tile():
     assert counts.min() > 0.4 * 20 * 150
 
 
-def test_a_file_is_the_same_each_time_and_holds_what_was_measured(tmp_path):
+def test_files_are_reproducible_and_contain_the_echoes(tmp_path):
     laspy = pytest.importorskip("laspy")
     one = scene([{"kind": "seaweed"}], lidar={"pulses_m2": 0.5})
     for name in ("a.laz", "b.laz"):
@@ -183,7 +183,7 @@ def test_a_file_is_the_same_each_time_and_holds_what_was_measured(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("raw", "said"),
+    ("raw", "message"),
     [
         ({"objects": [{"kind": "whale"}]}, "objects.0.kind: unknown class 'whale'"),
         ({"random": {"whale": 2}}, "random.whale: unknown class"),
@@ -192,30 +192,30 @@ def test_a_file_is_the_same_each_time_and_holds_what_was_measured(tmp_path):
         ({"objects": {}}, ""),
         ({"objects": {"a": 1}}, "objects: must be a list"),
         ({"objects": [3]}, "objects.0: must be a section"),
-        ({"lidar": {"height_m": 100}}, "lidar.height_m: must be greater"),
+        ({"lidar": {"height_m": 100}}, "lidar.height_m: must be a number from 200 to 3000"),
         ({"lidar": {"max_returns": 4}}, "lidar.max_returns"),
         ({"vessel": {}}, "vessel: unknown section"),
         ({"tile": 3}, "tile: must be a section"),
     ],
 )
-def test_wrong_scenes(raw, said):
-    if not said:
+def test_errors_of_invalid_tile_scenes(raw, message):
+    if not message:
         assert parse_tile_scene(raw, "here").objects == ()
         return
     with pytest.raises(ConfigError) as caught:
         parse_tile_scene(raw, "here")
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
-def test_no_room():
+def test_no_room_is_an_error():
     with pytest.raises(ConfigError, match="no room for another island"):
-        scene([{"kind": "island", "size_m": [90, 80, 9]}] * 4).things()
+        scene([{"kind": "island", "size_m": [90, 80, 9]}] * 4).placed_objects()
 
 
-def test_placed_objects_come_first_and_keep_their_place():
+def test_objects_with_a_position_keep_it_and_their_number():
     one = scene(
         [{"kind": "reef"}, {"kind": "ship", "position_m": [60, 50], "heading_deg": 90, "size_m": [40, 8, 9]}],
         (300, 300),
     )
-    ship = replace(one, tile=replace(one.tile, seed=9)).things()[1]
+    ship = replace(one, tile=replace(one.tile, seed=9)).placed_objects()[1]
     assert (ship.position_m, ship.number, round(ship.heading, 3)) == ((60, 50), 2, 1.571)

@@ -13,8 +13,8 @@ SEEDS = range(3)
 
 def scene(*walls, lidar_m=2.5):
     objects = [
-        {"track_id": number + 1, "shape": "quay_wall", "size_m": size, "path": [place], "heading_deg": heading}
-        for number, (place, size, heading) in enumerate(walls)
+        {"track_id": number + 1, "shape": "quay_wall", "size_m": size, "path": [position], "heading_deg": heading}
+        for number, (position, size, heading) in enumerate(walls)
     ]
     return parse_scene({"vessel": {"lidar_height_m": lidar_m}, "objects": objects}, "test")
 
@@ -28,13 +28,13 @@ def test_a_wall_closes_the_bearings_that_it_spans():
     assert np.array_equal(ahead.closed, horizon(scene(([21, 0], [40, 2, 3], 90))).closed)
 
 
-def test_what_is_far_or_low_or_below_the_beams_closes_nothing():
+def test_far_or_low_objects_or_those_below_the_beams_close_nothing():
     assert horizon(scene(([REACH_M + 2, 0], [2, 40, 3], 0))).share == 0
     assert horizon(scene(([21, 0], [2, 40, 0.4], 0))).share == 0
     assert horizon(scene(([4, 0], [2, 40, 1], 0), lidar_m=6.0)).closed[0] == 0
 
 
-def test_classes_of_plain_scenes():
+def test_classes_of_simple_scenes():
     left, right = ([0, 15], [200, 2, 3], 0), ([0, -15], [200, 2, 3], 0)
     assert horizon(scene(left, right)).scene_class == "confined"
     assert horizon(scene(left)).scene_class is None
@@ -42,7 +42,7 @@ def test_classes_of_plain_scenes():
     assert horizon(scene()).scene_class == "open"
 
 
-def test_a_gap_of_one_bearing_does_not_part_a_facade():
+def test_a_gap_of_one_bearing_does_not_split_a_facade():
     boats = [([12.0, 1.1 * number], [4, 0.7, 2], 0) for number in range(-12, 13)]
     row = horizon(scene(*boats))
     assert row.longest_deg > 90
@@ -62,23 +62,23 @@ def test_the_built_in_scenes_have_their_classes(name, expected):
 
 
 @pytest.fixture(scope="module")
-def turns():
+def frames():
     return {
         name: [Renderer(LAYOUTS[name].make(np.random.default_rng(seed))).turn(0) for seed in SEEDS] for name in LAYOUTS
     }
 
 
 def solid_share(points):
-    """Share of the bearings, three degrees each, in which something solid was met within reach."""
+    """Return the share of the bearings, three degrees each, with a solid object within reach."""
     x, y = points["x"].astype(float), points["y"].astype(float)
-    away = np.hypot(x, y)
-    solid = (points["label"] > 0) & (away < REACH_M) & (away > 4)
+    distance = np.hypot(x, y)
+    solid = (points["label"] > 0) & (distance < REACH_M) & (distance > 4)
     return len(np.unique(np.floor(np.degrees(np.arctan2(y, x))[solid] / 3))) / 120
 
 
 @pytest.mark.parametrize("name", WATER)
-def test_what_the_lidar_meets_is_as_the_rule_has_it(turns, name):
-    shares = [solid_share(turn.points) for turn in turns[name]]
+def test_rendered_points_agree_with_the_rule(frames, name):
+    shares = [solid_share(frame.points) for frame in frames[name]]
     if LAYOUTS[name].scene_class == "confined":
         assert min(shares) > 0.45
     else:
@@ -86,9 +86,9 @@ def test_what_the_lidar_meets_is_as_the_rule_has_it(turns, name):
 
 
 @pytest.mark.parametrize("name", TREES)
-def test_dense_trees_fill_the_bearings_along_the_row_and_sparse_ones_do_not(turns, name):
-    for turn in turns[name]:
-        points = turn.points
+def test_dense_trees_fill_the_bearings_along_the_row_and_sparse_trees_do_not(frames, name):
+    for frame in frames[name]:
+        points = frame.points
         x, y = points["x"].astype(float), points["y"].astype(float)
         trees = (points["label"] > 0) & (points["label"] < 65535)
         columns = len(np.unique(np.round(np.degrees(np.arctan2(y, x))[trees], 1)))
@@ -97,27 +97,29 @@ def test_dense_trees_fill_the_bearings_along_the_row_and_sparse_ones_do_not(turn
 
 def features(points):
     x, y = points["x"].astype(float), points["y"].astype(float)
-    away = np.hypot(x, y)
-    near = away < REACH_M
+    distance = np.hypot(x, y)
+    near = distance < REACH_M
     return {
         "points": len(points),
         "occupied cells": len(np.unique(np.floor(x[near] / 0.5) * 1e4 + np.floor(y[near] / 0.5))),
         "clutter points": int((points["label"] == 0).sum()),
-        "median range": float(np.median(away)),
-        "95 % of ranges": float(np.quantile(away, 0.95)),
-        "far share": float((away > 40).mean()),
+        "median range": float(np.median(distance)),
+        "95 % of ranges": float(np.quantile(distance, 0.95)),
+        "far share": float((distance > 40).mean()),
     }
 
 
 def best_accuracy(values, confined):
-    """How well the best threshold on one feature tells the classes apart, each class weighing the same."""
+    """Return the balanced accuracy of the best threshold on one feature."""
     found = [np.array([values[confined] > t, values[confined] <= t]).mean(axis=1) for t in values]
     false = [np.array([values[~confined] > t, values[~confined] <= t]).mean(axis=1) for t in values]
     return max(float(((one + 1 - other) / 2).max()) for one, other in zip(found, false, strict=True))
 
 
-def test_no_single_feature_tells_the_classes_apart(turns):
-    rows = [(LAYOUTS[name].scene_class == "confined", features(turn.points)) for name in WATER for turn in turns[name]]
+def test_no_single_feature_separates_the_classes(frames):
+    rows = [
+        (LAYOUTS[name].scene_class == "confined", features(frame.points)) for name in WATER for frame in frames[name]
+    ]
     confined = np.array([is_confined for is_confined, _ in rows])
     for feature in rows[0][1]:
         values = np.array([row[feature] for _, row in rows], float)
@@ -125,7 +127,7 @@ def test_no_single_feature_tells_the_classes_apart(turns):
 
 
 @pytest.mark.slow
-def test_no_single_feature_tells_the_classes_apart_in_many_scenes():
+def test_no_single_feature_separates_the_classes_in_many_scenes():
     rows = [
         (LAYOUTS[name].scene_class == "confined", features(Renderer(LAYOUTS[name].make(rng)).turn(0).points))
         for name in WATER

@@ -9,26 +9,28 @@ from seaclutter_cli.simulation.layouts.shore import Line, moor, shore
 @pytest.mark.parametrize("bend", [np.inf, 120.0, -120.0])
 @pytest.mark.parametrize("axis", [0.0, 70.0])
 class TestEveryLine:
-    def test_the_edge_is_as_far_from_the_axis_as_asked_for(self, side, bend, axis):
+    def test_the_edge_has_its_offset_from_the_axis(self, side, bend, axis):
         line = Line(15.0, axis, side, bend)
         middle = Line(0.0, axis, side, bend)
         for along in (-40.0, 0.0, 30.0):
             assert np.hypot(*np.subtract(line.at(along), middle.at(along))) == pytest.approx(15)
             assert np.hypot(*np.subtract(line.at(along, 4.0), middle.at(along))) == pytest.approx(19)
-        (ahead_x, ahead_y), (x, y) = (np.subtract(place, middle.at(0.0)) for place in (middle.at(1.0), line.at(0.0)))
+        (ahead_x, ahead_y), (x, y) = (
+            np.subtract(position, middle.at(0.0)) for position in (middle.at(1.0), line.at(0.0))
+        )
         assert np.sign(ahead_x * y - ahead_y * x) == side
 
-    def test_pieces_stand_behind_the_edge_with_their_backs_to_the_land(self, side, bend, axis):
+    def test_segments_are_behind_the_edge_with_land_to_their_left(self, side, bend, axis):
         line = Line(15.0, axis, side, bend)
-        place, length, heading = line.piece(10.0, 20.0, 6.0)
+        position, length, heading = line.segment(10.0, 20.0, 6.0)
         water, land = np.array(line.at(15.0)), np.array(line.at(15.0, 3.0))
-        np.testing.assert_allclose(place, land, atol=0.2)
+        np.testing.assert_allclose(position, land, atol=0.2)
         inland = np.array([-np.sin(np.radians(heading)), np.cos(np.radians(heading))])
         assert inland @ (land - water) > 2.9
         assert length == pytest.approx(10, rel=0.15)
 
 
-def test_walls_join_to_a_facade_and_boats_lie_before_it():
+def test_walls_form_a_facade_with_boats_in_front_of_it():
     plan = Plan(np.random.default_rng(1))
     line = Line(15.0, bend_m=100.0)
     shore(plan, line, (-50, 50), "quay_wall", 2.0)
@@ -44,11 +46,11 @@ def test_walls_join_to_a_facade_and_boats_lie_before_it():
         assert not boat.ignore
 
 
-def test_things_keep_clear_of_each_other_and_of_own_vessel():
+def test_boats_keep_clear_of_each_other_and_of_own_ship():
     plan = Plan(np.random.default_rng(2))
     plan.scatter(("speedboat", "sailing_boat"), 30, 5, 60, moving=0.0)
-    places = np.array([item.path[0] for item in plan.objects])
+    positions = np.array([item.path[0] for item in plan.objects])
     half = np.array([float(item.size_m[0]) / 2 for item in plan.objects])
-    away = np.hypot(*(places[:, None] - places).T) - half - half[:, None]
-    assert away[~np.eye(len(places), dtype=bool)].min() > -0.01
-    assert (np.hypot(*places.T) - half).min() > 6.9
+    gaps = np.hypot(*(positions[:, None] - positions).T) - half - half[:, None]
+    assert gaps[~np.eye(len(positions), dtype=bool)].min() > -0.01
+    assert (np.hypot(*positions.T) - half).min() > 6.9

@@ -17,13 +17,13 @@ class TestEveryLidar:
         else:
             assert not lidar.times_s.any()
 
-    def test_looks_in_a_direction_when_its_column_is_fired(self, lidar):
+    def test_points_in_a_direction_when_its_column_is_fired(self, lidar):
         number = lidar.columns // 3
         columns, level = lidar.directions[:, 0], np.radians(lidar.azimuth_offsets_deg[0])
         azimuths = np.arctan2(columns[:, 1], columns[:, 0]) + level
-        assert lidar.looks_s(azimuths[[number]])[0] == pytest.approx(lidar.times_s[number, 0])
+        assert lidar.firing_times_s(azimuths[[number]])[0] == pytest.approx(lidar.times_s[number, 0])
 
-    def test_looks_where_it_says(self, lidar):
+    def test_directions_match_the_elevations(self, lidar):
         directions = lidar.directions
         assert directions.shape == (lidar.columns, len(lidar.elevations_deg), 3)
         np.testing.assert_allclose(np.linalg.norm(directions, axis=2), 1)
@@ -33,11 +33,11 @@ class TestEveryLidar:
         lowest = int(np.argmin(lidar.elevations_deg))
         assert lidar.rings[lowest] == 0
 
-    def test_an_echo_of_a_tenth_is_of_intensity_one_at_the_detection_range(self, lidar):
+    def test_a_reflectivity_of_a_tenth_has_intensity_one_at_the_detection_range(self, lidar):
         assert lidar.gain * 0.1 / lidar.detection_m**2 == pytest.approx(1)
 
 
-def test_rs_lidar_32_is_that_of_its_manual():
+def test_rs_lidar_32_matches_its_manual():
     lidar = LIDARS["RS-LiDAR-32"]
     assert lidar.columns == 1800
     elevations = sorted(lidar.elevations_deg)
@@ -51,14 +51,14 @@ def test_rs_lidar_32_is_that_of_its_manual():
     assert (lidar.firing_us[14], lidar.firing_us[15], lidar.firing_us[31]) == (pytest.approx(40.32), 44.64, 46.08)
 
 
-def test_rs_lidar_32_turns_clockwise_by_a_fifth_of_a_degree():
+def test_rs_lidar_32_rotates_clockwise_by_a_fifth_of_a_degree():
     lidar = LIDARS["RS-LiDAR-32"]
     level = lidar.elevations_deg.index(0.0)
     azimuth = np.degrees(np.arctan2(lidar.directions[:, level, 1], lidar.directions[:, level, 0]))
     np.testing.assert_allclose(np.diff(np.unwrap(azimuth, period=360)), -0.2, atol=1e-9)
 
 
-def test_ce30_d_is_that_of_its_datasheet():
+def test_ce30_d_matches_its_datasheet():
     lidar = LIDARS["CE30-D"]
     x, y, z = lidar.directions.reshape(-1, 3).T
     azimuth, elevation = np.degrees(np.arctan2(y, x)).reshape(320, 20), np.degrees(np.arcsin(z)).reshape(320, 20)

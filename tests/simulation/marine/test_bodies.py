@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.marine.bodies import bearings, meet_body
+from seaclutter_cli.simulation.marine.bodies import add_body_echoes, bearings
 from seaclutter_cli.simulation.marine.motion import Pose, Track, Tracks
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 
@@ -16,27 +16,27 @@ def shots():
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_no_shot_that_meets_a_body_is_left_out(shape):
+def test_no_shot_that_hits_a_body_is_left_out(shape):
     fired, rng = shots(), np.random.default_rng(7)
     for _ in range(4):
         mesh = SHAPES[shape]().scaled(*rng.uniform((2, 1, 1), (60, 12, 6)).tolist())
-        place = np.append(rng.uniform(-40, 40, 2), 0.0)
-        pose = Pose.of(place, yaw=float(rng.uniform(-4, 4)), pitch=0.1, roll=-0.1)
-        every, some = Echoes.none(len(fired)), Echoes.none(len(fired))
-        meet_body(fired, every, np.arange(len(fired)), mesh, pose, (0.5, 1))
+        position = np.append(rng.uniform(-40, 40, 2), 0.0)
+        pose = Pose.of(position, yaw=float(rng.uniform(-4, 4)), pitch=0.1, roll=-0.1)
+        every, some = Echoes.empty(len(fired)), Echoes.empty(len(fired))
+        add_body_echoes(fired, every, np.arange(len(fired)), mesh, pose, (0.5, 1))
         first, last = bearings(fired, [mesh], [pose])
-        meet_body(fired, some, fired.between(float(first[0]), float(last[0])), mesh, pose, (0.5, 1))
+        add_body_echoes(fired, some, fired.between(float(first[0]), float(last[0])), mesh, pose, (0.5, 1))
         np.testing.assert_allclose(some.range_m, every.range_m, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("first", "last"), [(-0.5, 0.7), (3.0, 3.5), (-3.5, -3.0), (-3.0, 3.0), (0.0, 7.0)])
 def test_shots_between_bearings(first, last):
     fired = shots()
-    turned = (fired.azimuths - first) % (2 * np.pi)
-    np.testing.assert_array_equal(fired.between(first, last), np.flatnonzero(turned <= last - first))
+    angles = (fired.azimuths - first) % (2 * np.pi)
+    np.testing.assert_array_equal(fired.between(first, last), np.flatnonzero(angles <= last - first))
 
 
-def test_many_tracks_are_as_each_by_itself():
+def test_many_tracks_match_single_ones():
     tracks = [
         Track(((0.0, 0.0), (10.0, 0.0), (10.0, 20.0)), 2.0, 0.0, 1.0),
         Track(((3.0, 4.0),), 0.0, 30.0, 0.0),

@@ -12,39 +12,41 @@ def ground(**params):
     return Ground(GroundParams(**params), [], 1.5, 3)
 
 
-def test_it_is_as_uneven_as_asked_for():
+def test_the_ground_has_its_roughness():
     x, y = np.random.default_rng(1).uniform(-500, 500, (2, 20_000))
-    height, slope_x, slope_y = ground(roughness_m=0.05).lie(x, y)
+    height, slope_x, slope_y = ground(roughness_m=0.05).height_and_slopes(x, y)
     assert height.std() == pytest.approx(0.05, rel=0.1)
     step = 1e-5
-    there, _, _ = ground(roughness_m=0.05).lie(x + step, y)
+    there, _, _ = ground(roughness_m=0.05).height_and_slopes(x + step, y)
     np.testing.assert_allclose((there - height) / step, slope_x, atol=1e-4)
-    there, _, _ = ground(roughness_m=0.05).lie(x, y + step)
+    there, _, _ = ground(roughness_m=0.05).height_and_slopes(x, y + step)
     np.testing.assert_allclose((there - height) / step, slope_y, atol=1e-4)
 
 
-def test_shots_meet_it_where_it_is():
+def test_shots_hit_the_ground_at_its_height():
     angles = np.linspace(-0.5, 0.1, 500)
     directions = np.stack((np.cos(angles), np.zeros(500), np.sin(angles)), axis=1)
     shots = Shots(np.tile([0.0, 0.0, 1.0], (500, 1)), directions, np.zeros(500))
-    echoes = Echoes.none(500)
+    echoes = Echoes.empty(500)
     uneven = ground(roughness_m=0.02)
-    uneven.meet(shots, echoes, np.random.default_rng(1))
+    uneven.add_echoes(shots, echoes, np.random.default_rng(1))
     met = np.isfinite(echoes.range_m)
     assert np.array_equal(met, angles < 0)
     steep = met & (angles < -0.1)
-    places = shots.origins[steep] + echoes.range_m[steep, None] * directions[steep]
-    np.testing.assert_allclose(places[:, 2], uneven.lie(places[:, 0], places[:, 1])[0], atol=0.01)
+    positions = shots.origins[steep] + echoes.range_m[steep, None] * directions[steep]
+    np.testing.assert_allclose(
+        positions[:, 2], uneven.height_and_slopes(positions[:, 0], positions[:, 1])[0], atol=0.01
+    )
     assert set(echoes.label[met].tolist()) == {IGNORED}
 
 
-def test_a_scene_on_land_has_no_water_in_it():
+def test_a_scene_on_land_has_no_water():
     raw = load_scene("poplar").with_recording(lidar="OS1-64").as_dict() | {"noise": {}}
-    turn = Renderer(parse_scene(raw, "test")).turn(0)
-    assert IGNORED in turn.points["label"]
-    assert len(np.unique(turn.points["label"])) > 20
-    assert not (turn.points["label"] == 0).any()
-    assert turn.boxes.classes[:2] == ("ignore", "ignore")  # the vehicle and the ground
+    frame = Renderer(parse_scene(raw, "test")).turn(0)
+    assert IGNORED in frame.points["label"]
+    assert len(np.unique(frame.points["label"])) > 20
+    assert not (frame.points["label"] == 0).any()
+    assert frame.boxes.classes[:2] == ("ignore", "ignore")  # the vehicle and the ground
     assert "ground" in raw
     assert "sea" not in raw
 

@@ -20,7 +20,7 @@ def made(tmp_path_factory):
     return folder
 
 
-def test_a_foreign_reader_reads_it(made):
+def test_other_libraries_read_the_log(made):
     typestore = get_typestore(Stores.ROS2_HUMBLE)
     with (made / "a.mcap").open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
@@ -36,7 +36,7 @@ def test_a_foreign_reader_reads_it(made):
     assert json.loads(metadata["scene"]["scene"])["recording"]["frames"] == 3
 
 
-def test_labels_are_native(made):
+def test_labels_are_native_csv(made):
     with (made / "a.labels.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["frame"] for row in rows] == [frame for frame in "012" for _ in range(3)]
@@ -58,9 +58,9 @@ def test_the_bytes_do_not_depend_on_the_threads(made, tmp_path, monkeypatch, thr
         assert (tmp_path / name).read_bytes() == (made / name).read_bytes()
 
 
-def test_nothing_is_left_of_an_interrupted_one(tmp_path):
-    def interrupt(turn):
-        if turn.index == 1:
+def test_an_interrupted_recording_leaves_no_files(tmp_path):
+    def interrupt(frame):
+        if frame.index == 1:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -68,7 +68,7 @@ def test_nothing_is_left_of_an_interrupted_one(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_place_that_cannot_be_written(tmp_path):
+def test_an_output_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
         record(load_scene("calm"), tmp_path / "file" / "a.mcap", tmp_path / "a.csv")

@@ -28,43 +28,43 @@ def ranges(points):
     return np.sqrt(sum(points[axis].astype(float) ** 2 for axis in "xyz"))
 
 
-def labels_fit_boxes(turn, within=1.0):
-    """Tell whether they do, as far as they can.
+def assert_labels_fit_boxes(frame, within=1.0):
+    """Check that points are in the box of their label, with tolerances.
 
-    A box ends at the sea's height in its middle, so that waves of a metre bare some of a long hull below it; and what
-    is ahead is seen at the start and at the end of a turn, by beams that look to either side.
+    The lower face of a box is at the height of the sea at its centre, but waves of a metre expose some of a long hull
+    below it. Objects ahead are seen at the start and at the end of a revolution, by beams with different azimuths.
     """
-    points = turn.points
+    points = frame.points
     xyz = np.array([points[axis] for axis in "xyz"], float)
-    tight, wide = turn.boxes.contains(xyz, 0.25), turn.boxes.contains(xyz, 0.5)
+    tight, wide = frame.boxes.contains(xyz, 0.25), frame.boxes.contains(xyz, 0.5)
     ignored = np.zeros(len(points), bool)
-    for track, kind, inside, about in zip(turn.boxes.tracks, turn.boxes.classes, tight, wide, strict=True):
+    for track, kind, inside, near in zip(frame.boxes.tracks, frame.boxes.classes, tight, wide, strict=True):
         own = points["label"] == int(track)
         if kind == "ignore":
-            ignored |= about
+            ignored |= near
         elif own.any():
             assert inside[own].mean() > 0.85 * within
-            assert about[own].mean() >= within
+            assert near[own].mean() >= within
     assert not (points["label"] == IGNORED).any() or ignored[points["label"] == IGNORED].mean() >= within
-    assert {str(label) for label in np.unique(points["label"])} <= {*turn.boxes.tracks, "0"}
+    assert {str(label) for label in np.unique(points["label"])} <= {*frame.boxes.tracks, "0"}
 
 
 @pytest.mark.parametrize("name", builtin_scenes())
 @pytest.mark.parametrize("index", [0, 60])
-def test_points_of_a_target_lie_in_its_box(name, index):
-    labels_fit_boxes(Renderer(load_scene(name)).turn(index))
+def test_points_of_a_target_are_in_its_box(name, index):
+    assert_labels_fit_boxes(Renderer(load_scene(name)).turn(index))
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_points_of_a_target_lie_in_its_box_in_random_scenes_too(name):
+def test_points_of_a_target_are_in_its_box_in_random_scenes(name):
     for seed in (1, 2):
         scene = LAYOUTS[name].make(np.random.default_rng(seed))
         rough = isinstance(scene.terrain, SeaParams) and scene.terrain.sea_state > 3
-        labels_fit_boxes(Renderer(scene).turn(3), within=0.8 if rough else 1.0)
+        assert_labels_fit_boxes(Renderer(scene).turn(3), within=0.8 if rough else 1.0)
 
 
 @pytest.mark.parametrize("name", builtin_scenes())
-def test_points_are_as_the_sensor_gives_them(name):
+def test_points_have_the_ranges_and_units_of_the_sensor(name):
     points = Renderer(load_scene(name)).turn(3).points
     lidar = LIDARS[load_scene(name).recording.lidar]
     assert 1000 < len(points) < lidar.columns * len(lidar.elevations_deg)
@@ -78,12 +78,12 @@ def test_points_are_as_the_sensor_gives_them(name):
 
 
 @pytest.mark.parametrize("lidar", [name for name, lidar in LIDARS.items() if lidar.rotates])
-def test_every_lidar_that_rotates_sees_the_sea_and_a_target(lidar):
+def test_every_rotating_lidar_sees_the_sea_and_a_target(lidar):
     points = Renderer(load_scene("calm").with_recording(lidar=lidar)).turn(0).points
     assert {0, 1, 2, IGNORED} <= set(points["label"].tolist())
 
 
-def test_turns_can_be_made_in_any_order():
+def test_frames_can_be_rendered_in_any_order():
     chosen = load_scene("departure")
     one, other = Renderer(chosen), Renderer(chosen)
     later = other.turn(7)
@@ -104,7 +104,7 @@ def test_intensity_is_that_of_the_lidar_equation():
     np.testing.assert_allclose(ahead["intensity"] + 0.5, expected, rtol=0.15)
 
 
-def test_air_takes_its_share():
+def test_air_attenuates_echoes():
     clear = Renderer(scene(WALL)).turn(0).points
     hazy = Renderer(scene(WALL, sea=FLAT | {"visibility_km": 1.0})).turn(0).points
     ratio = np.median(hazy["intensity"][hazy["label"] == 1]) / np.median(clear["intensity"][clear["label"] == 1])
@@ -119,7 +119,7 @@ def test_a_wall_hides_what_is_behind_it():
     assert (hidden["label"] == 2).sum() == 0
 
 
-def test_waves_hide_what_floats_low():
+def test_waves_hide_low_objects():
     kayak = {
         "track_id": 2,
         "shape": "kayak",
@@ -138,7 +138,7 @@ def test_a_flat_black_sea_gives_no_clutter():
     assert not (Renderer(scene(WALL)).turn(0).points["label"] == 0).any()
 
 
-def test_clutter_lies_on_the_water():
+def test_clutter_is_on_the_water():
     points = Renderer(scene(sea={"sea_state": 0}, vessel={"wave_response": 0.0})).turn(0).points
     clutter = points[points["label"] == 0]
     assert len(clutter) > 500
@@ -150,18 +150,18 @@ def test_clutter_gets_sparser_and_weaker_with_range():
     points = np.concatenate([renderer.turn(k).points for k in range(4)])
     clutter = points[points["label"] == 0]
     r = ranges(clutter)
-    rings = [clutter["intensity"][(r >= low) & (r < low + 15)] for low in (10, 25, 40)]
-    counts = [len(ring) / (2 * low + 15) for ring, low in zip(rings, (10, 25, 40), strict=True)]
+    intensities = [clutter["intensity"][(r >= low) & (r < low + 15)] for low in (10, 25, 40)]
+    counts = [len(values) / (2 * low + 15) for values, low in zip(intensities, (10, 25, 40), strict=True)]
     assert counts == sorted(counts, reverse=True)
-    brightest = [np.quantile(ring, 0.98) for ring in rings]
+    brightest = [np.quantile(values, 0.98) for values in intensities]
     assert brightest == sorted(brightest, reverse=True)
 
 
-def test_own_vessel_rolls_with_the_sea():
+def test_own_ship_rolls_with_the_sea():
     vessel = {"wave_response": 1.0, "length_m": 2.0}
     still = Renderer(scene(WALL, vessel=vessel)).turn(0)
     rolling = [Renderer(scene(WALL, sea=FLAT | {"sea_state": 3}, vessel=vessel)).turn(k) for k in (0, 7, 14)]
-    heights = [turn.boxes.centers[1, 2] for turn in rolling]
+    heights = [frame.boxes.centers[1, 2] for frame in rolling]
     assert np.ptp(heights) > 0.2
     assert still.boxes.centers[1, 2] == pytest.approx(8 / 2 - 2.5)
 
@@ -169,8 +169,8 @@ def test_own_vessel_rolls_with_the_sea():
 def test_a_moving_target_moves():
     boat = {"track_id": 2, "shape": "speedboat", "size_m": [8, 3, 2], "path": [[20, -30], [20, 30]], "speed_ms": 10}
     renderer = Renderer(scene(boat))
-    places = np.array([renderer.turn(k).boxes.centers[1] for k in (0, 10, 20)])
-    np.testing.assert_allclose(np.diff(places[:, 1]), 10, atol=0.5)
+    positions = np.array([renderer.turn(k).boxes.centers[1] for k in (0, 10, 20)])
+    np.testing.assert_allclose(np.diff(positions[:, 1]), 10, atol=0.5)
     assert renderer.turn(10).boxes.yaws[1] == pytest.approx(np.pi / 2, abs=0.01)
 
 

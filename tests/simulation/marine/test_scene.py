@@ -8,13 +8,13 @@ BUOY = {"track_id": 1, "shape": "buoy", "size_m": [1, 1, 1]}
 
 
 @pytest.mark.parametrize("name", builtin_scenes())
-def test_every_built_in_scene_loads_and_says_what_it_is(name):
+def test_every_built_in_scene_loads_and_has_a_description(name):
     scene = load_scene(name)
     assert len(scene.recording.description) > 20
     assert parse_scene(yaml.safe_load(yaml.safe_dump(scene.as_dict())), "again") == scene
 
 
-def test_the_scenes_that_are_promised():
+def test_the_documented_scenes_exist():
     promised = {"calm", "clutter_only", "buoy_speedboat", "departure", "occlusion", "passing_speedboat", "harbour"}
     confined, plantations = {"lock", "narrow_channel", "moored_rows"}, {"apple", "poplar", "willow"}
     assert promised | confined | plantations | {"rough"} <= set(builtin_scenes())
@@ -23,36 +23,36 @@ def test_the_scenes_that_are_promised():
 
 
 @pytest.mark.parametrize(
-    ("raw", "said"),
+    ("raw", "message"),
     [
         ({"see": {}}, "see: unknown section"),
         ({"sea": {"sea_sate": 2}}, "sea.sea_sate: unknown key"),
         ({"sea": {"sea_state": 9}}, "sea.sea_state"),
-        ({"sea": [1]}, "sea: must be a section with keys, is a list"),
+        ({"sea": [1]}, "sea: must be a section with keys, got a list"),
         ({"recording": {"lidar": "VLP-15"}}, "unknown lidar 'VLP-15'; allowed: RS-LiDAR-32"),
         ({"recording": {"frames": 0}}, "recording.frames"),
         ({"vessel": {"path": []}}, "vessel.path"),
-        ({"sea": {}, "ground": {}}, "sea and ground: a scene has one of them"),
+        ({"sea": {}, "ground": {}}, "sea and ground: a scene can have only one of these sections"),
         ({"ground": {"sea_state": 2}}, "ground.sea_state: unknown key"),
         ({"noise": {"false_return_share": 2}}, "noise.false_return_share"),
         ({"noise": {"lost": 2}}, "noise.lost: unknown key"),
-        ({"objects": {"buoy": 1}}, "objects: must be a list, is a section"),
+        ({"objects": {"buoy": 1}}, "objects: must be a list, got a section"),
         ({"objects": [3]}, "objects.0: must be a section with keys"),
         ({"objects": [BUOY | {"shape": "whale"}]}, "objects.0.shape: unknown shape 'whale'"),
         ({"objects": [{"shape": "buoy"}]}, "objects.0.track_id: is missing"),
         ({"objects": [BUOY | {"size_m": [1, 2]}]}, "objects.0.size_m"),
         ({"objects": [BUOY | {"size_m": [1, 2, 0]}]}, "objects.0.size_m.2"),
-        ({"objects": [BUOY, BUOY]}, "track_id 1 occurs twice"),
+        ({"objects": [BUOY, BUOY]}, "track_id 1 is used more than once"),
         ({"objects": [BUOY | {"track_id": 65535}]}, "objects.0.track_id"),
     ],
 )
-def test_a_wrong_scene_says_what_is_wrong(raw, said):
+def test_errors_of_invalid_scenes(raw, message):
     with pytest.raises(ConfigError, match=r"s\.yaml") as caught:
         parse_scene(raw, "s.yaml")
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
-def test_all_that_is_wrong_is_said_at_once():
+def test_all_problems_are_reported_at_once():
     raw = {"sea": {"a": 1}, "vessel": {"b": 1}, "objects": [BUOY | {"c": 1}]}
     with pytest.raises(ConfigError, match="3 problems"):
         parse_scene(raw, "s.yaml")
@@ -64,6 +64,6 @@ def test_a_saved_scene_is_the_same(name, tmp_path):
     assert load_scene(str(tmp_path / "s.yaml")) == load_scene(name)
 
 
-def test_there_is_no_such_scene():
-    with pytest.raises(ConfigError, match=r"built in are .*departure"):
+def test_an_unknown_scene_is_an_error():
+    with pytest.raises(ConfigError, match=r"built-in ones: .*departure"):
         load_scene("departur")

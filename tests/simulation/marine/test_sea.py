@@ -11,7 +11,7 @@ def sea(seed=1, **params):
 
 @pytest.mark.parametrize("enhancement", [1.0, 3.3, 7.0])
 @pytest.mark.parametrize("height_m", [0.1, 1.0, 4.0])
-def test_the_spectrum_has_the_height_that_was_asked_for(enhancement, height_m):
+def test_the_spectrum_has_the_given_height(enhancement, height_m):
     area, _ = quad(lambda omega: jonswap(np.array([omega]), height_m, 1.1, enhancement)[0], 0.3, 60, limit=400)
     assert 4 * np.sqrt(area) == pytest.approx(height_m, rel=0.03)
 
@@ -32,12 +32,12 @@ def test_waves_are_as_high_as_the_sea_state_says(sea_state):
     assert np.mean(heights) == pytest.approx(params.significant_height_m, rel=0.12)
 
 
-def test_no_sea_state_is_flat():
+def test_sea_state_zero_is_flat():
     flat = sea(sea_state=0).at(3.0)
     assert not flat.heights.any()
 
 
-def test_waves_run_where_they_should():
+def test_waves_travel_in_their_direction():
     water = sea(direction_deg=0, spreading=20)
     now, later = water.at(0.0).heights, water.at(0.3).heights
     shifts = [np.corrcoef(np.roll(now, shift, axis=0).ravel(), later.ravel())[0, 1] for shift in range(-6, 7)]
@@ -62,7 +62,7 @@ def test_slopes_are_differences_of_heights():
     np.testing.assert_allclose(along_y, (surface.height(x, y + step) - surface.height(x, y - step)) / (2 * step))
 
 
-def test_seeds_tell_seas_apart():
+def test_each_seed_gives_a_different_sea():
     assert np.array_equal(sea(4).at(2.0).heights, sea(4).at(2.0).heights)
     assert not np.array_equal(sea(4).at(2.0).heights, sea(5).at(2.0).heights)
 

@@ -17,12 +17,12 @@ def test_a_track_follows_its_path():
     np.testing.assert_allclose(np.degrees(heading), [0, 0, 0, 90, 90, 90])
 
 
-def test_what_lies_still_keeps_its_heading():
+def test_a_body_at_rest_keeps_its_heading():
     x, y, heading = Track(((3.0, 4.0),), 0.0, 30.0, 0.0).at(np.array([-5.0, 50.0]))
     assert (x.tolist(), y.tolist(), np.degrees(heading).round(9).tolist()) == ([3, 3], [4, 4], [30, 30])
 
 
-def test_rotations_turn_bow_up_and_port_up():
+def test_signs_of_pitch_and_roll():
     up = rotations(np.zeros(2), np.array([-0.1, 0]), np.array([0, 0.1]))
     assert (up[0] @ [1, 0, 0])[2] > 0
     assert (up[1] @ [0, 1, 0])[2] > 0
@@ -42,27 +42,27 @@ def test_the_wake_is_behind_the_bow_and_within_kelvins_angle():
     np.testing.assert_allclose(by_place, by_place[::-1])
 
 
-def test_foam_outlives_the_ship_and_fades():
-    place = np.array([40.0]), np.array([0.0])
+def test_foam_remains_behind_the_ship_and_fades():
+    position = np.array([40.0]), np.array([0.0])
     peak = wake().foam(np.array([79.0]), np.zeros(1), 10.0)[0]
     times = (5.0, 7.0, 12.0, 20.0, 30.0)
-    cover = [wake().foam(*place, time)[0] for time in times]
+    cover = [wake().foam(*position, time)[0] for time in times]
     assert cover[1] > 0.5 * peak
     assert cover[1:] == sorted(cover[1:], reverse=True)
     assert 0 < cover[-1] < 0.1 * peak
-    assert wake().foam(*place, 4.0)[0] == 0
+    assert wake().foam(*position, 4.0)[0] == 0
 
 
-def test_a_faster_ship_leaves_more():
-    place = np.array([0.0]), np.array([0.0])
-    covers = [wake(speed).foam(place[0] + speed * 4 - 8, place[1], 4.0)[0] for speed in (1.0, 3.0, 6.0)]
+def test_a_faster_ship_leaves_more_foam():
+    position = np.array([0.0]), np.array([0.0])
+    covers = [wake(speed).foam(position[0] + speed * 4 - 8, position[1], 4.0)[0] for speed in (1.0, 3.0, 6.0)]
     assert covers == sorted(covers)
     assert covers[0] < 0.05 * covers[2]
     assert wake(2.0).spray(4.0) is None
     assert wake(9.0).spray(4.0) is not None
 
 
-def test_waves_of_the_wake_have_the_length_of_kelvins_theory():
+def test_waves_of_the_wake_have_the_wavelength_of_kelvins_theory():
     behind = np.arange(5.0, 55, 0.05)
     x, y = 80 + 4 - behind, 1.25 + behind * np.tan(KELVIN)
     height = wake().height(x, y, 10.0)
@@ -70,7 +70,7 @@ def test_waves_of_the_wake_have_the_length_of_kelvins_theory():
     assert np.diff(crests).mean() == pytest.approx(2 / 3 * 2 * np.pi * 8**2 / 9.81, rel=0.02)
 
 
-def test_a_wake_turns_with_the_path_and_stays_on_it():
+def test_a_wake_follows_the_bends_of_the_path():
     path = ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0))
     left = wake(path=path)
     cover = left.foam(np.array([20.0, 40.0, 60.0]), np.array([0.0, 12.0, 0.0]), 8.0)
@@ -79,7 +79,7 @@ def test_a_wake_turns_with_the_path_and_stays_on_it():
     assert cover[2] < 1e-6
 
 
-def test_patches_are_even_and_last():
+def test_patches_are_uniform_and_constant():
     x, y = np.random.default_rng(0).uniform(-500, 500, (2, 50_000))
     values = patches(x, y, 7)
     assert np.histogram(values, 10, (0, 1))[0] == pytest.approx(np.full(10, 5000), rel=0.08)

@@ -21,7 +21,7 @@ from tests.paths import SHARED_DATA
 
 DATA = SHARED_DATA
 S = 1_000_000_000
-real_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings are not here")
+real_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings are missing")
 
 
 def put(path, value=0.0, size=3):
@@ -42,7 +42,7 @@ def stamps(source):
 
 
 def first_values(source):
-    """Return the x of the first point of every frame: which file it was."""
+    """Return the x of the first point of every frame, which identifies its file."""
     codec = find_codec(source.channels[0])
     return [codec.decode(message.data).points["x"][0] for message in source.records()]
 
@@ -51,13 +51,12 @@ def test_messages_are_ros2_point_clouds(tmp_path):
     for index in range(3):
         put(tmp_path / f"{index:06d}.bin", index, size=index)
     source = FolderSource(tmp_path, rate_hz=5)
-    assert (source.name, source.format, source.profile, source.compression) == (
-        *(tmp_path.name, "folder of BIN", "ros2", None),
-    )
+    assert (source.name, source.format) == (tmp_path.name, "folder of BIN")
+    assert (source.profile, source.compression) == ("ros2", None)
     (channel,) = source.channels
     assert (channel.id, channel.topic, channel.message_encoding) == (1, "/points", "cdr")
     assert source.counts == {1: 3}
-    store = get_typestore(Stores.ROS2_JAZZY)  # another reader than ours
+    store = get_typestore(Stores.ROS2_JAZZY)  # an independent reader
     for index, message in enumerate(source.records()):
         cloud = store.deserialize_cdr(bytes(message.data), "sensor_msgs/msg/PointCloud2")
         assert message.channel == channel
@@ -80,7 +79,7 @@ def test_records_can_be_read_again(tmp_path):
     assert len(source.damage) == 1
 
 
-def test_schema_holds_all_definitions():
+def test_schema_contains_all_definitions():
     schema = ros2_schema("sensor_msgs/msg/PointCloud2")
     assert (schema.name, schema.encoding) == ("sensor_msgs/msg/PointCloud2", "ros2msg")
     for name in ("std_msgs/Header", "builtin_interfaces/Time", "sensor_msgs/PointField"):
@@ -97,7 +96,7 @@ def test_natural_order(tmp_path):
     assert first_values(FolderSource(tmp_path)) == [0, 1, 2, 3, 10]
 
 
-def test_other_files_do_no_harm(tmp_path):
+def test_other_files_are_ignored(tmp_path):
     put(tmp_path / "0.bin")
     put(tmp_path / "1.BIN", 1)
     for name in ("README.md", "labels.csv", "run.labels.csv", "poses.csv", "0.label", ".DS_Store", "._0.bin", ".0.pcd"):
@@ -120,7 +119,7 @@ def test_no_frames_are_an_error(tmp_path):
     assert not is_frame_folder(tmp_path)
     with pytest.raises(InputError, match="no frames"):
         FolderSource(tmp_path)
-    with pytest.raises(InputError, match="no frame file"):
+    with pytest.raises(InputError, match="not a frame file"):
         FolderSource(tmp_path / "notes.txt")
     with pytest.raises(InputError, match="No such file"):
         FolderSource(tmp_path / "missing")
@@ -128,7 +127,7 @@ def test_no_frames_are_an_error(tmp_path):
     assert not is_frame_folder(tmp_path / "notes.txt")
 
 
-def test_tables_of_results_make_no_frame_folder(tmp_path):
+def test_tables_of_results_are_not_frames(tmp_path):
     (tmp_path / "frames.csv").write_text("recording,frame,targets\na,0,1\n")
     (tmp_path / "settings.csv").write_bytes(b"\xff\xfe\x00")
     assert not is_frame_folder(tmp_path)
@@ -162,7 +161,7 @@ def test_single_files(tmp_path):
     assert stamps(FolderSource(tmp_path / "other.bin")) == [0]
 
 
-def test_name_of_the_folder_one_stands_in(tmp_path, monkeypatch):
+def test_name_of_the_current_folder(tmp_path, monkeypatch):
     put(tmp_path / "run.2024" / "0.bin")
     monkeypatch.chdir(tmp_path / "run.2024")
     assert FolderSource(Path()).name == "run.2024"
@@ -188,7 +187,7 @@ def test_odd_names_and_links(tmp_path):
 # Damage and memory
 
 
-def test_damaged_frames_are_left_out_and_noted(tmp_path):
+def test_damaged_frames_are_left_out_and_reported(tmp_path):
     for index in range(4):
         put(tmp_path / f"{index}.bin", index)
     (tmp_path / "1.bin").write_bytes(bytes(17))
@@ -201,7 +200,7 @@ def test_damaged_frames_are_left_out_and_noted(tmp_path):
     assert source.counts == {1: 4}
 
 
-def test_frames_that_vanish_are_noted(tmp_path):
+def test_frames_that_vanish_are_reported(tmp_path):
     put(tmp_path / "0.bin")
     source = FolderSource(tmp_path)
     (tmp_path / "0.bin").unlink()
@@ -250,11 +249,11 @@ def test_stamps_in_names(tmp_path, names, expected):
         ["1673400472138016708", "frame"],
         ["1673400472138", "1673400472138017"],
         ["a_1673400472138", "b_1673400472138"],
-        ["9000000000000000000", "9000000000000000001"],  # beyond what a stamp can hold
+        ["9000000000000000000", "9000000000000000001"],  # exceeds the range of a stamp
         ["20240101120000", "20240101120001"],
     ],
 )
-def test_names_that_are_no_times(tmp_path, names):
+def test_names_that_are_not_times(tmp_path, names):
     for name in names:
         put(tmp_path / f"{name}.bin")
     assert stamps(FolderSource(tmp_path)) == [0, S // 10]
@@ -296,18 +295,18 @@ def test_seepersea(tmp_path, times):
 @pytest.mark.parametrize(
     "first", ["lidar: 1673400472.5 camera: 1673400472.6", "secs: 1673400472\nnsecs: 500000000", "2023-01-11 01:27:52.5"]
 )
-def test_seepersea_other_ways_to_write_a_time(tmp_path, first):
+def test_seepersea_other_forms_of_times(tmp_path, first):
     seepersea(tmp_path, [first, "1673400473.5"])
     assert stamps(FolderSource(tmp_path)) == [1673400472500000000, 1673400473500000000]
 
 
 @pytest.mark.parametrize("times", [["1", "1"], ["2", "1"], ["1", "soon"], ["1", ""]])
-def test_times_that_do_not_fit_are_noted_and_not_used(tmp_path, times):
+def test_invalid_times_are_reported_and_not_used(tmp_path, times):
     seepersea(tmp_path, times)
     source = FolderSource(tmp_path)
     assert stamps(source) == [0, S // 10]
     assert "000001" in source.warnings[0]
-    assert "10 per second" in source.warnings[0]
+    assert "10 frames per second" in source.warnings[0]
 
 
 def test_seepersea_without_a_time_for_a_frame(tmp_path):

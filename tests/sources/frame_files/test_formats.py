@@ -44,7 +44,7 @@ SEVERAL_DTYPE = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("normal", "f4"
 
 
 def several(encoding, points):
-    """Write a field of three values the way PCL does: compressed, all values of a point stay together."""
+    """Return a PCD file with a field of three values, like PCL: compressed, the values of a point are adjacent."""
     fields = [field for field in SEVERAL if encoding == "binary" or field[0] != "_"]
     header = pcd_header(fields, len(points), encoding, height=2)
     if encoding == "ascii":
@@ -86,7 +86,7 @@ def test_pcd_ascii_with_any_white_space(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("header", "told"),
+    ("header", "message"),
     [
         ({"POINTS": 3}, "POINTS 3"),
         ({"WIDTH": "two"}, "two"),
@@ -97,8 +97,8 @@ def test_pcd_ascii_with_any_white_space(tmp_path):
         ({"DATA": "zip"}, "zip"),
     ],
 )
-def test_pcd_wrong_headers(tmp_path, header, told):
-    with pytest.raises(CloudError, match=told):
+def test_pcd_wrong_headers(tmp_path, header, message):
+    with pytest.raises(CloudError, match=message):
         read(tmp_path / "a.pcd", pcd_header(FOUR, 2, "binary", **header) + bytes(32))
 
 
@@ -131,7 +131,7 @@ def test_ply_sized_type_names_and_windows_lines(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ((b"element vertex", b"element face"), "no element 'vertex'; the file has face"),
         ((b"end_header", b"property list uchar int near\nend_header"), "'near' of element 'vertex' is a list"),
@@ -145,22 +145,22 @@ def test_ply_sized_type_names_and_windows_lines(tmp_path):
         ((b"ply\n", b"plx\n"), "no PLY header"),
     ],
 )
-def test_ply_what_cannot_be_read(tmp_path, change, told):
-    with pytest.raises(CloudError, match=told):
+def test_ply_files_that_cannot_be_read(tmp_path, change, message):
+    with pytest.raises(CloudError, match=message):
         read(tmp_path / "a.ply", ply(sample()).replace(*change))
 
 
 def test_ply_ascii_names_the_line_of_a_fault(tmp_path):
     content = ply(sample(3), "ascii", before="element extra 1\nproperty uchar a\n", body_before=b"1\n")
-    with pytest.raises(CloudError, match="line 15: 'oops' is no number"):
+    with pytest.raises(CloudError, match="line 15: 'oops' is not a number"):
         read(tmp_path / "a.ply", content[: content.rindex(b" ")] + b" oops\n")
 
 
 def test_pcd_ascii_names_the_line_of_a_fault(tmp_path):
     content = several("ascii", sample(2, SEVERAL_DTYPE))
-    with pytest.raises(CloudError, match="line 13 has 6 values, 7 are needed"):
+    with pytest.raises(CloudError, match="line 13 has 6 values, expected 7"):
         read(tmp_path / "a.pcd", content[: content.rindex(b" ")])
-    with pytest.raises(CloudError, match="line 13 has 3 values, 4 are needed"):
+    with pytest.raises(CloudError, match="line 13 has 3 values, expected 4"):
         read(tmp_path / "a.pcd", pcd_header(FOUR, 2, "ascii") + b"1 2 3 4\n5 6 7\n")
 
 
@@ -182,14 +182,14 @@ def test_las_keeps_every_dimension(tmp_path, suffix, point_format):
         np.testing.assert_array_equal(points[name], np.asarray(expected[name]))
 
 
-def test_las_without_laspy_says_what_to_install(tmp_path, monkeypatch):
+def test_las_without_laspy_names_the_extra(tmp_path, monkeypatch):
     content = las(sample(), ".las")
     monkeypatch.setitem(sys.modules, "laspy", None)
     with pytest.raises(MissingExtraError, match=r"seaclutter\[las\]"):
         read(tmp_path / "a.las", content)
 
 
-def test_laz_without_a_decompressor_says_what_to_install(tmp_path, monkeypatch):
+def test_laz_without_a_decompressor_names_the_extra(tmp_path, monkeypatch):
     laspy = pytest.importorskip("laspy")
     content = las(sample(), ".laz")
     monkeypatch.setattr(laspy.LazBackend, "is_available", lambda backend: False)
@@ -197,7 +197,7 @@ def test_laz_without_a_decompressor_says_what_to_install(tmp_path, monkeypatch):
         read(tmp_path / "a.laz", content)
 
 
-def test_las_damage_says_nothing_on_its_own(tmp_path, capfd):
+def test_las_damage_prints_nothing(tmp_path, capfd):
     for suffix in (".las", ".laz"):
         with pytest.raises(CloudError):
             read(tmp_path / f"a{suffix}", las(sample(), suffix)[:-300])
@@ -207,7 +207,7 @@ def test_las_damage_says_nothing_on_its_own(tmp_path, capfd):
 # KITTI
 
 
-def test_kitti_says_what_it_found(tmp_path):
+def test_kitti_error_gives_the_size(tmp_path):
     with pytest.raises(CloudError, match="33 bytes"):
         read(tmp_path / "a.bin", bytes(33))
 
@@ -244,7 +244,7 @@ def test_npy_structured_arrays(tmp_path):
         np.zeros(5, [("x", "f4"), ("when", "M8[ns]")]),
     ],
 )
-def test_npy_what_is_no_cloud(tmp_path, array):
+def test_npy_arrays_that_are_not_clouds(tmp_path, array):
     with pytest.raises(CloudError):
         read(tmp_path / "a.npy", npy(array))
 
@@ -297,19 +297,19 @@ def test_csv_empty_cells_are_nan(tmp_path, mark, end):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
-        (b"x,y,z\n1,2,3\n4,5\n", "line 3 has 2 values, 3 are needed"),
-        (b"x,y,z\n1,2,3\n\n4,5,6,7\n", "line 4 has 4 values, 3 are needed"),
-        (b"x y z\n1 2 3\n4 5\n", "line 3 has 2 values, 3 are needed"),
-        (b"# x y z\n1 2 3\n4 five 6\n", "line 3: 'five' is no number"),
-        (b"1,2,3\n4,5,--\n", "line 2: '--' is no number"),
-        (b"frame,class\n1,ship\n", "line 1 names no columns x, y and z"),
-        (b"1,2\n", "2 columns"),
+        (b"x,y,z\n1,2,3\n4,5\n", "line 3 has 2 values, expected 3"),
+        (b"x,y,z\n1,2,3\n\n4,5,6,7\n", "line 4 has 4 values, expected 3"),
+        (b"x y z\n1 2 3\n4 5\n", "line 3 has 2 values, expected 3"),
+        (b"# x y z\n1 2 3\n4 five 6\n", "line 3: 'five' is not a number"),
+        (b"1,2,3\n4,5,--\n", "line 2: '--' is not a number"),
+        (b"frame,class\n1,ship\n", "line 1 contains neither numbers nor the column names x, y and z"),
+        (b"1,2\n", "got 2"),
         (b"x,y,z,x\n1,2,3,4\n", "x"),
         (b"\n\n", "no points"),
     ],
 )
-def test_csv_names_the_fault(tmp_path, content, told):
-    with pytest.raises(CloudError, match=told):
+def test_csv_names_the_fault(tmp_path, content, message):
+    with pytest.raises(CloudError, match=message):
         read(tmp_path / "a.csv", content)

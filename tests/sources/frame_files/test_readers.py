@@ -13,7 +13,7 @@ from tests.paths import SHARED_DATA
 from tests.sources.frame_files.writers import FOUR, WRITERS, XYZI, las, npy, pcd, pcd_header, ply, read, sample, text
 
 DATA = SHARED_DATA
-real_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings are not here")
+real_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings are missing")
 
 
 def test_every_format_is_tested():
@@ -32,7 +32,7 @@ def test_round_trip(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-def test_no_points_are_an_empty_cloud(tmp_path, suffix):
+def test_no_points_give_an_empty_cloud(tmp_path, suffix):
     cloud = read(tmp_path / f"a{suffix}", WRITERS[suffix](sample(0)))
     assert cloud.size == 0
     assert {"x", "y", "z", "intensity"} <= set(cloud.dtype.names)
@@ -54,15 +54,15 @@ def test_empty_file(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-def test_missing_file_is_not_called_damaged(tmp_path, suffix):
+def test_missing_file_is_not_reported_as_damaged(tmp_path, suffix):
     with pytest.raises(FileNotFoundError):
         read(tmp_path / f"a{suffix}")
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-def test_cut_file_is_no_smaller_cloud(tmp_path, suffix):
+def test_truncated_file_is_an_error(tmp_path, suffix):
     content = WRITERS[suffix](sample())
-    # Text cut inside its last number, and EVLRs behind the points of LAS, cannot be told from a whole file.
+    # Truncation inside the last number of a text, or in the EVLRs after the points of LAS, cannot be recognised.
     for part in (len(content) // 3 + 1, len(content) // 2 + 1):
         cut = content.rindex(b",", 0, content.index(b"\n", part)) if suffix == ".csv" else part
         with pytest.raises(CloudError) as error:
@@ -86,15 +86,15 @@ def whole_files():
 
 @settings(max_examples=600, deadline=5000, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_broken_bytes_give_a_cloud_or_a_cloud_error(scratch, whole_files, data):
+def test_damaged_bytes_give_a_cloud_or_a_cloud_error(scratch, whole_files, data):
     suffix, whole = data.draw(st.sampled_from(whole_files))
     content = bytearray(whole)
-    # Half of the flips hit the header, where they hurt most.
-    places = st.one_of(st.integers(0, min(400, len(whole) - 1)), st.integers(0, len(whole) - 1))
-    for place, value in data.draw(st.lists(st.tuples(places, st.integers(0, 255)), max_size=6)):
-        content[place] = value
+    # Half of the flips hit the header, where they have the most effect.
+    offsets = st.one_of(st.integers(0, min(400, len(whole) - 1)), st.integers(0, len(whole) - 1))
+    for offset, value in data.draw(st.lists(st.tuples(offsets, st.integers(0, 255)), max_size=6)):
+        content[offset] = value
     if data.draw(st.booleans()):
-        del content[data.draw(places) :]
+        del content[data.draw(offsets) :]
     path = scratch / f"broken{suffix}"
     try:
         cloud = read(path, bytes(content))
@@ -111,14 +111,14 @@ def test_broken_bytes_give_a_cloud_or_a_cloud_error(scratch, whole_files, data):
 HUGE = 10**12
 
 
-def las_announcing(count, suffix):
+def las_declaring(count, suffix):
     content = bytearray(las(sample(), suffix, point_format=6))
     struct.pack_into("<Q", content, 247, count)
     return bytes(content)
 
 
 def laz_with(change):
-    """Return a LAZ of layered chunks in which a function has changed the bytes, given the place of the points."""
+    """Return a LAZ file of layered chunks, changed by a function of its bytes and the offset of its points."""
     content = bytearray(las(sample(), ".laz", point_format=6))
     (start,) = struct.unpack_from("<I", content, 96)
     change(content, start)
@@ -135,11 +135,11 @@ def many_chunks(content, start):
 
 
 def wide_points(content, start):
-    place = content.index(b"laszip encoded") - 2 + 54 + 34 + 2
-    struct.pack_into("<H", content, place, 2**16 - 1)
+    offset = content.index(b"laszip encoded") - 2 + 54 + 34 + 2
+    struct.pack_into("<H", content, offset, 2**16 - 1)
 
 
-def npy_announcing(count):
+def npy_declaring(count):
     header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': ({count}, 4), }}".ljust(117) + "\n"
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode() + bytes(64)
 
@@ -152,24 +152,24 @@ BOMBS = {
     "binary.ply": ply(sample(3)).replace(b"vertex 3", b"vertex %d" % HUGE),
     "ascii.ply": ply(sample(3), "ascii").replace(b"vertex 3", b"vertex %d" % HUGE),
     "before.ply": ply(sample(3), "ascii").replace(b"element", b"element face %d\nelement" % HUGE),
-    "npy.npy": npy_announcing(HUGE),
-    "las.las": lambda: las_announcing(HUGE, ".las"),
-    "laz.laz": lambda: las_announcing(HUGE, ".laz"),
+    "npy.npy": npy_declaring(HUGE),
+    "las.las": lambda: las_declaring(HUGE, ".las"),
+    "laz.laz": lambda: las_declaring(HUGE, ".laz"),
     "layer.laz": lambda: laz_with(huge_layer),
     "chunks.laz": lambda: laz_with(many_chunks),
     "items.laz": lambda: laz_with(wide_points),
     "vlrs.las": lambda: (content := las(sample(), ".las"))[:100] + b"\xff\xff\xff\xff" + content[104:],
 }
 BOMBS_FOUND = {"npy.npy": ".", "laz.laz": ".", "layer.laz": "layers do not fit", "items.laz": "65549 bytes"}
-"""What the message says, where it is not that something is announced."""
+"""Patterns of messages about anything but a declared size."""
 
 
 @pytest.mark.parametrize("name", BOMBS)
-def test_announced_sizes_take_no_memory(tmp_path, name):
+def test_declared_sizes_take_no_memory(tmp_path, name):
     content = BOMBS[name]() if callable(BOMBS[name]) else BOMBS[name]
     tracemalloc.start()
-    # What compiled libraries take is not traced: the messages show that they were not even asked.
-    with pytest.raises(CloudError, match=BOMBS_FOUND.get(name, "announce")):
+    # Memory of compiled libraries is not traced; the messages show that they were not called.
+    with pytest.raises(CloudError, match=BOMBS_FOUND.get(name, "declare")):
         read(tmp_path / name, content)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

@@ -1,4 +1,4 @@
-"""Small frame files of every format, written by other means than the readers under test."""
+"""Small frame files of every format, written independently of the readers under test."""
 
 import csv
 import io

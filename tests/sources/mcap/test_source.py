@@ -1,4 +1,4 @@
-"""Sound MCAP files in every layout, written and read again by the ``mcap`` library as an independent reference."""
+"""Intact MCAP files in every layout, written and read by the ``mcap`` library as an independent reference."""
 
 import gc
 import io
@@ -41,7 +41,7 @@ SCHEMA = mcap_records.Schema(1, b"string text", "ros2msg", "test/msg/Note")
 
 
 def plain(record):
-    """Return a record as something that compares by value."""
+    """Return a record as a tuple that compares by value."""
     if isinstance(record, Message):
         channel = record.channel
         schema = channel.schema and (channel.schema.name, channel.schema.encoding, channel.schema.data)
@@ -53,7 +53,7 @@ def plain(record):
 
 
 def read(path):
-    """Read a sound file, twice."""
+    """Return the records of an intact file, and check that a second pass gives the same."""
     source = McapSource(path)
     assert source.damage == []
     known, counts = source.channels, source.counts
@@ -70,7 +70,7 @@ def read(path):
 
 
 def reference(path):
-    """Read a file with the library."""
+    """Return metadata, attachments and messages of a file as the library reads them."""
 
     def reader():
         return NonSeekingReader(io.BytesIO(path.read_bytes()), validate_crcs=True)
@@ -133,9 +133,10 @@ def test_any_order_and_size(tmp_path_factory, layout, messages, attachments, chu
         Entry(TOPICS[topic].name, start_ns + time, bytes([number]) * size, sequence=number)
         for number, (topic, time, size) in enumerate(messages)
     ]
-    extras = [Extra(f"file {number}", *place, bytes(size)) for number, (*place, size) in enumerate(attachments)]
+    extras = [Extra(f"file {number}", *position, bytes(size)) for number, (*position, size) in enumerate(attachments)]
     extras += [
-        Extra(f"note {number}", place, entries={"number": str(number)}) for number, (place, _) in enumerate(attachments)
+        Extra(f"note {number}", position, entries={"number": str(number)})
+        for number, (position, _) in enumerate(attachments)
     ]
     layout = replace(layout, chunk_size=chunk_size)
     assert_equal(write_log(tmp_path_factory.mktemp("any") / "log.mcap", TOPICS, entries, layout, extras=extras))
@@ -179,7 +180,7 @@ def test_a_log_without_messages(tmp_path, layout):
     assert read(path) == []
 
 
-def test_a_log_of_nothing(tmp_path):
+def test_an_empty_log(tmp_path):
     path = write(tmp_path / "log.mcap", HEADER, *sound_end())
     assert read(path) == []
 
@@ -198,7 +199,7 @@ def test_channels_declared_in_every_chunk(tmp_path):
     assert sequences(write(tmp_path / "log.mcap", HEADER, *chunks, SCHEMA, declared(), *sound_end())) == [0, 1, 2, 3]
 
 
-def test_a_schema_declared_behind_its_channel(tmp_path):
+def test_a_schema_declared_after_its_channel(tmp_path):
     path = write(tmp_path / "log.mcap", HEADER, chunk_of(declared(), note(1)), chunk_of(SCHEMA, note(2)), *sound_end())
     assert [record[3] for record in read(path)] == [("test/msg/Note", "ros2msg", b"string text")] * 2
 
@@ -221,7 +222,7 @@ def test_unchunked_logs_are_read_in_runs(tmp_path, monkeypatch):
     assert sequences(path) == list(range(200))
 
 
-def test_records_that_are_not_of_the_format_and_records_that_have_grown(tmp_path):
+def test_private_and_extended_records(tmp_path):
     private = b"\x90" + (30).to_bytes(8, "little") + bytes(30)
     chunk = chunk_of(SCHEMA, declared(), private, note(1), declared(), note(2))
     header = b"\x01" + (16).to_bytes(8, "little") + b"\4\0\0\0ros2" + bytes(4) + b"more"
@@ -238,7 +239,7 @@ def _frames_of_unknown_size(data):
     ("compression", "compress"),
     [("zstd", _frames_of_unknown_size), ("lz4", lambda data: lz4.frame.compress(data, store_size=False))],
 )
-def test_compressors_that_do_not_say_how_much_there_is(tmp_path, compression, compress):
+def test_chunks_without_a_content_size(tmp_path, compression, compress):
     records = join(SCHEMA, declared(), note(1), note(2))[len(MAGIC) : -len(MAGIC)]
     chunk = chunk_of(records, compression=compression, data=compress(records))
     chunk.message_start_time, chunk.message_end_time = START_NS + 1, START_NS + 2
@@ -266,21 +267,25 @@ def test_closing_in_the_middle(tmp_path, layout):
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n" * 2, b"no log at all", bytes(5000)])
-def test_files_that_are_no_logs(tmp_path, content):
+def test_files_that_are_not_logs(tmp_path, content):
     path = tmp_path / "log.mcap"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"log\.mcap: (the file is empty|nothing in this MCAP file can be read)"):
+    with pytest.raises(InputError, match=r"log\.mcap: (the file is empty|no readable record in this MCAP file)"):
         McapSource(path)
 
 
-def test_places_that_are_no_files(tmp_path):
+def test_paths_that_are_not_files(tmp_path):
     other = tmp_path / "log.txt"
     other.write_text("a log of words")
-    for path, said in ((other, "not an MCAP file"), (tmp_path / "none.mcap", "No such file"), (tmp_path, "director")):
-        with pytest.raises(InputError, match=said):
+    for path, message in (
+        (other, "not an MCAP file"),
+        (tmp_path / "none.mcap", "No such file"),
+        (tmp_path, "director"),
+    ):
+        with pytest.raises(InputError, match=message):
             McapSource(path)
     if hasattr(os, "mkfifo") and os.path.exists("/dev/null"):  # noqa: PTH110
-        with pytest.raises(InputError, match="not a file on a disk"):
+        with pytest.raises(InputError, match="not a regular file"):
             McapSource(type(tmp_path)("/dev/null"))
 
 
@@ -299,7 +304,7 @@ print(size, *re.findall(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_t
 
 
 def peak_kilobytes(path, size):
-    """Read a log whole in a process of its own."""
+    """Return the peak memory of a process that reads a whole log, in kB."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-c", _PEAK, path]
     run = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)

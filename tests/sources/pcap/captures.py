@@ -1,4 +1,4 @@
-"""Captures by hand: every link layer and file format, made without the program's own writer."""
+"""Captures of every link layer and file format, made without the program's own writer."""
 
 import ipaddress
 import struct
@@ -16,7 +16,7 @@ PERIOD_NS = MODEL.packet_ns
 
 
 def sensor_packets(packets=75, step=100, seed=0, start_ns=START_NS):
-    """Return (time, payload, port) of a sensor that turns in few packets; device information comes in the middle."""
+    """Return (time, payload, port) of a sensor with few packets per revolution; device information is in the middle."""
     random = np.random.default_rng(seed)
     blocks = packets * 12
     times = start_ns + np.arange(packets) * PERIOD_NS
@@ -51,11 +51,11 @@ def ipv6(data, source="fe80::12"):
 
 
 def fragments(data, number, size=504):
-    """Return an IPv4 packet as several."""
-    places = range(0, len(data), size)
+    """Return the fragments of an IPv4 packet."""
+    offsets = range(0, len(data), size)
     return [
-        ipv4(data[place : place + size], number=number, flags=place // 8 | 0x2000 * (place + size < len(data)))
-        for place in places
+        ipv4(data[offset : offset + size], number=number, flags=offset // 8 | 0x2000 * (offset + size < len(data)))
+        for offset in offsets
     ]
 
 

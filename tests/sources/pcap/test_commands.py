@@ -1,4 +1,4 @@
-"""Captures on the command line: what is told of them, and that they are filtered like any log."""
+"""Captures on the command line: information about them, and filtering."""
 
 import json
 import shutil
@@ -44,12 +44,12 @@ def test_info_names_the_sensor_and_its_firmware(capture):
     words = " ".join(result.stdout.split())
     assert "PCAP of RS-LiDAR-32" in words
     assert "sensor RS-LiDAR-32; serial number: 5ea000000001; firmware: top board 0602090000" in words
-    assert "partial turns: 1" in words
+    assert "partial revolutions: 1" in words
     assert "0 missing, 0 not decodable" in words
     (content,) = json.loads(run("info", capture, "--json", "-q").stdout)
     facts = content["sensors"]["/points"]
     assert (facts["model"], facts["lost_packets"], facts["bad_packets"]) == ("RS-LiDAR-32", 0, 0)
-    assert facts["details"]["returns"] == "one (strongest return)"
+    assert facts["details"]["return mode"] == "single (strongest)"
 
 
 def test_a_capture_is_filtered(capture, tmp_path):
@@ -64,7 +64,7 @@ def test_a_capture_is_filtered(capture, tmp_path):
     }
 
 
-def test_losses_are_told(tmp_path):
+def test_losses_are_reported(tmp_path):
     rows = [row for number, row in enumerate(ROWS) if number != 20]
     rows[30] = (rows[30][0], b"\1" * 1248, 6699)
     path = tmp_path / "log.pcap"
@@ -72,7 +72,7 @@ def test_losses_are_told(tmp_path):
     result = run("filter", path, "-o", tmp_path / "out.mcap")
     assert result.exit_code == 3
     assert "the capture ends within a packet; left out: 1301 bytes" in result.stderr
-    assert "1 packets that cannot be decoded" in result.stderr
+    assert "1 packets cannot be decoded" in result.stderr
     assert "/points: 2 packets are missing" in result.stderr
 
 
@@ -107,8 +107,8 @@ def test_a_folder_of_captures(capture):
     assert [recording.name for recording in find_recordings([str(capture.parent)])] == ["log", "other"]
 
 
-@pytest.mark.skipif(not OUSTER.is_file(), reason="the captures of Ouster are not here")
-class TestMetadataBeside:
+@pytest.mark.skipif(not OUSTER.is_file(), reason="the Ouster captures are missing")
+class TestMetadataNextToCapture:
     def open(self, tmp_path, *metadata):
         path = tmp_path / "harbour_3.pcap"
         shutil.copy(OUSTER, path)

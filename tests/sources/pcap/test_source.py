@@ -1,4 +1,4 @@
-"""Captures of every form give the frames of the sensors in them."""
+"""Frames of the sensors in captures of every format."""
 
 import struct
 from contextlib import closing, suppress
@@ -23,7 +23,7 @@ ROWS = captures.sensor_packets()
 
 
 def read(path, data=None, **options):
-    """Return source and clouds by topic."""
+    """Return the source, and the clouds by topic."""
     if data is not None:
         path.write_bytes(data)
     with closing(open_source(path, decoding=DecoderOptions(**options))) as source:
@@ -81,7 +81,7 @@ def test_pcapng(tmp_path, expected, order, kind, resolution, ticks):
 
 
 def test_pcapng_with_several_sections_and_interfaces(tmp_path, expected):
-    """Each section has a byte order and interfaces of its own; unknown blocks are passed over."""
+    """Each section has its own byte order and interfaces; unknown blocks are skipped."""
     data = b""
     for number, (time, packet) in enumerate(frames(ROWS)):
         if number % 10 == 0:
@@ -139,7 +139,7 @@ def test_several_sensors(tmp_path, expected):
     assert contents(clouds["/points/192.168.1.200"]) == expected
 
 
-def test_several_sensors_behind_one_address(tmp_path, expected):
+def test_several_sensors_at_one_address(tmp_path, expected):
     second = [(time, data, port + 10) for time, data, port in captures.sensor_packets(seed=1)]
     _, clouds = read(tmp_path / "log.pcap", pcap(sorted(frames(ROWS) + frames(second))))
     assert list(clouds) == ["/points/192.168.1.200/6699", "/points/192.168.1.200/6709"]
@@ -151,7 +151,7 @@ def test_data_and_information_on_one_port(tmp_path, expected):
     assert contents(read(tmp_path / "log.pcap", pcap(frames(rows)))[1]["/points"]) == expected
 
 
-def test_information_behind_thousands_of_packets(tmp_path):
+def test_information_after_thousands_of_packets(tmp_path):
     rows = captures.sensor_packets(2000)
     rows.append(rows.pop(1000))
     assert rows[-1][2] == 7788
@@ -159,7 +159,7 @@ def test_information_behind_thousands_of_packets(tmp_path):
     assert sum(cloud.size for cloud in clouds["/points"]) == 2000 * 12 * 32
 
 
-def test_the_writer(tmp_path, expected):
+def test_captures_of_the_writer(tmp_path, expected):
     path = tmp_path / "log.pcap"
     packets = ((time, ethernet_udp(Endpoints(source_port=port, target_port=port), data)) for time, data, port in ROWS)
     path.write_bytes(b"".join((pcap_header(), *(pcap_record(*packet) for packet in packets))))
@@ -177,16 +177,18 @@ def test_without_information(tmp_path):
     assert sum(cloud.size for cloud in clouds["/points"]) == 75 * 12 * 32
 
 
-def test_nothing_that_is_known(tmp_path):
+def test_captures_without_known_sensors(tmp_path):
     path = tmp_path / "log.pcap"
     path.write_bytes(pcap(frames([(time, payload[:900], port) for time, payload, port in ROWS])))
-    with pytest.raises(InputError, match=r"75 of 900 bytes from 192\.168\.1\.200:6699 to port 6699.*RoboSense"):
+    with pytest.raises(
+        InputError, match=r"75 UDP datagrams of 900 bytes from 192\.168\.1\.200:6699 to port 6699.*RoboSense"
+    ):
         open_source(path)
     path.write_bytes(pcap(frames(ROWS), snap=96))
-    with pytest.raises(InputError, match="76 cut short"):
+    with pytest.raises(InputError, match="76 truncated datagrams"):
         open_source(path)
     path.write_bytes(pcap([]))
-    with pytest.raises(InputError, match="no whole UDP datagrams"):
+    with pytest.raises(InputError, match="no complete UDP datagrams"):
         open_source(path)
     for size in (1, 4, 23):
         path.write_bytes(pcap(frames(ROWS))[:size])
@@ -195,16 +197,16 @@ def test_nothing_that_is_known(tmp_path):
 
 
 class TestDamage:
-    def test_cut_packets_are_counted(self, tmp_path):
+    def test_truncated_packets_are_counted(self, tmp_path):
         records = frames(ROWS)
         data = pcap(records[:71]) + pcap(records[71:], snap=200)[24:]
         source, clouds = read(tmp_path / "log.pcap", data)
         assert [str(item).partition("/points: ")[2] for item in source.damage] == [
-            "5 packets cut short by the capture; left out: 6240 bytes"
+            "5 packets are truncated by the capture; left out: 6240 bytes"
         ]
         assert sum(cloud.size for cloud in clouds["/points"]) == 70 * 12 * 32
 
-    def test_a_hole_is_passed_over(self, tmp_path):
+    def test_a_hole_is_skipped(self, tmp_path):
         data = bytearray(pcap(frames(ROWS)))
         at = 24 + 5 * (16 + 42 + 1248)
         data[at + 4 : at + 16] = b"\xff" * 12
@@ -249,11 +251,11 @@ class TestDamage:
                 assert sum(cloud.size for cloud in clouds["/points"]) == (whole - 1) * 12 * 32
                 assert source.damage == reader.damage
 
-    @pytest.mark.parametrize("stray", [{"source": "192.168.1.72"}, {}])
-    def test_damaged_addresses_make_no_sensors(self, tmp_path, stray):
+    @pytest.mark.parametrize("address", [{"source": "192.168.1.72"}, {}])
+    def test_damaged_addresses_are_not_sensors(self, tmp_path, address):
         rows = captures.sensor_packets(300)
         records = frames(rows)
-        records[50:52] = frames([(time, data, 6699 if stray else 99) for time, data, _ in rows[50:52]], **stray)
+        records[50:52] = frames([(time, data, 6699 if address else 99) for time, data, _ in rows[50:52]], **address)
         source, clouds = read(tmp_path / "log.pcap", pcap(records))
         assert list(clouds) == ["/points"]
         assert [(item.what.partition(" from ")[0], item.lost_bytes) for item in source.damage] == [("2 packets", 2496)]
@@ -265,15 +267,15 @@ class TestDamage:
         ]
         rows.insert(4, (rows[4][0], b"\2" * 100, 6699))
         source, clouds = read(tmp_path / "log.pcap", pcap(frames(rows)))
-        assert ["2 packets that cannot be decoded" in item.what for item in source.damage] == [True]
+        assert ["2 packets cannot be decoded" in item.what for item in source.damage] == [True]
         assert source.facts["/points"].bad_packets == 2
         assert source.facts["/points"].lost_packets == 2
         assert sum(cloud.size for cloud in clouds["/points"]) == 73 * 12 * 32
 
     @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(st.data())
-    def test_bytes_that_mean_nothing(self, tmp_path, data):
-        """Any bytes changed, put in or cut out: an error that is meant, or frames."""
+    def test_random_damage(self, tmp_path, data):
+        """Changed, inserted or removed bytes give an `InputError` or frames."""
         records = frames(captures.sensor_packets(8), data.draw(st.sampled_from(["ethernet", "cooked 2"])))
         link = data.draw(st.sampled_from([1, 276, 101, 113, 0, 77]))
         log = pcap(records, link=link)

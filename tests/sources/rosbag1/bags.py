@@ -16,7 +16,7 @@ CLOUD, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Imu"
 
 
 def write_bag(path, compression=None, *, messages=60, size=300, chunk=2000, times=None):
-    """Write messages of two topics, about seven a chunk."""
+    """Write a bag with messages of two topics, roughly seven per chunk, and return its path."""
     path.unlink(missing_ok=True)
     noise = random.Random(1)
     writer = Writer(path)
@@ -36,7 +36,7 @@ def write_bag(path, compression=None, *, messages=60, size=300, chunk=2000, time
 
 
 def read(path, *, twice=True):
-    """Read a bag, and check that a second pass gives the same."""
+    """Return messages and damage of a bag, and check that a second pass gives the same."""
     source = BagSource(path)
     messages = [(m.log_time_ns, m.channel.topic, bytes(m.data)) for m in source.records()]
     damage = list(source.damage)
@@ -52,7 +52,7 @@ def reference(path):
         return [(time, connection.topic, bytes(data)) for connection, time, data in reader.messages()]
 
 
-def chunk_places(path):
+def chunk_spans(path):
     """Return offset and end of every chunk, and the number of messages in it."""
     with Reader(path) as reader:
         return [

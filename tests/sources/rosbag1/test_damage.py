@@ -1,4 +1,4 @@
-"""ROS 1 bags without an index, cut off, or with damage anywhere."""
+"""ROS 1 bags that are unindexed, truncated or damaged."""
 
 import bz2
 import random
@@ -13,20 +13,20 @@ from hypothesis import strategies as st
 from seaclutter_cli.errors import InputError, SeaclutterError
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, find_record, read_record, walk
 from seaclutter_cli.sources.rosbag1.source import BagSource
-from tests.sources.rosbag1.bags import BZ2, COMPRESSIONS, LZ4, chunk_places, read, reference, write_bag
+from tests.sources.rosbag1.bags import BZ2, COMPRESSIONS, LZ4, chunk_spans, read, reference, write_bag
 
 
 def unindexed(path):
-    """Return the bytes of a bag as a recorder leaves them that crashes before it writes the index."""
+    """Return the bytes of a bag whose recorder crashed before it wrote the index."""
     data = bytearray(path.read_bytes())
-    place = data.index(b"index_pos=") + 10
-    (index,) = struct.unpack_from("<Q", data, place)
-    data[place : place + 8] = bytes(8)
+    at = data.index(b"index_pos=") + 10
+    (index,) = struct.unpack_from("<Q", data, at)
+    data[at : at + 8] = bytes(8)
     return bytes(data[:index])
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_unindexed_bag_is_read_whole_and_said_to_be_unindexed(tmp_path, compression):
+def test_unindexed_bag_is_read_and_reported(tmp_path, compression):
     path = write_bag(tmp_path / "x.bag", compression)
     active = tmp_path / "y.bag.active"
     active.write_bytes(unindexed(path))
@@ -53,14 +53,14 @@ def test_bag_without_any_index_is_read_in_order(tmp_path, compression):
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_chunk_infos_stand_in_for_lost_index_records(tmp_path, compression):
+def test_chunk_infos_replace_lost_index_records(tmp_path, compression):
     path = write_bag(tmp_path / "x.bag", compression)
     expected = reference(path)
     data = bytearray(path.read_bytes())
     for record in walk(memoryview(bytes(data)), len(MAGIC), []):
         if record.op == Op.INDEX:
-            place = data.index(b"count=", record.start)
-            data[place : place + 10] = b"count=\xff\xff\0\0"
+            at = data.index(b"count=", record.start)
+            data[at : at + 10] = b"count=\xff\xff\0\0"
     path.write_bytes(data)
     assert read(path)[0] == expected
     assert BagSource(path).counts == {0: 30, 1: 30}
@@ -78,7 +78,7 @@ def test_wrong_times_in_the_index_do_not_change_the_order(tmp_path):
 
 
 def check_survivors(path, expected, safe, *, changed):
-    """Check that safe messages came out of a damaged bag, no invented ones, and that a loss is reported."""
+    """Check that a damaged bag gives all safe messages and no invented ones, and that losses are reported."""
     messages, damage = read(path, twice=False)
     found = Counter((time, data) for time, _, data in messages)
     assert not safe - found
@@ -108,7 +108,7 @@ def check_cut(path, whole, cut, messages, chunks):
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_cut_at_every_byte_of_the_end(tmp_path, compression):
     path = write_bag(tmp_path / "x.bag", compression, messages=14, size=150, chunk=700)
-    messages, chunks, whole = reference(path), chunk_places(path), path.read_bytes()
+    messages, chunks, whole = reference(path), chunk_spans(path), path.read_bytes()
     cut_path = tmp_path / "cut.bag"
     for cut in range(len(whole) - 2000, len(whole)):
         check_cut(cut_path, whole, cut, messages, chunks)
@@ -119,24 +119,24 @@ def test_cut_at_every_byte_of_the_end(tmp_path, compression):
 @given(where=st.floats(0, 1, exclude_max=True))
 def test_cut_anywhere(tmp_path, compression, where):
     path = write_bag(tmp_path / "x.bag", compression)
-    messages, chunks, whole = reference(path), chunk_places(path), path.read_bytes()
+    messages, chunks, whole = reference(path), chunk_spans(path), path.read_bytes()
     cut = len(MAGIC) + int(where * (len(whole) - len(MAGIC)))
     check_cut(tmp_path / "cut.bag", whole, cut, messages, chunks)
 
 
 @pytest.mark.parametrize("compression", [None, LZ4])
-def test_whole_messages_of_a_cut_chunk_come_out(tmp_path, compression):
+def test_complete_messages_of_a_truncated_chunk_are_read(tmp_path, compression):
     path = write_bag(tmp_path / "x.bag", compression, messages=200, size=5000, chunk=10**6)
-    messages, ((offset, end, _), *_) = reference(path), chunk_places(path)
+    messages, ((offset, end, _), *_) = reference(path), chunk_spans(path)
     whole = path.read_bytes()
     found, damage = check_cut(tmp_path / "cut.bag", whole, offset + (end - offset) * 3 // 4, messages, [])
     assert 120 <= len(found) <= 150
     assert found == messages[: len(found)]
-    assert any("the bag ends in the middle of a chunk" in entry.what and entry.lost_bytes > 200_000 for entry in damage)
+    assert any("the bag ends inside a chunk" in entry.what and entry.lost_bytes > 200_000 for entry in damage)
 
 
-def flip(data, place, bits):
-    return data[:place] + bytes([data[place] ^ bits]) + data[place + 1 :]
+def flip(data, at, bits):
+    return data[:at] + bytes([data[at] ^ bits]) + data[at + 1 :]
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
@@ -146,18 +146,18 @@ def test_flipped_bytes_cost_at_most_their_chunk(tmp_path, compression, where, bi
     path = tmp_path / "x.bag"
     if not path.exists():
         write_bag(path, compression, messages=40)
-    messages, chunks, whole = reference(path), chunk_places(path), path.read_bytes()
-    place = int(where * len(whole))
+    messages, chunks, whole = reference(path), chunk_spans(path), path.read_bytes()
+    at = int(where * len(whole))
     broken = tmp_path / "broken.bag"
-    broken.write_bytes(flip(whole, place, bits))
-    if place < len(MAGIC):
+    broken.write_bytes(flip(whole, at, bits))
+    if at < len(MAGIC):
         with pytest.raises(InputError):
             read(broken)
         return
     safe: Counter = Counter()
     first = 0
     for offset, end, count in chunks:
-        if not offset <= place < end:
+        if not offset <= at < end:
             safe.update((time, data) for time, _, data in messages[first : first + count])
         first += count
     expected = Counter((time, data) for time, _, data in messages)
@@ -165,15 +165,15 @@ def test_flipped_bytes_cost_at_most_their_chunk(tmp_path, compression, where, bi
 
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(places=st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=40), seed=st.integers(0, 2**16))
-def test_much_damage_raises_nothing(tmp_path, places, seed):
+@given(positions=st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=40), seed=st.integers(0, 2**16))
+def test_much_damage_raises_nothing(tmp_path, positions, seed):
     path = tmp_path / "x.bag"
     if not path.exists():
         write_bag(path, LZ4, messages=40)
     data = bytearray(path.read_bytes())
     noise = random.Random(seed)
-    for place in places:
-        start = len(MAGIC) + int(place * (len(data) - len(MAGIC)))
+    for position in positions:
+        start = len(MAGIC) + int(position * (len(data) - len(MAGIC)))
         data[start : start + noise.randrange(1, 60)] = noise.randbytes(noise.randrange(0, 60))
     broken = tmp_path / "broken.bag"
     broken.write_bytes(data)
@@ -186,7 +186,7 @@ def test_much_damage_raises_nothing(tmp_path, places, seed):
 
 def test_header_of_a_chunk_destroyed(tmp_path):
     path = write_bag(tmp_path / "x.bag")
-    messages, chunks, whole = reference(path), chunk_places(path), bytearray(path.read_bytes())
+    messages, chunks, whole = reference(path), chunk_spans(path), bytearray(path.read_bytes())
     whole[chunks[1][0] : chunks[1][0] + 20] = bytes(20)
     path.write_bytes(whole)
     found, (damage,) = read(path)
@@ -199,7 +199,7 @@ def test_header_of_a_chunk_destroyed(tmp_path):
 @pytest.mark.parametrize("length", [20, 500, 3000])
 def test_losses_add_up(tmp_path, compression, length):
     path = write_bag(tmp_path / "x.bag", compression)
-    messages, (_, (offset, *_), *_), whole = reference(path), chunk_places(path), bytearray(path.read_bytes())
+    messages, (_, (offset, *_), *_), whole = reference(path), chunk_spans(path), bytearray(path.read_bytes())
     whole[offset - length // 2 : offset + length // 2] = bytes(length)
     path.write_bytes(whole)
     found, damage = read(path)
@@ -208,7 +208,7 @@ def test_losses_add_up(tmp_path, compression, length):
 
 def test_lost_chunk_is_counted(tmp_path):
     path = write_bag(tmp_path / "x.bag", LZ4)
-    messages, chunks, whole = reference(path), chunk_places(path), bytearray(path.read_bytes())
+    messages, chunks, whole = reference(path), chunk_spans(path), bytearray(path.read_bytes())
     offset, end, count = chunks[1]
     whole[offset:end] = bytes(end - offset)
     path.write_bytes(whole)
@@ -220,7 +220,7 @@ def test_lost_chunk_is_counted(tmp_path):
 
 def test_damaged_content_of_a_chunk_is_counted(tmp_path):
     path = write_bag(tmp_path / "x.bag", BZ2)
-    messages, chunks, whole = reference(path), chunk_places(path), bytearray(path.read_bytes())
+    messages, chunks, whole = reference(path), chunk_spans(path), bytearray(path.read_bytes())
     offset, end, count = chunks[2]
     whole[(offset + end) // 2] ^= 0xFF
     path.write_bytes(whole)
@@ -234,8 +234,8 @@ def test_no_size_is_trusted(tmp_path):
     messages, whole = reference(path), path.read_bytes()
     chunk = next(r for r in walk(memoryview(whole), len(MAGIC), []) if r.op == Op.CHUNK)
     huge = b"\xff\xff\xff\xff"
-    for place in (whole.index(b"size=", chunk.start) + 5, chunk.data - 4, chunk.start):
-        path.write_bytes(whole[:place] + huge + whole[place + 4 :])
+    for at in (whole.index(b"size=", chunk.start) + 5, chunk.data - 4, chunk.start):
+        path.write_bytes(whole[:at] + huge + whole[at + 4 :])
         tracemalloc.start()
         found, damage = read(path)
         _, peak = tracemalloc.get_traced_memory()
@@ -245,7 +245,7 @@ def test_no_size_is_trusted(tmp_path):
         assert len(found) >= len(messages) - 7
 
 
-def test_bomb_in_a_chunk_is_defused(tmp_path, monkeypatch):
+def test_decompression_bomb_takes_no_memory(tmp_path, monkeypatch):
     monkeypatch.setattr("seaclutter_cli.sources.rosbag1.chunks.MAX_CHUNK_BYTES", 2**20)
     bomb = bz2.compress(bytes(2**26))
     items = [b"op=\x05", b"compression=bz2", b"size=" + struct.pack("<I", 2**26)]
@@ -272,10 +272,10 @@ def test_messages_without_a_description_are_counted(tmp_path):
     assert sum(entry.lost_messages for entry in damage) == 30
 
 
-def test_records_are_found_behind_garbage():
+def test_records_are_found_after_garbage():
     record = b"\x26\0\0\0\x09\0\0\0conn=\1\0\0\0\x04\0\0\0op=\2\x0d\0\0\0time=\1\0\0\0\2\0\0\0\3\0\0\0abc"
     view = memoryview(b"\0op=\2 time=" * 3 + record + record)
-    place = find_record(view, 0)
-    assert view[place:] == record + record
-    found = read_record(view, place)
+    at = find_record(view, 0)
+    assert view[at:] == record + record
+    found = read_record(view, at)
     assert (found.op, found.time_ns(), bytes(view[found.data : found.end])) == (Op.MESSAGE, 1_000_000_002, b"abc")

@@ -1,4 +1,4 @@
-"""Healthy ROS 1 bags, and files that are none."""
+"""Intact ROS 1 bags, and files that are not bags."""
 
 import gc
 import random
@@ -18,7 +18,7 @@ from tests.sources.rosbag1.bags import BZ2, CLOUD, COMPRESSIONS, IMU, LZ4, START
 
 @pytest.fixture(params=["rosbags", "roscpp"])
 def field_order(request, monkeypatch):
-    """Write the header fields as rosbags does, or sorted, as roscpp does."""
+    """Write the header fields in the order of rosbags, or sorted like roscpp."""
     if request.param == "roscpp":
 
         def write(header, target, opcode=None):
@@ -69,11 +69,11 @@ def test_source_describes_the_bag(tmp_path):
 
 
 @pytest.mark.parametrize(("compression", "name"), [(None, ""), (BZ2, "zstd"), (LZ4, "lz4")])
-def test_compression_is_named_as_mcap_knows_it(tmp_path, compression, name):
+def test_compression_has_its_mcap_name(tmp_path, compression, name):
     assert BagSource(write_bag(tmp_path / "x.bag", compression)).compression == name
 
 
-def test_two_connections_on_one_topic_stay_apart(tmp_path):
+def test_two_connections_on_one_topic_remain_separate(tmp_path):
     path = tmp_path / "x.bag"
     with Writer(path) as writer:
         first = writer.add_connection("/imu", IMU, typestore=TYPES, callerid="/a")
@@ -118,11 +118,11 @@ def test_messages_outlive_their_source(tmp_path):
     [
         (b"", "empty"),
         (b"not a bag at all", "not a ROS 1 bag"),
-        (MAGIC[:-2], "cut off"),
+        (MAGIC[:-2], "truncated"),
         (b"#ROSBAG V1.2\n" + bytes(100), "version 1.2"),
     ],
 )
-def test_files_that_are_no_bags_are_refused_in_one_line(tmp_path, content, words):
+def test_files_that_are_not_bags_are_refused_in_one_line(tmp_path, content, words):
     path = tmp_path / "x.bag"
     path.write_bytes(content)
     with pytest.raises(InputError, match=words) as caught:
@@ -166,7 +166,7 @@ def test_memory_does_not_grow_with_the_bag(tmp_path):
     assert many < few * 2
 
 
-def test_overlapping_chunks_stay_in_order(tmp_path):
+def test_overlapping_chunks_are_read_in_order(tmp_path):
     times = [number * 1000 + (5_000 if number % 3 else 0) for number in range(300)]
     messages, _ = read(write_bag(tmp_path / "x.bag", times=times, messages=300))
     assert all(early[0] <= late[0] for early, late in pairwise(messages))

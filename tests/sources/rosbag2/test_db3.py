@@ -1,4 +1,4 @@
-"""ROS 2 sqlite3 files, written and read again by the rosbags library as an independent reference."""
+"""ROS 2 sqlite3 files, written and read by the rosbags library as an independent reference."""
 
 import os
 import random
@@ -78,7 +78,7 @@ def written(messages=40, size=300):
 
 
 def read(path):
-    """Read a file, and check that a second pass gives the same."""
+    """Return messages and damage of a file, and check that a second pass gives the same."""
     source = Db3Source(path)
     messages = [(m.log_time_ns, m.channel.topic, bytes(m.data)) for m in source.records()]
     damage = list(source.damage)
@@ -156,13 +156,13 @@ def test_messages_are_sorted_by_time_then_number(tmp_path, index):
 def test_odd_paths(tmp_path, folder, monkeypatch):
     if os.name == "nt" and "?" in folder:
         pytest.skip("not a Windows name")
-    place = tmp_path / folder
-    place.mkdir()
-    path = write_file(place / "x?mode=rw#.db3" if os.name != "nt" else place / "x#.db3")
+    parent = tmp_path / folder
+    parent.mkdir()
+    path = write_file(parent / "x?mode=rw#.db3" if os.name != "nt" else parent / "x#.db3")
     assert read(path)[0] == written()
-    monkeypatch.chdir(place)
+    monkeypatch.chdir(parent)
     assert read(Path(path.name))[0] == written()
-    assert list(place.iterdir()) == [path]
+    assert list(parent.iterdir()) == [path]
 
 
 def test_read_only_folder_with_a_wal_database(tmp_path):
@@ -181,7 +181,7 @@ def test_read_only_folder_with_a_wal_database(tmp_path):
 
 
 def crashed(tmp_path):
-    """Return the file of a recorder that crashed before the last messages went from the log file into the database."""
+    """Return the file of a recorder that crashed while its last messages were only in the write-ahead log."""
     path = write_file(tmp_path / "live.db3", messages=30)
     database = sqlite3.connect(path)
     database.execute("PRAGMA journal_mode=WAL")
@@ -249,14 +249,14 @@ def test_compressed_file_is_unpacked_to_a_temporary_one(tmp_path, monkeypatch):
     assert not list(tmp_path.glob("seaclutter-*"))
 
 
-def test_cut_compressed_file_gives_what_is_left(tmp_path):
+def test_truncated_compressed_file_is_read_to_its_end(tmp_path):
     path = write_folder(tmp_path / "bag", mode=CompressionMode.FILE, messages=2000)
     data = path.read_bytes()
     path.write_bytes(data[: len(data) * 3 // 4])
     messages, damage = read(path)
     assert 800 < len(messages) < 2000
     assert messages == written(2000)[: len(messages)]
-    assert "cut off" in damage[0].what
+    assert "truncated" in damage[0].what
     assert damage[0].path == path
 
 
@@ -277,7 +277,7 @@ def test_damaged_compressed_message_is_counted(tmp_path):
     ("content", "words"),
     [(b"", "recording"), (b"no database" * 100, "not a"), (b"SQLite format 3\0" + bytes(3000), "not a")],
 )
-def test_files_that_are_no_databases_are_refused_in_one_line(tmp_path, content, words):
+def test_files_that_are_not_databases_are_refused_in_one_line(tmp_path, content, words):
     path = tmp_path / "x.db3"
     path.write_bytes(content)
     with pytest.raises(InputError, match=words) as caught:
@@ -285,13 +285,13 @@ def test_files_that_are_no_databases_are_refused_in_one_line(tmp_path, content, 
     assert "\n" not in str(caught.value)
 
 
-def test_database_of_something_else_is_refused(tmp_path):
+def test_other_databases_are_refused(tmp_path):
     path = tmp_path / "x.db3"
     database = sqlite3.connect(path)
     database.execute("CREATE TABLE cats(name)")
     database.commit()
     database.close()
-    with pytest.raises(InputError, match="no ROS 2 recording"):
+    with pytest.raises(InputError, match="not a ROS 2 recording"):
         Db3Source(path)
 
 
@@ -315,7 +315,7 @@ def check_damaged(path, expected):
 
 @pytest.mark.parametrize("fill", [b"\0", b"\xff", b"\x0d"])
 def test_each_page_overwritten(tmp_path, fill):
-    """Whatever page is broken: those messages come out whose own pages are whole, and the others are counted."""
+    """Messages on intact pages are read, and the others are counted."""
     path = write_file(tmp_path / "x.db3", messages=200)
     whole = path.read_bytes()
     broken = tmp_path / "broken.db3"
@@ -334,7 +334,7 @@ def test_each_page_overwritten(tmp_path, fill):
     assert sum(count <= 15 for count in lost) >= len(lost) - 2
 
 
-def test_rows_on_both_sides_of_several_broken_pages(tmp_path):
+def test_rows_on_both_sides_of_several_damaged_pages(tmp_path):
     path = write_file(tmp_path / "x.db3", messages=400, size=1000)
     data = bytearray(path.read_bytes())
     for page in (30, 31, 60):
@@ -346,7 +346,7 @@ def test_rows_on_both_sides_of_several_broken_pages(tmp_path):
     assert damage.lost_messages == 400 - len(messages)
 
 
-def test_cut_file_gives_what_is_left(tmp_path):
+def test_truncated_file_is_read_to_its_end(tmp_path):
     path = write_file(tmp_path / "x.db3", messages=400, size=1000)
     data = path.read_bytes()
     path.write_bytes(data[: len(data) // 2])
@@ -357,14 +357,14 @@ def test_cut_file_gives_what_is_left(tmp_path):
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(places=st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=20), bits=st.integers(1, 255))
-def test_flipped_bytes_raise_nothing(tmp_path, places, bits):
+@given(positions=st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=20), bits=st.integers(1, 255))
+def test_flipped_bytes_raise_nothing(tmp_path, positions, bits):
     path = tmp_path / "x.db3"
     if not path.exists():
         write_file(path, messages=100, size=100)
     data = bytearray(path.read_bytes())
-    for place in places:
-        data[int(place * len(data))] ^= bits
+    for position in positions:
+        data[int(position * len(data))] ^= bits
     broken = tmp_path / "broken.db3"
     broken.write_bytes(data)
     with suppress(SeaclutterError):
@@ -384,7 +384,7 @@ def test_memory_does_not_grow_with_the_file(tmp_path, index):
     assert peaks[1] < 1.3 * peaks[0]
 
 
-@pytest.mark.skipif(not DATA.exists(), reason="the real recordings are not there")
+@pytest.mark.skipif(not DATA.exists(), reason="the real recordings are missing")
 @pytest.mark.parametrize("name", ["vlp16", "vlp32", "xt32"])
 def test_real_recordings(name):
     (path,) = (DATA / name).glob("*.db3")

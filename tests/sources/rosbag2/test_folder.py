@@ -1,4 +1,4 @@
-"""ROS 2 recordings of one file and of several, in both storage formats."""
+"""ROS 2 recordings of one or several files, in both storage formats."""
 
 import random
 import shutil
@@ -29,7 +29,7 @@ TOPICS = (("/points", CLOUD), ("/imu", IMU))
 
 
 class Opener:
-    """Opens storage files, and knows how many are open."""
+    """Opener of storage files that counts the open ones."""
 
     def __init__(self):
         self.open = 0
@@ -60,7 +60,7 @@ def payload(number):
 
 
 def write_part(folder, suffix, *, numbers, topics=TOPICS, mode=CompressionMode.NONE, qos=()):
-    """Write a folder with one storage file, and return that file."""
+    """Write a folder with one storage file, and return the file."""
     writer = Writer(folder, version=9, storage_plugin=STORAGES[suffix])
     writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer:
@@ -75,7 +75,7 @@ def write_part(folder, suffix, *, numbers, topics=TOPICS, mode=CompressionMode.N
 
 
 def write_split(folder, suffix, parts, **options):
-    """Write a split recording: a list of keyword arguments for each file."""
+    """Write a split recording from the arguments of each part, and return its folder."""
     folder.mkdir()
     names = []
     for number, part in enumerate(parts):
@@ -155,7 +155,7 @@ def test_one_file_is_open_at_a_time(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", STORAGES)
-def test_channels_are_merged_if_equal_and_kept_apart_if_not(tmp_path, suffix):
+def test_equal_channels_are_merged_and_different_ones_are_not(tmp_path, suffix):
     lidar, other = ("/lidar", CLOUD), ("/points", IMU)
     parts = [
         {"numbers": range(20)},
@@ -200,7 +200,7 @@ def test_metadata_that_differs_in_qos_loses_nothing(tmp_path, suffix):
     "text",
     ["", "{", "- 1", "rosbag2_bagfile_information:", "rosbag2_bagfile_information: {relative_file_paths: 7}", "\0"],
 )
-def test_broken_metadata_is_done_without(tmp_path, suffix, text):
+def test_recording_with_invalid_metadata_is_read(tmp_path, suffix, text):
     parts = [{"numbers": range(number * 2, number * 2 + 2)} for number in range(11)]
     folder = write_split(tmp_path / "bag", suffix, parts)
     (folder / "metadata.yaml").write_text(text)
@@ -211,7 +211,7 @@ def test_broken_metadata_is_done_without(tmp_path, suffix, text):
     assert damage.path == folder / "metadata.yaml"
 
 
-def test_missing_metadata_is_done_without(tmp_path):
+def test_recording_without_metadata_is_read(tmp_path):
     parts = [{"numbers": range(number * 2, number * 2 + 2)} for number in range(11)]
     folder = write_split(tmp_path / "bag", ".mcap", parts)
     (folder / "metadata.yaml").unlink()
@@ -221,7 +221,7 @@ def test_missing_metadata_is_done_without(tmp_path):
     assert not source.damage
 
 
-def test_file_that_metadata_does_not_name_yet_is_read(tmp_path):
+def test_file_that_metadata_does_not_list_yet_is_read(tmp_path):
     folder = write_split(tmp_path / "bag", ".db3", THREE)
     metadata = load(folder)
     metadata["rosbag2_bagfile_information"]["relative_file_paths"].pop()
@@ -255,7 +255,7 @@ def test_unreadable_file_is_reported_and_the_others_are_read(tmp_path):
         open_rosbag2(folder, opener)
 
 
-def test_fewer_messages_than_announced_are_reported(tmp_path):
+def test_fewer_messages_than_listed_are_reported(tmp_path):
     folder = write_split(tmp_path / "bag", ".mcap", THREE)
     metadata = load(folder)
     metadata["rosbag2_bagfile_information"]["message_count"] = 63
@@ -267,7 +267,7 @@ def test_fewer_messages_than_announced_are_reported(tmp_path):
 
 
 @pytest.mark.parametrize("prefix", ["bag/", "bag\\", "../../elsewhere/"])
-def test_only_the_names_of_paths_in_metadata_count(tmp_path, prefix):
+def test_folders_of_paths_in_metadata_are_ignored(tmp_path, prefix):
     folder = write_split(tmp_path / "bag", ".db3", THREE)
     metadata = load(folder)
     info = metadata["rosbag2_bagfile_information"]
@@ -276,7 +276,7 @@ def test_only_the_names_of_paths_in_metadata_count(tmp_path, prefix):
     assert messages_of(open_rosbag2(folder, opener)) == written(range(60))
 
 
-def test_unpacked_twin_of_a_packed_file_is_read(tmp_path):
+def test_unpacked_version_of_a_packed_file_is_read(tmp_path):
     folder = write_split(tmp_path / "bag", ".db3", THREE, mode=CompressionMode.FILE)
     packed = folder / "bag_1.db3.zstd"
     data = zstandard.ZstdDecompressor().decompressobj().decompress(packed.read_bytes())
@@ -319,7 +319,7 @@ def test_folder_without_storage_files_is_refused(tmp_path):
         open_rosbag2(folder, opener)
 
 
-def test_what_a_rosbag2_folder_is(tmp_path):
+def test_recognition_of_rosbag2_folders(tmp_path):
     assert not is_rosbag2_folder(tmp_path / "missing")
     frames = tmp_path / "frames"
     frames.mkdir()
@@ -384,7 +384,7 @@ def test_files_of_a_crashed_recorder(tmp_path):
     assert {damage.path for damage in source.damage} == {last}
 
 
-@pytest.mark.skipif(not DATA.exists(), reason="the real recordings are not there")
+@pytest.mark.skipif(not DATA.exists(), reason="the real recordings are missing")
 @pytest.mark.parametrize("name", ["vlp16", "vlp32", "xt32"])
 def test_real_recordings(name):
     folder = DATA / name

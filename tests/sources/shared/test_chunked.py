@@ -1,4 +1,4 @@
-"""The order and the memory of logs that are read chunk by chunk."""
+"""Order and memory use of logs that are read chunk by chunk."""
 
 import threading
 import time
@@ -17,11 +17,11 @@ CHANNEL = Channel(1, "/any", "", None)
 
 
 class Memory(bytearray):
-    """Bytes of a chunk whose life can be watched."""
+    """Bytes of a chunk with an observable lifetime."""
 
 
 class Log:
-    """Chunks of messages, given by their times, that keeps count of what is alive."""
+    """Log of chunks, given by the times of their messages, that counts the bytes in memory."""
 
     def __init__(self, chunk_times, size=10):
         self.chunks, self.times, self.size = [], {}, size
@@ -58,16 +58,16 @@ class Log:
             self.alive -= size
 
 
-def places(messages):
+def keys(messages):
     return [(m.log_time_ns, m.publish_time_ns, m.sequence) for m in messages]
 
 
 @given(st.lists(st.lists(st.integers(0, 20), max_size=6), max_size=8), st.randoms())
-def test_order_is_that_of_time_and_then_of_the_file(chunk_times, random):
+def test_messages_are_in_order_of_time_and_then_of_the_file(chunk_times, random):
     log = Log(chunk_times)
     chunks = random.sample(log.chunks, len(log.chunks))
-    expected = sorted(places(message for chunk in log.chunks for message in log.messages(chunk)))
-    assert places(in_time_order(chunks, log.unpack, log.load)) == expected
+    expected = sorted(keys(message for chunk in log.chunks for message in log.messages(chunk)))
+    assert keys(in_time_order(chunks, log.unpack, log.load)) == expected
 
 
 def test_latest_possible_time():
@@ -76,16 +76,16 @@ def test_latest_possible_time():
 
 
 @given(st.lists(st.lists(st.integers(0, 20), max_size=6), max_size=8), st.integers(0, 4000))
-def test_nothing_is_lost_where_memory_is_short(chunk_times, bound):
+def test_nothing_is_lost_when_memory_is_short(chunk_times, bound):
     log = Log(chunk_times)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(chunked, "MAX_WAITING_BYTES", bound)
         messages = list(in_time_order(log.chunks, log.unpack, log.load))
-    assert sorted(places(messages)) == sorted(places(m for chunk in log.chunks for m in log.messages(chunk)))
+    assert sorted(keys(messages)) == sorted(keys(m for chunk in log.chunks for m in log.messages(chunk)))
 
 
 def drain(log):
-    """Read a log without keeping anything, and return the times."""
+    """Return the times of a log that is read without keeping messages."""
     times = []
     for message in in_time_order(log.chunks, log.unpack, log.load):
         times.append(message.log_time_ns)
@@ -125,19 +125,19 @@ def test_reads_two_chunks_ahead_and_no_more():
     assert log.unpacked <= 14
 
 
-@pytest.mark.parametrize("place", ["unpack", "load"])
-def test_an_error_in_another_thread_arrives(place):
+@pytest.mark.parametrize("step", ["unpack", "load"])
+def test_an_error_in_another_thread_is_raised(step):
     def fails(*_):
-        raise RuntimeError("no such place")
+        raise RuntimeError("broken step")
 
     log = Log([[number] for number in range(5)])
-    steps = {"unpack": log.unpack, "load": log.load, place: fails}
-    with pytest.raises(RuntimeError, match="no such place"):
+    steps = {"unpack": log.unpack, "load": log.load, step: fails}
+    with pytest.raises(RuntimeError, match="broken step"):
         list(in_time_order(log.chunks, **steps))
 
 
-def test_what_is_wrong_is_told_in_the_order_of_the_chunks():
-    """However long unpacking a chunk takes: the later ones are loaded after it."""
+def test_chunks_are_loaded_in_order():
+    """Later chunks wait for a chunk that takes long to unpack."""
     log = Log([[number] for number in range(8)])
     order = []
 

@@ -1,4 +1,4 @@
-"""Packet topics of logs: their clouds beside them, in every encoding and whatever is broken."""
+"""Point clouds from packet topics, in every encoding, intact and damaged."""
 
 import random
 import struct
@@ -32,7 +32,7 @@ IMU = Channel(9, "/imu", "cdr", ros2_schema("sensor_msgs/msg/Imu"))
 
 
 class Tens:
-    """A sensor whose turns are ten packets, each a point whose x is the packet's first byte."""
+    """A sensor with ten packets per revolution; each packet is a point, and its first byte is x."""
 
     title = "Tens"
 
@@ -47,7 +47,7 @@ class Tens:
         if self.error:
             raise self.error
         if options.model == "picky" and packets.payloads[0, 0] > 9:
-            raise InputError("these packets are too strange")
+            raise InputError("these packets are not supported")
         return TensDecoder()
 
 
@@ -107,7 +107,7 @@ def channel(kind=VELODYNE_SCAN, *, number=1, topic="/velodyne_packets", encoding
 
 
 def scan(packets, *, kind=VELODYNE_SCAN, encoding="cdr", frame_id="velodyne", big_endian=False):
-    """Return a message of packets, each a time and bytes, written field by field."""
+    """Return a scan message of packets, given as times and bytes, written field by field."""
     order, ros1 = (">" if big_endian else "<"), encoding == "ros1"
     data = bytearray(struct.pack("<III", 7, 3, 4) if ros1 else struct.pack(order + "II", 3, 4))
 
@@ -158,7 +158,7 @@ FORMS = [
 
 @pytest.mark.parametrize("form", FORMS, ids=str)
 @pytest.mark.parametrize("frame_id", ["", "a", "velodyne", "lidar_é"])
-def test_scans_become_clouds_beside_them(form, frame_id):
+def test_clouds_from_scans(form, frame_id):
     chan = channel(form["kind"], encoding=form["encoding"])
     scans = messages(chan, [scan(numbered(n * 7, 7), frame_id=frame_id, **form) for n in range(3)])
     other = Message(IMU, START + 15 * 10**7, 0, 0, b"imu")
@@ -179,11 +179,11 @@ def test_scans_become_clouds_beside_them(form, frame_id):
         (scans[n].log_time_ns, scans[n].publish_time_ns) for n in (1, 2, 2)
     ]
     assert [m.sequence for m in (first, second, rest)] == [0, 1, 2]
-    assert source.facts["/velodyne_points"].details["partial turns"].startswith("1,")
+    assert source.facts["/velodyne_points"].details["partial revolutions"].startswith("1,")
     assert source.damage == []
 
 
-def test_the_schema_of_ros_1_clouds_is_that_of_ros_1():
+def test_ros_1_clouds_have_a_ros_1_schema():
     chan = channel(encoding="ros1")
     source = wrapped(messages(chan, [scan(numbered(0, 10), encoding="ros1")]), [chan])
     decoded = source.channels[-1]
@@ -192,7 +192,7 @@ def test_the_schema_of_ros_1_clouds_is_that_of_ros_1():
     assert clouds(source)[0][1].extra == 0
 
 
-def test_packets_of_several_lengths_stay_in_order():
+def test_packets_of_several_lengths_are_in_order():
     chan = channel(PANDAR_SCAN)
     sizes = [1080, 1080, 512, 1080, 9999, 1080, 0, 1080, 1080, 1080]
     data = bytearray(scan([(START + n, bytes([n]) * 1080) for n in range(10)], kind=PANDAR_SCAN))
@@ -202,7 +202,7 @@ def test_packets_of_several_lengths_stay_in_order():
     assert cloud.points["y"].tolist() == [min(size, 1500) for size in sizes if size]
 
 
-def test_state_is_kept_per_channel_and_passes_are_alike():
+def test_state_is_kept_per_channel_and_passes_are_equal():
     chans = [channel(), channel(number=2, topic="/front/scan")]
     records = [m for n in range(6) for chan in chans for m in messages(chan, [scan(numbered(n * 5 * chan.id, 5))])]
     source = wrapped(records, chans)
@@ -222,7 +222,7 @@ def test_a_split_recording_is_one_stream():
     assert [cloud.points["x"].tolist() for _, cloud in clouds(source)] == [[*range(10)], [*range(10, 20)], [20]]
 
 
-def test_packets_whose_clouds_were_recorded_too_are_left_alone():
+def test_packets_whose_clouds_were_recorded_too_are_not_decoded():
     chan = channel()
     taken = Channel(2, "/velodyne_points", "cdr", ros2_schema("sensor_msgs/msg/PointCloud2"))
     cloud = from_array(np.zeros(2, point_dtype()))
@@ -235,18 +235,18 @@ def test_packets_whose_clouds_were_recorded_too_are_left_alone():
 CODECS_CDR = CODECS["sensor_msgs/msg/PointCloud2", "cdr"]
 
 
-def test_what_is_bad_or_lost_is_told():
+def test_bad_and_lost_packets_are_reported():
     chan = channel()
     packets = [*numbered(0, 8), (START, b"\xff" * 1206), (START, b"\xfe" * 1206)]
     source = wrapped(messages(chan, [scan(packets)]), [chan])
     for _ in range(2):
         clouds(source)
         (damage,) = source.damage
-        assert str(damage) == "log: /velodyne_points: 1 packets that cannot be decoded; left out: 1206 bytes"
-        assert source.warnings[1:] == ["/velodyne_points: 1 packets are missing, as gaps tell"]
+        assert str(damage) == "log: /velodyne_points: 1 packets cannot be decoded; left out: 1206 bytes"
+        assert source.warnings[1:] == ["/velodyne_points: 1 packets are missing, counted from gaps"]
 
 
-def test_a_log_without_packet_topics_is_returned_as_it_is():
+def test_a_log_without_packet_topics_is_returned_unchanged():
     log = Log([], [IMU, Channel(2, "/raw", "cdr", None), channel(encoding="json")])
     assert wrap_packets(log, DecoderOptions(), {"tens": Tens()}) is log
     assert wrap_packets(Log([], [channel()]), None, {}).channels == [channel()]
@@ -262,7 +262,7 @@ def test_an_empty_packet_topic_has_no_clouds():
     assert source._inner.closed
 
 
-def test_what_cannot_be_decoded_stays_with_a_warning():
+def test_topics_that_cannot_be_decoded_are_kept_with_a_warning():
     chan = channel()
     records = messages(chan, [scan(numbered(0, 10)), b"", scan(numbered(0, 10))])
     source = wrapped(records, [chan], family=Tens(InputError("angles are needed: --calibration")))
@@ -278,12 +278,12 @@ def test_a_missing_extra_is_named(monkeypatch):
     records = messages(chan, [scan([(START, payload)])])
     source = wrapped(records, [chan], family=VELODYNE)
     (warning,) = source.warnings
-    assert warning.startswith("/velodyne_packets is not decoded: decoding Velodyne packets needs an optional part: ")
+    assert warning.startswith("/velodyne_packets is not decoded: decoding Velodyne packets requires an optional dep")
     assert warning.endswith("pip install 'seaclutter[velodyne]'")
     assert list(source.records()) == records
 
 
-def test_the_first_scan_may_be_broken():
+def test_the_first_scan_may_be_damaged():
     chan = channel()
     scans = [b"", scan([]), scan(numbered(50, 5)), scan(numbered(0, 10))]
     source = wrapped(messages(chan, scans), [chan], options=DecoderOptions(model="picky"))
@@ -295,7 +295,7 @@ def test_the_first_scan_may_be_broken():
 
 @settings(max_examples=80, deadline=None)
 @given(st.data())
-def test_broken_scans_are_damage(data):
+def test_damaged_scans_are_reported(data):
     form = data.draw(st.sampled_from(FORMS))
     chan = channel(form["kind"], encoding=form["encoding"])
     noise = random.Random(data.draw(st.integers(0, 2**32)))
@@ -317,7 +317,7 @@ def test_broken_scans_are_damage(data):
 
 
 @pytest.mark.parametrize("form", FORMS, ids=str)
-def test_a_scan_cut_anywhere_is_damage(form):
+def test_a_scan_truncated_anywhere_is_reported(form):
     chan = channel(form["kind"], encoding=form["encoding"])
     whole = scan(numbered(0, 3), **form)
     for size in [*range(60), *range(len(whole) - 60, len(whole))]:
