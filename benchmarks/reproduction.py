@@ -16,7 +16,8 @@ import numpy as np
 
 from seaclutter_cli.config import load_config
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.pipeline import Selection, run_each
+from seaclutter_cli.pipeline import run_each
+from seaclutter_cli.selection import Selection
 from seaclutter_cli.sources import find_recordings
 
 SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 5

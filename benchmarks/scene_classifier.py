@@ -120,7 +120,7 @@ def every(sequences: int) -> None:
         for _, scene, _ in scenes(part, kind, sequences):
             renderer = Renderer(scene)
             indices = range(0, scene.recording.frames, STRIDE)
-            simulated.append((kind, [frame_of(renderer.turn(index).points, index) for index in indices]))
+            simulated.append((kind, [frame_of(renderer.frame(index).points, index) for index in indices]))
     total = sum(len(frames) for _, frames in simulated)
     print(f"{'every':>6}{'hold':>6}{'correct':>9}{'changes':>9}   of {total} frames")
     for step in (2, 4, 10, 20, 50):

@@ -83,7 +83,7 @@ def write(scene: Scene, folder: Path, *, parallel: bool) -> None:
     renderer = Renderer(scene)
     folder.mkdir(parents=True, exist_ok=True)
     for index in np.linspace(0, scene.recording.frames - 1, FRAMES).astype(int).tolist():
-        points = renderer.turn(index).points
+        points = renderer.frame(index).points
         angle = relative_heading(scene, index / 10) if parallel else 0.0
         kept = np.empty(len(points), [(axis, "<f4") for axis in "xyz"])
         kept["x"] = np.cos(angle) * points["x"] + np.sin(angle) * points["y"]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.airborne.features import FEATURES, NonSeaPoints, features_of
-from seaclutter_cli.airborne.forest import Samples, class_name, hold_out, predict, train
+from seaclutter_cli.airborne.forest import Samples, class_name, predict, split_samples, train
 from seaclutter_cli.airborne.model import ObjectModel
 from seaclutter_cli.airborne.objects import FoundObject, find_objects
 from seaclutter_cli.airborne.separation import OTHER, WATER, Separation, separate
@@ -25,7 +25,7 @@ from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import COLORS, LEFT_OUT, draw_confusion, draw_tile
 from seaclutter_cli.runs.classify.train import fit
 from seaclutter_cli.runs.classify.train_result import TrainingReport
-from seaclutter_cli.simulation.airborne.recording import strips_of
+from seaclutter_cli.simulation.airborne.recording import simulate_strips
 from seaclutter_cli.simulation.airborne.scene import TileScene, load_tile_scene
 from seaclutter_cli.truth import OBJECT_CLASSES
 
@@ -38,7 +38,7 @@ PULSES_M2 = (1.6, 1.6, 1.2, 1.2, 2.4, 1.6, 1.2, 1.0, 2.0, 1.6, 1.0, 1.5, 2.0, 1.
 
 
 def points_of(scene: TileScene) -> tuple[Any, Any]:
-    points = np.concatenate(list(strips_of(scene)))
+    points = np.concatenate(list(simulate_strips(scene)))
     return points, np.stack([points[axis] for axis in "xyz"])
 
 
@@ -173,7 +173,7 @@ def print_scores(folder: Path, name: str, reports: Sequence[TrainingReport]) -> 
 def of_one(samples: Samples) -> float:
     """Return the macro F1 of a forest with a single feature."""
     params = replace(TileSettings().forest, trees=30)
-    test, _ = hold_out(samples, params)
+    test, _ = split_samples(samples, params)
     columns = ("features", "code", "tile", "number")
     seen, unseen = (Samples(*(getattr(samples, name)[part] for name in columns)) for part in (~test, test))
     forest = train(seen, params)

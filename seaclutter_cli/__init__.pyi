@@ -24,8 +24,8 @@ from .frame import FilterResult as FilterResult
 from .frame import Frame as Frame
 from .frame import Reason as Reason
 from .frame import Rings as Rings
-from .runs.classify.predict import NameTilesOptions as NameTilesOptions
-from .runs.classify.predict import name_tiles as name_tiles
+from .runs.classify.predict import ClassifyTilesOptions as ClassifyTilesOptions
+from .runs.classify.predict import classify_tiles as classify_tiles
 from .runs.classify.separate import SeparateTilesOptions as SeparateTilesOptions
 from .runs.classify.separate import separate_tiles as separate_tiles
 from .runs.classify.tiles import TileSettingsOptions as TileSettingsOptions

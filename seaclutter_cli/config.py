@@ -116,7 +116,7 @@ def load_config(
     *,
     method: str | None = None,
     overrides: Sequence[str] = (),
-    open_thresholds: bool = False,
+    undetermined_thresholds: bool = False,
 ) -> Config:
     """Return the effective configuration.
 
@@ -128,7 +128,7 @@ def load_config(
         Method from the command line. Keys of the file that this method does not have are ignored.
     overrides : sequence of str
         ``section.key=value`` from the command line; values are YAML.
-    open_thresholds : bool, optional
+    undetermined_thresholds : bool, optional
         Set the threshold of every range ring to 0, regardless of the other settings, because it is not yet known.
 
     Raises
@@ -136,7 +136,7 @@ def load_config(
     ConfigError
         If the configuration is not valid; the message lists all problems.
     """
-    prepare = _with_open_thresholds if open_thresholds else dict
+    prepare = _with_open_thresholds if undetermined_thresholds else dict
     where, raw = _read(source)
     config = _validate(prepare(raw), where)
     if not method and not overrides:

@@ -118,9 +118,9 @@ class MissingExtraError(SeaclutterError):
     the viewer requires an optional dependency: pip install 'seaclutter[view]'
     """
 
-    def __init__(self, what: str, extra: str) -> None:
+    def __init__(self, feature: str, extra: str) -> None:
         """Name the feature and the extra that provides it."""
-        super().__init__(f"{what} requires an optional dependency: pip install 'seaclutter[{extra}]'")
+        super().__init__(f"{feature} requires an optional dependency: pip install 'seaclutter[{extra}]'")
 
 
 class UsageError(SeaclutterError):

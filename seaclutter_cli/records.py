@@ -94,7 +94,7 @@ class Damage:
 
     path: Path
     offset: int | None
-    what: str
+    problem: str
     lost_bytes: int = 0
     lost_messages: int | None = None
 
@@ -106,4 +106,4 @@ class Damage:
             amounts.append(f"{self.lost_messages} message{'' if self.lost_messages == 1 else 's'}")
         if self.lost_bytes:
             amounts.append(f"{self.lost_bytes} bytes")
-        return printable(f"{position}: {self.what}; left out: {', '.join(amounts) or 'nothing'}")
+        return printable(f"{position}: {self.problem}; left out: {', '.join(amounts) or 'nothing'}")

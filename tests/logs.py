@@ -393,6 +393,6 @@ def chunk_of(*parts: McapRecord | bytes, compression: str = "zstd", **changes: A
     return mcap_records.Chunk(**{**values, **changes})
 
 
-def sound_end() -> tuple[McapRecord, McapRecord]:
+def valid_end() -> tuple[McapRecord, McapRecord]:
     """Return the records that close a file without a summary."""
     return mcap_records.DataEnd(0), mcap_records.Footer(0, 0, 0)

@@ -1,13 +1,7 @@
-"""Damaged logs and failing output: readable parts are filtered, losses are reported, no partial files remain."""
+"""Damaged logs: readable parts are filtered, losses are reported."""
 
-import csv
-import io
 import os
-import re
-import signal
 import struct
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -16,30 +10,24 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
-from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Footer
 
 from seaclutter_cli.commands import cli
 from tests.logs import (
     LAYOUTS,
     MAGIC,
-    PERIOD_NS,
     START_NS,
-    Entry,
-    Layout,
     Topic,
     cloud_log,
     cloud_message,
     cloud_messages,
-    cloud_topic,
     join,
     records_of,
     sea_points,
-    write_log,
 )
+from tests.outcome import Outcome, all_broken, chunks, flip, log_of
 
 FRAMES = 6
-DAMAGED = re.compile(r"Damaged: (?P<position>.+?): (?P<what>.+); left out: (?P<amount>nothing|.*\d+ (messages?|bytes))")
 
 
 @pytest.fixture(scope="module")
@@ -47,73 +35,6 @@ def logs(tmp_path_factory):
     """Logs of six frames, each frame in its own chunk, as bytes."""
     path = tmp_path_factory.mktemp("logs") / "log.mcap"
     return {name: cloud_log(path, layout, frames=FRAMES).read_bytes() for name, layout in LAYOUTS.items()}
-
-
-class Outcome:
-    """The outcome of a run of ``filter``, after assertions that are valid for every run."""
-
-    def __init__(self, folder, data, *options):
-        self.log, out, table = folder / "log.mcap", folder / "out.mcap", folder / "frames.csv"
-        if data is not None:
-            self.log.write_bytes(data)
-        arguments = ["filter", self.log, "-o", out, "--csv", table, "--force", "-v", *options]
-        result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
-        self.code, self.stderr = result.exit_code, result.stderr
-        assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
-        assert "Traceback" not in result.output
-        assert self.code in (0, 1, 3), result.output
-        assert [path.name for path in folder.iterdir() if path.name.endswith(".part")] == []
-        assert out.exists() == (self.code != 1)
-        assert len([line for line in self.stderr.splitlines() if line.startswith("Error: ")]) == (self.code == 1)
-        self.damage = [line for line in self.stderr.splitlines() if line.startswith("Damaged: ")]
-        assert self.damage or self.code != 3
-        assert not self.damage or self.code != 0
-        for line in self.damage:
-            assert DAMAGED.fullmatch(line), line
-        self.rows, self.messages = [], {}
-        if self.code != 1:
-            with table.open() as stream:
-                self.rows = list(csv.DictReader(stream))
-            self.messages = read_whole(out)
-            out.unlink()
-        table.unlink(missing_ok=True)
-        assert len(self.messages.get("/points", ())) == len(self.rows)
-
-    @property
-    def frames(self):
-        """Indices of the filtered frames."""
-        return [int(row["frame"]) for row in self.rows]
-
-    @property
-    def points(self):
-        """Number of input points of each frame."""
-        return [int(row["points_in"]) for row in self.rows]
-
-    @property
-    def sequences(self):
-        """Sequence numbers of the filtered frames, from 0."""
-        return [message.sequence - 100 for message in self.messages["/points"]]
-
-
-def read_whole(path):
-    """Return the messages of each topic, read sequentially and by the index, with checksums verified."""
-    data = path.read_bytes()
-    front = list(NonSeekingReader(io.BytesIO(data), validate_crcs=True).iter_messages())
-    indexed = list(make_reader(io.BytesIO(data), validate_crcs=True).iter_messages())
-    assert [message for *_, message in front] == [message for *_, message in indexed]
-    topics = {}
-    for _, channel, message in front:
-        topics.setdefault(channel.topic, []).append(message)
-    return topics
-
-
-def chunks(data):
-    """Return the chunks that contain a frame."""
-    return [piece for piece in records_of(data) if piece.op == Opcode.CHUNK and len(piece.content) > 3000]
-
-
-def flip(data, at):
-    return data[:at] + bytes((data[at] ^ 0xFF,)) + data[at + 1 :]
 
 
 def test_intact_logs(tmp_path, logs):
@@ -246,12 +167,6 @@ def header_only(data):
     return data[: records_of(data)[0].end]
 
 
-def all_broken(data):
-    for chunk in chunks(data):
-        data = flip(data, chunk.end - 1000)
-    return data
-
-
 UNREADABLE = {
     "nothing": (lambda _: b"", "the file is empty"),
     "random bytes": (lambda _: np.random.default_rng(1).bytes(5000), "no readable record in this MCAP file"),
@@ -271,12 +186,6 @@ def test_logs_in_which_nothing_can_be_read(tmp_path, logs, kind):
     assert message in outcome.stderr
     assert "log" in outcome.stderr
     assert len([line for line in outcome.stderr.splitlines() if line.startswith("Error: ")]) == 1
-
-
-def log_of(path, messages, *, topic=None, layout=LAYOUTS["zstd"]):
-    topic = topic or cloud_topic("/points")
-    entries = [Entry(topic.name, START_NS + n * PERIOD_NS, data, sequence=100 + n) for n, data in enumerate(messages)]
-    return write_log(path, [topic], entries, layout).read_bytes()
 
 
 def wrong_message(**changes):
@@ -429,151 +338,3 @@ def test_any_message(tmp_path_factory, changes):
     outcome = Outcome(folder, log_of(folder / "log.mcap", [intact[0], bytes(message), intact[2]]))
     assert outcome.code in (0, 3)
     assert [frame for frame in outcome.frames if frame != 1] == [0, 2]
-
-
-def names_in(folder):
-    return sorted(path.name for path in folder.rglob("*"))
-
-
-@pytest.fixture
-def small_disk(tmp_path):
-    """Return a mounted disk of 64 kB, or skip the test."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder]
-    if sys.platform != "linux" or subprocess.run(command, capture_output=True, check=False).returncode:
-        pytest.skip("no permission to mount a small disk")
-    yield folder
-    subprocess.run(["umount", folder], check=True)
-
-
-def test_a_full_disk(tmp_path, small_disk):
-    log = cloud_log(tmp_path / "log.mcap", LAYOUTS["none"], frames=30)
-    result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(small_disk / "out.mcap")])
-    assert result.exit_code == 1
-    assert (
-        result.stderr.splitlines()[-1]
-        == f"Error: {small_disk / 'out.mcap'}: the disk is full; the incomplete file was removed"
-    )
-    assert names_in(small_disk) == []
-
-
-def test_a_disk_too_full_for_the_table(tmp_path, small_disk):
-    log = cloud_log(tmp_path / "log.mcap", frames=3)
-    (small_disk / "filling").write_bytes(bytes(64 * 1024))
-    result = CliRunner().invoke(
-        cli, ["filter", str(log), "-o", str(tmp_path / "out.mcap"), "--csv", str(small_disk / "frames.csv")]
-    )
-    assert result.exit_code == 1
-    assert f"{small_disk / 'frames.csv'}: the disk is full; the incomplete file was removed" in result.stderr
-    assert names_in(small_disk) == ["filling"]
-    assert not [name for name in names_in(tmp_path) if name.endswith(".part")]
-
-
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full")  # noqa: PTH110
-def test_a_full_device(tmp_path, logs):
-    log, folder = tmp_path / "log.mcap", tmp_path / "out"
-    log.write_bytes(logs["zstd"])
-    folder.mkdir()
-    (folder / f".out.mcap.{os.getpid()}.part").symlink_to("/dev/full")
-    result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(folder / "out.mcap")])
-    assert result.exit_code == 1
-    assert result.stderr == f"Error: {folder / 'out.mcap'}: the disk is full; the incomplete file was removed\n"
-    assert names_in(folder) == []
-
-
-_LIMITED = """
-import resource, sys
-from seaclutter_cli.commands import main
-
-resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
-main()
-"""
-
-
-def test_a_file_that_may_not_grow(tmp_path, logs):
-    pytest.importorskip("resource")
-    log, folder = tmp_path / "log.mcap", tmp_path / "out"
-    log.write_bytes(logs["none"])
-    command = [sys.executable, "-c", _LIMITED, "filter", log, "-o", folder / "out.mcap"]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-    assert run.returncode == 1
-    assert (
-        run.stderr
-        == f"Error: {folder / 'out.mcap'}: writing failed (File too large); the incomplete file was removed\n"
-    )
-    assert names_in(folder) == []
-
-
-@pytest.fixture(scope="module")
-def long_log(tmp_path_factory):
-    messages = cloud_messages("ros2", 10, 3000) * 100
-    path = tmp_path_factory.mktemp("long") / "log.mcap"
-    log_of(path, messages, layout=Layout("lz4", chunk_size=2**20))
-    return path
-
-
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-@pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_an_interrupted_run(tmp_path, long_log, name):
-    folder = tmp_path / "out"
-    options = ("-o", folder / "out.mcap", "--csv", folder / "frames.csv")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    command = [sys.executable, "-m", "seaclutter_cli", "filter", long_log, *options]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
-        deadline = time.monotonic() + 20
-        while not any(path.stat().st_size > 100_000 for path in folder.glob(".out.mcap*")):
-            assert process.poll() is None, "the run ended before it was interrupted"
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
-        process.send_signal(getattr(signal, name))
-        _, stderr = process.communicate(timeout=20)
-    assert process.returncode == 1
-    assert "Interrupted; the output of the unfinished recording was removed." in stderr
-    assert "Traceback" not in stderr
-    assert names_in(folder) == []
-
-
-def test_output_that_already_exists(tmp_path, logs):
-    log, out = tmp_path / "log.mcap", tmp_path / "out.mcap"
-    log.write_bytes(logs["zstd"])
-    out.write_bytes(b"precious")
-    refused = CliRunner().invoke(cli, ["filter", str(log), "-o", str(out)])
-    assert refused.exit_code == 2
-    assert "already exists; use --force to replace it" in refused.stderr
-    assert out.read_bytes() == b"precious"
-    assert CliRunner().invoke(cli, ["filter", str(log), "-o", str(out), "--force"]).exit_code == 0
-    assert len(read_whole(out)["/points"]) == FRAMES
-
-
-def test_output_that_is_kept_when_its_replacement_fails(tmp_path, logs):
-    log, out = tmp_path / "log.mcap", tmp_path / "out.mcap"
-    log.write_bytes(all_broken(logs["zstd"]))
-    out.write_bytes(b"precious")
-    assert CliRunner().invoke(cli, ["filter", str(log), "-o", str(out), "--force"]).exit_code == 1
-    assert out.read_bytes() == b"precious"
-
-
-@pytest.mark.parametrize("force", [(), ("--force",)])
-def test_output_that_is_the_input(tmp_path, logs, force):
-    log = tmp_path / "log.mcap"
-    log.write_bytes(logs["zstd"])
-    (tmp_path / "link.mcap").symlink_to(log)
-    for out in (log, tmp_path / ".." / tmp_path.name / "log.mcap", tmp_path / "link.mcap"):
-        result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(out), *force])
-        assert result.exit_code == 2
-        assert "is part of the input" in result.stderr
-    assert log.read_bytes() == logs["zstd"]
-
-
-def test_one_broken_log_among_others(tmp_path, logs):
-    for name, data in (("a", logs["zstd"]), ("b", b"no log"), ("c", logs["zstd"][:20000])):
-        (tmp_path / f"{name}.mcap").write_bytes(data)
-    out = tmp_path / "out"
-    result = CliRunner().invoke(cli, ["filter", *(str(tmp_path / f"{name}.mcap") for name in "abc"), "-o", str(out)])
-    assert result.exit_code == 1
-    assert f"Error: {tmp_path / 'b.mcap'}: no readable record in this MCAP file" in result.stderr
-    assert f"Damaged: {tmp_path / 'c.mcap'}: byte" in result.stderr
-    assert names_in(out) == ["a.mcap", "c.mcap"]
-    assert len(read_whole(out / "a.mcap")["/points"]) == FRAMES

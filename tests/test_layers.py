@@ -8,7 +8,14 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
 
 BASE = {"text", "errors", "records", "cloud", "frame", "truth", "interfaces"}
-CORE = BASE | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "pipeline"}
+CORE = (
+    BASE
+    | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering"}
+    | {
+        "selection",
+        "pipeline",
+    }
+)
 ALLOWED = {
     "text": set(),
     "errors": set(),
@@ -28,18 +35,19 @@ ALLOWED = {
     "evaluation": BASE | {"clustering"},
     "scenes": BASE | {"evaluation"},
     "filters": BASE | {"airborne", "scenes"},
-    "pipeline": BASE | {"messages"},
+    "selection": BASE | {"messages"},
+    "pipeline": BASE | {"messages", "selection"},
     "survey": BASE | {"sensors"},
     "calibration": BASE | {"filters"},
     "config": BASE | {"filters", "evaluation", "validation"},
     "simulation": BASE | {"validation", "messages", "sensors", "sinks"},
-    "reporting": BASE | {"evaluation", "messages", "pipeline"},
+    "reporting": BASE | {"evaluation", "messages", "pipeline", "selection"},
     "plots": BASE | {"evaluation", "calibration", "reporting"},
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "runs": CORE
     | {"airborne", "calibration", "config", "plots", "reporting", "scenes", "simulation", "survey", "validation"}
     | {"viewing"},
-    "api": BASE | {"calibration", "config", "messages", "pipeline", "runs", "sinks", "validation"},
+    "api": BASE | {"calibration", "config", "messages", "pipeline", "runs", "selection", "sinks", "validation"},
     "commands": BASE | {"config", "runs", "sensors"},
 }
 """Parts of the package and the other parts that each may import."""

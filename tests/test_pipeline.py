@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag1 import Writer as BagWriter
 
-from seaclutter_cli.pipeline import Selection, cloud_channels, frames, read
+from seaclutter_cli.pipeline import frames, read
 from seaclutter_cli.records import Attachment, Message, Metadata
+from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sources import find_recordings, open_source
 from seaclutter_cli.sources.mcap.source import McapSource
 from seaclutter_cli.sources.rosbag1.source import BagSource

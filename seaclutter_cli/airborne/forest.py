@@ -18,7 +18,7 @@ Values = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
 _BLOCK = 20_000
-_LEAST_TILES = 4
+_MIN_TILES = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +109,7 @@ def class_name(code: int) -> str:
     return OBJECT_CLASSES[code - 1] if 1 <= code <= len(OBJECT_CLASSES) else f"class {code}"
 
 
-def hold_out(samples: Samples, params: ForestParams) -> tuple[NDArray[np.bool_], str]:
+def split_samples(samples: Samples, params: ForestParams) -> tuple[NDArray[np.bool_], str]:
     """Return which points are held out for the test, shape (N,), and the unit of the split: ``tile`` or ``object``.
 
     With four tiles or more, whole tiles are held out; with fewer, whole objects of each class that has at least two.
@@ -117,7 +117,7 @@ def hold_out(samples: Samples, params: ForestParams) -> tuple[NDArray[np.bool_],
     """
     rng = np.random.default_rng([params.seed, 1])
     tiles = np.unique(samples.tile)
-    if len(tiles) >= _LEAST_TILES:
+    if len(tiles) >= _MIN_TILES:
         for _ in range(100):
             chosen = rng.permutation(tiles)[: max(1, round(params.test_share * len(tiles)))]
             test = np.isin(samples.tile, chosen)

@@ -155,7 +155,7 @@ class Log:
         ...     [(frame.topic, frame.index, frame.size) for frame in log.frames(start_s=1.0, limit=2)]
         [('/points', 10, 2145), ('/points', 11, 2214)]
         """
-        from seaclutter_cli.pipeline import Selection
+        from seaclutter_cli.selection import Selection
 
         chosen = (topics,) if isinstance(topics, str) else tuple(topics)
         selection = Selection(

@@ -144,9 +144,9 @@ def config_file_option(text: str) -> Option:
     return path_option("-c", "--config", "file", help=text)
 
 
-def set_option(example: str, what: str = "a key") -> Option:
+def set_option(example: str, subject: str = "a key") -> Option:
     """Return the option for single settings."""
-    text = f"Set {what}, such as {example}; repeatable."
+    text = f"Set {subject}, such as {example}; repeatable."
     return click.option("-s", "--set", "overrides", multiple=True, metavar="KEY=VALUE", help=text)
 
 

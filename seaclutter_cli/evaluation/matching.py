@@ -57,7 +57,7 @@ class Alarms:
     false_alarms: int
 
     @property
-    def omitted(self) -> int:
+    def missed(self) -> int:
         """Number of missed targets."""
         return self.visible - self.detected
 
@@ -143,7 +143,7 @@ class Matches:
     detected: Mask
 
 
-def judge(clusters: NDArray[np.int64], scene: FrameTargets, params: EvaluationParams) -> Matches:
+def match_clusters(clusters: NDArray[np.int64], scene: FrameTargets, params: EvaluationParams) -> Matches:
     """Return which clusters of a frame belong to targets, and which targets are detected.
 
     Parameters
@@ -179,7 +179,7 @@ def match(clusters: NDArray[np.int64], scene: FrameTargets, params: EvaluationPa
     params : EvaluationParams
         Parameters of the matching.
     """
-    found = judge(clusters, scene, params)
+    found = match_clusters(clusters, scene, params)
     return Alarms(
         targets=len(scene.members),
         visible=int(np.count_nonzero(scene.visible)),

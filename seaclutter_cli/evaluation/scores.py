@@ -98,7 +98,7 @@ class FrameScore:
         known: list[int | str] = [""] * 5
         if self.alarms is not None:
             alarms = self.alarms
-            known = [alarms.targets, alarms.visible, alarms.detected, alarms.omitted, alarms.false_alarms]
+            known = [alarms.targets, alarms.visible, alarms.detected, alarms.missed, alarms.false_alarms]
         points: list[int | str] = [""] * len(POINT_COLUMNS)
         if self.points is not None:
             points = [getattr(self.points, item.name) for item in fields(self.points)]
@@ -199,7 +199,7 @@ class Summary:
             return
         self.frames += 1
         self.n_fp += frame.alarms.false_alarms > 0
-        self.n_fn += frame.alarms.omitted > 0
+        self.n_fn += frame.alarms.missed > 0
         self.unclustered += frame.unclustered
         for item in fields(frame.alarms):
             setattr(self, item.name, getattr(self, item.name) + getattr(frame.alarms, item.name))
@@ -213,7 +213,7 @@ class Summary:
             setattr(self, item.name, getattr(self, item.name) + getattr(other, item.name))
 
     @property
-    def omitted(self) -> int:
+    def missed(self) -> int:
         """Number of missed targets."""
         return self.visible - self.detected
 
@@ -269,7 +269,7 @@ class Summary:
             "targets": self.targets,
             "not_visible": self.targets - self.visible,
             "detected": self.detected,
-            "omitted_alarms": self.omitted,
+            "omitted_alarms": self.missed,
             "false_alarms": self.false_alarms,
             "precision": self.precision,
             "recall": self.recall,

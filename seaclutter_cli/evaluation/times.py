@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-_LEAST_S = 1e-7
+_MIN_S = 1e-7
 _STEP = 1.01
 _BINS = 2400
 
@@ -17,7 +17,7 @@ class Durations:
 
     def add(self, seconds: float) -> None:
         """Add a duration."""
-        index = math.log(max(seconds, _LEAST_S) / _LEAST_S) / math.log(_STEP)
+        index = math.log(max(seconds, _MIN_S) / _MIN_S) / math.log(_STEP)
         self.counts[min(int(index), _BINS - 1)] += 1
 
     def update(self, other: "Durations") -> None:
@@ -39,4 +39,4 @@ class Durations:
         if not below[-1]:
             return None
         index = int(np.searchsorted(below, max(1, math.ceil(share * int(below[-1]) - 1e-9))))
-        return float(_LEAST_S * _STEP ** (index + 0.5))
+        return float(_MIN_S * _STEP ** (index + 0.5))

@@ -23,7 +23,7 @@ def best(summaries: Mapping[str, Summary]) -> str | None:
 
 def _error_rates(summary: Summary) -> tuple[float, float]:
     frames = summary.frames  # rates, since a method may be unable to process some frames
-    return (summary.n_fp + summary.n_fn) / frames, (summary.false_alarms + summary.omitted) / frames
+    return (summary.n_fp + summary.n_fn) / frames, (summary.false_alarms + summary.missed) / frames
 
 
 def ideal_threshold(intensity: NDArray[np.float64], points: NDArray[np.int64]) -> float | None:

@@ -5,10 +5,10 @@ import numpy as np
 from seaclutter_cli.frame import FilterResult
 
 _FRAMES = 20
-_LEAST_POINTS = 200
+_MIN_POINTS = 200
 
 
-class IntensityFit:
+class ThresholdCheck:
     """Check of the first frames of a topic, with at most one warning about unsuitable thresholds."""
 
     def __init__(self) -> None:
@@ -28,9 +28,9 @@ class IntensityFit:
         if self._frames == 0:
             self._thresholds = result.rings.thresholds
         self._frames += 1
-        return self.verdict() if self._frames >= _FRAMES else None
+        return self.warning() if self._frames >= _FRAMES else None
 
-    def verdict(self) -> str | None:
+    def warning(self) -> str | None:
         """Return a warning if the thresholds do not fit the frames so far; None once the check is complete."""
         if self._warned or not self._frames:
             return None
@@ -39,6 +39,6 @@ class IntensityFit:
         ranges = f"intensities are {self._least:g} to {self._most:g}, thresholds {least:g} to {most:g}"
         if self._most < least:
             return f"no point can pass: {ranges}; find thresholds for this sensor with: seaclutter calibrate"
-        if self._low == 0 and self._points >= _LEAST_POINTS:
+        if self._low == 0 and self._points >= _MIN_POINTS:
             return f"no point is below its threshold: {ranges}; find suitable thresholds with: seaclutter calibrate"
         return None

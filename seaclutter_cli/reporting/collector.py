@@ -147,7 +147,7 @@ def _by_alarms(score: FrameScore | None) -> tuple[float | None, float | None]:
     """Return badness and merit of a labelled frame: its errors and, if there are none, its detected targets."""
     if score is None or score.alarms is None:
         return None, None
-    errors = score.alarms.false_alarms + score.alarms.omitted
+    errors = score.alarms.false_alarms + score.alarms.missed
     return float(errors), None if errors else float(score.alarms.detected)
 
 

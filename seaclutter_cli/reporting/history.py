@@ -44,7 +44,7 @@ class History:
         Number of range rings of the method, K; 0 without range rings.
     """
 
-    _ALARMS = ("visible", "omitted", "false_alarms")
+    _ALARMS = ("visible", "missed", "false_alarms")
 
     def __init__(self, rings: int) -> None:
         self._rings = rings

@@ -17,7 +17,7 @@ class FrameListener(Protocol):
         """Start a recording."""
         ...
 
-    def see(
+    def add_frame(
         self,
         frame: Frame,
         results: Sequence[FilterResult | None],
@@ -38,7 +38,7 @@ class ReplayListener(ABC):
     def expect(self, frames: int) -> None:  # noqa: B027 - optional for subclasses
         """Take the approximate number of frames, before the first of them."""
 
-    def see(
+    def add_frame(
         self,
         frame: Frame,
         results: Sequence[FilterResult | None],

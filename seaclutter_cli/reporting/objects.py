@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, judge, targets_of
+from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, match_clusters, targets_of
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.truth import Boxes, Truth
 
@@ -70,7 +70,7 @@ def _match(
         labels = np.full(frame.size, -1)
         if result is not None:
             labels = finder.clusters(result.keep & frame.valid, params.min_cluster_points)
-        matched.append((labels, None if scene is None or result is None else judge(labels, scene, params)))
+        matched.append((labels, None if scene is None or result is None else match_clusters(labels, scene, params)))
     return matched
 
 

@@ -17,9 +17,10 @@ from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
-from seaclutter_cli.pipeline import Selection, read
+from seaclutter_cli.pipeline import read
 from seaclutter_cli.records import Damage, Message, Metadata
 from seaclutter_cli.reporting.history import Numbers
+from seaclutter_cli.selection import Selection
 
 _FILTERED, _REMOVED = "/filtered", "/removed"
 _MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)

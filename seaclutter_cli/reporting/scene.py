@@ -50,5 +50,5 @@ def _cluster(one: Described) -> SceneBox:
 
 def _box(one: Described) -> SceneBox:
     state = one["state"][0] if isinstance(one["state"], list) else one["state"]
-    text = {"detected": one["class"], "missed": f"{one['class']} (lost)", "hidden": f"{one['class']} (not visible)"}
+    text = {"detected": one["class"], "missed": f"{one['class']} (missed)", "hidden": f"{one['class']} (not visible)"}
     return SceneBox(one["center"], one["size"], one["yaw"], _BOXES[state], text.get(state, ""))

@@ -15,7 +15,7 @@ from seaclutter_cli.filters.ring_params import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.pipeline import cloud_channels, map_frames
+from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import ClutterDensity, draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
@@ -32,6 +32,7 @@ from seaclutter_cli.runs.recordings import (
     require_frames,
     warnings_of,
 )
+from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.text import count
 
 
@@ -114,7 +115,7 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
 
 def _starting_config(options: ConfigOptions) -> Config:
     """Return the configuration to start from, with thresholds still to be found."""
-    config = options.load(open_thresholds=True)
+    config = options.load(undetermined_thresholds=True)
     if not isinstance(config.filter, RingIntensityParams):
         suitable = (name for name, kind in FILTERS.items() if issubclass(kind.Params, RingIntensityParams))
         raise UsageError(f"method {config.method} has no thresholds to calibrate; choose -m {', -m '.join(suitable)}")

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Literal
 
 from seaclutter_cli.evaluation.scores import Summary, score_frame
-from seaclutter_cli.filters.fit import IntensityFit
+from seaclutter_cli.filters.fit import ThresholdCheck
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.pipeline import cloud_channels, run_each, was_filtered
+from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.listener import FrameListener
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.frame_table import FrameTable
@@ -25,11 +25,12 @@ from seaclutter_cli.runs.recordings import (
     expand,
     expected_frames,
     finish_labels,
-    keeping_errors,
     opened,
     require_frames,
+    storing_errors,
 )
 from seaclutter_cli.runs.sensor_match import mismatches
+from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import printable
@@ -140,7 +141,7 @@ class Evaluator:
         outcome = Evaluated(recording=recording.name, methods=methods)
         for listener in listeners:
             listener.begin(recording.name)
-        with keeping_errors(outcome, self.observer), opened(recording, self.reading, self.observer, outcome) as source:
+        with storing_errors(outcome, self.observer), opened(recording, self.reading, self.observer, outcome) as source:
             begun = [table.begin(recording.name) for table in tables]
             scorer = _FrameScorer(self, labels, outcome, begun, listeners)
             self._stream(source, scorer)
@@ -194,7 +195,7 @@ class _FrameScorer:
         self._tables, self._listeners = tables, listeners
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant.name for variant in self._variants if not variant.config.make_filter().needs_first_pass]
-        self._fits = {name: IntensityFit() for name in given}
+        self._fits = {name: ThresholdCheck() for name in given}
         self._warned: set[str] = set()
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
@@ -202,7 +203,7 @@ class _FrameScorer:
         truth = self._labels.truth(frame) if self._labels else None
         scores = score_frame(frame, results, truth, self._variants[0].config.evaluation)
         for listener in self._listeners:
-            listener.see(frame, results, truth, scores)
+            listener.add_frame(frame, results, truth, scores)
         for variant, result, found, spent in zip(self._variants, results, scores, seconds, strict=True):
             if result is None or found is None:
                 continue
@@ -215,7 +216,7 @@ class _FrameScorer:
     def finish(self) -> None:
         """Warn about thresholds that do not fit, even after only a few frames."""
         for fit in self._fits.values():
-            self._warn(fit.verdict())
+            self._warn(fit.warning())
 
     def _warn(self, text: str | None) -> None:
         if text and text not in self._warned:

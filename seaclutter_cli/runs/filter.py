@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.filters.fit import IntensityFit
+from seaclutter_cli.filters.fit import ThresholdCheck
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
-from seaclutter_cli.pipeline import TopicTally, cloud_channels, run, was_filtered
+from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
@@ -20,11 +20,12 @@ from seaclutter_cli.runs.recordings import (
     ReadOptions,
     expand,
     expected_frames,
-    keeping_errors,
     opened,
     require_frames,
+    storing_errors,
 )
 from seaclutter_cli.runs.sensor_match import mismatches
+from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import printable, share
@@ -117,7 +118,7 @@ class RecordingFilter:
         """Filter a recording into a file; store an error in the outcome."""
         outcome = FilterOutcome(recording=recording.name, output=target, edges=self._config.ring_edges)
         with (
-            keeping_errors(outcome, self._observer),
+            storing_errors(outcome, self._observer),
             opened(recording, self._options.reading, self._observer, outcome) as source,
         ):
             self._stream(source, outcome, tables, labels)
@@ -133,7 +134,7 @@ class RecordingFilter:
             self._observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         self._observer.note(f"{source.name}: {source.format}, method {self._config.method} on {named}", detail=True)
-        fits = {topic: IntensityFit() for topic in topics}
+        fits = {topic: ThresholdCheck() for topic in topics}
         with (
             self._observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             McapSink(outcome.output, self._written(labels)) as sink,
@@ -144,10 +145,10 @@ class RecordingFilter:
         for text in mismatches(self._config.sensor, source):
             self._observer.warn(text)
         for topic, fit in fits.items():
-            self._warn(topic, fit.verdict() or _nothing_left(outcome.topics[topic]))
+            self._warn(topic, fit.warning() or _nothing_left(outcome.topics[topic]))
 
     def _result_callback(
-        self, fits: Mapping[str, IntensityFit], step: Callable[[], object]
+        self, fits: Mapping[str, ThresholdCheck], step: Callable[[], object]
     ) -> Callable[[FilterResult], None]:
         def on_result(result: FilterResult) -> None:
             step()

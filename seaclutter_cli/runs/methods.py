@@ -55,10 +55,12 @@ class ConfigOptions:
     method: str | None = None
     overrides: tuple[str, ...] = ()
 
-    def load(self, *additional: str, open_thresholds: bool = False) -> Config:
+    def load(self, *additional: str, undetermined_thresholds: bool = False) -> Config:
         """Return the configuration, with additional overrides; see `load_config` for parameters and errors."""
         overrides = (*self.overrides, *additional)
-        return load_config(self.file, method=self.method, overrides=overrides, open_thresholds=open_thresholds)
+        return load_config(
+            self.file, method=self.method, overrides=overrides, undetermined_thresholds=undetermined_thresholds
+        )
 
     def as_methods(self) -> "MethodOptions":
         """Return the equivalent options for a comparison of one method."""

@@ -11,9 +11,9 @@ from typing import Any
 
 from seaclutter_cli.errors import InputError, SeaclutterError, UsageError
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.pipeline import Selection
 from seaclutter_cli.records import Channel, Damage
 from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.selection import Selection
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources import Recording, find_recordings
 
@@ -155,7 +155,7 @@ def opened(recording: Recording, reading: ReadOptions, observer: Observer, outco
 
 
 @contextmanager
-def keeping_errors(outcome: Outcome, observer: Observer) -> Iterator[None]:
+def storing_errors(outcome: Outcome, observer: Observer) -> Iterator[None]:
     """Store an error of one recording in its outcome, so that the others are still processed; measure the time.
 
     Raises

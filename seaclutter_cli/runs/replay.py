@@ -9,14 +9,14 @@ from seaclutter_cli.config import parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
 from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.pipeline import was_filtered
 from seaclutter_cli.reporting.listener import ReplayListener
 from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.evaluate import Evaluator
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.recordings import ReadOptions, finish_labels, keeping_errors, opened
+from seaclutter_cli.runs.recordings import ReadOptions, finish_labels, opened, storing_errors
+from seaclutter_cli.selection import was_filtered
 from seaclutter_cli.sources import Recording
 
 L = TypeVar("L", bound=ReplayListener)
@@ -150,7 +150,7 @@ class ReplayReader:
         summary = Summary()
         outcome = Evaluated(recording=recording.name, methods={self.variant.name: summary})
         self.listener.begin(recording.name)
-        with keeping_errors(outcome, self.observer), opened(recording, self.reading, self.observer, outcome) as source:
+        with storing_errors(outcome, self.observer), opened(recording, self.reading, self.observer, outcome) as source:
             self._stream(source, topic, labels, summary)
         return outcome
 

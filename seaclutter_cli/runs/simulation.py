@@ -14,7 +14,7 @@ from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.text import count, indented, table
 from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
 
-_MOST_TARGETS = 12
+_MAX_TARGETS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ class SimulationResult(Result):
         points = self.tally.points
         targets = [(f"{item.class_name or item.shape}, track {item.track_id}", item) for item in self.scene.objects]
         shown = [(name, points[item.track_id]) for name, item in targets if not item.ignore]
-        if len(shown) > _MOST_TARGETS:
+        if len(shown) > _MAX_TARGETS:
             shown = self._by_class()
         return [("clutter", points[CLUTTER]), *shown, ("own ship or ignored", points[IGNORED])]
 
@@ -96,11 +96,11 @@ class SimulationResult(Result):
                 name = item.class_name or item.shape
                 targets[name] += 1
                 points[name] += self.tally.points[item.track_id]
-        return [(f"{name}, {number} of them", points[name]) for name, number in sorted(targets.items())]
+        return [(f"{name} ({number} objects)", points[name]) for name, number in sorted(targets.items())]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as JSON-compatible data."""
-        rows = [{"what": name, "points": points} for name, points in self._rows()]
+        rows = [{"label": name, "points": points} for name, points in self._rows()]
         return {"output": str(self.log), "labels": str(self.labels), "frames": self.tally.frames, "points": rows}
 
     def as_text(self) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
-from seaclutter_cli.pipeline import Selection, read
+from seaclutter_cli.pipeline import read
 from seaclutter_cli.records import Channel, Message, SensorFacts
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import (
@@ -19,9 +19,10 @@ from seaclutter_cli.runs.recordings import (
     RecordingsResult,
     expand,
     expected_frames,
-    keeping_errors,
     opened,
+    storing_errors,
 )
+from seaclutter_cli.selection import Selection
 from seaclutter_cli.survey import TopicSurvey
 from seaclutter_cli.text import printable, share, table
 
@@ -50,7 +51,7 @@ def survey_logs(logs: Logs, reading: ReadOptions | None = None, observer: Observ
     contents = []
     for recording in expand(logs):
         content = Content(recording=recording.name, path=str(recording.paths[0]))
-        with keeping_errors(content, observer), opened(recording, reading, observer, content) as source:
+        with storing_errors(content, observer), opened(recording, reading, observer, content) as source:
             _read(source, content, reading.selection, observer)
         contents.append(content)
     return SurveyResult(contents)

@@ -15,7 +15,7 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.runs.methods import ConfigOptions, Variant
 
 _RANGE = re.compile(r"\s*(-?[\d.]+)\s*:\s*(-?[\d.]+)\s*:\s*([\d.]+)\s*")
-_MOST_VARIANTS = 500
+_MAX_VARIANTS = 500
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def parse_sweep(text: str) -> Sweep:
 def _steps(given: str) -> list[float]:
     found = _RANGE.fullmatch(given)
     start, stop, step = (float(number) for number in found.groups()) if found else (0.0, 0.0, 0.0)
-    if step <= 0 or stop < start or (stop - start) / step > _MOST_VARIANTS:
+    if step <= 0 or stop < start or (stop - start) / step > _MAX_VARIANTS:
         raise ValueError(given)
     count = math.floor((stop - start) / step + 1e-9) + 1
     values = [round(start + number * step, 10) for number in range(count)]
@@ -116,8 +116,8 @@ def grid(sweeps: Sequence[Sweep], options: ConfigOptions) -> list[Variant]:
             raise UsageError(f"--sweep {key}: unknown key; method {base.method} has: {', '.join(known)}")
     if len(set(keys)) < len(keys):
         raise UsageError("--sweep: the same key is given twice")
-    if (count := math.prod(len(sweep.values) for sweep in sweeps)) > _MOST_VARIANTS:
-        raise UsageError(f"--sweep: {count} combinations; at most {_MOST_VARIANTS} are allowed")
+    if (count := math.prod(len(sweep.values) for sweep in sweeps)) > _MAX_VARIANTS:
+        raise UsageError(f"--sweep: {count} combinations; at most {_MAX_VARIANTS} are allowed")
     variants = []
     for values in itertools.product(*(sweep.values for sweep in sweeps)):
         settings = [f"{key}={shown(value)}" for key, value in zip(keys, values, strict=True)]

@@ -46,7 +46,7 @@ class ThresholdHistory:
     def begin(self, recording: str) -> None:
         """Start a recording; its frames follow those of the previous one."""
 
-    def see(
+    def add_frame(
         self,
         frame: Frame,
         results: Sequence[FilterResult | None],

@@ -20,7 +20,7 @@ PACKET_FAMILIES: Mapping[str, PacketFamily] = {
 }
 """Families by name, tried in this order. Register new ones here."""
 
-CALIBRATIONS_BESIDE: Mapping[str, str] = {"ouster": ".json"}
+CALIBRATION_SUFFIXES: Mapping[str, str] = {"ouster": ".json"}
 """Suffix of the calibration file that usually accompanies a capture, by family."""
 
 

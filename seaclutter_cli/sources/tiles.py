@@ -142,7 +142,7 @@ class CloudTile:
         return np.asarray(part[name])
 
 
-class PointsOf:
+class TilePointReader:
     """The points of a tile in the form that classification reads (`seaclutter_cli.interfaces.TilePoints`).
 
     Parameters

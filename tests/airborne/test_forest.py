@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.airborne.features import FeatureParams
-from seaclutter_cli.airborne.forest import ForestParams, Samples, hold_out, join, predict, train
+from seaclutter_cli.airborne.forest import ForestParams, Samples, join, predict, split_samples, train
 from seaclutter_cli.airborne.model import ObjectModel, load_model
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.errors import InputError
@@ -28,7 +28,7 @@ def samples(tiles=1, objects=4, points=30, classes=(1, 2, 3), width=14, seed=0):
 @pytest.mark.parametrize(("tiles", "split"), [(1, "object"), (3, "object"), (4, "tile"), (9, "tile")])
 def test_whole_tiles_or_objects_are_held_out(tiles, split):
     data = samples(tiles)
-    test, unit = hold_out(data, PARAMS)
+    test, unit = split_samples(data, PARAMS)
     assert unit == split
     assert set(data.code[test]) == set(data.code[~test]) == {1, 2, 3}
     pairs = [set(zip(data.tile[part].tolist(), data.number[part].tolist(), strict=True)) for part in (test, ~test)]
@@ -40,7 +40,7 @@ def test_whole_tiles_or_objects_are_held_out(tiles, split):
 
 def test_every_class_is_trained_on_even_if_it_has_one_object():
     data = samples(1, objects=1)
-    test, split = hold_out(data, PARAMS)
+    test, split = split_samples(data, PARAMS)
     assert (test.any(), split) == (False, "object")
 
 
@@ -48,7 +48,7 @@ def test_tiles_are_not_held_out_if_a_class_would_be_missing():
     data = samples(4)
     code = np.where((data.code == 3) & (data.tile != 2), 2, data.code)
     for seed in range(5):
-        test, _ = hold_out(replace(data, code=code), replace(PARAMS, seed=seed))
+        test, _ = split_samples(replace(data, code=code), replace(PARAMS, seed=seed))
         assert 3 in code[~test]
 
 

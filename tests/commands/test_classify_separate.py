@@ -191,10 +191,10 @@ def test_kappa_rises_to_20_m_and_falls(name):
     from seaclutter_cli.airborne.separation import separate
     from seaclutter_cli.airborne.surface import SeparationParams, SurfaceParams
     from seaclutter_cli.evaluation.confusion import Confusion
-    from seaclutter_cli.simulation.airborne.recording import strips_of
+    from seaclutter_cli.simulation.airborne.recording import simulate_strips
     from seaclutter_cli.simulation.airborne.scene import load_tile_scene
 
-    points = np.concatenate(list(strips_of(load_tile_scene(name))))
+    points = np.concatenate(list(simulate_strips(load_tile_scene(name))))
     xyz = np.stack([points[axis] for axis in "xyz"])
 
     def kappa(window_m, params):

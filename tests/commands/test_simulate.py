@@ -82,5 +82,5 @@ def test_the_scene_of_a_layout_can_be_saved_and_simulated_again(tmp_path):
 
 def test_many_targets_are_counted_by_class(tmp_path):
     result = run("simulate", "poplar", "-o", tmp_path / "a.mcap", "-n", 1)
-    assert "poplar, 80 of them" in result.stdout
+    assert "poplar (80 objects)" in result.stdout
     assert len(result.stdout.splitlines()) < 10

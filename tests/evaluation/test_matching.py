@@ -9,7 +9,7 @@ from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 from tests.evaluation.scenes import boxes, frame_of, lump, result_of
 
 PARAMS = EvaluationParams()
-NAMES = ("targets", "visible", "detected", "omitted", "clusters", "false_alarms")
+NAMES = ("targets", "visible", "detected", "missed", "clusters", "false_alarms")
 
 
 def alarms_of(frame, truth, removed=(), params=PARAMS):

@@ -113,3 +113,9 @@ def sea_frame(seed, *, size=400, index=0, coordinates="f4", intensities="f4", sc
     else:
         brightness = np.floor(brightness)
     return make_frame(xyz, brightness, index=index, coordinates=coordinates, intensities=intensities)
+
+
+def row_and_points(*distances):
+    """Return the ranges of 11 points, 1/8 m apart from 20 m, and of one at each distance behind the last."""
+    row = 20 + np.arange(11) / 8
+    return np.concatenate([row, row[-1] + np.array(distances, float)])

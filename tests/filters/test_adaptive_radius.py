@@ -20,7 +20,7 @@ from seaclutter_cli.filters.adaptive_radius import (
     isolated_by_range,
 )
 from tests.filters.frames import make_frame, on_axis, sea_frame
-from tests.filters.reference import isolated_by_count, isolated_by_rank, points_of
+from tests.filters.reference_points import isolated_by_count, isolated_by_rank, points_of
 from tests.filters.steps import INVALID, KEPT, OUTLIER, reasons
 
 SMALL = 1e-7

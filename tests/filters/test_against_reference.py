@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.filters import FILTERS, neighbors
 from seaclutter_cli.filters.adaptive_radius import Preset
-from seaclutter_cli.pipeline import Selection, frames
+from seaclutter_cli.pipeline import frames
+from seaclutter_cli.selection import Selection
 from seaclutter_cli.sources import open_source
 from tests.filters.frames import frame_of, make_frame, sea_frame, take
-from tests.filters.reference import REFERENCES, distances_to_others, points_of
+from tests.filters.reference import REFERENCES
+from tests.filters.reference_points import distances_to_others, points_of
 from tests.paths import SAMPLE, shared
 
 RING_METHODS = {"joint", "ring_intensity", "ring_intensity_outlier"}
@@ -209,5 +211,5 @@ def test_frame_of_a_vlp16(name):
 def test_both_distance_computations_of_the_reference_agree(monkeypatch):
     points = [point for point in points_of(sea_frame(1)) if not point.invalid]
     slow = list(distances_to_others(points[:300]))
-    monkeypatch.setattr("tests.filters.reference.MANY", 0)
+    monkeypatch.setattr("tests.filters.reference_points.MANY", 0)
     np.testing.assert_allclose(list(distances_to_others(points[:300])), slow, rtol=1e-14, atol=1e-300)

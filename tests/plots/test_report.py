@@ -35,7 +35,7 @@ def collect(*, edges=EDGES, names=("joint", "none"), frames=FRAMES, labelled=Tru
     for index in range(frames):
         frame = frame_of(TARGET, *([WAVE] if index % 2 else []), index=index)
         results = [method.step(frame) for method in methods]
-        collected.see(frame, results, truth, score_frame(frame, results, truth, EvaluationParams()))
+        collected.add_frame(frame, results, truth, score_frame(frame, results, truth, EvaluationParams()))
     return collected
 
 

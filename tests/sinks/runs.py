@@ -15,7 +15,8 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.config import load_config
-from seaclutter_cli.pipeline import Selection, run
+from seaclutter_cli.pipeline import run
+from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks import McapOptions, McapSink
 from seaclutter_cli.sources import open_source
 from tests.logs import CLOUD_KINDS, START_NS, cloud_topic, foxglove_class, write_log

@@ -14,8 +14,9 @@ from seaclutter_cli.config import load_config
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import FilterResult, Frame, Rings
-from seaclutter_cli.pipeline import Selection, run
+from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Channel, Message
+from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks import CsvSink
 from seaclutter_cli.sources import open_source
 from tests.logs import START_NS, cloud_log

@@ -42,7 +42,7 @@ def test_boxes_and_clusters(log, tmp_path):
     assert [len(group["/points clusters"].cubes) for group in groups] == [1, 2, 0, 2, 0, 1]
     assert [len(group["/points labels"].cubes) for group in groups] == [1, 1, 0, 1, 1, 0]
     assert [text.text for text in groups[1]["/points clusters"].texts] == ["false alarm"]
-    assert [text.text for text in groups[4]["/points labels"].texts] == ["boat (lost)"]
+    assert [text.text for text in groups[4]["/points labels"].texts] == ["boat (missed)"]
     box = groups[0]["/points labels"].cubes[0]
     assert (box.pose.position.x, box.size.x) == (30.5, 3)
 

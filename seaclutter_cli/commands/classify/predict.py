@@ -10,7 +10,7 @@ from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import console_options, force_option, grouped, path_option
 
 if TYPE_CHECKING:
-    from seaclutter_cli.runs.classify.predict import NameTilesOptions
+    from seaclutter_cli.runs.classify.predict import ClassifyTilesOptions
 
 _OPTIONS = (
     click.option(
@@ -31,14 +31,14 @@ _OPTIONS = (
 @click.command(name="predict", short_help="Classify points and objects with a trained model.")
 @tiles_argument
 @output_option
-@grouped("options", "runs.classify.predict:NameTilesOptions", _OPTIONS)
+@grouped("options", "runs.classify.predict:ClassifyTilesOptions", _OPTIONS)
 @console_options
-def command(tiles: tuple[str, ...], output: Path, options: "NameTilesOptions", console: Console) -> None:
+def command(tiles: tuple[str, ...], output: Path, options: "ClassifyTilesOptions", console: Console) -> None:
     """Classify the non-sea points of each TILE with a trained model, and find the objects.
 
     Each point gets the additional dimensions predicted_class (0 for none, otherwise as in train), probability and
     predicted_object, and the same classification as by separate. Boxes are in the coordinates of the tile.
     """
-    from seaclutter_cli.runs.classify.predict import name_tiles
+    from seaclutter_cli.runs.classify.predict import classify_tiles
 
-    console.finish(name_tiles(tiles, output, options, console))
+    console.finish(classify_tiles(tiles, output, options, console))

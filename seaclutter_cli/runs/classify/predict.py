@@ -25,12 +25,12 @@ from seaclutter_cli.runs.classify.tiles import (
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import write_files
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, PointsOf, find_tiles, open_tile
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
 
 
 @dataclass(frozen=True, kw_only=True)
-class NameTilesOptions:
-    """Options of `name_tiles`: the model, its settings and additional outputs.
+class ClassifyTilesOptions:
+    """Options of `classify_tiles`: the model, its settings and additional outputs.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class NameTilesOptions:
     Examples
     --------
     >>> import seaclutter
-    >>> seaclutter.NameTilesOptions(model=folder / "model.skops", csv_file=folder / "objects.csv").force
+    >>> seaclutter.ClassifyTilesOptions(model=folder / "model.skops", csv_file=folder / "objects.csv").force
     False
     """
 
@@ -62,8 +62,8 @@ class NameTilesOptions:
     force: bool = False
 
 
-def name_tiles(
-    tiles: Sequence[str], output: Path, options: NameTilesOptions, observer: Observer = SILENT
+def classify_tiles(
+    tiles: Sequence[str], output: Path, options: ClassifyTilesOptions, observer: Observer = SILENT
 ) -> PredictResult:
     """Classify the points of tiles, find their objects, and write both.
 
@@ -73,7 +73,7 @@ def name_tiles(
         Files, folders or globs.
     output : Path
         File for one tile, folder for several.
-    options : NameTilesOptions
+    options : ClassifyTilesOptions
         Model, settings and additional outputs.
     observer : Observer, optional
         Receives warnings.
@@ -89,8 +89,8 @@ def name_tiles(
     >>> few = seaclutter.TileSettingsOptions(overrides=("forest.trees=5",))
     >>> training = seaclutter.TrainForestOptions(output=folder / "model.skops", settings=few)
     >>> _ = seaclutter.train_forest(["samples/tile.laz"], training)
-    >>> options = seaclutter.NameTilesOptions(model=folder / "model.skops")
-    >>> (tile,) = seaclutter.name_tiles(["samples/tile.laz"], folder / "named.laz", options).tiles
+    >>> options = seaclutter.ClassifyTilesOptions(model=folder / "model.skops")
+    >>> (tile,) = seaclutter.classify_tiles(["samples/tile.laz"], folder / "named.laz", options).tiles
     >>> tile.points, len(tile.objects) > 3
     (161374, True)
     """
@@ -108,7 +108,7 @@ def name_tiles(
         started, tile = perf_counter(), open_tile(path)
         warn_without_intensity(tile, model.settings, observer)
         with errors_of(path):
-            found = classify_points(PointsOf(tile), model)
+            found = classify_points(TilePointReader(tile), model)
         write_tile(tile, target, columns_of(found), DIMENSIONS)
         if options.plot_file:
             files[options.plot_file] = _picture(tile, found, options.plot_file.suffix)
@@ -122,7 +122,7 @@ def name_tiles(
     return result
 
 
-def _load(options: NameTilesOptions) -> ObjectModel:
+def _load(options: ClassifyTilesOptions) -> ObjectModel:
     """Return the model with the settings of the options; raise `UsageError` if they change its features."""
     model = load_model(options.model)
     settings = options.settings.load(model.settings)
@@ -133,7 +133,7 @@ def _load(options: NameTilesOptions) -> ObjectModel:
 
 
 def _picture(tile: LasTile | CloudTile, found: ClassifiedPoints, suffix: str) -> bytes:
-    positions = np.concatenate([xyz[:2] for xyz in PointsOf(tile)], axis=1)
+    positions = np.concatenate([xyz[:2] for xyz in TilePointReader(tile)], axis=1)
     sea = positions[:, found.tile.separation.classification == WATER]
     xy = found.tile.points.xy
     code = np.array([0, *(one.code for one in found.objects)])[found.number]

@@ -12,7 +12,7 @@ from seaclutter_cli.airborne.separation import OTHER, WATER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, plan_tiles, write_tile
 from seaclutter_cli.runs.recordings import Result
-from seaclutter_cli.sources.tiles import PointsOf, find_tiles, open_tile
+from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile
 from seaclutter_cli.text import share, table
 
 HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
@@ -79,7 +79,7 @@ def _separate(path: Path, target: Path, params: SeparationParams, *, with_height
     started = perf_counter()
     tile = open_tile(path)
     with errors_of(path):
-        found = separate(PointsOf(tile), params)
+        found = separate(TilePointReader(tile), params)
     columns: dict[str, Any] = {"classification": found.classification}
     if with_height:
         columns["height_above_sea"] = found.height_m

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classification import tile_features
-from seaclutter_cli.airborne.forest import Samples, hold_out, join, predict, train
+from seaclutter_cli.airborne.forest import Samples, join, predict, split_samples, train
 from seaclutter_cli.airborne.model import ObjectModel
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.clustering.euclidean import euclidean_clusters
@@ -20,7 +20,7 @@ from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, w
 from seaclutter_cli.runs.classify.train_result import TrainingReport
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import check_outputs, write_files
-from seaclutter_cli.sources.tiles import PointsOf, find_tiles, open_tile, read_columns
+from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile, read_columns
 from seaclutter_cli.truth import OBJECT_CLASSES
 
 
@@ -110,7 +110,7 @@ def _samples(
         raise InputError(f"{path}: no field {class_field!r} with ground truth; the tile has {found}")
     warn_without_intensity(tile, settings, observer)
     with errors_of(path):
-        found_points = tile_features(PointsOf(tile), settings)
+        found_points = tile_features(TilePointReader(tile), settings)
     truth = read_columns(tile, (class_field, object_field))
     other = found_points.separation.other
     code = truth[class_field][other].astype(np.int64)
@@ -128,7 +128,7 @@ def _samples(
 
 def fit(samples: Samples, settings: TileSettings) -> tuple[ObjectModel, TrainingReport]:
     """Return a model trained on a part of the samples, and a report of its test on the rest."""
-    test, split = hold_out(samples, settings.forest)
+    test, split = split_samples(samples, settings.forest)
     names = ("features", "code", "tile", "number")
     seen, unseen = (Samples(*(getattr(samples, name)[part] for name in names)) for part in (~test, test))
     forest = train(seen, settings.forest)

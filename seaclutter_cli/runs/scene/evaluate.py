@@ -10,7 +10,7 @@ import numpy as np
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.runs.observer import SILENT, Observer, Step
 from seaclutter_cli.runs.outputs import check_outputs, inputs_of
-from seaclutter_cli.runs.recordings import Outcome, ReadOptions, RecordingsResult, keeping_errors
+from seaclutter_cli.runs.recordings import Outcome, ReadOptions, RecordingsResult, storing_errors
 from seaclutter_cli.runs.scene.logs import ClassifierOptions, LabelledLog, LabelledLogs, read_frames
 from seaclutter_cli.runs.scene.table import SceneTable, confusion_table
 from seaclutter_cli.scenes.model import SceneModel
@@ -81,7 +81,7 @@ class _Evaluator:
         """Return the scenes of the frames of a recording; an error is kept in the outcome."""
         tracker = SceneTracker(self.model, every=self.options.every, hold=self.options.hold)
         found = EvaluatedLog(recording=log.recording.name, scene=log.scene)
-        with keeping_errors(found, self.observer):
+        with storing_errors(found, self.observer):
             for frame in read_frames(log.recording, self.reading, self.observer, step, found.damage):
                 decision = tracker.scene(frame)
                 found.frames[decision.name] += 1

@@ -8,7 +8,7 @@ from typing import Any
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.runs.observer import SILENT, Observer, Step
 from seaclutter_cli.runs.outputs import check_outputs, inputs_of
-from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand, keeping_errors
+from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand, storing_errors
 from seaclutter_cli.runs.scene.logs import ClassifierOptions, read_frames
 from seaclutter_cli.runs.scene.table import SceneTable
 from seaclutter_cli.scenes.model import SceneModel
@@ -72,7 +72,7 @@ class _Predictor:
     def run(self, recording: Recording, step: Step) -> "RecordingScenes":
         """Return the scenes of the frames of a recording; an error is kept in the outcome."""
         found = RecordingScenes(recording=recording.name)
-        with keeping_errors(found, self.observer):
+        with storing_errors(found, self.observer):
             for frame in read_frames(recording, self.reading, self.observer, step, found.damage):
                 topic = found.topics.get(frame.topic)
                 if topic is None:

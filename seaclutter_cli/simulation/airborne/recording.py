@@ -23,7 +23,7 @@ _ANGLE_UNIT_DEG = 0.006
 _CREATION_DATE = date(2024, 1, 1)
 
 
-def strips_of(scene: TileScene) -> Iterator[NDArray[np.void]]:
+def simulate_strips(scene: TileScene) -> Iterator[NDArray[np.void]]:
     """Yield the echoes of a scene strip by strip, rendered in threads; the number of threads does not change them."""
     renderer = TileRenderer(scene)
     threads = min(2, os.cpu_count() or 1)  # a strip takes a few hundred megabytes
@@ -72,7 +72,7 @@ def record_tile(scene: TileScene, path: Path, on_strip: Callable[[NDArray[np.voi
     header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6; some readers check
     empty = laspy.ScaleAwarePointRecord.zeros(0, header=header)
     with LasSink(path, header, TRUTH, whole=False) as sink:
-        for points in strips_of(scene):
+        for points in simulate_strips(scene):
             sink.write(_record(laspy, empty, points), {name: points[name] for name in TRUTH})
             on_strip(points)
 

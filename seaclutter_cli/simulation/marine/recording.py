@@ -24,7 +24,7 @@ def simulate_frames(scene: Scene) -> Iterator[SimulatedFrame]:
     with ThreadPoolExecutor(threads, thread_name_prefix="simulate") as pool:
         try:
             for index in range(scene.recording.frames):
-                pending.append(pool.submit(renderer.turn, index))
+                pending.append(pool.submit(renderer.frame, index))
                 if len(pending) > threads:
                     yield pending.popleft().result()
             while pending:

@@ -75,7 +75,7 @@ class Renderer:
         terrain: Terrain = make(params, hulls, vessel.length_m, self._seed)
         return terrain
 
-    def turn(self, index: int) -> SimulatedFrame:
+    def frame(self, index: int) -> SimulatedFrame:
         """Return a frame by its number."""
         rng = np.random.default_rng([self._seed, 1, index])
         start_s = index / self.lidar.rate_hz

@@ -15,7 +15,7 @@ GRAVITY = 9.81
 _CELLS = 256
 _SWELL_WAVES = 256
 _TILE_WAVES = 12.0
-_LEAST_TILE_M, _MOST_TILE_M = 48.0, 160.0
+_MIN_TILE_M, _MAX_TILE_M = 48.0, 160.0
 _HEIGHTS_M = (0.0, 0.05, 0.3, 0.875, 1.875, 3.25, 5.0)
 
 
@@ -180,7 +180,7 @@ class Sea:
         self.params = params
         peak = 0.877 * GRAVITY / params.wind_ms if params.wind_ms else 5.0
         wavelength = 2 * np.pi * GRAVITY / peak**2
-        self.tile_m = max(_LEAST_TILE_M, min(_TILE_WAVES * wavelength, _MOST_TILE_M))
+        self.tile_m = max(_MIN_TILE_M, min(_TILE_WAVES * wavelength, _MAX_TILE_M))
         self.cell_m = self.tile_m / _CELLS
         wave = 2 * np.pi * fft.fftfreq(_CELLS, self.cell_m)
         self._kx, self._ky = wave[:, None], wave[None, :]

@@ -21,7 +21,7 @@ _FOAM_SPEED_MS = 8.0
 _FOAM_COVER = 0.15
 _PATCH_M = 0.4
 _SPRAY_SPEED_MS = 4.0
-_LEAST_WAVE_M = 0.05
+_MIN_WAVE_M = 0.05
 _DROPLETS_S_M2 = 0.0005
 
 
@@ -81,7 +81,7 @@ class Wake:
         rise = np.zeros(len(x))
         for leg in self.track.legs:
             steep = 0.1 * min(leg.speed_ms**2 / (2 * GRAVITY), 1.5)
-            if steep < _LEAST_WAVE_M:
+            if steep < _MIN_WAVE_M:
                 continue
             inside, behind, aside, _ = self._behind(leg, x, y, time_s)
             wavelength = 2 / 3 * 2 * np.pi * leg.speed_ms**2 / GRAVITY

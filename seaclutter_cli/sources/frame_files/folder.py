@@ -119,12 +119,12 @@ class FolderSource:
         return Message(self._channel, stamp_ns, stamp_ns, index, CODECS[_TYPE, "cdr"].encode(cloud))
 
     def _note(self, file: Path, error: CloudError | OSError) -> None:
-        what = str(error) if isinstance(error, CloudError) else f"cannot be read: {error.strerror}"
+        problem = str(error) if isinstance(error, CloudError) else f"cannot be read: {error.strerror}"
         try:
             size = file.stat().st_size
         except OSError:
             size = 0
-        damage = Damage(file, None, what, lost_bytes=size, lost_messages=1)
+        damage = Damage(file, None, problem, lost_bytes=size, lost_messages=1)
         if damage not in self.damage:
             self.damage.append(damage)
 

@@ -182,8 +182,10 @@ class McapSource:
         for number in wrong:
             self._chunks[number] = replace(self._chunks[number], suspect=True)
         if wrong:
-            what = f"the index at the end does not fit {len(wrong)} of {len(known)} chunks; the log is read without it"
-            self._report(self._chunks[wrong[0]].offset, what, 0)
+            problem = (
+                f"the index at the end does not fit {len(wrong)} of {len(known)} chunks; the log is read without it"
+            )
+            self._report(self._chunks[wrong[0]].offset, problem, 0)
         absent = sum(entry.chunk_start_offset not in known for entry in entries)
         if absent and not wrong and not self.damage:
             offset = next(span.offset for span in self._tail if span.op == Opcode.CHUNK_INDEX)
@@ -202,8 +204,8 @@ class McapSource:
         elif found > expected:
             self._report(offset, f"the file contains {found - expected} more messages than its statistics state", 0)
         elif extras > len(self._extras) and not self.damage:
-            what = f"{extras - len(self._extras)} of {extras} attachments and metadata records are not in the file"
-            self._report(offset, what, 0)
+            problem = f"{extras - len(self._extras)} of {extras} attachments and metadata records are not in the file"
+            self._report(offset, problem, 0)
 
     def _inspect_chunks(self) -> None:
         """Load chunks that declare channels, unless the summary does, and chunks with unknown times or counts."""
@@ -309,8 +311,8 @@ class McapSource:
             else:
                 self._declared.add(op, view[start:end], chunk.offset, trust)
 
-    def _report(self, offset: int, what: str, lost_bytes: int, lost_messages: int | None = None) -> None:
-        damage = Damage(self.path, offset, what, lost_bytes, lost_messages)
+    def _report(self, offset: int, problem: str, lost_bytes: int, lost_messages: int | None = None) -> None:
+        damage = Damage(self.path, offset, problem, lost_bytes, lost_messages)
         if damage not in self._reported:  # a chunk may be read more than once
             self._reported.add(damage)
             self.damage.append(damage)

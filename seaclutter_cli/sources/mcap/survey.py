@@ -46,7 +46,7 @@ _END_OPS = (
 class ReportDamage(Protocol):
     """Callback for damage."""
 
-    def __call__(self, offset: int, what: str, lost_bytes: int, lost_messages: int | None = None, /) -> object:
+    def __call__(self, offset: int, problem: str, lost_bytes: int, lost_messages: int | None = None, /) -> object:
         """Record the offset, kind and amount of damage."""
         ...
 
@@ -159,8 +159,8 @@ class Declarations:
         """Report channels whose schema is not declared."""
         for number, (_, record) in self._records.items():
             if self._lacks_schema(number):
-                what = f"topic {record.topic} has schema {record.schema_id}, which is not declared"
-                self._report(self._offsets[number], what, 0)
+                problem = f"topic {record.topic} has schema {record.schema_id}, which is not declared"
+                self._report(self._offsets[number], problem, 0)
 
     def _lacks_schema(self, number: int) -> bool:
         schema = self._records[number][1].schema_id
@@ -328,12 +328,12 @@ class McapSurvey:
         chunk = self.chunks[-1]
         return chunk.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= chunk.end_ns
 
-    def _gap(self, offset: int, what: str, lost_bytes: int) -> None:
+    def _gap(self, offset: int, problem: str, lost_bytes: int) -> None:
         """Report damaged bytes; the chunk of an index after them is unknown."""
         is_behind = self.tail and self.tail[-1].op == Opcode.FOOTER and lost_bytes > len(MAGIC)
         if is_behind and self._view[offset : offset + len(MAGIC)] == MAGIC:
-            what, offset, lost_bytes = "bytes after the end of the recording", offset + 8, lost_bytes - len(MAGIC)
-        self._report(offset, what, lost_bytes)
+            problem, offset, lost_bytes = "bytes after the end of the recording", offset + 8, lost_bytes - len(MAGIC)
+        self._report(offset, problem, lost_bytes)
         if self._follows_chunk:
             self.chunks[-1] = replace(self.chunks[-1], suspect=True)
         if lost_bytes:

@@ -176,12 +176,12 @@ class PcapngReader:
 
     def _skip_damage(self, offset: int) -> int:
         found = self._find(offset)
-        what = "the capture ends within a block" if found == self._size else "no packet can be read here"
-        self._note(offset, what, found - offset)
+        problem = "the capture ends within a block" if found == self._size else "no packet can be read here"
+        self._note(offset, problem, found - offset)
         return found
 
-    def _note(self, offset: int, what: str, size: int) -> None:
-        self.damage.append(Damage(self._path, offset, what, size))
+    def _note(self, offset: int, problem: str, size: int) -> None:
+        self.damage.append(Damage(self._path, offset, problem, size))
 
     def _find(self, offset: int) -> int:
         """Return the next offset after ``offset`` where a block begins; the file size without one."""

@@ -140,8 +140,8 @@ class PcapReader:
         """Return the offset of the next valid record; report the damage before it, or a truncated last record."""
         found = self._find(offset)
         cut = found == self._size and self._is_truncated(offset)
-        what = "the capture ends within a packet" if cut else "no packet can be read here"
-        self.damage.append(Damage(self._path, offset, what, found - offset))
+        problem = "the capture ends within a packet" if cut else "no packet can be read here"
+        self.damage.append(Damage(self._path, offset, problem, found - offset))
         return found
 
     def _is_truncated(self, offset: int) -> bool:

@@ -12,7 +12,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, SensorFacts
-from seaclutter_cli.sensors.families import CALIBRATIONS_BESIDE, PACKET_FAMILIES
+from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES, PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFrame, Packets
 from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS, PCAPNG_MAGIC
 from seaclutter_cli.sources.pcap.pcapng import PcapngReader
@@ -127,7 +127,7 @@ class CaptureSource:
 
     def _decoder(self, sensor: CapturedSensor) -> PacketDecoder:
         options = self._options
-        if options.calibration is None and (suffix := CALIBRATIONS_BESIDE.get(sensor.family)):
+        if options.calibration is None and (suffix := CALIBRATION_SUFFIXES.get(sensor.family)):
             options = replace(options, calibration=_find_beside(self._path, suffix))
         return PACKET_FAMILIES[sensor.family].decoder(sensor.sample, options)
 
@@ -193,8 +193,8 @@ class CaptureSource:
             self._warn(f"{channel.topic}: {facts.lost_packets} packets are missing, counted from gaps")
         counted = {"packets cannot be decoded": facts.bad_packets, "packets are truncated by the capture": cut}
         size = self._sensors[channel.id - 1].sample.payloads.shape[1]
-        for what, count in counted.items():
-            damage = Damage(self._path, None, f"{channel.topic}: {count} {what}", count * size)
+        for problem, count in counted.items():
+            damage = Damage(self._path, None, f"{channel.topic}: {count} {problem}", count * size)
             if count and damage not in self.damage:
                 self.damage.append(damage)
 

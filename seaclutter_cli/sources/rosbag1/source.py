@@ -174,11 +174,11 @@ class BagSource:
         """Report messages that the index lists and that are neither read nor reported as lost."""
         known = sum(damage.lost_messages or 0 for damage in self.damage)
         if self._indexed is not None and self._indexed > read + known:
-            what = f"the index lists {self._indexed} messages, but {read} can be read"
-            self._report(None, what, 0, self._indexed - read - known)
+            problem = f"the index lists {self._indexed} messages, but {read} can be read"
+            self._report(None, problem, 0, self._indexed - read - known)
 
-    def _report(self, offset: int | None, what: str, lost_bytes: int, lost_messages: int | None) -> None:
-        damage = Damage(self._path, offset, what, lost_bytes, lost_messages)
+    def _report(self, offset: int | None, problem: str, lost_bytes: int, lost_messages: int | None) -> None:
+        damage = Damage(self._path, offset, problem, lost_bytes, lost_messages)
         if damage not in self._reported:
             self._reported.add(damage)
             self.damage.append(damage)

@@ -157,12 +157,12 @@ class BagSurvey:
         if index_pos == 0:
             found.append(Damage(path, None, "the recorder did not close the bag; it is read without its index"))
         elif self._index_incomplete(self.header):
-            what = "the index at the end of the bag is incomplete; the bag is read without it"
+            problem = "the index at the end of the bag is incomplete; the bag is read without it"
             if index_pos > size:
-                what = (
+                problem = (
                     f"the bag is truncated, at least {index_pos - size} bytes are missing; it is read without its index"
                 )
-            found.append(Damage(path, min(index_pos, size), what))
+            found.append(Damage(path, min(index_pos, size), problem))
         return found
 
     def _index_incomplete(self, header: BagRecord) -> bool:
@@ -172,12 +172,12 @@ class BagSurvey:
     def _gap(self, path: Path, start: int, end: int) -> Damage:
         lost = 0 if self._runs else sum(count for offset, count in self._infos.items() if start <= offset < end)
         if start == end:
-            what = "a record of wrong length"
+            problem = "a record of wrong length"
         elif end == len(self._view):
-            what = "damaged or truncated; nothing readable follows"
+            problem = "damaged or truncated; nothing readable follows"
         else:
-            what = f"damaged; reading resumes at byte {end}"
-        return Damage(path, start, what, end - start, lost or None)
+            problem = f"damaged; reading resumes at byte {end}"
+        return Damage(path, start, problem, end - start, lost or None)
 
 
 def _joined(gaps: list[tuple[int, int]]) -> list[tuple[int, int]]:

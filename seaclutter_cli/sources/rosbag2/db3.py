@@ -118,10 +118,10 @@ class Db3Source:
         unpacked = unpack_message(data)
         return None if unpacked is None else Message(channel, time_ns, time_ns, 0, unpacked)
 
-    def _report(self, what: str, lost_messages: int | None) -> None:
+    def _report(self, problem: str, lost_messages: int | None) -> None:
         if lost_messages is None:
-            what += "; the number of lost messages is unknown"
-        self.damage.append(Damage(self._path, None, what, lost_messages=lost_messages))
+            problem += "; the number of lost messages is unknown"
+        self.damage.append(Damage(self._path, None, problem, lost_messages=lost_messages))
 
     def _read_channels(self) -> dict[int, Channel]:
         columns = {row[1] for row in self._db.execute("PRAGMA table_info(topics)")}

@@ -73,8 +73,8 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
     for name in metadata.names:
         file = _find(folder, name)
         if file is None:
-            what = f"{METADATA} lists this file, but it does not exist"
-            damage.append(Damage(folder / name, None, what, lost_messages=metadata.counts.get(name)))
+            problem = f"{METADATA} lists this file, but it does not exist"
+            damage.append(Damage(folder / name, None, problem, lost_messages=metadata.counts.get(name)))
         else:
             files.append(file)
     files += _unnamed(folder, files)

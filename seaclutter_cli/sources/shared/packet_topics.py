@@ -221,8 +221,8 @@ class PacketTopics:
         try:
             scan = _Scan.read(message)
         except CloudError as error:
-            what = f"scan {stream.scans - 1} of {message.channel.topic} cannot be read ({error})"
-            self._note(what, len(message.data), 1)
+            problem = f"scan {stream.scans - 1} of {message.channel.topic} cannot be read ({error})"
+            self._note(problem, len(message.data), 1)
             return
         stream.frame_id = scan.frame_id
         for packets in scan.packets:
@@ -255,8 +255,8 @@ class PacketTopics:
             size = stream.topic.sample.payloads.shape[1]
             self._note(f"{topic}: {facts.bad_packets} packets cannot be decoded", facts.bad_packets * size, None)
 
-    def _note(self, what: str, lost_bytes: int, lost_messages: int | None) -> None:
-        damage = Damage(Path(self.name), None, what, lost_bytes, lost_messages)
+    def _note(self, problem: str, lost_bytes: int, lost_messages: int | None) -> None:
+        damage = Damage(Path(self.name), None, problem, lost_bytes, lost_messages)
         if damage not in self.damage:
             self.damage.append(damage)
 

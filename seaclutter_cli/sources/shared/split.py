@@ -84,7 +84,7 @@ class SplitSource:
                 self._relabel(file, channel)
             self.warnings += [text for text in source.warnings if text not in self.warnings]
         if not self._relabelled:
-            raise InputError("; ".join(f"{damage.path}: {damage.what}" for damage in self.damage))
+            raise InputError("; ".join(f"{damage.path}: {damage.problem}" for damage in self.damage))
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -192,5 +192,5 @@ class SplitSource:
         path, expected = self._expected
         known = sum(damage.lost_messages or 0 for damage in self.damage)
         if expected > read + known:
-            what = f"{expected} messages are listed here, but the files contain {read}"
-            self.damage.append(Damage(path, None, what, lost_messages=expected - read - known))
+            problem = f"{expected} messages are listed here, but the files contain {read}"
+            self.damage.append(Damage(path, None, problem, lost_messages=expected - read - known))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.simulation.airborne.recording import record_tile, strips_of
+from seaclutter_cli.simulation.airborne.recording import record_tile, simulate_strips
 from seaclutter_cli.simulation.airborne.render import TileRenderer, strips
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, builtin_tiles, load_tile_scene, parse_tile_scene
 from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M
@@ -19,7 +19,7 @@ def scene(objects=(), size=(120, 100), **sections):
 
 
 def points_of(one):
-    return np.concatenate(list(strips_of(one)))
+    return np.concatenate(list(simulate_strips(one)))
 
 
 @pytest.fixture(scope="module")

@@ -64,7 +64,7 @@ def test_the_built_in_scenes_have_their_classes(name, expected):
 @pytest.fixture(scope="module")
 def frames():
     return {
-        name: [Renderer(LAYOUTS[name].make(np.random.default_rng(seed))).turn(0) for seed in SEEDS] for name in LAYOUTS
+        name: [Renderer(LAYOUTS[name].make(np.random.default_rng(seed))).frame(0) for seed in SEEDS] for name in LAYOUTS
     }
 
 
@@ -129,7 +129,7 @@ def test_no_single_feature_separates_the_classes(frames):
 @pytest.mark.slow
 def test_no_single_feature_separates_the_classes_in_many_scenes():
     rows = [
-        (LAYOUTS[name].scene_class == "confined", features(Renderer(LAYOUTS[name].make(rng)).turn(0).points))
+        (LAYOUTS[name].scene_class == "confined", features(Renderer(LAYOUTS[name].make(rng)).frame(0).points))
         for name in WATER
         for rng in np.random.default_rng(5).spawn(20)
     ]

@@ -27,7 +27,7 @@ def points(noise, *objects):
         "noise": noise,
         "objects": list(objects),
     }
-    return Renderer(parse_scene(raw, "test")).turn(0).points
+    return Renderer(parse_scene(raw, "test")).frame(0).points
 
 
 def ranges(cloud):
@@ -118,10 +118,10 @@ def test_the_noise_of_the_scene_overrides_that_of_the_lidar():
     scene = load_scene("poplar")
     assert scene.noise is not None
     silent = parse_scene(scene.as_dict() | {"noise": {}}, "test")
-    assert not (Renderer(silent).turn(0).points["label"] == 0).any()
+    assert not (Renderer(silent).frame(0).points["label"] == 0).any()
     raw = scene.as_dict()
     del raw["noise"]
     own = parse_scene(raw, "test")
     assert own.noise is None
-    assert (Renderer(own).turn(0).points["label"] == 0).any()
+    assert (Renderer(own).frame(0).points["label"] == 0).any()
     assert "noise" not in own.as_dict()

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.pipeline import Selection, frames
+from seaclutter_cli.pipeline import frames
+from seaclutter_cli.selection import Selection
 from seaclutter_cli.simulation.marine.formats import FORMATS, START_NS
 from seaclutter_cli.simulation.marine.recording import record, simulate_frames
 from seaclutter_cli.simulation.marine.scene import load_scene

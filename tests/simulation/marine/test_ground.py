@@ -42,7 +42,7 @@ def test_shots_hit_the_ground_at_its_height():
 
 def test_a_scene_on_land_has_no_water():
     raw = load_scene("poplar").with_recording(lidar="OS1-64").as_dict() | {"noise": {}}
-    frame = Renderer(parse_scene(raw, "test")).turn(0)
+    frame = Renderer(parse_scene(raw, "test")).frame(0)
     assert IGNORED in frame.points["label"]
     assert len(np.unique(frame.points["label"])) > 20
     assert not (frame.points["label"] == 0).any()

@@ -52,7 +52,7 @@ def assert_labels_fit_boxes(frame, within=1.0):
 @pytest.mark.parametrize("name", builtin_scenes())
 @pytest.mark.parametrize("index", [0, 60])
 def test_points_of_a_target_are_in_its_box(name, index):
-    assert_labels_fit_boxes(Renderer(load_scene(name)).turn(index))
+    assert_labels_fit_boxes(Renderer(load_scene(name)).frame(index))
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -60,12 +60,12 @@ def test_points_of_a_target_are_in_its_box_in_random_scenes(name):
     for seed in (1, 2):
         scene = LAYOUTS[name].make(np.random.default_rng(seed))
         rough = isinstance(scene.terrain, SeaParams) and scene.terrain.sea_state > 3
-        assert_labels_fit_boxes(Renderer(scene).turn(3), within=0.8 if rough else 1.0)
+        assert_labels_fit_boxes(Renderer(scene).frame(3), within=0.8 if rough else 1.0)
 
 
 @pytest.mark.parametrize("name", builtin_scenes())
 def test_points_have_the_ranges_and_units_of_the_sensor(name):
-    points = Renderer(load_scene(name)).turn(3).points
+    points = Renderer(load_scene(name)).frame(3).points
     lidar = LIDARS[load_scene(name).recording.lidar]
     assert 1000 < len(points) < lidar.columns * len(lidar.elevations_deg)
     assert np.array_equal(points["intensity"], np.floor(points["intensity"]))
@@ -79,22 +79,22 @@ def test_points_have_the_ranges_and_units_of_the_sensor(name):
 
 @pytest.mark.parametrize("lidar", [name for name, lidar in LIDARS.items() if lidar.rotates])
 def test_every_rotating_lidar_sees_the_sea_and_a_target(lidar):
-    points = Renderer(load_scene("calm").with_recording(lidar=lidar)).turn(0).points
+    points = Renderer(load_scene("calm").with_recording(lidar=lidar)).frame(0).points
     assert {0, 1, 2, IGNORED} <= set(points["label"].tolist())
 
 
 def test_frames_can_be_rendered_in_any_order():
     chosen = load_scene("departure")
     one, other = Renderer(chosen), Renderer(chosen)
-    later = other.turn(7)
-    other.turn(2)
-    one.turn(0)
-    assert np.array_equal(one.turn(7).points, later.points)
-    assert not np.array_equal(one.turn(7).points, Renderer(chosen.with_recording(seed=2)).turn(7).points)
+    later = other.frame(7)
+    other.frame(2)
+    one.frame(0)
+    assert np.array_equal(one.frame(7).points, later.points)
+    assert not np.array_equal(one.frame(7).points, Renderer(chosen.with_recording(seed=2)).frame(7).points)
 
 
 def test_intensity_is_that_of_the_lidar_equation():
-    points = Renderer(scene(WALL)).turn(0).points
+    points = Renderer(scene(WALL)).frame(0).points
     wall = points[points["label"] == 1]
     ahead = wall[(np.abs(wall["y"]) < 3) & (np.abs(wall["z"]) < 1)]
     assert len(ahead) > 100
@@ -105,16 +105,16 @@ def test_intensity_is_that_of_the_lidar_equation():
 
 
 def test_air_attenuates_echoes():
-    clear = Renderer(scene(WALL)).turn(0).points
-    hazy = Renderer(scene(WALL, sea=FLAT | {"visibility_km": 1.0})).turn(0).points
+    clear = Renderer(scene(WALL)).frame(0).points
+    hazy = Renderer(scene(WALL, sea=FLAT | {"visibility_km": 1.0})).frame(0).points
     ratio = np.median(hazy["intensity"][hazy["label"] == 1]) / np.median(clear["intensity"][clear["label"] == 1])
     assert ratio == pytest.approx(np.exp(-2 * 3.912e-3 * 28), rel=0.1)
 
 
 def test_a_wall_hides_what_is_behind_it():
     boat = {"track_id": 2, "shape": "speedboat", "size_m": [8, 3, 2], "path": [[45, 0]], "reflectivity": 0.9}
-    alone = Renderer(scene(boat)).turn(0).points
-    hidden = Renderer(scene(boat, WALL)).turn(0).points
+    alone = Renderer(scene(boat)).frame(0).points
+    hidden = Renderer(scene(boat, WALL)).frame(0).points
     assert (alone["label"] == 2).sum() > 50
     assert (hidden["label"] == 2).sum() == 0
 
@@ -129,17 +129,17 @@ def test_waves_hide_low_objects():
         "wave_response": 0,
     }
     rough = FLAT | {"sea_state": 4}
-    calm = sum((Renderer(scene(kayak)).turn(k).points["label"] == 2).sum() for k in (0, 9, 18))
-    waves = sum((Renderer(scene(kayak, sea=rough)).turn(k).points["label"] == 2).sum() for k in (0, 9, 18))
+    calm = sum((Renderer(scene(kayak)).frame(k).points["label"] == 2).sum() for k in (0, 9, 18))
+    waves = sum((Renderer(scene(kayak, sea=rough)).frame(k).points["label"] == 2).sum() for k in (0, 9, 18))
     assert waves < calm
 
 
 def test_a_flat_black_sea_gives_no_clutter():
-    assert not (Renderer(scene(WALL)).turn(0).points["label"] == 0).any()
+    assert not (Renderer(scene(WALL)).frame(0).points["label"] == 0).any()
 
 
 def test_clutter_is_on_the_water():
-    points = Renderer(scene(sea={"sea_state": 0}, vessel={"wave_response": 0.0})).turn(0).points
+    points = Renderer(scene(sea={"sea_state": 0}, vessel={"wave_response": 0.0})).frame(0).points
     clutter = points[points["label"] == 0]
     assert len(clutter) > 500
     np.testing.assert_allclose(clutter["z"], -2.5, atol=0.12)
@@ -147,7 +147,7 @@ def test_clutter_is_on_the_water():
 
 def test_clutter_gets_sparser_and_weaker_with_range():
     renderer = Renderer(load_scene("clutter_only"))
-    points = np.concatenate([renderer.turn(k).points for k in range(4)])
+    points = np.concatenate([renderer.frame(k).points for k in range(4)])
     clutter = points[points["label"] == 0]
     r = ranges(clutter)
     intensities = [clutter["intensity"][(r >= low) & (r < low + 15)] for low in (10, 25, 40)]
@@ -159,8 +159,8 @@ def test_clutter_gets_sparser_and_weaker_with_range():
 
 def test_own_ship_rolls_with_the_sea():
     vessel = {"wave_response": 1.0, "length_m": 2.0}
-    still = Renderer(scene(WALL, vessel=vessel)).turn(0)
-    rolling = [Renderer(scene(WALL, sea=FLAT | {"sea_state": 3}, vessel=vessel)).turn(k) for k in (0, 7, 14)]
+    still = Renderer(scene(WALL, vessel=vessel)).frame(0)
+    rolling = [Renderer(scene(WALL, sea=FLAT | {"sea_state": 3}, vessel=vessel)).frame(k) for k in (0, 7, 14)]
     heights = [frame.boxes.centers[1, 2] for frame in rolling]
     assert np.ptp(heights) > 0.2
     assert still.boxes.centers[1, 2] == pytest.approx(8 / 2 - 2.5)
@@ -169,15 +169,15 @@ def test_own_ship_rolls_with_the_sea():
 def test_a_moving_target_moves():
     boat = {"track_id": 2, "shape": "speedboat", "size_m": [8, 3, 2], "path": [[20, -30], [20, 30]], "speed_ms": 10}
     renderer = Renderer(scene(boat))
-    positions = np.array([renderer.turn(k).boxes.centers[1] for k in (0, 10, 20)])
+    positions = np.array([renderer.frame(k).boxes.centers[1] for k in (0, 10, 20)])
     np.testing.assert_allclose(np.diff(positions[:, 1]), 10, atol=0.5)
-    assert renderer.turn(10).boxes.yaws[1] == pytest.approx(np.pi / 2, abs=0.01)
+    assert renderer.frame(10).boxes.yaws[1] == pytest.approx(np.pi / 2, abs=0.01)
 
 
 def test_a_speedboat_leaves_clutter_behind():
     boat = {"track_id": 2, "shape": "speedboat", "size_m": [8, 3, 2], "path": [[20, -60], [20, 60]], "speed_ms": 10}
     renderer = Renderer(scene(boat, sea=FLAT | {"foam_reflectivity": 0.3}))
-    before, after = renderer.turn(10).points, renderer.turn(75).points
+    before, after = renderer.frame(10).points, renderer.frame(75).points
     wake = [(p["label"] == 0) & (np.abs(p["y"]) < 8) & (np.abs(p["x"] - 17.5) < 4) for p in (before, after)]
     assert wake[0].sum() == 0
     assert wake[1].sum() > 20

@@ -181,7 +181,7 @@ def test_odd_names_and_links(tmp_path):
         assert source.name == path.name
         assert first_values(source) == [2, 3, 10]
         assert [damage.path.name for damage in source.damage] == ["frame [4].bin"]
-        assert "No such file" in source.damage[0].what
+        assert "No such file" in source.damage[0].problem
 
 
 # Damage and memory

@@ -121,7 +121,7 @@ def test_a_damaged_chunk_is_left_out_and_reported(path, name):
             assert (item.offset, item.lost_bytes) == (block.start, block.end - block.start)
             assert item.lost_messages == len(block.messages)
             kinds = ("fails its checksum", "cannot be decompressed", "does not contain the")
-            assert item.what.startswith(tuple(f"the chunk {kind}" for kind in kinds))
+            assert item.problem.startswith(tuple(f"the chunk {kind}" for kind in kinds))
 
 
 def test_two_damaged_chunks(path):
@@ -143,7 +143,9 @@ def test_garbage_between_records(path, name, garbage):
         messages, found, damage = read(path, data[: piece.offset] + garbage + data[piece.offset :])
         assert messages == whole
         assert found == extras
-        assert sum(item.lost_bytes for item in damage if item.what == "damaged bytes between records") == len(garbage)
+        assert sum(item.lost_bytes for item in damage if item.problem == "damaged bytes between records") == len(
+            garbage
+        )
 
 
 @pytest.mark.parametrize("name", ["zstd", "none", "unchunked"])

@@ -10,7 +10,7 @@ import pytest
 from mcap import records as mcap_records
 from mcap.opcode import Opcode
 
-from tests.logs import HEADER, MAGIC, START_NS, Piece, chunk_of, join, records_of, sound_end
+from tests.logs import HEADER, MAGIC, START_NS, Piece, chunk_of, join, records_of, valid_end
 from tests.sources.damaged import damage_texts, flip, message_blocks, read, small_log, stream_of
 
 SCHEMA = mcap_records.Schema(1, b"string text", "ros2msg", "test/msg/Note")
@@ -54,8 +54,8 @@ def test_wrong_chunk_index(path, name, change):
     messages, found, damage = read(path, changed(small_log(name), Opcode.CHUNK_INDEX, change, 2))
     assert (messages, found) == (whole, extras)
     offset = message_blocks(name)[2].start
-    what = "the index at the end does not fit 1 of 5 chunks; the log is read without it"
-    assert damage_texts(damage) == [f"byte {offset}: {what}; left out: nothing"]
+    problem = "the index at the end does not fit 1 of 5 chunks; the log is read without it"
+    assert damage_texts(damage) == [f"byte {offset}: {problem}; left out: nothing"]
 
 
 def test_chunk_index_with_too_many_chunks(path):
@@ -136,9 +136,9 @@ def test_chunks_with_wrong_times(path, has_index):
         parts.append(chunk_of(note(number), **times))
         if has_index:
             parts.append(mcap_records.MessageIndex(1, [(START_NS + number, 0)]))
-    result = read(path, join(HEADER, *parts, *sound_end()))
+    result = read(path, join(HEADER, *parts, *valid_end()))
     assert sorted(sequences(result)) == [0, 1, 2, 3]
-    assert [item.what for item in result[2]] == ["messages of this chunk are outside the times that it states"] * 2
+    assert [item.problem for item in result[2]] == ["messages of this chunk are outside the times that it states"] * 2
     assert sequences(result) == [0, 1, 2, 3] or not has_index
 
 
@@ -149,12 +149,12 @@ def test_a_channel_declared_differently(path):
     start = len(join(*parts)) - len(MAGIC)
     messages, _, damage = read(path, join(*parts, SCHEMA, CHANNEL, mcap_records.Footer(start, 0, 0)))
     assert [message[0] for message in messages] == ["/notes"] * 3
-    assert [item.what for item in damage] == ["channel 1 is declared again, with different content"]
+    assert [item.problem for item in damage] == ["channel 1 is declared again, with different content"]
 
 
 def test_undeclared_channels_and_schemas(path):
     chunk = chunk_of(CHANNEL, note(1), note(2, channel=7), note(3, channel=7))
-    messages, _, damage = read(path, join(HEADER, chunk, *sound_end()))
+    messages, _, damage = read(path, join(HEADER, chunk, *valid_end()))
     assert [message[:1] + message[3:4] for message in messages] == [("/notes", 1)]
     offset = len(join(HEADER)) - len(MAGIC)
     assert sorted(damage_texts(damage)) == [
@@ -192,12 +192,12 @@ def _huge_files():
     for huge in _HUGE:
         for compression in ("zstd", "lz4", ""):
             chunk = chunk_of(records, compression=compression, uncompressed_size=huge, uncompressed_crc=0)
-            yield join(HEADER, SCHEMA, CHANNEL, chunk, valid, *sound_end())
+            yield join(HEADER, SCHEMA, CHANNEL, chunk, valid, *valid_end())
         for op in range(1, 20):
-            yield join(HEADER, SCHEMA, CHANNEL, struct.pack("<BQ", op, huge), valid, *sound_end())
+            yield join(HEADER, SCHEMA, CHANNEL, struct.pack("<BQ", op, huge), valid, *valid_end())
         for op in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.MESSAGE_INDEX):
             content = struct.pack("<IIII", *[min(huge, 2**32 - 1)] * 4) + bytes(60)
-            yield join(HEADER, SCHEMA, CHANNEL, Piece(0, op, content), valid, *sound_end())
+            yield join(HEADER, SCHEMA, CHANNEL, Piece(0, op, content), valid, *valid_end())
 
 
 _FRUGAL = """
@@ -253,7 +253,7 @@ def test_messages_of_zeros_are_read_as_messages(path):
     for size in range(80):
         messages = [mcap_records.Message(1, time, bytes(size), time, 0) for time in range(3)]
         for parts in ((SCHEMA, CHANNEL, *messages), (chunk_of(SCHEMA, CHANNEL, *messages, uncompressed_crc=0),)):
-            result = read(path, join(HEADER, *parts, *sound_end()))
+            result = read(path, join(HEADER, *parts, *valid_end()))
             assert [message[1] for message in result[0]] == [0, 1, 2]
             assert result[2] == []
 

@@ -33,7 +33,7 @@ from tests.logs import (
     chunk_of,
     cloud_log,
     join,
-    sound_end,
+    valid_end,
     write_log,
 )
 
@@ -181,7 +181,7 @@ def test_a_log_without_messages(tmp_path, layout):
 
 
 def test_an_empty_log(tmp_path):
-    path = write(tmp_path / "log.mcap", HEADER, *sound_end())
+    path = write(tmp_path / "log.mcap", HEADER, *valid_end())
     assert read(path) == []
 
 
@@ -190,35 +190,35 @@ def test_chunks_without_messages_or_without_anything(tmp_path, compression):
     empty = chunk_of(compression=compression)
     declaring = chunk_of(SCHEMA, declared(), compression=compression)
     filled = chunk_of(note(1), note(2), compression=compression)
-    path = write(tmp_path / "log.mcap", HEADER, empty, declaring, filled, empty, *sound_end())
+    path = write(tmp_path / "log.mcap", HEADER, empty, declaring, filled, empty, *valid_end())
     assert sequences(path) == [1, 2]
 
 
 def test_channels_declared_in_every_chunk(tmp_path):
     chunks = [chunk_of(SCHEMA, declared(), note(number)) for number in range(4)]
-    assert sequences(write(tmp_path / "log.mcap", HEADER, *chunks, SCHEMA, declared(), *sound_end())) == [0, 1, 2, 3]
+    assert sequences(write(tmp_path / "log.mcap", HEADER, *chunks, SCHEMA, declared(), *valid_end())) == [0, 1, 2, 3]
 
 
 def test_a_schema_declared_after_its_channel(tmp_path):
-    path = write(tmp_path / "log.mcap", HEADER, chunk_of(declared(), note(1)), chunk_of(SCHEMA, note(2)), *sound_end())
+    path = write(tmp_path / "log.mcap", HEADER, chunk_of(declared(), note(1)), chunk_of(SCHEMA, note(2)), *valid_end())
     assert [record[3] for record in read(path)] == [("test/msg/Note", "ros2msg", b"string text")] * 2
 
 
 def test_an_index_of_a_channel_without_messages(tmp_path):
     index = mcap_records.MessageIndex(9, [])
-    path = write(tmp_path / "log.mcap", HEADER, chunk_of(SCHEMA, declared(), note(1)), index, *sound_end())
+    path = write(tmp_path / "log.mcap", HEADER, chunk_of(SCHEMA, declared(), note(1)), index, *valid_end())
     assert sequences(path) == [1]
 
 
 def test_messages_inside_and_outside_chunks(tmp_path):
     parts = (note(5), SCHEMA, declared(), note(1), chunk_of(note(4), note(2)), note(3), declared(), note(0))
-    assert sequences(write(tmp_path / "log.mcap", HEADER, *parts, *sound_end())) == [0, 1, 2, 3, 4, 5]
+    assert sequences(write(tmp_path / "log.mcap", HEADER, *parts, *valid_end())) == [0, 1, 2, 3, 4, 5]
 
 
 def test_unchunked_logs_are_read_in_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(survey, "_LOOSE_BYTES", 500)
     numbers = [number ^ 5 for number in range(200)]
-    path = write(tmp_path / "log.mcap", HEADER, SCHEMA, declared(), *map(note, numbers), *sound_end())
+    path = write(tmp_path / "log.mcap", HEADER, SCHEMA, declared(), *map(note, numbers), *valid_end())
     assert sequences(path) == list(range(200))
 
 
@@ -226,7 +226,7 @@ def test_private_and_extended_records(tmp_path):
     private = b"\x90" + (30).to_bytes(8, "little") + bytes(30)
     chunk = chunk_of(SCHEMA, declared(), private, note(1), declared(), note(2))
     header = b"\x01" + (16).to_bytes(8, "little") + b"\4\0\0\0ros2" + bytes(4) + b"more"
-    path = write(tmp_path / "log.mcap", header, private, chunk, private, private, *sound_end())
+    path = write(tmp_path / "log.mcap", header, private, chunk, private, private, *valid_end())
     assert sequences(path) == [1, 2]
 
 
@@ -243,7 +243,7 @@ def test_chunks_without_a_content_size(tmp_path, compression, compress):
     records = join(SCHEMA, declared(), note(1), note(2))[len(MAGIC) : -len(MAGIC)]
     chunk = chunk_of(records, compression=compression, data=compress(records))
     chunk.message_start_time, chunk.message_end_time = START_NS + 1, START_NS + 2
-    assert sequences(write(tmp_path / "log.mcap", HEADER, chunk, *sound_end())) == [1, 2]
+    assert sequences(write(tmp_path / "log.mcap", HEADER, chunk, *valid_end())) == [1, 2]
 
 
 def test_messages_outlive_the_source(tmp_path):

@@ -258,7 +258,9 @@ class TestDamage:
         records[50:52] = frames([(time, data, 6699 if address else 99) for time, data, _ in rows[50:52]], **address)
         source, clouds = read(tmp_path / "log.pcap", pcap(records))
         assert list(clouds) == ["/points"]
-        assert [(item.what.partition(" from ")[0], item.lost_bytes) for item in source.damage] == [("2 packets", 2496)]
+        assert [(item.problem.partition(" from ")[0], item.lost_bytes) for item in source.damage] == [
+            ("2 packets", 2496)
+        ]
         assert sum(cloud.size for cloud in clouds["/points"]) == 298 * 12 * 32
 
     def test_bad_packets_are_counted(self, tmp_path):
@@ -267,7 +269,7 @@ class TestDamage:
         ]
         rows.insert(4, (rows[4][0], b"\2" * 100, 6699))
         source, clouds = read(tmp_path / "log.pcap", pcap(frames(rows)))
-        assert ["2 packets cannot be decoded" in item.what for item in source.damage] == [True]
+        assert ["2 packets cannot be decoded" in item.problem for item in source.damage] == [True]
         assert source.facts["/points"].bad_packets == 2
         assert source.facts["/points"].lost_packets == 2
         assert sum(cloud.size for cloud in clouds["/points"]) == 73 * 12 * 32

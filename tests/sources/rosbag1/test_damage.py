@@ -32,7 +32,7 @@ def test_unindexed_bag_is_read_and_reported(tmp_path, compression):
     active.write_bytes(unindexed(path))
     messages, (damage,) = read(active)
     assert messages == reference(path)
-    assert "did not close" in damage.what
+    assert "did not close" in damage.problem
     source = BagSource(active)
     assert (source.name, source.counts) == ("y", {0: 30, 1: 30})
     assert [channel.topic for channel in source.channels] == ["/points", "/imu"]
@@ -49,7 +49,7 @@ def test_bag_without_any_index_is_read_in_order(tmp_path, compression):
     bare.write_bytes(MAGIC + b"".join(data[r.start : r.end] for r in records if r.op != Op.INDEX))
     messages, (damage,) = read(bare)
     assert messages == reference(path)
-    assert "did not close" in damage.what
+    assert "did not close" in damage.problem
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
@@ -132,7 +132,7 @@ def test_complete_messages_of_a_truncated_chunk_are_read(tmp_path, compression):
     found, damage = check_cut(tmp_path / "cut.bag", whole, offset + (end - offset) * 3 // 4, messages, [])
     assert 120 <= len(found) <= 150
     assert found == messages[: len(found)]
-    assert any("the bag ends inside a chunk" in entry.what and entry.lost_bytes > 200_000 for entry in damage)
+    assert any("the bag ends inside a chunk" in entry.problem and entry.lost_bytes > 200_000 for entry in damage)
 
 
 def flip(data, at, bits):
@@ -215,7 +215,7 @@ def test_lost_chunk_is_counted(tmp_path):
     found, (damage,) = read(path)
     assert found == messages[: chunks[0][2]] + messages[chunks[0][2] + count :]
     assert (damage.offset, damage.lost_bytes, damage.lost_messages) == (offset, end - offset, count)
-    assert str(end) in damage.what
+    assert str(end) in damage.problem
 
 
 def test_damaged_content_of_a_chunk_is_counted(tmp_path):

@@ -256,7 +256,7 @@ def test_truncated_compressed_file_is_read_to_its_end(tmp_path):
     messages, damage = read(path)
     assert 800 < len(messages) < 2000
     assert messages == written(2000)[: len(messages)]
-    assert "truncated" in damage[0].what
+    assert "truncated" in damage[0].problem
     assert damage[0].path == path
 
 
