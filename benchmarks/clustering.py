@@ -1,7 +1,7 @@
 """Speed of clustering on one frame: Euclidean compared with a scipy tree, DBSCAN compared with scikit-learn.
 
 The tree only counts neighbours within the same distance. The implementations alternate within one run. Run as
-``python benchmarks/clustering.py``; without scikit-learn others column is nan.
+``python benchmarks/clustering.py``; without scikit-learn its column is nan.
 """
 
 import statistics

@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
 # Train the scene classifier that comes with the program: simulate random scenes of open and of confined water, train,
-# and test on layouts, lidars and seas that the training never saw.
+# and evaluate it on layouts, lidars and seas that are not in the training data.
 #
-# Usage: examples/train_scene.sh [FOLDER]    (FOLDER is made, 1 GB; needs seaclutter[train,plot] on the PATH's python)
+# Usage: examples/train_scene.sh [FOLDER]    (creates FOLDER, 1 GB; the python on the PATH needs seaclutter[train,plot])
 set -euo pipefail
 folder=${1:-scenes}
 here=$(cd "$(dirname "$0")/.." && pwd)
 
 python "$here/benchmarks/scene_data.py" "$folder"
 
-# The first class is what a frame with nothing in view is taken for.
+# A frame with nothing in view gets the first class.
 seaclutter scene train --scene open="$folder/train/open" --scene confined="$folder/train/confined" \
   -o "$folder/open_confined.onnx" --plot "$folder/training.png" --force
 

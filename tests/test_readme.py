@@ -37,6 +37,19 @@ def test_output_of_the_second_example(monkeypatch):
     assert printed[: len(expected)] == expected
 
 
+def test_the_python_example_runs(monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    exec(code, {})
+    assert re.search(r"^joint +60 +14 +8 ", capsys.readouterr().out, re.MULTILINE)
+
+
+def test_links_of_the_readme():
+    targets = re.findall(r"\]\(([^)#]+)[^)]*\)|src=\"([^\"]+)\"", README)
+    assert len(targets) > 20
+    assert not [path for path in map("".join, targets) if not (ROOT / path).exists()]
+
+
 @pytest.mark.slow
 def test_the_chain_runs(tmp_path):
     path = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
