@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.recordings import ReadOptions
 
 
-@click.command(short_help="Show the content of logs and the settings that a filter run needs.")
+@click.command(name="info", short_help="Show the content of logs and the settings that a filter run needs.")
 @logs_argument
 @reading_options
 @console_options
