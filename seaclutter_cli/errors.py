@@ -1,17 +1,15 @@
 """Errors that the program raises deliberately.
 
-::
-
-    SeaclutterError            exit status 1, one line for the user
-    ├── InputError             the input cannot be read or contains no data
-    │   ├── CloudError         a message is not a valid point cloud
-    │   └── FieldError         a field is missing or has the wrong type
-    ├── LabelError             labels cannot be read or do not match the recording
-    ├── ModelError             a trained model cannot be read or does not match the task
-    ├── OutputError            the output cannot be written
-    ├── MissingExtraError      an optional dependency is not installed
-    └── UsageError             exit status 2
-        └── ConfigError        a config file or value is not valid
+    SeaclutterError        exit status 1, one line for the user
+    ├── InputError         the input cannot be read or contains no data
+    │   ├── CloudError     a message is not a valid point cloud
+    │   └── FieldError     a field is missing or has the wrong type
+    ├── LabelError         labels cannot be read or do not match the recording
+    ├── ModelError         a trained model cannot be read or does not match the task
+    ├── OutputError        the output cannot be written
+    ├── MissingExtraError  an optional dependency is not installed
+    └── UsageError         exit status 2
+        └── ConfigError    a config file or value is not valid
 
 A message says what is wrong, where, and what to do.
 """
