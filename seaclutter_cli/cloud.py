@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError, FieldError
 from seaclutter_cli.records import Buffer
+from seaclutter_cli.text import count
 
 FIELD_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 """Types of point fields that every supported message encoding has, as numpy codes."""
@@ -56,7 +57,7 @@ def point_dtype(fields: tuple[PointField, ...], point_step: int, big_endian: boo
     formats: list[Any] = []
     for field in fields:
         if not 0 <= field.offset < field.end <= point_step:
-            raise CloudError(f"field {field.name!r} does not fit into a point of {point_step} bytes")
+            raise CloudError(f"field {field.name!r} does not fit into a point of {count(point_step, 'byte')}")
         names[_free_name(field.name or "unnamed", names)] = None
         formats.append((order + field.type, (field.count,)) if field.count > 1 else order + field.type)
     offsets = [field.offset for field in fields]
@@ -108,14 +109,15 @@ class Cloud:
     def __post_init__(self) -> None:
         """Check that the layout fits the data."""
         if self.size and self.point_step <= 0:
-            raise CloudError(f"point_step must be positive for {self.size} points, got {self.point_step}")
+            raise CloudError(f"point_step must be positive for {count(self.size, 'point')}, got {self.point_step}")
         if self._pitch < self.width * self.point_step:
             raise CloudError(
-                f"a row of {self.row_step} bytes cannot contain {self.width} points of {self.point_step} bytes"
+                f"a row of {count(self.row_step, 'byte')} cannot contain {count(self.width, 'point')} of "
+                f"{count(self.point_step, 'byte')}"
             )
         needed = (self.height - 1) * self._pitch + self.width * self.point_step if self.size else 0
         if len(self.data) < needed:
-            raise CloudError(f"{self.size} points need {needed} bytes; the message has {len(self.data)}")
+            raise CloudError(f"the points occupy {count(needed, 'byte')}, but the message has {len(self.data):,}")
         _ = self.dtype
 
     @property

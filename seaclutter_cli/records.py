@@ -7,7 +7,7 @@ its decompressed chunk.
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from seaclutter_cli.text import printable
+from seaclutter_cli.text import count, printable
 
 Buffer = bytes | memoryview
 
@@ -103,7 +103,7 @@ class Damage:
         position = f"{self.path}" if self.offset is None else f"{self.path}: byte {self.offset}"
         amounts = []
         if self.lost_messages is not None:
-            amounts.append(f"{self.lost_messages} message{'' if self.lost_messages == 1 else 's'}")
+            amounts.append(count(self.lost_messages, "message"))
         if self.lost_bytes:
-            amounts.append(f"{self.lost_bytes} bytes")
+            amounts.append(count(self.lost_bytes, "byte"))
         return printable(f"{position}: {self.problem}; left out: {', '.join(amounts) or 'nothing'}")

@@ -12,7 +12,7 @@ from seaclutter_cli.commands import cli
 from tests.logs import LAYOUTS, PERIOD_NS, START_NS, Entry, cloud_topic, records_of, write_log
 
 DAMAGED = re.compile(
-    r"Damaged: (?P<position>.+?): (?P<problem>.+); left out: (?P<amount>nothing|.*\d+ (messages?|bytes))"
+    r"Damaged: (?P<position>.+?): (?P<problem>.+); left out: (?P<amount>nothing|.*\d (messages?|bytes?))"
 )
 
 

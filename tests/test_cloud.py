@@ -174,5 +174,5 @@ def test_bytes_after_the_last_point_are_left_out():
     assert bytes(cloud.select(np.ones(4, np.bool_)).data) == b"abcd"
     last_row_cut_short = Plain(2, 2, (Field("v", 0, "u1"),), 1, 3, False, b"ab.cd").cloud()
     assert bytes(last_row_cut_short.points) == b"abcd"
-    with pytest.raises(CloudError, match="4 points need 5 bytes; the message has 4"):
+    with pytest.raises(CloudError, match="the points occupy 5 bytes, but the message has 4"):
         Plain(2, 2, (Field("v", 0, "u1"),), 1, 3, False, b"ab.c").cloud()

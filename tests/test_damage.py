@@ -55,7 +55,7 @@ def test_a_flipped_byte_in_a_chunk(tmp_path, logs, name):
     assert outcome.sequences == [0, 1, 3, 4, 5]
     (line,) = outcome.damage
     assert line.startswith(f"Damaged: {outcome.log}: byte {chunk.offset}: the chunk ")
-    assert line.endswith(f"left out: 3 messages, {chunk.end - chunk.offset} bytes")
+    assert line.endswith(f"left out: 3 messages, {chunk.end - chunk.offset:,} bytes")
 
 
 def test_two_flipped_bytes(tmp_path, logs):
@@ -123,11 +123,11 @@ HARMLESS = {
         lambda data: altered(data, Opcode.CHUNK_INDEX, 16, 2**62),
         "does not fit 1 of 7 chunks",
     ),
-    "too many messages announced": (
+    "too many messages declared": (
         lambda data: altered(data, Opcode.STATISTICS, 0, 5),
-        "5 of 23 messages are not in the file",
+        "the file lacks 5 of 23 messages",
     ),
-    "too few messages announced": (lambda data: altered(data, Opcode.STATISTICS, 0, -5), "5 more messages than"),
+    "too few messages declared": (lambda data: altered(data, Opcode.STATISTICS, 0, -5), "5 messages more than"),
     "zeros after the end": (lambda data: data + bytes(1000), "bytes after the end of the recording"),
     "text after the end": (lambda data: data + b"#!/bin/sh\n" * 9, "bytes after the end of the recording"),
     "another log after the end": (lambda data: data * 2, "bytes after the end of the recording"),
@@ -160,7 +160,7 @@ def test_a_tail_of_zeros(tmp_path, logs, name):
     outcome = Outcome(tmp_path, None)
     assert time.monotonic() - began < 10
     assert outcome.sequences == [0, 1, 2, 3]
-    assert f"byte {end}: no readable record follows; left out: {50_000_000 - end} bytes" in outcome.stderr
+    assert f"byte {end}: no readable record follows; left out: {50_000_000 - end:,} bytes" in outcome.stderr
 
 
 def header_only(data):
@@ -228,7 +228,7 @@ def test_an_invalid_cloud(tmp_path, kind, index):
     assert outcome.points == [200] * (FRAMES - 1)
     (line,) = outcome.damage
     assert f"frame {index} of /points" in line
-    assert f"left out: 1 message, {len(messages[index])} bytes" in line or not messages[index]
+    assert f"left out: 1 message, {len(messages[index]):,} bytes" in line or not messages[index]
 
 
 @pytest.mark.parametrize("kind", ["empty", "cut in the points", "huge width"])

@@ -20,7 +20,7 @@ ALLOWED = {
     "text": set(),
     "errors": set(),
     "records": {"text"},
-    "cloud": {"errors", "records"},
+    "cloud": {"text", "errors", "records"},
     "frame": {"text", "errors", "records", "cloud"},
     "truth": {"errors"},
     "interfaces": BASE,

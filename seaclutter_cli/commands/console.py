@@ -97,7 +97,7 @@ class _PlainProgress:
     """Progress as a line every ten seconds."""
 
     def __init__(self, title: str, total: int | None) -> None:
-        self._title, self._of = title, f" of {total}" if total else ""
+        self._title, self._of = title, f" of {total:,}" if total else ""
         self._count = 0
         self._next = time.monotonic() + _LINE_SECONDS
 
@@ -106,7 +106,7 @@ class _PlainProgress:
         self._count += 1
         if time.monotonic() >= self._next:
             self._next += _LINE_SECONDS
-            click.echo(f"{self._title}: {self._count}{self._of} frames", err=True)
+            click.echo(f"{self._title}: frame {self._count:,}{self._of}", err=True)
 
 
 def show_renamed(show_others: Callable[..., None]) -> Callable[..., None]:

@@ -14,7 +14,7 @@ from seaclutter_cli.labels.boxes import IGNORE, Labelled, checked, truth_of
 from seaclutter_cli.labels.in_cloud import point_labels
 from seaclutter_cli.labels.options import LabelOptions
 from seaclutter_cli.labels.stamps import StampMatcher
-from seaclutter_cli.text import printable
+from seaclutter_cli.text import count, printable
 from seaclutter_cli.truth import Truth
 
 BOX = ("x", "y", "z", "length", "width", "height", "yaw")
@@ -110,7 +110,7 @@ def _rows(path: Path, names: Sequence[str], key: str, cells: Iterator[list[str]]
 
 def _row(names: Sequence[str], key: str, cells: Sequence[str], line: int) -> _Row:
     if len(cells) != len(names):
-        raise LabelError(f"{len(cells)} values for {len(names)} columns")
+        raise LabelError(f"expected {len(names)} values, got {len(cells)}")
     values = dict(zip(names, cells, strict=True))
     if not _WHOLE.fullmatch(values[key]):
         raise LabelError(f"{key} {_quoted(values[key])} is not a whole number from 0")
@@ -208,7 +208,7 @@ class CsvLabels:
         hint = "" if self._labelled else "; check that the labels belong to this log"
         if left:
             named = ", ".join(map(str, left[:3])) + (", …" if len(left) > 3 else "")
-            amount = f"{len(left)} of {len(self._frames)} labelled frames are not in the log"
+            amount = f"the log lacks {len(left)} of {count(len(self._frames), 'labelled frame')}"
             raise LabelError(f"{self._path}: {amount} ({self._unit} {named}){hint}")
         if not self._labelled:
             raise LabelError(f"{self._path}: no frame of the log is labelled{hint}")

@@ -10,6 +10,7 @@ from typing import Protocol
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.options import LabelOptions
+from seaclutter_cli.text import count
 from seaclutter_cli.truth import Truth
 
 _CLOUDS = (".pcd", ".bin", ".ply", ".npy", ".las", ".laz")
@@ -88,7 +89,7 @@ def by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -
 
 
 def _counts(labels: Sequence[Path], clouds: Sequence[Path]) -> str:
-    return f"{len(labels)} label files, {len(clouds)} frames"
+    return f"{count(len(labels), 'label file')}, {count(len(clouds), 'frame')}"
 
 
 def by_order(labels: Sequence[Path]) -> FrameFiles:
@@ -155,8 +156,8 @@ class FileLabels:
 
     def _check_optional(self, number: int) -> None:
         if self._assigned.complete:
-            count = len(self._assigned.files)
-            raise LabelError(f"{self._folder}: no label file for frame {number} of the log, only {count} files")
+            files = count(len(self._assigned.files), "file")
+            raise LabelError(f"{self._folder}: no label file for frame {number} of the log, only {files}")
 
     def finish(self) -> None:
         """Check that the log contained frames for all label files.
@@ -172,7 +173,7 @@ class FileLabels:
         if left:
             first = min(left)
             raise LabelError(
-                f"{self._folder}: {len(left)} label files are for frames that are not in the log, from "
+                f"{self._folder}: the log has no frames for {count(len(left), 'label file')}, from "
                 f"{left[first].name} (frame {first}) on; check that the labels belong to this log"
             )
         if not self._labelled:

@@ -10,6 +10,7 @@ from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.files import FileLabels, by_name, by_order, clouds_beside, files_in, label_folder
 from seaclutter_cli.labels.options import LabelOptions
+from seaclutter_cli.text import count
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 _NAME, _SUFFIX = "labels", ".label"
@@ -42,11 +43,11 @@ def open_semantickitti(path: Path, options: LabelOptions) -> FileLabels:
 
 
 def _read(path: Path, frame: Frame, options: LabelOptions) -> Truth:
-    count, rest = divmod(path.stat().st_size, 4)
+    size, rest = divmod(path.stat().st_size, 4)
     if rest:
-        raise LabelError(f"size must be a multiple of 4 bytes, got {4 * count + rest}")
-    if count != frame.size:
-        raise LabelError(f"{count} labels for {frame.size} points")
+        raise LabelError(f"size must be a multiple of 4 bytes, got {4 * size + rest}")
+    if size != frame.size:
+        raise LabelError(f"{count(size, 'label')} for {count(frame.size, 'point')}")
     return Truth(None, points=point_truth(np.frombuffer(path.read_bytes(), "<u4"), options))
 
 

@@ -5,6 +5,7 @@ import struct
 from seaclutter_cli.cloud import FIELD_TYPES, Cloud, PointField
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.records import Buffer
+from seaclutter_cli.text import count
 
 _NANO = 1_000_000_000
 _MAX_FIELDS = 1024
@@ -34,7 +35,8 @@ class _Reader:
     def blob(self) -> memoryview:
         size = self.number("I")
         if size > len(self._data) - self._at:
-            raise CloudError(f"the message declares {size} bytes, but {len(self._data) - self._at} remain")
+            left = len(self._data) - self._at
+            raise CloudError(f"the message declares {count(size, 'byte')}, but contains only {left:,} more")
         self._at += size
         return self._data[self._at - size : self._at]
 
@@ -49,10 +51,10 @@ def _decode(read: _Reader, *, with_sequence: bool) -> Cloud:
     stamp_ns = seconds * _NANO + read.number("I")
     frame_id = read.text()
     height, width = read.number("I"), read.number("I")
-    count = read.number("I")
-    if count > _MAX_FIELDS:
-        raise CloudError(f"the message declares {count} fields, at most {_MAX_FIELDS} are supported")
-    fields = tuple(_field(read) for _ in range(count))
+    number = read.number("I")
+    if number > _MAX_FIELDS:
+        raise CloudError(f"the message declares {number:,} fields, at most {_MAX_FIELDS} are supported")
+    fields = tuple(_field(read) for _ in range(number))
     big_endian = bool(read.number("B"))
     point_step, row_step = read.number("I"), read.number("I")
     data = read.blob()

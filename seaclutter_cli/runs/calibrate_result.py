@@ -165,10 +165,11 @@ class CalibrationResult(Result):
         found, tally = self.found, self.tally
         least, most = self.calibration.intensity
         without = f" ({count(tally.unlabelled, 'unlabelled frame')} left out)" if tally.unlabelled else ""
-        labels = f"{tally.marked:,} labelled points left out" if self.labelled else "no labels: all treated as clutter"
+        left_out = f"{count(tally.marked, 'labelled point')} left out"
+        labels = left_out if self.labelled else "no labels: all treated as clutter"
         name = printable(" or ".join(tally.intensity_fields)) or "none"
         sensor = f"resembles {' or '.join(tally.sensors)}" if tally.sensors else "not recognised"
-        points = f"{self.calibration.points:,} clutter points from {found.rings[0].start_m:g} m outwards"
+        points = f"{count(self.calibration.points, 'clutter point')} from {found.rings[0].start_m:g} m outwards"
         frames = f"{count(tally.frames, 'frame')}{without}"
         return [
             f"{frames}; {points} ({labels}), {found.beyond:,} of them beyond {found.end_m:g} m.",

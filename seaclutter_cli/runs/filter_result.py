@@ -86,7 +86,7 @@ def _as_text(topic: str, tally: TopicTally, edges: Sequence[float]) -> str:
     kept = int(tally.counts[Reason.KEPT])
     size = tally.points_in
     frames = count(tally.frames, "frame")
-    blocks = [f"{printable(topic)}: {frames}, {size:,} points in, {kept:,} out ({share(kept, size)})"]
+    blocks = [f"{printable(topic)}: {frames}, {count(size, 'point')} in, {kept:,} out ({share(kept, size)})"]
     removed = [(r.name.lower().replace("_", " "), int(tally.counts[r])) for r in Reason if r and tally.counts[r]]
     if removed:
         rows = [(name, f"{points:,}", share(points, size)) for name, points in removed]

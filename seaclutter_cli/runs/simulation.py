@@ -96,7 +96,7 @@ class SimulationResult(Result):
                 name = item.class_name or item.shape
                 targets[name] += 1
                 points[name] += self.tally.points[item.track_id]
-        return [(f"{name} ({number} objects)", points[name]) for name, number in sorted(targets.items())]
+        return [(f"{name} ({count(number, 'object')})", points[name]) for name, number in sorted(targets.items())]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as JSON-compatible data."""
@@ -146,4 +146,4 @@ class TileSimulationResult(Result):
         """Return the result as human-readable text."""
         rows = [(name, objects, f"{points:,}") for name, objects, points in self._rows()]
         shown = table(("class", "objects", "points"), [("sea", "", f"{self.points[0]:,}"), *rows])
-        return f"{self.output}\n{indented(shown)}\n{self.points.total():,} points in {self.seconds:.1f} s"
+        return f"{self.output}\n{indented(shown)}\n{count(self.points.total(), 'point')} in {self.seconds:.1f} s"

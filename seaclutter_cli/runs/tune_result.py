@@ -54,7 +54,7 @@ class TuningResult(RecordingsResult):
         """Return the best configuration as a commented file."""
         config = next(variant.config for variant in self.variants if variant.name == self.best)
         recordings = ", ".join(outcome.recording for outcome in self.outcomes if not outcome.error)
-        comment = f"# Best of {len(self.variants)} combinations on {recordings}: {self.best}"
+        comment = f"# Best of {count(len(self.variants), 'combination')} on {recordings}: {self.best}"
         return f"{comment}\n{config.to_yaml(comments=True)}"
 
     def curve(self, suffix: str) -> bytes:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.scenes.image import IMAGE_SIZE, mark_cells
+from seaclutter_cli.text import count
 
 _FINER = 4
 _WIDER = 1.5
@@ -115,8 +116,8 @@ class Examples:
             members = [i for i, (_, kind) in enumerate(self.recordings) if kind == scene and i in known]
             if len(members) < len(SHARES):
                 raise InputError(
-                    f"{len(members)} recordings of {name}: at least {len(SHARES)} are needed, one each for training, "
-                    "validation and test"
+                    f"{count(len(members), 'recording')} of {name}: at least {len(SHARES)} are needed, one each for "
+                    "training, validation and test"
                 )
             held_out = [max(1, round(share * len(members))) for share in SHARES[1:]]
             part[rng.permutation(members)] = np.repeat(range(len(SHARES)), (len(members) - sum(held_out), *held_out))

@@ -66,7 +66,7 @@ class SceneModel:
     def _check_shape(self) -> str:
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         if len(inputs) != 1 or len(outputs) != 1:
-            raise self._error(f"it has {len(inputs)} inputs and {len(outputs)} outputs, expected one of each")
+            raise self._error(f"expected one input and one output, got {len(inputs)} and {len(outputs)}")
         kind, shape = inputs[0].type, list(inputs[0].shape)
         if kind != "tensor(uint8)" or shape[1:] != _IMAGE_SHAPE or shape[0] not in (None, 1, "N"):
             raise self._error(f"its input is {kind} of {shape}, expected images of {IMAGE_SIZE} by {IMAGE_SIZE} bytes")

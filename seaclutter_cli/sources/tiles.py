@@ -13,6 +13,7 @@ from seaclutter_cli.frame import INTENSITY_NAMES
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.guard import reading
 from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, with_records
+from seaclutter_cli.text import count
 
 if TYPE_CHECKING:
     from seaclutter_cli.cloud import Cloud
@@ -84,13 +85,13 @@ class LasTile:
         yield from self._read() if self._kept is None else self._kept
 
     def _read(self) -> Iterator[Any]:
-        count = 0
+        found = 0
         with reading("LAS"), open_las(self.path) as reader:
             for part in reader.chunk_iterator(CHUNK_POINTS):
-                count += len(part)
+                found += len(part)
                 yield part
-        if count != self.size:
-            raise CloudError(f"{count} points found, but the header declares {self.size}")
+        if found != self.size:
+            raise CloudError(f"{count(found, 'point')} found, but the header declares {self.size:,}")
 
     def xyz(self, part: Any) -> NDArray[np.float64]:
         """Return coordinates in metres, shape (3, n), with scale and offset applied."""

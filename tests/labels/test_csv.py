@@ -73,11 +73,11 @@ def test_targets_without_a_track_get_different_tracks(tmp_path):
         (row("1.5"), "line 3: frame '1.5' is not a whole number from 0"),
         (row(10**19 - 1), f"line 3: frame '{10**19 - 1}' is too large"),
         (row(0), "line 3: track '1' is already in line 2 for the same frame"),
-        (row(0) + ",9", "line 3: 11 values for 10 columns"),
-        ("1,2", "line 3: 2 values for 10 columns"),
+        (row(0) + ",9", "line 3: expected 10 values, got 11"),
+        ("1,2", "line 3: expected 10 values, got 2"),
         ('1,"2', "line 3: unexpected end of data"),
         (row(1, kind="a\x1b[1m", box="?,2,3,4,5,6,0"), "line 3: x '?' is not a finite number"),
-        ("\x1b[1m", "line 3: 1 values for 10 columns"),
+        ("\x1b[1m", "line 3: expected 10 values, got 1"),
     ],
 )
 def test_the_message_names_an_invalid_line(tmp_path, line, message):
@@ -103,7 +103,7 @@ def test_finish_names_the_first_frames_that_are_missing_and_how_many(tmp_path):
     labels.truth(frame(2))  # frame 1 may be lost to damage, which does not make the labels wrong
     with pytest.raises(LabelError) as caught:
         labels.finish()
-    assert str(caught.value).endswith("4 of 6 labelled frames are not in the log (frame 7, 9, 20, …)")
+    assert str(caught.value).endswith("the log lacks 4 of 6 labelled frames (frame 7, 9, 20, …)")
 
 
 def test_labels_of_another_log(tmp_path):
@@ -152,7 +152,7 @@ def test_a_stamp_in_a_gap_belongs_to_no_frame(tmp_path):
     lost = START_NS + 4 * PERIOD_NS
     labels = stamped(tmp_path, START_NS, lost)
     assert [number for number in (0, 1, 2, 7, 8) if labels.truth(frame(number))] == [0]
-    with pytest.raises(LabelError, match=rf"1 of 2 labelled frames are not in the log \(stamp {lost}\)"):
+    with pytest.raises(LabelError, match=rf"the log lacks 1 of 2 labelled frames \(stamp {lost}\)"):
         labels.finish()
 
 

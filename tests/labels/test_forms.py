@@ -61,7 +61,7 @@ def test_labels_of_missing_frames_are_an_error(name, tmp_path):
     path, frames = write(name, tmp_path)
     labels = open_labels(path)
     labels.truth(frames[0])
-    with pytest.raises(LabelError, match=r"not in the log.*\b1\b"):
+    with pytest.raises(LabelError, match=r"the log (lacks|has no frames).*\b1\b"):
         labels.finish()
 
 

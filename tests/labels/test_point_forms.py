@@ -35,7 +35,7 @@ def test_wads(where):
 def test_wads_of_another_frame():
     folder = shared(WADS)
     second = sorted((folder / "velodyne").iterdir())[1]
-    with pytest.raises(LabelError, match=r"042223\.label: frame 0: \d+ labels for \d+ points"):
+    with pytest.raises(LabelError, match=r"042223\.label: frame 0: [\d,]+ labels for [\d,]+ points"):
         open_labels(folder).truth(frame(0, read_kitti(second).points))
 
 
@@ -60,7 +60,7 @@ def test_label_files_of_the_wrong_size(tmp_path):
     assert labels.truth(frames[0]) is not None
     with pytest.raises(LabelError, match=r"000001\.label: frame 1: size must be a multiple of 4 bytes, got 5"):
         labels.truth(frames[1])
-    with pytest.raises(LabelError, match=rf"000002\.label: frame 2: 1 labels for {frames[2].size} points"):
+    with pytest.raises(LabelError, match=rf"000002\.label: frame 2: 1 label for {frames[2].size:,} points"):
         labels.truth(frames[2])
 
 

@@ -170,7 +170,7 @@ def test_wrong_row_steps(encoding):
         assert bytes(cloud.select(np.array([False, True])).data) == points[26:]
     left_out = CODECS[encoding].decode(serialised(Plain(2, 1, RSLIDAR, 26, 0, False, points), encoding))
     assert left_out.points["ring"].tolist() == [0x1110, 0x2B2A]
-    with pytest.raises(CloudError, match="a row of 25 bytes cannot contain 1 points of 26 bytes"):
+    with pytest.raises(CloudError, match="a row of 25 bytes cannot contain 1 point of 26 bytes"):
         CODECS[encoding].decode(serialised(Plain(2, 1, RSLIDAR, 26, 25, False, points), encoding))
 
 
@@ -179,13 +179,13 @@ def test_wrong_row_steps(encoding):
     [
         ({"point_step": 0}, "point_step must be positive for 2 points, got 0"),
         ({"point_step": 25}, "field 'timestamp' does not fit into a point of 25 bytes"),
-        ({"width": 3}, "3 points need 78 bytes; the message has 52"),
+        ({"width": 3}, "the points occupy 78 bytes, but the message has 52"),
         ({"width": 2**32 - 1, "height": 2**32 - 1, "row_step": 2**32 - 1}, "cannot contain"),
         ({"fields": (Field("x", 2**32 - 1, "f4"),)}, "does not fit into"),
         ({"fields": (Field("x", 0, "f8", 2**32 - 1),)}, "does not fit into"),
         ({"width": 0, "fields": (Field("x", 0, "f8", 2**32 - 1),)}, "a point must have"),
         ({"width": 0, "data": b"", "point_step": 2**32 - 1}, "a point must have"),
-        ({"fields": RSLIDAR[:1] * 1025}, "declares 1025 fields, at most 1024"),
+        ({"fields": RSLIDAR[:1] * 1025}, "declares 1,025 fields, at most 1024"),
     ],
 )
 def test_impossible_layouts(changes, message):

@@ -161,7 +161,7 @@ class SceneEvaluation(RecordingsResult):
         correct = len(self.read) - len(misclassified)
         frames = count(int(confusion.counts.sum()), "frame")
         lines = [
-            f"{frames} of {len(self.read)} recordings, {correct} of them without a misclassified frame",
+            f"{frames} of {count(len(self.read), 'recording')}, {correct} of them without a misclassified frame",
             confusion_table(confusion),
         ]
         if verbose and misclassified:

@@ -185,7 +185,7 @@ class SceneTraining(Result):
         parts = ", ".join(
             f"{len(part)} {name}" for name, part in zip(trained.split._fields, trained.split, strict=True)
         )
-        frames = f"{count(len(examples), 'frame')} of {len(examples.recordings)} recordings ({parts})"
+        frames = f"{count(len(examples), 'frame')} of {count(len(examples.recordings), 'recording')} ({parts})"
         precision = f"{best.train_precision:.3f} in training, {best.validation_precision:.3f} on validation"
         epoch = f"best epoch {trained.best + 1} of {len(trained.epochs)}: precision {precision}; test:"
         return f"{self.output}: {' or '.join(examples.classes)}, from {frames}\n{epoch}\n{confusion}"

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.text import count
 
 
 def read_angles(path: Path, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -31,6 +32,8 @@ def read_angles(path: Path, channels: int) -> tuple[NDArray[np.float64], NDArray
     except (OSError, UnicodeDecodeError, ValueError, IndexError, csv.Error) as error:
         raise InputError(f"{path}: not a Hesai angle correction file (Laser id,Elevation,Azimuth): {error}") from error
     if sorted(angles) != list(range(1, channels + 1)) or not np.isfinite(list(angles.values())).all():
-        raise InputError(f"{path}: expected finite angles of channels 1 to {channels}, got {len(angles)} channels")
+        raise InputError(
+            f"{path}: expected finite angles of channels 1 to {channels}, got {count(len(angles), 'channel')}"
+        )
     table = np.array([angles[channel] for channel in sorted(angles)])
     return table[:, 0], table[:, 1]

@@ -270,7 +270,7 @@ def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
 def _random(raw: Any, problems: list[str]) -> list[TileObjectParams]:
     """Return the given number of objects of each class, with random values."""
     if not isinstance(raw, dict):
-        problems.append(f"random: must be a section with keys, is {kind_of(raw)}")
+        problems.append(f"random: must be a section with keys, got {kind_of(raw)}")
         return []
     problems += [f"random.{key}: unknown class; allowed: {', '.join(KINDS)}" for key in raw if key not in KINDS]
     wrong = [key for key, count in raw.items() if type(count) is not int or not 0 <= count <= 50]

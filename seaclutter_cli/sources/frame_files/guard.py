@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from seaclutter_cli.errors import CloudError, MissingExtraError
+from seaclutter_cli.text import count
 
 
 @contextmanager
@@ -21,4 +22,5 @@ def reading(kind: str) -> Iterator[None]:
 def check_size(needed: int, found: int) -> None:
     """Raise `CloudError` if a file declares more bytes than it contains; call it before allocating memory."""
     if needed > found:
-        raise CloudError(f"the header declares {needed} bytes of data, but the file contains {found}; it is truncated")
+        declared = count(needed, "byte")
+        raise CloudError(f"the header declares {declared} of data, but the file contains {found:,}; it is truncated")

@@ -19,6 +19,7 @@ from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError, MissingExtraError
 from seaclutter_cli.sources.frame_files.guard import check_size, reading
 from seaclutter_cli.sources.frame_files.las_records import read_records
+from seaclutter_cli.text import count
 
 CHUNK_POINTS = 500_000
 """Number of points that are decompressed at a time."""
@@ -45,12 +46,12 @@ def read_las(path: Path) -> Cloud:
         If laspy, or its LAZ backend, is not installed.
     """
     with reading("LAS"), open_las(path) as reader:
-        count = reader.header.point_count
+        declared = reader.header.point_count
         laspy = _laspy()
         empty = laspy.ScaleAwarePointRecord.zeros(0, header=reader.header)
         points = np.concatenate([_structured(part) for part in (empty, *reader.chunk_iterator(CHUNK_POINTS))])
-        if len(points) != count:
-            raise CloudError(f"{len(points)} points found, but the header declares {count}")
+        if len(points) != declared:
+            raise CloudError(f"{count(len(points), 'point')} found, but the header declares {declared:,}")
         return from_array(points)
 
 
@@ -138,7 +139,7 @@ def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:
     table = _find_chunk_table(file, start, size)
     _, chunks = _unpack(file, table, "<II")
     if chunks > min(size, header.point_count):
-        raise CloudError(f"the chunk table declares {chunks} chunks, more than points or bytes")
+        raise CloudError(f"the chunk table declares {count(chunks, 'chunk')}, more than points or bytes")
     described = header.vlrs.get("LasZipVlr")
     if not described:
         raise CloudError("the record that describes the compression is missing")

@@ -13,6 +13,7 @@ from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.sources.frame_files.guard import check_size, reading
 from seaclutter_cli.sources.frame_files.tables import parse_rows
+from seaclutter_cli.text import count
 
 _SIZES = {"F": ("4", "8"), "U": ("1", "2", "4", "8"), "I": ("1", "2", "4", "8")}
 _DATA_LINE = re.compile(rb"^DATA[ \t]+(\w+)[ \t]*\r?(?:\n|\Z)", re.MULTILINE)
@@ -58,10 +59,10 @@ def _layout(header: dict[str, list[str]]) -> np.dtype[np.void]:
     if not (len(names) == len(sizes) == len(types) == len(counts) > 0):
         raise CloudError("the PCD header lacks the SIZE, TYPE or COUNT of a field")
     layout = []
-    for index, (name, size, kind, count) in enumerate(zip(names, sizes, types, counts, strict=True)):
-        if size not in _SIZES.get(kind, ()) or int(count) < 1:
-            raise CloudError(f"field {name!r} has the invalid type {kind}{size} x {count}")
-        shape = (int(count),) if int(count) > 1 else ()
+    for index, (name, size, kind, number) in enumerate(zip(names, sizes, types, counts, strict=True)):
+        if size not in _SIZES.get(kind, ()) or int(number) < 1:
+            raise CloudError(f"field {name!r} has the invalid type {kind}{size} x {number}")
+        shape = (int(number),) if int(number) > 1 else ()
         layout.append((f"{_GAP}{index}" if name == "_" else name, f"<{kind.lower()}{size}", shape))
     dtype = np.dtype(layout)
     if dtype.itemsize > _MAX_POINT_BYTES:
@@ -77,18 +78,18 @@ def _shape(header: dict[str, list[str]]) -> tuple[int, int]:
     return height, width
 
 
-def _decode(content: bytes, data_line: re.Match[bytes], dtype: np.dtype[np.void], count: int) -> NDArray[Any]:
+def _decode(content: bytes, data_line: re.Match[bytes], dtype: np.dtype[np.void], size: int) -> NDArray[Any]:
     encoding, body = data_line[1].decode(), memoryview(content)[data_line.end() :]
     if encoding == "ascii":
         points = parse_rows(bytes(body), dtype, first_line=content.count(b"\n", 0, data_line.end()) + 1)
-        if len(points) != count:
-            raise CloudError(f"{len(points)} points found, but the header declares {count}")
+        if len(points) != size:
+            raise CloudError(f"{count(len(points), 'point')} found, but the header declares {size:,}")
         return points
     if encoding == "binary":
-        check_size(count * dtype.itemsize, len(body))
-        return np.frombuffer(body, dtype, count)
+        check_size(size * dtype.itemsize, len(body))
+        return np.frombuffer(body, dtype, size)
     if encoding == "binary_compressed":
-        return _from_columns(_decompress(body, count * dtype.itemsize), dtype, count)
+        return _from_columns(_decompress(body, size * dtype.itemsize), dtype, size)
     raise CloudError(f"unknown PCD encoding {encoding!r}; supported: ascii, binary, binary_compressed")
 
 
@@ -98,7 +99,7 @@ def _decompress(body: memoryview, size: int) -> NDArray[np.uint8]:
     packed, unpacked = struct.unpack_from("<II", body)
     check_size(packed + 8, len(body))
     if unpacked != size or unpacked > packed * _MAX_RATIO:
-        raise CloudError(f"{packed} compressed bytes declare {unpacked} bytes of points; the header declares {size}")
+        raise CloudError(f"the compressed points declare {count(unpacked, 'byte')}, the header {size:,}")
     # Read as single bytes: pypcd4 would misread fields of several values and headers of older versions.
     header = _BYTES_HEADER.format(size).encode()
     file: Any = io.BytesIO(b"".join((header, body)))

@@ -98,5 +98,6 @@ def _read_ascii(body: memoryview, before: Sequence[_Element], vertex: _Element, 
     rest = bytes(body).split(b"\n", skipped)[skipped:]
     points = parse_rows(rest[0] if rest else b"", dtype, first_line=line + skipped, max_rows=vertex.count)
     if len(points) != vertex.count:
-        raise CloudError(f"{len(points)} vertices found, but the header declares {vertex.count}; the file is truncated")
+        declared = f"the header declares {vertex.count:,} vertices"
+        raise CloudError(f"{declared}, but the file contains {len(points):,}; it is truncated")
     return points

@@ -7,6 +7,7 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.text import count
 
 _NANO = 1_000_000_000
 _LIMIT_NS = 2**31 * _NANO  # ROS stamps have signed 32-bit seconds.
@@ -104,7 +105,7 @@ def _lines_for(files: Sequence[Path], times: Path) -> list[int]:
     if len(lines) != len(files):
         numbers = [int(file.stem) if re.fullmatch("[0-9]{1,18}", file.stem) else len(lines) for file in files]
         if max(numbers) >= len(lines):
-            raise InputError(f"{times}: {len(lines)} times for {len(files)} frames")
+            raise InputError(f"{times}: {count(len(lines), 'time')} for {count(len(files), 'frame')}")
         lines = [lines[number] for number in numbers]
     stamps = [parse_time(line) for line in lines]
     if None in stamps:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError
+from seaclutter_cli.text import count
 
 _COLUMNS = ("x", "y", "z", "intensity", "ring")
 
@@ -78,7 +79,7 @@ def _first_fault(body: bytes, dtype: np.dtype[np.void], delimiter: str | None, f
         line = raw.partition("#")[0].strip()
         cells = line.split(delimiter) if line else []
         if line and len(cells) != columns:
-            return f"line {number} has {len(cells)} values, expected {columns}"
+            return f"line {number} has {count(len(cells), 'value')}, expected {columns}"
         bad = next((cell for cell in cells if not is_number(cell)), None)
         if bad is not None:
             return f"line {number}: {bad.strip()[:40]!r} is not a number"

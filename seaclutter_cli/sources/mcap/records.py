@@ -20,6 +20,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
 from seaclutter_cli.records import Buffer
+from seaclutter_cli.text import count
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")
@@ -319,7 +320,7 @@ def unpack(header: ChunkHeader, packed: memoryview) -> Buffer:
     except _DECOMPRESSION_ERRORS as error:
         raise BrokenRecordError(f"cannot be decompressed ({error})") from error
     if len(records) != header.size:
-        raise BrokenRecordError(f"does not contain the {header.size} bytes that it declares")
+        raise BrokenRecordError(f"does not have the declared size of {count(header.size, 'byte')}")
     if header.crc and crc32(records) != header.crc:
         raise BrokenRecordError("fails its checksum")
     return records
@@ -332,7 +333,7 @@ def _decompress(header: ChunkHeader, packed: memoryview) -> Buffer:
     if header.compression not in COMPRESSIONS:
         raise ValueError(f"unknown compression {header.compression[:8]!r}")
     if header.size > _MAX_UNPACKED:
-        raise ValueError(f"{header.size} bytes exceed the limit of {_MAX_UNPACKED}")
+        raise ValueError(f"{header.size:,} bytes exceed the limit of {_MAX_UNPACKED:,}")
     if header.compression == "zstd":
         with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
             return stream.read(header.size + 1)

@@ -30,6 +30,7 @@ from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, McapSurv
 from seaclutter_cli.sources.shared.chunked import before, in_time_order, within
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.text import count
 
 R = TypeVar("R")
 
@@ -182,14 +183,14 @@ class McapSource:
         for number in wrong:
             self._chunks[number] = replace(self._chunks[number], suspect=True)
         if wrong:
-            problem = (
-                f"the index at the end does not fit {len(wrong)} of {len(known)} chunks; the log is read without it"
-            )
+            chunks = f"{len(wrong)} of {count(len(known), 'chunk')}"
+            problem = f"the index at the end does not fit {chunks}; the log is read without it"
             self._report(self._chunks[wrong[0]].offset, problem, 0)
         absent = sum(entry.chunk_start_offset not in known for entry in entries)
         if absent and not wrong and not self.damage:
             offset = next(span.offset for span in self._tail if span.op == Opcode.CHUNK_INDEX)
-            self._report(offset, f"the index at the end lists {absent} chunks that are not in the file", 0)
+            problem = f"the index at the end lists {count(absent, 'chunk')} that the file does not contain"
+            self._report(offset, problem, 0)
 
     def _check_statistics(self, found: int) -> None:
         """Compare the number of read and lost messages with the statistics."""
@@ -200,11 +201,12 @@ class McapSource:
         missing = expected - found - sum(item.lost_messages or 0 for item in self.damage)
         extras = self._statistics.attachment_count + self._statistics.metadata_count
         if missing > 0:
-            self._report(offset, f"{missing} of {expected} messages are not in the file", 0, missing)
+            self._report(offset, f"the file lacks {missing:,} of {count(expected, 'message')}", 0, missing)
         elif found > expected:
-            self._report(offset, f"the file contains {found - expected} more messages than its statistics state", 0)
+            surplus = count(found - expected, "message")
+            self._report(offset, f"the file contains {surplus} more than its statistics state", 0)
         elif extras > len(self._extras) and not self.damage:
-            problem = f"{extras - len(self._extras)} of {extras} attachments and metadata records are not in the file"
+            problem = f"the file lacks {extras - len(self._extras)} of {extras} attachments and metadata records"
             self._report(offset, problem, 0)
 
     def _inspect_chunks(self) -> None:
@@ -257,15 +259,16 @@ class McapSource:
         elif gaps or (lost and not self._is_verified(chunk)):
             self._report(chunk.offset, "damaged records in this chunk", sum(gaps), lost or None)
         elif lost and not chunk.suspect:
-            self._report(chunk.offset, f"the index of this chunk lists {lost} messages that are not in it", 0)
+            problem = f"the index of this chunk lists {count(lost, 'message')} that it does not contain"
+            self._report(chunk.offset, problem, 0)
         if not chunk.suspect:
             self._check_messages(chunk, messages, undeclared)
         return messages
 
     def _check_messages(self, chunk: McapChunk, messages: Sequence[Message], undeclared: Counter[int]) -> None:
         """Report messages of undeclared channels or wrong times, once all channels and times are known."""
-        for number, count in undeclared.items():
-            self._report(chunk.offset, f"messages of channel {number}, which is not declared", 0, count)
+        for number, lost in undeclared.items():
+            self._report(chunk.offset, f"messages of channel {number}, which is not declared", 0, lost)
         if not all(chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
             self._report(chunk.offset, "messages of this chunk are outside the times that it states", 0)
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.sensors.families import PACKET_FAMILIES, SelfCalibrating
 from seaclutter_cli.sensors.packets import Packets
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
+from seaclutter_cli.text import count
 
 _TRIED_AT_ONCE, _TRIED = 4, 256
 _SAMPLES, _CALIBRATIONS = 64, 32
@@ -55,7 +56,7 @@ class Flow:
 
     def __str__(self) -> str:
         """Return a description for the message that no sensor was found."""
-        return f"{self.count} UDP datagrams of {self.length} bytes from {self.ends}"
+        return f"{count(self.count, 'UDP datagram')} of {count(self.length, 'byte')} from {self.ends}"
 
 
 @dataclass

@@ -20,6 +20,7 @@ from seaclutter_cli.sources.pcap.records import PcapReader, RecordReader
 from seaclutter_cli.sources.pcap.sensors import CapturedSensor, CaptureSurvey, Kind, each_kind
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.text import count
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _MAX_WAITING = 16
@@ -99,13 +100,13 @@ class CaptureSource:
             Damage(
                 self._path,
                 None,
-                f"{flow.count} packets from {flow.ends}, too few for a sensor",
+                f"{count(flow.count, 'packet')} from {flow.ends}, too few for a sensor",
                 flow.count * flow.length,
             )
             for flow in survey.damaged_flows()
         ]
         if udp.fragments.lost:
-            self.warnings.append(f"fragments of {udp.fragments.lost} datagrams are missing")
+            self.warnings.append(f"fragments of {count(udp.fragments.lost, 'datagram')} are missing")
         if not survey.sensors():
             found = _found(survey, cut, udp.other, self.damage)
             raise InputError(f"{self._path}: no packets of a supported lidar; {found}")
@@ -190,12 +191,12 @@ class CaptureSource:
 
     def _count(self, channel: Channel, facts: SensorFacts, cut: int) -> None:
         if facts.lost_packets:
-            self._warn(f"{channel.topic}: {facts.lost_packets} packets are missing, counted from gaps")
-        counted = {"packets cannot be decoded": facts.bad_packets, "packets are truncated by the capture": cut}
+            self._warn(f"{channel.topic}: {count(facts.lost_packets, 'packet')} missing, counted from gaps")
+        counted = {"that cannot be decoded": facts.bad_packets, "truncated by the capture": cut}
         size = self._sensors[channel.id - 1].sample.payloads.shape[1]
-        for problem, count in counted.items():
-            damage = Damage(self._path, None, f"{channel.topic}: {count} {problem}", count * size)
-            if count and damage not in self.damage:
+        for problem, number in counted.items():
+            damage = Damage(self._path, None, f"{channel.topic}: {count(number, 'packet')} {problem}", number * size)
+            if number and damage not in self.damage:
                 self.damage.append(damage)
 
     def close(self) -> None:
@@ -264,12 +265,12 @@ def _found(survey: CaptureSurvey, cut: int, other: int, damage: Sequence[Damage]
     flows = sorted(survey.flows.values(), key=lambda flow: flow.count * flow.length, reverse=True)
     found = [str(flow) for flow in flows[:_SHOWN_FLOWS]]
     if len(flows) > _SHOWN_FLOWS:
-        found.append(f"{len(flows) - _SHOWN_FLOWS} other flows")
+        found.append(f"{count(len(flows) - _SHOWN_FLOWS, 'other flow')}")
     parts = [", ".join(found) or "no complete UDP datagrams"]
     if cut:
-        parts.append(f"{cut} truncated datagrams: capture whole packets (tcpdump -s 0)")
+        parts.append(f"{count(cut, 'truncated datagram')}: capture whole packets (tcpdump -s 0)")
     if other:
-        parts.append(f"{other} other packets")
+        parts.append(f"{count(other, 'other packet')}")
     parts += [str(item) for item in damage[:1]]
     titles = ", ".join(family.title for family in PACKET_FAMILIES.values())
     return f"found {'; '.join(parts)}. Supported sensors: {titles}"

@@ -12,6 +12,7 @@ from typing import Any
 import lz4.frame
 
 from seaclutter_cli.sources.rosbag1.records import NANO, BagRecord, Op, read_record
+from seaclutter_cli.text import count
 
 MAX_CHUNK_BYTES = 2**30
 """Maximum bytes of an unpacked chunk; the rest is left out."""
@@ -68,7 +69,7 @@ def unpack(view: memoryview, chunk: BagRecord) -> tuple[memoryview, str | None]:
     if not whole or len(content) != size:
         if chunk.repaired and chunk.end == len(view):
             return content, "the bag ends inside a chunk"
-        return content, f"a damaged chunk: {len(content)} of {size} bytes can be read"
+        return content, f"a damaged chunk: {len(content):,} of {count(size, 'byte')} can be read"
     return content, "a record of wrong length, or damage after it" if chunk.repaired else None
 
 

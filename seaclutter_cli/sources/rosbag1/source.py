@@ -13,6 +13,7 @@ from seaclutter_cli.sources.rosbag1.survey import BagSurvey, channel_of
 from seaclutter_cli.sources.shared.chunked import Chunk, before, in_time_order, within
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.text import count
 
 _COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
 _ANY_TIME = (0, 2**63)
@@ -174,7 +175,7 @@ class BagSource:
         """Report messages that the index lists and that are neither read nor reported as lost."""
         known = sum(damage.lost_messages or 0 for damage in self.damage)
         if self._indexed is not None and self._indexed > read + known:
-            problem = f"the index lists {self._indexed} messages, but {read} can be read"
+            problem = f"the index lists {count(self._indexed, 'message')}, but {read:,} can be read"
             self._report(None, problem, 0, self._indexed - read - known)
 
     def _report(self, offset: int | None, problem: str, lost_bytes: int, lost_messages: int | None) -> None:

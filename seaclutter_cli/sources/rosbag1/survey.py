@@ -9,6 +9,7 @@ from seaclutter_cli.records import Channel, Damage, Schema
 from seaclutter_cli.sources.rosbag1.chunks import read_index
 from seaclutter_cli.sources.rosbag1.records import MAGIC, BagRecord, Op, parse_fields, walk
 from seaclutter_cli.sources.shared.chunked import Chunk
+from seaclutter_cli.text import count
 
 _COUNT = Struct("<II")
 _RUN_BYTES = 4 * 2**20
@@ -109,8 +110,8 @@ class BagSurvey:
         start_ns, end_ns = record.time_ns(b"start_time"), record.time_ns(b"end_time")
         entries = self._view[record.data : record.end]
         counts: Counter[int] = Counter()
-        for connection, count in _COUNT.iter_unpack(entries[: len(entries) // _COUNT.size * _COUNT.size]):
-            counts[connection] += count
+        for connection, messages in _COUNT.iter_unpack(entries[: len(entries) // _COUNT.size * _COUNT.size]):
+            counts[connection] += messages
         self._infos[offset] = counts.total()
         if offset in self.untimed and counts:
             self.chunks[offset] = Chunk(offset, self.untimed.pop(offset), start_ns, end_ns)
@@ -159,9 +160,8 @@ class BagSurvey:
         elif self._index_incomplete(self.header):
             problem = "the index at the end of the bag is incomplete; the bag is read without it"
             if index_pos > size:
-                problem = (
-                    f"the bag is truncated, at least {index_pos - size} bytes are missing; it is read without its index"
-                )
+                missing = count(index_pos - size, "byte")
+                problem = f"the bag is truncated by at least {missing}; it is read without its index"
             found.append(Damage(path, min(index_pos, size), problem))
         return found
 

@@ -15,6 +15,7 @@ from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record, Schema, SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
+from seaclutter_cli.text import count
 
 _NANO = 1_000_000_000
 _MAX_IDS = 65_535
@@ -250,10 +251,11 @@ class PacketTopics:
             facts.details["partial revolutions"] = f"{stream.partial}, where the recording begins, pauses or ends"
         self._warn(*(f"{topic}: {text}" for text in facts.warnings))
         if facts.lost_packets:
-            self._warn(f"{topic}: {facts.lost_packets} packets are missing, counted from gaps")
+            self._warn(f"{topic}: {count(facts.lost_packets, 'packet')} missing, counted from gaps")
         if facts.bad_packets:
             size = stream.topic.sample.payloads.shape[1]
-            self._note(f"{topic}: {facts.bad_packets} packets cannot be decoded", facts.bad_packets * size, None)
+            problem = f"{topic}: {count(facts.bad_packets, 'packet')} that cannot be decoded"
+            self._note(problem, facts.bad_packets * size, None)
 
     def _note(self, problem: str, lost_bytes: int, lost_messages: int | None) -> None:
         damage = Damage(Path(self.name), None, problem, lost_bytes, lost_messages)
@@ -302,14 +304,15 @@ class _Scan:
         payload_bytes, sized = _PACKET_BYTES[_scan_type(message.channel) or ""]
         order, start, align = _encapsulation(message.channel, message.data)
         frame_id, at = _header(message.data, order, start, ros1=message.channel.message_encoding == "ros1")
-        count = _number(message.data, at, order)
+        number = _number(message.data, at, order)
         fields = [("sec", order + "u4"), ("nanosec", order + "u4"), ("data", "u1", (payload_bytes,))]
         packet = np.dtype([*fields, ("size", order + "u4")] if sized else fields)
         step = packet.itemsize + -packet.itemsize % align
-        needed = (count - 1) * step + packet.itemsize if count else 0
-        if not 0 <= len(message.data) - at - 4 - needed <= _MAX_SLACK:
-            raise CloudError(f"{count} packets need {needed} bytes, but the message has {len(message.data) - at - 4}")
-        packets = np.ndarray((count,), packet, message.data, at + 4, (step,))
+        needed, found = (number - 1) * step + packet.itemsize if number else 0, len(message.data) - at - 4
+        if not 0 <= found - needed <= _MAX_SLACK:
+            declared = f"{count(number, 'packet')} of {count(needed, 'byte')} in all"
+            raise CloudError(f"the message declares {declared}, but contains {found:,}")
+        packets = np.ndarray((number,), packet, message.data, at + 4, (step,))
         return cls(frame_id, list(_runs(packets, message.log_time_ns, sized=sized)))
 
 
@@ -327,7 +330,8 @@ def _header(data: Buffer, order: str, start: int, *, ros1: bool) -> tuple[str, i
     at = start + (12 if ros1 else 8)
     size = _number(data, at, order)
     if size > len(data) - at - 4:
-        raise CloudError(f"the frame id declares {size} bytes, but {len(data) - at - 4} are left")
+        left = len(data) - at - 4
+        raise CloudError(f"the message declares a frame id of {count(size, 'byte')}, but contains only {left:,} more")
     end = at + 4 + size
     name = bytes(data[at + 4 : end]).decode(errors="surrogateescape").removesuffix("" if ros1 else "\0")
     return name, end if ros1 else end + -(end - start) % 4
@@ -335,7 +339,7 @@ def _header(data: Buffer, order: str, start: int, *, ros1: bool) -> tuple[str, i
 
 def _number(data: Buffer, at: int, order: str) -> int:
     if at + 4 > len(data):
-        raise CloudError(f"the message ends early, at byte {len(data)}")
+        raise CloudError(f"the message is truncated at byte {len(data)}")
     return int.from_bytes(data[at : at + 4], "little" if order == "<" else "big")
 
 

@@ -13,6 +13,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Channel, Damage, Message, Record, SensorFacts
 from seaclutter_cli.sources.rosbag2.compression import unpack_file, unpack_message
 from seaclutter_cli.sources.shared.facts import NO_FACTS
+from seaclutter_cli.text import count
 
 
 class SplitSource:
@@ -96,9 +97,9 @@ class SplitSource:
         """Messages per channel id, as far as known before reading."""
         counts: Counter[int] = Counter()
         for file, channels in self._relabelled.items():
-            for channel, count in self._source(file).counts.items():
+            for channel, messages in self._source(file).counts.items():
                 if channel in channels:
-                    counts[channels[channel].id] += count
+                    counts[channels[channel].id] += messages
         return dict(counts)
 
     @property
@@ -110,9 +111,9 @@ class SplitSource:
         """Return the number of messages per channel id that `records` leaves out before ``start_ns``."""
         counts = Counter[int]()
         for file, channels in self._relabelled.items():
-            for channel, count in self._source(file).skipped(start_ns).items():
+            for channel, messages in self._source(file).skipped(start_ns).items():
                 if channel in channels:
-                    counts[channels[channel].id] += count
+                    counts[channels[channel].id] += messages
         return counts
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
@@ -192,5 +193,5 @@ class SplitSource:
         path, expected = self._expected
         known = sum(damage.lost_messages or 0 for damage in self.damage)
         if expected > read + known:
-            problem = f"{expected} messages are listed here, but the files contain {read}"
+            problem = f"{count(expected, 'message')} listed here, but the files contain {read:,}"
             self.damage.append(Damage(path, None, problem, lost_messages=expected - read - known))

@@ -188,7 +188,7 @@ def test_files_are_reproducible_and_contain_the_echoes(tmp_path):
         ({"objects": [{"kind": "whale"}]}, "objects.0.kind: unknown class 'whale'"),
         ({"random": {"whale": 2}}, "random.whale: unknown class"),
         ({"random": {"ship": -1}}, "random.ship: must be a whole number"),
-        ({"random": [1]}, "random: must be a section"),
+        ({"random": [1]}, "random: must be a section with keys, got a list"),
         ({"objects": {}}, ""),
         ({"objects": {"a": 1}}, "objects: must be a list"),
         ({"objects": [3]}, "objects.0: must be a section"),

@@ -13,6 +13,7 @@ from mcap.opcode import Opcode
 from seaclutter_cli.records import Message
 from seaclutter_cli.sources.mcap.source import McapSource
 from seaclutter_cli.sources.shared import chunked
+from seaclutter_cli.text import count
 from tests.logs import LAYOUTS, MAGIC, records_of
 from tests.sources.damaged import MOST_SECONDS, damage_texts, flip, message_blocks, read, small_log
 
@@ -120,7 +121,7 @@ def test_a_damaged_chunk_is_left_out_and_reported(path, name):
             (item,) = damage
             assert (item.offset, item.lost_bytes) == (block.start, block.end - block.start)
             assert item.lost_messages == len(block.messages)
-            kinds = ("fails its checksum", "cannot be decompressed", "does not contain the")
+            kinds = ("fails its checksum", "cannot be decompressed", "does not have the declared")
             assert item.problem.startswith(tuple(f"the chunk {kind}" for kind in kinds))
 
 
@@ -163,7 +164,7 @@ def test_zeros_at_the_end_after_a_crash(path, name):
         assert time.monotonic() - began < MOST_SECONDS
         assert len(messages) == sum(len(block.messages) for block in message_blocks(name)[:3])
         assert damage_texts(source.damage) == [
-            f"byte {end}: no readable record follows; left out: {size} bytes",
+            f"byte {end}: no readable record follows; left out: {count(size, 'byte')}",
             f"byte {end + size}: the recording was not closed: the file has no footer; left out: nothing",
         ]
         source.close()
@@ -188,7 +189,7 @@ def test_bytes_after_the_end_are_left_out(path):
         assert read(path, data + junk)[:2] == (whole, extras)
         damage = read(path, data + junk)[2]
         assert damage_texts(damage) == [
-            f"byte {len(data)}: bytes after the end of the recording; left out: {len(junk)} bytes"
+            f"byte {len(data)}: bytes after the end of the recording; left out: {count(len(junk), 'byte')}"
         ]
 
 

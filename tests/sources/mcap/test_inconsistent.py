@@ -65,15 +65,15 @@ def test_chunk_index_with_too_many_chunks(path):
     pieces.insert(pieces.index(next(piece for piece in pieces if piece.op == Opcode.CHUNK_INDEX)), indexes[0])
     messages, _, damage = read(path, join(*pieces))
     assert len(messages) == 12
-    assert "the index at the end lists 1 chunks that are not in the file" in str(damage[0])
+    assert "the index at the end lists 1 chunk that the file does not contain" in str(damage[0])
 
 
 @pytest.mark.parametrize("name", ["zstd", "unchunked", "no message index"])
 def test_wrong_statistics(path, name):
     offset = next(piece.offset for piece in records_of(small_log(name)) if piece.op == Opcode.STATISTICS)
     for difference, expected in (
-        (3, "3 of 15 messages are not in the file; left out: 3 messages"),
-        (-2, "the file contains 2 more messages than its statistics state; left out: nothing"),
+        (3, "the file lacks 3 of 15 messages; left out: 3 messages"),
+        (-2, "the file contains 2 messages more than its statistics state; left out: nothing"),
     ):
 
         def change(entry, difference=difference):
@@ -93,7 +93,7 @@ def test_attachment_only_in_the_statistics(path):
     footer = replace(footer, summary_start=footer.summary_start - moved, summary_crc=0)
     _, extras, damage = read(path, join(*pieces, footer))
     assert extras == ["vessel"]
-    assert "1 of 2 attachments and metadata records are not in the file" in str(damage[0])
+    assert "the file lacks 1 of 2 attachments and metadata records" in str(damage[0])
 
 
 @pytest.mark.parametrize("name", ["zstd", "no message index", "unchunked"])
@@ -169,7 +169,7 @@ def test_a_damaged_attachment(path):
     messages, extras, damage = read(path, flip(data, piece.end - 20))
     assert (len(messages), extras) == (12, ["vessel"])
     assert damage_texts(damage) == [
-        f"byte {piece.offset}: damaged attachment (its checksum is wrong); left out: {len(piece.content)} bytes"
+        f"byte {piece.offset}: damaged attachment (its checksum is wrong); left out: {len(piece.content):,} bytes"
     ]
 
 

@@ -71,9 +71,9 @@ def test_losses_are_reported(tmp_path):
     path.write_bytes(pcap(frames(rows))[:-5])
     result = run("filter", path, "-o", tmp_path / "out.mcap")
     assert result.exit_code == 3
-    assert "the capture ends within a packet; left out: 1301 bytes" in result.stderr
-    assert "1 packets cannot be decoded" in result.stderr
-    assert "/points: 2 packets are missing" in result.stderr
+    assert "the capture ends within a packet; left out: 1,301 bytes" in result.stderr
+    assert "1 packet that cannot be decoded" in result.stderr
+    assert "/points: 2 packets missing" in result.stderr
 
 
 def test_calibration_from_a_file(tmp_path, angles):

@@ -110,8 +110,8 @@ def test_fragments(tmp_path, expected, backwards):
     assert contents(clouds["/points"]) == expected
     del records[7]
     source, _ = read(tmp_path / "log.pcap", pcap(records))
-    assert source.warnings[0] == "fragments of 1 datagrams are missing"
-    assert "1 packets are missing" in source.warnings[1]
+    assert source.warnings[0] == "fragments of 1 datagram are missing"
+    assert "1 packet missing" in source.warnings[1]
 
 
 def test_other_traffic_is_ignored(tmp_path, expected):
@@ -202,7 +202,7 @@ class TestDamage:
         data = pcap(records[:71]) + pcap(records[71:], snap=200)[24:]
         source, clouds = read(tmp_path / "log.pcap", data)
         assert [str(item).partition("/points: ")[2] for item in source.damage] == [
-            "5 packets are truncated by the capture; left out: 6240 bytes"
+            "5 packets truncated by the capture; left out: 6,240 bytes"
         ]
         assert sum(cloud.size for cloud in clouds["/points"]) == 70 * 12 * 32
 
@@ -269,7 +269,7 @@ class TestDamage:
         ]
         rows.insert(4, (rows[4][0], b"\2" * 100, 6699))
         source, clouds = read(tmp_path / "log.pcap", pcap(frames(rows)))
-        assert ["2 packets cannot be decoded" in item.problem for item in source.damage] == [True]
+        assert ["2 packets that cannot be decoded" in item.problem for item in source.damage] == [True]
         assert source.facts["/points"].bad_packets == 2
         assert source.facts["/points"].lost_packets == 2
         assert sum(cloud.size for cloud in clouds["/points"]) == 73 * 12 * 32

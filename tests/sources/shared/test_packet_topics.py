@@ -242,8 +242,8 @@ def test_bad_and_lost_packets_are_reported():
     for _ in range(2):
         clouds(source)
         (damage,) = source.damage
-        assert str(damage) == "log: /velodyne_points: 1 packets cannot be decoded; left out: 1206 bytes"
-        assert source.warnings[1:] == ["/velodyne_points: 1 packets are missing, counted from gaps"]
+        assert str(damage) == "log: /velodyne_points: 1 packet that cannot be decoded; left out: 1,206 bytes"
+        assert source.warnings[1:] == ["/velodyne_points: 1 packet missing, counted from gaps"]
 
 
 def test_a_log_without_packet_topics_is_returned_unchanged():
