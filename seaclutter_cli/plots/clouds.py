@@ -10,6 +10,7 @@ from seaclutter_cli.frame import Reason
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector
 from seaclutter_cli.reporting.sample import Sample
+from seaclutter_cli.text import count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,9 +60,9 @@ def draw_stages(figure: "Figure", collected: Collector) -> None:
     _set_limits(panels, sample)
     for number, (axes, (name, left)) in enumerate(zip(panels, STAGES.items(), strict=True)):
         shown = left(sample.reasons[0])
-        count = round(float(sample.weight[shown].sum()))
+        size = round(float(sample.weight[shown].sum()))
         draw_cloud(axes, sample, 0, shown)
-        axes.set_title(f"({'abc'[number]}) {name}: {count:,} points", fontsize=8)
+        axes.set_title(f"({'abc'[number]}) {name}: {count(size, 'point')}", fontsize=8)
     _add_legend(figure, panels[0], [reason for reason in _SIZES if (sample.reasons[0] == reason).any()])
 
 

@@ -1,13 +1,14 @@
 """Observers, which receive the progress, warnings and errors of a run."""
 
+import itertools
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from itertools import count
 from typing import Protocol
 
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.records import Damage
+from seaclutter_cli.text import count
 
 Step = Callable[[], object]
 """Function to call after each frame."""
@@ -98,10 +99,10 @@ class LoggingObserver:
     @contextmanager
     def progress(self, title: str, total: int | None) -> Iterator[Step]:
         """Log the start and the number of frames at the end."""
-        counted = count()
-        self._logger.info("%s: %s", title, "started" if total is None else f"started, {total} frames expected")
+        counted = itertools.count()
+        self._logger.info("%s: %s", title, "started" if total is None else f"started, {count(total, 'frame')} expected")
         yield lambda: next(counted)
-        self._logger.info("%s: %d frames", title, next(counted))
+        self._logger.info("%s: %s", title, count(next(counted), "frame"))
 
     def note(self, text: str, *, detail: bool = False) -> None:
         """Log a note, or a detail for debugging."""
