@@ -2,17 +2,16 @@
 
 import io
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Mapping
-from types import FrameType
 from typing import Any
 
 import click
 
 from seaclutter_cli import __version__
 from seaclutter_cli.commands.console import DEBUG, show_error, show_renamed
+from seaclutter_cli.commands.interrupts import handle_interrupts
 from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
 
@@ -65,14 +64,9 @@ def cli() -> None:
     """
 
 
-def _interrupt(_number: int, _stack: FrameType | None) -> None:
-    """Handle a termination request like Ctrl-C, to remove unfinished output."""
-    raise KeyboardInterrupt
-
-
 def main() -> None:
     """Run the program."""
-    signal.signal(signal.SIGTERM, _interrupt)
+    handle_interrupts()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files and topics need not be valid text

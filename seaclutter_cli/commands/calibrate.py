@@ -42,7 +42,9 @@ _OPTIONS = (
 )
 
 
-@click.command(name="calibrate", short_help="Find thresholds and the far limit for a sensor, and write a configuration.")
+@click.command(
+    name="calibrate", short_help="Find thresholds and the far limit for a sensor, and write a configuration."
+)
 @logs_argument
 @grouped("options", "runs.calibrate:CalibrateOptions", _OPTIONS)
 @console_options

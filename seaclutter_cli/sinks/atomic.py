@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import weakref
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -44,13 +45,24 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         self._target = Path(os.path.realpath(path))
         # Cut, since the target's name may already have the maximum length of the file system.
         self._part = self._target.with_name(f".{self._target.name[-60:]}.{os.getpid()}.part")
+        # An interrupt may come before the context is entered; then the file is removed with this object, or at exit.
+        opened: list[BinaryIO] = []
+        self._discard = weakref.finalize(self, _remove, self._part, opened)
+        try:
+            self.stream = self._open()
+            opened.append(self.stream)
+        except BaseException:
+            self._discard()
+            raise
+
+    def _open(self) -> BinaryIO:
         try:
             if self._target.exists() and not self._target.is_file():
-                raise OutputError(f"{path}: not a regular file, cannot be replaced")
+                raise OutputError(f"{self.path}: not a regular file, cannot be replaced")
             self._target.parent.mkdir(parents=True, exist_ok=True)
-            self.stream = cast("BinaryIO", io.BufferedWriter(_PartFile(self._part, path)))
+            return cast("BinaryIO", io.BufferedWriter(_PartFile(self._part, self.path)))
         except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+            raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
 
     def __enter__(self) -> Self:
         """Return the file; write to its ``stream``."""
@@ -66,17 +78,20 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         try:
             self.stream.close()
             self._part.replace(self._target)
+            self._discard.detach()
         except BaseException as failure:
             self._discard()
             if isinstance(failure, OSError):
                 raise OutputError(_explain(self.path, failure)) from failure
             raise
 
-    def _discard(self) -> None:
+
+def _remove(part: Path, opened: list[BinaryIO]) -> None:
+    for stream in opened:
         with suppress(OSError, OutputError):
-            self.stream.close()
-        with suppress(OSError):
-            self._part.unlink(missing_ok=True)
+            stream.close()
+    with suppress(OSError):
+        part.unlink(missing_ok=True)
 
 
 def _explain(path: Path, error: OSError) -> str:

@@ -1,0 +1,62 @@
+"""Interrupts end a run whatever Python is doing, and get lost nowhere."""
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.paths import ROOT
+
+BEGIN = """
+import signal, sys, time
+from seaclutter_cli.commands.interrupts import handle_interrupts
+handle_interrupts()
+try:
+"""
+END = """
+    for _ in range(1000): time.sleep(0.01)
+    print("ended")
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def run(body, folder, begin=BEGIN):
+    lines = "".join(f"    {line}\n" for line in body.splitlines())
+    command = [sys.executable, "-c", f"import sys; sys.path.append({str(folder)!r})\n{begin}{lines}{END}"]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_an_interrupt(tmp_path, name):
+    assert run(f"signal.raise_signal(signal.{name})", tmp_path).stdout == "interrupted\n"
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_an_interrupt_waits_for_the_end_of_an_import(tmp_path, name):
+    module = (
+        f"import signal\ntry:\n    signal.raise_signal(signal.{name})\nexcept BaseException:\n    print('dropped')\n"
+    )
+    (tmp_path / "slow.py").write_text(f"{module}print('imported')\n")
+    assert run("import slow", tmp_path).stdout == "imported\ninterrupted\n"
+
+
+def in_finalizer(statement):
+    return f"class Thing:\n    def __del__(self): {statement}\nthing = Thing()\ndel thing\n"
+
+
+def test_an_interrupt_within_a_finalizer(tmp_path):
+    done = run(in_finalizer("signal.raise_signal(signal.SIGINT)"), tmp_path)
+    assert (done.stdout, done.stderr) == ("interrupted\n", "")
+
+
+def test_other_errors_of_finalizers_are_shown(tmp_path):
+    done = run(in_finalizer("raise ValueError('some error')") + "raise KeyboardInterrupt", tmp_path)
+    assert done.stdout == "interrupted\n"
+    assert "ValueError: some error" in done.stderr
+
+
+def test_an_ignored_interrupt_stays_ignored(tmp_path):
+    begin = f"import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n{BEGIN}"
+    done = run("signal.raise_signal(signal.SIGINT)\nprint('goes on')\nsys.exit()", tmp_path, begin)
+    assert done.stdout == "goes on\n"
