@@ -111,7 +111,7 @@ def test_all_problems_are_reported_at_once(load, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("filter: {ring_width_m: 20}", "initial_thresholds: 10 to 70 m in range rings of 20 m need 3 values, got 4"),
+        ("filter: {ring_width_m: 20}", "initial_thresholds: expected 3 (10 to 70 m in range rings of 20 m), got 4"),
         ("filter: {start_m: 80}", "end_m (70) must be greater than start_m (80)"),
         ("filter: {ring_width_m: 0.001}", "gives 60000 range rings; the maximum is 250"),
         ("filter: {exclude_boxes: [[2, 1, 0, 1, 0, 1]]}", "box 1 has a minimum greater than its maximum"),

@@ -38,7 +38,7 @@ class RingIntensityParams(ZoneParams):
         rings = len(self.edges) - 1
         if len(self.initial_thresholds) != rings:
             span = f"{self.start_m:g} to {self.end_m:g} m in range rings of {self.ring_width_m:g} m"
-            raise ValueError(f"initial_thresholds: {span} need {rings} values, got {len(self.initial_thresholds)}")
+            raise ValueError(f"initial_thresholds: expected {rings} ({span}), got {len(self.initial_thresholds)}")
 
 
 @dataclass(frozen=True, kw_only=True)
