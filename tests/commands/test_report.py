@@ -278,7 +278,7 @@ def test_an_interrupted_run_leaves_nothing(tmp_path):
         time.sleep(0.3)
         process.send_signal(signal.SIGINT)
         process.communicate()
-        # Python exits by SIGINT if a KeyboardInterrupt, though handled, passed a call of exec, such as that of a dataclass.
+        # Python exits by SIGINT if a KeyboardInterrupt, though handled, came within exec, such as that of a dataclass.
         assert process.returncode in (1, -signal.SIGINT)
     assert list(tmp_path.iterdir()) == []
 

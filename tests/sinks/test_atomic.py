@@ -183,7 +183,7 @@ def test_an_interrupted_run_has_no_output(tmp_path, end):
     _, output = run.communicate(timeout=60)
     assert not target.exists()
     if end != signal.SIGKILL:
-        # Python exits by SIGINT if a KeyboardInterrupt, though handled, passed a call of exec, such as that of a dataclass.
+        # Python exits by SIGINT if a KeyboardInterrupt, though handled, came within exec, such as that of a dataclass.
         assert run.returncode in (1, -signal.SIGINT)
         assert b"Interrupted" in output
         assert names(target.parent) == []
