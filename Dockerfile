@@ -1,5 +1,7 @@
-# As a command:        docker run --rm -v "$PWD:/data" seaclutter filter trial.mcap -o filtered.mcap
-# As a cluster worker: docker run --rm -v /mnt/nas:/data --entrypoint dask seaclutter worker tcp://scheduler:8786 --nthreads 1
+# As a command, which writes files of the user who runs it:
+#   docker run --rm --user "$(id -u):$(id -g)" -v "$PWD:/data" seaclutter filter trial.mcap -o filtered.mcap
+# As a cluster worker, which the scheduler and other workers must be able to reach:
+#   docker run --rm --network host -v /mnt/nas:/data --entrypoint dask seaclutter worker tcp://scheduler:8786 --nthreads 1
 FROM python:3.13-slim AS build
 WORKDIR /src
 COPY pyproject.toml README.md LICENSE ./
@@ -16,6 +18,8 @@ COPY --from=build /wheels /wheels
 RUN pip install --no-cache-dir "$(ls /wheels/*.whl)[${EXTRAS}]" && rm -rf /wheels
 RUN useradd --create-home --uid 1000 seaclutter
 USER seaclutter
+# Also writable for the user of --user, who has no home
+ENV MPLCONFIGDIR=/tmp/matplotlib
 WORKDIR /data
 ENTRYPOINT ["seaclutter"]
 CMD ["--help"]
