@@ -16,6 +16,7 @@ from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.adaptive_radius import PresetParams
+from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.ring_params import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
@@ -86,6 +87,11 @@ class Config:
     def has_scenes(self) -> bool:
         """Whether the method has presets for classes of scene."""
         return isinstance(self.filter, PresetParams)
+
+    @property
+    def has_water(self) -> bool:
+        """Whether the method estimates the water."""
+        return isinstance(self.filter, ConfirmedParams)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return the configuration as the sections of a file."""

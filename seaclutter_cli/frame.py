@@ -43,6 +43,7 @@ class Reason(IntEnum):
     OUTLIER = 4
     FAR = 5
     EXCLUDED = 6
+    UNCONFIRMED = 7
 
 
 @dataclass(frozen=True)
@@ -262,6 +263,39 @@ class Rings:
 
 
 @dataclass(frozen=True)
+class WaterState:
+    """The water around the lidar in one frame.
+
+    Parameters
+    ----------
+    level_m : float
+        Height of the water at the lidar in the lidar's frame, in metres; negative if the lidar is above the water.
+    roll_deg, pitch_deg : float
+        Attitude of the lidar against the water; positive if its left side (+y) is up, or its front (+x) down.
+    significant_wave_height_m : float
+        Four standard deviations of the surface, in metres.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> with seaclutter.open_log("samples/sea.mcap") as log:
+    ...     frame = next(log.frames())
+    >>> method = seaclutter.make_filter("confirmed")
+    >>> round(method.step(frame).water.level_m, 1)
+    -2.5
+    """
+
+    level_m: float
+    roll_deg: float
+    pitch_deg: float
+    significant_wave_height_m: float
+
+
+WATER_COLUMNS = ("water_level_m", "roll_deg", "pitch_deg", "significant_wave_height_m")
+"""Names of the values of `WaterState` in tables and messages."""
+
+
+@dataclass(frozen=True)
 class FilterResult:
     """A frame and the `Reason` of each of its N points.
 
@@ -275,6 +309,8 @@ class FilterResult:
         Thresholds and counts, for filters that use range rings.
     scene : str, optional
         Class of scene whose preset was used, for filters with presets.
+    water : WaterState, optional
+        The water, for filters that estimate it and where there is some.
 
     Examples
     --------
@@ -282,13 +318,14 @@ class FilterResult:
     >>> import seaclutter
     >>> result = seaclutter.filter_points(np.array([[20.0, 0, 0], [5, 0, 0]]), np.array([90, 90]))
     >>> result.keep, result.reason, result.counts
-    (array([ True, False]), array([0, 2], dtype=uint8), array([1, 0, 1, 0, 0, 0, 0]))
+    (array([ True, False]), array([0, 2], dtype=uint8), array([1, 0, 1, 0, 0, 0, 0, 0]))
     """
 
     frame: Frame
     reason: NDArray[np.uint8]
     rings: Rings | None = None
     scene: str | None = None
+    water: WaterState | None = None
 
     @cached_property
     def keep(self) -> NDArray[np.bool_]:
@@ -297,5 +334,5 @@ class FilterResult:
 
     @cached_property
     def counts(self) -> NDArray[np.int64]:
-        """Number of points for each `Reason`, shape (7,); the first entry counts the points kept."""
+        """Number of points for each `Reason`, shape (8,); the first entry counts the points kept."""
         return np.bincount(self.reason, minlength=len(Reason))

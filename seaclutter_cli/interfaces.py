@@ -108,8 +108,21 @@ class Filter(Protocol):
         """Whether the filter must `observe` all frames before the first `step`."""
         ...
 
+    @property
+    def look_ahead_s(self) -> float:
+        """Time after a frame whose frames its result depends on, in seconds; 0 if it depends on no later frame."""
+        ...
+
+    def process(self, frame: Frame) -> Sequence[FilterResult]:
+        """Receive the next frame and return the results that are complete, in the order of the frames."""
+        ...
+
+    def flush(self) -> Sequence[FilterResult]:
+        """Return the results of all frames received so far, without waiting for later ones."""
+        ...
+
     def step(self, frame: Frame) -> FilterResult:
-        """Return the `Reason` of every point of a frame; called once for each frame, in order."""
+        """Receive the next frame and return its result at once, without later frames; do not mix with `process`."""
         ...
 
     def reset(self) -> None:

@@ -1,18 +1,18 @@
 """Processing of a recording: read frames from a source, filter them, pass the results to sinks."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
-from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError, FieldError, UsageError
-from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
+from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
+from seaclutter_cli.holding import HeldFrame, HeldRecord, RecordHolder
 from seaclutter_cli.interfaces import CloudCodec, Filter, Sink, Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Channel, Damage, Message, Record
@@ -98,12 +98,16 @@ class TopicTally:
     ----------
     frames, points_in : int
         Filtered frames and their points.
-    counts : ndarray, shape (7,), int64
+    counts : ndarray, shape (8,), int64
         Points for each `Reason`; the first entry counts the points kept.
     rings : Rings or None
         Sums over the frames, including thresholds and corrections.
     scenes : counter of str
         Number of frames for each class of scene; empty for methods without presets.
+    water : ndarray, shape (4,), float64
+        Sums of the values of `WaterState`.
+    water_frames : int
+        Number of frames with water; 0 for methods that do not estimate it.
     filter_s : float
         Seconds spent in the filter.
     unfit : list of FieldError
@@ -115,6 +119,8 @@ class TopicTally:
     counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
     rings: Rings | None = None
     scenes: Counter[str] = field(default_factory=Counter)
+    water: NDArray[np.float64] = field(default_factory=lambda: np.zeros(len(WATER_COLUMNS)))
+    water_frames: int = 0
     filter_s: float = 0.0
     unfit: list[FieldError] = field(default_factory=list)
 
@@ -128,6 +134,14 @@ class TopicTally:
             self.rings = result.rings if self.rings is None else self.rings + result.rings
         if result.scene is not None:
             self.scenes[result.scene] += 1
+        if result.water is not None:
+            self.water += astuple(result.water)
+            self.water_frames += 1
+
+    @property
+    def mean_water(self) -> WaterState | None:
+        """Mean state of the water; None if there is none."""
+        return WaterState(*(self.water / self.water_frames).tolist()) if self.water_frames else None
 
 
 def run(
@@ -168,14 +182,15 @@ def run(
     _observe(source, selection, {topic: [method] for topic, method in filters.items()})
     for sink in sinks:
         sink.begin(source, clouds)
-    for record, frame in read(source, clouds, selection):
-        if frame is None:
+    holder = RecordHolder({topic: [method] for topic, method in filters.items()})
+    for held in _held(holder, read(source, clouds, selection)):
+        if not isinstance(held, HeldFrame):
             for sink in sinks:
-                sink.copy(record)
+                sink.copy(held.record)
             continue
-        result = _step(filters[frame.topic], frame, tallies[frame.topic], source)
+        (result,) = _counted(held, [tallies[held.frame.topic]], source)
         if isinstance(result, FieldError):
-            _report_lost(source, frame.topic, frame.index, frame.nbytes, result)
+            _report_lost(source, held.frame.topic, held.frame.index, held.frame.nbytes, result)
             continue
         for sink in sinks:
             sink.write(result)
@@ -222,23 +237,39 @@ def run_each(
         raise UsageError(f"{source.name}: several point-cloud topics; choose one: {choices}")
     _observe(source, selection, {topics[0]: filters})
     tallies = [TopicTally() for _ in filters]
-    for frame in frames(source, selection):
-        try:
-            _ = frame.valid
-        except FieldError as error:
-            _report_lost(source, frame.topic, frame.index, frame.nbytes, error)
+    holder = RecordHolder({topics[0]: filters})
+    records = read(source, clouds, selection)
+    usable = ((record, frame) for record, frame in records if frame is not None and _has_coordinates(frame, source))
+    for held in _held(holder, usable):
+        if not isinstance(held, HeldFrame):
             continue
-        with suppress(FieldError):  # not every method needs intensities
-            _ = frame.intensity
-        before = [tally.filter_s for tally in tallies]
-        results = [_step(method, frame, tally, source) for method, tally in zip(filters, tallies, strict=True)]
+        frame, results = held.frame, _counted(held, tallies, source)
         unusable = next((result for result in results if isinstance(result, FieldError)), None)
         if unusable is not None:
             _report_lost(source, frame.topic, frame.index, frame.nbytes, unusable)
-        seconds = [tally.filter_s - start for tally, start in zip(tallies, before, strict=True)]
+        seconds = [0.0 if isinstance(r, FieldError) else s for r, s in zip(results, held.seconds, strict=True)]
         on_frame(frame, [None if isinstance(result, FieldError) else result for result in results], seconds)
     for tally in tallies:
         _require_fields(source, topics[0], tally)
+
+
+def _held(holder: RecordHolder, records: Iterable[tuple[Record, Frame | None]]) -> Iterator[HeldRecord]:
+    """Yield all records in order, frames with their results."""
+    for record, frame in records:
+        yield from holder.add(record, frame)
+    yield from holder.finish()
+
+
+def _has_coordinates(frame: Frame, source: Source) -> bool:
+    """Return whether a frame has coordinates, and compute what all filters use, so that it is not timed."""
+    try:
+        _ = frame.valid
+    except FieldError as error:
+        _report_lost(source, frame.topic, frame.index, frame.nbytes, error)
+        return False
+    with suppress(FieldError):  # not every method needs intensities
+        _ = frame.intensity
+    return True
 
 
 def _require_fields(source: Source, topic: str, tally: TopicTally) -> None:
@@ -260,15 +291,14 @@ def _observe(source: Source, selection: Selection, filters: Mapping[str, Sequenc
     source.damage[:] = damage  # reading reports it again
 
 
-def _step(method: Filter, frame: Frame, tally: TopicTally, source: Source) -> FilterResult | FieldError:
-    started = perf_counter()
-    try:
-        result = method.step(frame)
-    except FieldError as error:
-        _record_unfit(error, frame, tally, source)
-        return error
-    tally.add(result, perf_counter() - started)
-    return result
+def _counted(held: HeldFrame, tallies: Sequence[TopicTally], source: Source) -> list[FilterResult | FieldError]:
+    """Return the results of the filters after adding each to its sums."""
+    for result, tally, seconds in zip(held.known, tallies, held.seconds, strict=True):
+        if isinstance(result, FieldError):
+            _record_unfit(result, held.frame, tally, source)
+        else:
+            tally.add(result, seconds)
+    return held.known
 
 
 def _record_unfit(error: FieldError, frame: Frame, tally: TopicTally, source: Source) -> None:

@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
 BASE = {"text", "errors", "records", "cloud", "frame", "truth", "interfaces"}
 CORE = (
     BASE
-    | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering"}
+    | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "water"}
     | {
         "selection",
         "pipeline",
@@ -34,9 +34,11 @@ ALLOWED = {
     "airborne": BASE | {"clustering", "validation"},
     "evaluation": BASE | {"clustering"},
     "scenes": BASE | {"evaluation"},
-    "filters": BASE | {"airborne", "scenes"},
+    "water": BASE,
+    "filters": BASE | {"airborne", "clustering", "scenes", "water"},
+    "holding": BASE,
     "selection": BASE | {"messages"},
-    "pipeline": BASE | {"messages", "selection"},
+    "pipeline": BASE | {"holding", "messages", "selection"},
     "survey": BASE | {"sensors"},
     "calibration": BASE | {"filters"},
     "config": BASE | {"filters", "evaluation", "validation"},

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from seaclutter_cli.filters.adaptive_radius import AdaptiveRadius
+from seaclutter_cli.filters.confirmed import Confirmed
 from seaclutter_cli.filters.dynamic_radius import DynamicRadiusOutlierRemoval
 from seaclutter_cli.filters.dynamic_statistical import (
     DynamicStatisticalOutlierRemoval,
@@ -19,6 +20,7 @@ from seaclutter_cli.interfaces import Filter
 
 FILTERS: Mapping[str, type[Filter]] = {
     "joint": Joint,
+    "confirmed": Confirmed,
     "ring_intensity": RingIntensity,
     "ring_intensity_outlier": RingIntensityOutlier,
     "global_intensity": GlobalIntensity,

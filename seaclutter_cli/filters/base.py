@@ -1,6 +1,7 @@
 """Base classes and helpers of the filters."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -9,19 +10,32 @@ from numpy.typing import NDArray
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 
 
-class BaseFilter:
-    """Base of filters without state or first pass; subclasses add ``Params`` and ``step``."""
+class BaseFilter(ABC):
+    """Base of filters without state, first pass or look-ahead; subclasses add ``Params`` and ``step``."""
 
     needs_first_pass = False
+    look_ahead_s = 0.0
 
-    def observe(self, frame: Frame) -> None:
+    def observe(self, frame: Frame) -> None:  # noqa: B027 - most filters need no first pass
         """Ignore the frame."""
 
-    def reset(self) -> None:
+    def process(self, frame: Frame) -> Sequence[FilterResult]:
+        """Return the result of the frame."""
+        return [self.step(frame)]
+
+    def flush(self) -> Sequence[FilterResult]:
+        """Return nothing: no frame waits."""
+        return []
+
+    @abstractmethod
+    def step(self, frame: Frame) -> FilterResult:
+        """Return the reason of every point of a frame."""
+
+    def reset(self) -> None:  # noqa: B027 - most filters have no state
         """Do nothing: there is no state."""
 
 
-class WholeFrameFilter(BaseFilter, ABC):
+class WholeFrameFilter(BaseFilter):
     """Base of filters that remove valid points of a frame for a single reason."""
 
     reason: ClassVar[Reason] = Reason.OUTLIER

@@ -1,8 +1,9 @@
 """Statistics of a filtered frame as a message for plotting tools: one definition, three encodings."""
 
 import json
+import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass, field
 from functools import cache
 from typing import Any
 
@@ -10,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.frame import FilterResult, Reason, Rings
+from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings
 from seaclutter_cli.messages.companion import companion_format
 from seaclutter_cli.records import Buffer, Schema
 
 TOPIC = "/seaclutter/diagnostics"
-TYPE = "seaclutter_msgs/msg/Diagnostics"
 
-_NUMBERS = ("frame", "points_in", "points_out", *(reason.name.lower() for reason in Reason if reason))
+_PACKAGE = "seaclutter_msgs/msg/"
+_REASONS = tuple(reason.name.lower() for reason in Reason if reason)
 _ARRAYS = {
     "thresholds": "float64",
     "corrections": "float64",
@@ -29,11 +30,39 @@ _NANO = 1_000_000_000
 
 
 @dataclass(frozen=True)
+class Layout:
+    """Fields of the messages of a method: one layout for all methods, and one for those that estimate the water.
+
+    Parameters
+    ----------
+    name : str
+        Name of the message type.
+    numbers, measures : tuple of str
+        Names of the whole numbers, and of the numbers about the water.
+    """
+
+    name: str
+    numbers: tuple[str, ...]
+    measures: tuple[str, ...] = ()
+
+    @property
+    def type(self) -> str:
+        """ROS name of the message type."""
+        return _PACKAGE + self.name
+
+
+_SIZES = ("frame", "points_in", "points_out")
+PLAIN = Layout("Diagnostics", (*_SIZES, *(name for name in _REASONS if name != Reason.UNCONFIRMED.name.lower())))
+WATER = Layout("WaterDiagnostics", (*_SIZES, *_REASONS), WATER_COLUMNS)
+
+
+@dataclass(frozen=True)
 class Diagnostics:
     """Statistics of one frame.
 
     The arrays have one value per range ring and are empty for methods without range rings. The scene is empty for
-    methods that do not distinguish scenes.
+    methods that do not distinguish scenes. The measures of the water are NaN where there is none, and empty for methods
+    that do not estimate it.
     """
 
     stamp_ns: int
@@ -41,24 +70,28 @@ class Diagnostics:
     numbers: dict[str, int]
     arrays: dict[str, NDArray[Any]]
     scene: str
+    measures: dict[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, result: FilterResult) -> "Diagnostics":
+    def of(cls, result: FilterResult, layout: Layout = PLAIN) -> "Diagnostics":
         """Return the statistics of a filtered frame."""
         frame, counts = result.frame, [int(count) for count in result.counts]
-        numbers = dict(zip(_NUMBERS, (frame.index, frame.size, *counts), strict=True))
+        known = dict(zip((*_SIZES, *_REASONS), (frame.index, frame.size, *counts), strict=True))
+        numbers = {name: known[name] for name in layout.numbers}
+        water = astuple(result.water) if result.water else [math.nan] * len(WATER_COLUMNS)
+        measures = dict(zip(WATER_COLUMNS, water, strict=True)) if layout.measures else {}
         rings = asdict(result.rings) if result.rings else {}
         names = ("thresholds", "corrections", "points", "low_intensity", "outliers")
         arrays = {
             name: np.asarray(rings.get(ring, ()), dtype)
             for (name, dtype), ring in zip(_ARRAYS.items(), names, strict=True)
         }
-        return cls(frame.stamp_ns, frame.topic, numbers, arrays, result.scene or "")
+        return cls(frame.stamp_ns, frame.topic, numbers, arrays, result.scene or "", measures)
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """Points for each `Reason`, shape (7,), as in `FilterResult.counts`."""
-        return np.array([self.numbers[name] for name in _NUMBERS[2:]], np.int64)
+        """Points for each `Reason`, shape (8,), as in `FilterResult.counts`."""
+        return np.array([self.numbers.get(name, 0) for name in ("points_out", *_REASONS)], np.int64)
 
     @property
     def rings(self) -> Rings | None:
@@ -69,11 +102,12 @@ class Diagnostics:
         return Rings(self.arrays["thresholds"], self.arrays["corrections"], *integers)
 
 
-def definition() -> str:
+def definition(layout: Layout = PLAIN) -> str:
     """Return the ROS message definition."""
     lines = ["builtin_interfaces/Time stamp", "string topic"]
-    lines += [f"uint32 {name}" for name in _NUMBERS]
+    lines += [f"uint32 {name}" for name in layout.numbers]
     lines += [f"{dtype}[] {name}" for name, dtype in _ARRAYS.items()]
+    lines += [f"float64 {name}" for name in layout.measures]
     lines += ["string scene"]
     return "\n".join(lines) + "\n"
 
@@ -84,8 +118,13 @@ def _typestore() -> Any:
 
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg("int32 sec\nuint32 nanosec\n", "builtin_interfaces/msg/Time"))
-    store.register(get_types_from_msg(definition(), TYPE))
+    for layout in (PLAIN, WATER):
+        store.register(get_types_from_msg(definition(layout), layout.type))
     return store
+
+
+def _layout(diagnostics: Diagnostics) -> Layout:
+    return WATER if diagnostics.measures else PLAIN
 
 
 def _message(diagnostics: Diagnostics, least_s: int, most_s: int) -> Any:
@@ -95,15 +134,16 @@ def _message(diagnostics: Diagnostics, least_s: int, most_s: int) -> Any:
     seconds = min(max(seconds, least_s), most_s)
     signed = seconds - 2**32 if seconds >= 2**31 else seconds
     stamp = types["builtin_interfaces/msg/Time"](signed, nanoseconds)
-    return types[TYPE](stamp, diagnostics.topic, **diagnostics.numbers, **diagnostics.arrays, scene=diagnostics.scene)
+    values = {**diagnostics.numbers, **diagnostics.arrays, **diagnostics.measures}
+    return types[_layout(diagnostics).type](stamp, diagnostics.topic, **values, scene=diagnostics.scene)
 
 
 def _cdr(diagnostics: Diagnostics) -> bytes:
-    return bytes(_typestore().serialize_cdr(_message(diagnostics, -(2**31), 2**31 - 1), TYPE))
+    return bytes(_typestore().serialize_cdr(_message(diagnostics, -(2**31), 2**31 - 1), _layout(diagnostics).type))
 
 
 def _ros1(diagnostics: Diagnostics) -> bytes:
-    return bytes(_typestore().serialize_ros1(_message(diagnostics, 0, 2**32 - 1), TYPE))
+    return bytes(_typestore().serialize_ros1(_message(diagnostics, 0, 2**32 - 1), _layout(diagnostics).type))
 
 
 def _json(diagnostics: Diagnostics) -> bytes:
@@ -111,28 +151,33 @@ def _json(diagnostics: Diagnostics) -> bytes:
     arrays = {name: values.tolist() for name, values in diagnostics.arrays.items()}
     stamp = {"sec": seconds, "nsec": nanoseconds}
     texts = {"topic": diagnostics.topic, "scene": diagnostics.scene}
-    return json.dumps({"stamp": stamp, **texts, **diagnostics.numbers, **arrays}).encode()
+    # JSON has no NaN.
+    measures = {name: value if math.isfinite(value) else None for name, value in diagnostics.measures.items()}
+    return json.dumps({"stamp": stamp, **texts, **diagnostics.numbers, **arrays, **measures}).encode()
 
 
-def _json_schema() -> str:
+def _json_schema(layout: Layout) -> str:
     integer = {"type": "integer"}
     stamp = {"type": "object", "title": "time", "properties": {"sec": integer, "nsec": integer}}
-    numbers = dict.fromkeys(_NUMBERS, integer)
+    numbers = dict.fromkeys(layout.numbers, integer)
+    measures = {name: {"type": ["number", "null"]} for name in layout.measures}
     arrays = {name: {"type": "array", "items": {"type": "number"}} for name in _ARRAYS}
     texts = {name: {"type": "string"} for name in ("topic", "scene")}
-    properties = {"stamp": stamp, **texts, **numbers, **arrays}
-    return json.dumps({"title": "seaclutter.Diagnostics", "type": "object", "properties": properties})
+    properties = {"stamp": stamp, **texts, **numbers, **arrays, **measures}
+    return json.dumps({"title": f"seaclutter.{layout.name}", "type": "object", "properties": properties})
 
 
 @cache
-def diagnostics_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Diagnostics], bytes]]:
+def diagnostics_format(
+    cloud_encoding: str, layout: Layout = PLAIN
+) -> tuple[str, Schema, Callable[[Diagnostics], bytes]]:
     """Return the message encoding, schema and serialiser for a log, given the encoding of its clouds."""
-    json_schema = lambda: ("seaclutter.Diagnostics", _json_schema())
-    encoding, schema = companion_format(cloud_encoding, TYPE, _typestore, json_schema)
+    json_schema = lambda: (f"seaclutter.{layout.name}", _json_schema(layout))
+    encoding, schema = companion_format(cloud_encoding, layout.type, _typestore, json_schema)
     return encoding, schema, {"cdr": _cdr, "ros1": _ros1, "json": _json}[encoding]
 
 
-def read_diagnostics(data: Buffer, encoding: str) -> Diagnostics:
+def read_diagnostics(data: Buffer, encoding: str, schema: str = PLAIN.name) -> Diagnostics:
     """Return the statistics in a diagnostics message.
 
     Parameters
@@ -141,23 +186,28 @@ def read_diagnostics(data: Buffer, encoding: str) -> Diagnostics:
         Bytes of the message.
     encoding : str
         Its encoding: ``cdr``, ``ros1`` or ``json``.
+    schema : str, optional
+        Name of its schema, which ends with the name of its `Layout`.
 
     Raises
     ------
     InputError
         If the bytes are not a valid diagnostics message.
     """
+    layout = WATER if schema.endswith(WATER.name) else PLAIN
     try:
         if encoding == "json":
             found = json.loads(bytes(data))
             stamp_ns = found["stamp"]["sec"] * _NANO + found["stamp"]["nsec"]
         else:
             store = _typestore()
-            found = vars(store.deserialize_cdr(data, TYPE) if encoding == "cdr" else store.deserialize_ros1(data, TYPE))
+            read = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1
+            found = vars(read(data, layout.type))
             stamp_ns = found["stamp"].sec * _NANO + found["stamp"].nanosec
-        numbers = {name: int(found[name]) for name in _NUMBERS}
+        numbers = {name: int(found[name]) for name in layout.numbers}
+        measures = {name: math.nan if found[name] is None else float(found[name]) for name in layout.measures}
         arrays = {name: np.asarray(found[name], dtype) for name, dtype in _ARRAYS.items()}
         texts = [str(found[name]) for name in ("topic", "scene")]
     except Exception as error:  # the library does not document its errors for invalid bytes
         raise InputError(f"{TOPIC}: invalid message ({error!r})") from error
-    return Diagnostics(stamp_ns, texts[0], numbers, arrays, texts[1])
+    return Diagnostics(stamp_ns, texts[0], numbers, arrays, texts[1], measures)

@@ -29,6 +29,7 @@ _SIZES = {
     Reason.KEPT: 3.2,
     Reason.LOW_INTENSITY: 1.6,
     Reason.OUTLIER: 2.2,
+    Reason.UNCONFIRMED: 2.2,
 }
 """Marker sizes in typographic points, in drawing order: removed points are smaller, so kept ones below stay visible."""
 
@@ -134,7 +135,7 @@ def _corners(box: dict[str, Any]) -> NDArray[np.float64]:
 
 def _set_limits(panels: Any, sample: Sample) -> None:
     """Set the same limits and labels on all panels, around own ship, the clutter and the targets."""
-    inside = np.isin(sample.reasons[0], (Reason.KEPT, Reason.LOW_INTENSITY, Reason.OUTLIER))
+    inside = np.isin(sample.reasons[0], (Reason.KEPT, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.UNCONFIRMED))
     extents = [np.zeros((1, 2)), *(_corners(box) for box in sample.boxes)]
     if inside.any():
         extents.append(np.percentile(sample.xyz[inside, :2].astype(np.float64), [1, 99], axis=0))

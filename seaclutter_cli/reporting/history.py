@@ -17,7 +17,7 @@ class Numbers:
 
     Parameters
     ----------
-    counts : ndarray, shape (7,)
+    counts : ndarray, shape (8,)
         Points for each `Reason`; the first entry counts the kept points.
     rings : Rings or None
         Thresholds and corrections, for methods with range rings.
@@ -72,7 +72,7 @@ class History:
 
     @property
     def counts(self) -> Series:
-        """Points for each `Reason`, shape (frames, 7)."""
+        """Points for each `Reason`, shape (frames, 8)."""
         return self._columns(0, len(Reason))
 
     @property

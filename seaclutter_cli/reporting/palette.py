@@ -12,6 +12,7 @@ REASONS: Mapping[Reason, str] = {
     Reason.FAR: "#0b6b50",
     Reason.EXCLUDED: "#8a2bb0",
     Reason.INVALID: "#e6d07a",
+    Reason.UNCONFIRMED: "#c2417c",
 }
 """Colour of each reason, in the order of tables and legends."""
 
@@ -23,6 +24,7 @@ REASON_NAMES: Mapping[Reason, str] = {
     Reason.FAR: "far (beyond end_m)",
     Reason.EXCLUDED: "excluded (box)",
     Reason.INVALID: "invalid",
+    Reason.UNCONFIRMED: "unconfirmed",
 }
 """Name of each reason in pages and figures."""
 

@@ -104,8 +104,9 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replaye
         elif record.channel.topic == f"{topic}{_REMOVED}":
             removed = record
         elif record.channel.topic == TOPIC and removed is not None:
+            name = record.channel.schema.name if record.channel.schema else ""
             try:
-                found = read_diagnostics(record.data, record.channel.message_encoding)
+                found = read_diagnostics(record.data, record.channel.message_encoding, name)
             except InputError as error:
                 source.damage.append(Damage(Path(source.name), None, str(error), len(record.data), 1))
                 continue

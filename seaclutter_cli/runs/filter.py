@@ -110,7 +110,9 @@ class RecordingFilter:
 
     def table(self, path: Path) -> CsvSink:
         """Return a table for the frames of all recordings."""
-        return CsvSink(path, len(self._config.ring_edges[1:]), scenes=self._config.has_scenes)
+        return CsvSink(
+            path, len(self._config.ring_edges[1:]), scenes=self._config.has_scenes, water=self._config.has_water
+        )
 
     def run(
         self, recording: Recording, target: Path, tables: Sequence[Sink] = (), labels: Labels | None = None
@@ -157,7 +159,7 @@ class RecordingFilter:
         return on_result
 
     def _written(self, labels: Labels | None) -> McapOptions:
-        written = replace(self._options.written, config=self._config.to_yaml())
+        written = replace(self._options.written, config=self._config.to_yaml(), water=self._config.has_water)
         if not self._options.with_scene:
             return written
         from seaclutter_cli.reporting.scene import scene_maker

@@ -1,7 +1,7 @@
 """Results of filtering, as text and as data."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -54,11 +54,14 @@ class FilterOutcome(Outcome):
 
 
 def _as_dict(tally: TopicTally, edges: Sequence[float]) -> dict[str, Any]:
+    water = tally.mean_water
+    reasons = [reason for reason in Reason if reason != Reason.UNCONFIRMED or tally.counts[reason] or water]
     return {
         "frames": tally.frames,
         "points_in": tally.points_in,
         "points_out": int(tally.counts[Reason.KEPT]),
-        **{reason.name.lower(): int(tally.counts[reason]) for reason in Reason if reason},
+        **{reason.name.lower(): int(tally.counts[reason]) for reason in reasons if reason},
+        **({"water": {name: round(value, 4) for name, value in asdict(water).items()}} if water else {}),
         "rings": _rings(tally, edges),
         **({"scenes": dict(sorted(tally.scenes.items()))} if tally.scenes else {}),
         "filter_ms": round(1000 * tally.filter_s / max(tally.frames, 1), 3),
@@ -94,6 +97,9 @@ def _as_text(topic: str, tally: TopicTally, edges: Sequence[float]) -> str:
     if tally.rings is not None:
         head = ("range ring", "points", "low intensity", "outliers", "kept", "mean threshold")
         blocks.append(table(head, [_ring_row(ring) for ring in _rings(tally, edges)]))
+    if water := tally.mean_water:
+        height = f"significant wave height {water.significant_wave_height_m:.2f} m"
+        blocks.append(f"water {-water.level_m:.2f} m below the lidar, {height} (means)")
     if tally.scenes:
         scenes = (f"{printable(name)} {number:,}" for name, number in tally.scenes.items())
         blocks.append(f"frames by scene: {', '.join(scenes)}")

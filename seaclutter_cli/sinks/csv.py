@@ -4,11 +4,12 @@ import csv
 import io
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from dataclasses import astuple
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from seaclutter_cli.frame import FilterResult, Reason
+from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, WaterState
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile
@@ -36,18 +37,22 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         Number of range rings of the method; 0 for methods without range rings.
     scenes : bool, optional
         Whether the method distinguishes scenes; adds a column for the class of scene.
+    water : bool, optional
+        Whether the method estimates the water; adds a column for unconfirmed points and those of `WaterState`.
 
     Notes
     -----
     The rows of a recording that fails midway are removed.
     """
 
-    def __init__(self, path: Path, rings: int, *, scenes: bool = False) -> None:
+    def __init__(self, path: Path, rings: int, *, scenes: bool = False, water: bool = False) -> None:
         self._file = AtomicFile(path)
-        self._states, self._scenes = 2 * rings, scenes
+        self._states, self._scenes, self._water = 2 * rings, scenes, water
         numbers = range(1, rings + 1)
         states = (*(f"threshold_{k}" for k in numbers), *(f"correction_{k}" for k in numbers))
-        self._write_row((*_COLUMNS, *states, *(["scene"] if scenes else [])))
+        self._write_row(
+            (*_COLUMNS, *states, *(["scene"] if scenes else []), *(["unconfirmed", *WATER_COLUMNS] if water else []))
+        )
         self._complete = self._file.stream.tell()
         self._recording = ""
 
@@ -79,7 +84,9 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         values = (self._recording, frame.topic, frame.index, frame.stamp_ns, frame.size)
         states = [""] * self._states if rings is None else [*rings.thresholds.tolist(), *rings.corrections.tolist()]
         scene = [result.scene or ""] if self._scenes else []
-        self._write_row((*values, *(counts[reason] for reason in _REASONS), counts[Reason.KEPT], *states, *scene))
+        water = [counts[Reason.UNCONFIRMED], *_numbers(result.water)] if self._water else []
+        by_reason = (counts[reason] for reason in _REASONS)
+        self._write_row((*values, *by_reason, counts[Reason.KEPT], *states, *scene, *water))
 
     def end(self) -> None:
         """End a recording and keep its rows."""
@@ -94,3 +101,8 @@ class CsvSink(AbstractContextManager["CsvSink"]):
     def _discard_incomplete(self) -> None:
         self._file.stream.seek(self._complete)
         self._file.stream.truncate()
+
+
+def _numbers(water: WaterState | None) -> list[float | str]:
+    """Return the values of the columns of the water, to a tenth of a millimetre or of a thousandth of a degree."""
+    return [""] * len(WATER_COLUMNS) if water is None else [round(value, 4) for value in astuple(water)]

@@ -12,8 +12,8 @@ from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import CloudCodec, Source
 from seaclutter_cli.messages import find_codec
+from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format
 from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
-from seaclutter_cli.messages.diagnostics import Diagnostics, diagnostics_format
 from seaclutter_cli.messages.scene import TOPIC as SCENE_TOPIC
 from seaclutter_cli.messages.scene import SceneUpdate, scene_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata
@@ -42,6 +42,8 @@ class McapOptions:
         ``zstd``, ``lz4`` or empty for none; None uses the compression of the input, zstd if unknown.
     config : str
         Effective configuration as YAML, for the metadata of the file.
+    water : bool
+        Whether the method estimates the water, which adds level, attitude and wave height to the diagnostics.
     scene : callable, optional
         Function that returns the boxes of a filtered frame, which are written to ``/seaclutter/scene``.
 
@@ -61,6 +63,7 @@ class McapOptions:
     diagnostics: bool = True
     compression: str | None = None
     config: str = ""
+    water: bool = False
     scene: Callable[[FilterResult], SceneUpdate] | None = None
 
 
@@ -91,6 +94,7 @@ class McapSink(AbstractContextManager["McapSink"]):
     def __init__(self, path: Path, options: McapOptions) -> None:
         self._file = AtomicFile(path)
         self._options = options
+        self._layout = WATER if options.water else PLAIN
         self._writer: McapWriter | None = None
         self._channels: dict[Channel, int] = {}
         self._used: set[int] = set()
@@ -147,7 +151,7 @@ class McapSink(AbstractContextManager["McapSink"]):
             removed = cloud.select(mask).with_field("reason", result.reason[mask])
             self._put(outputs.removed, message, outputs.codec.encode(removed))
         if outputs.diagnostics is not None:
-            self._put(outputs.diagnostics, message, outputs.serialise(Diagnostics.of(result)))
+            self._put(outputs.diagnostics, message, outputs.serialise(Diagnostics.of(result, self._layout)))
         if outputs.scene is not None and self._options.scene is not None:
             self._put(outputs.scene, message, outputs.draw(self._options.scene(result)))
 
@@ -169,7 +173,7 @@ class McapSink(AbstractContextManager["McapSink"]):
         if codec is None:
             raise UsageError(f"topic {channel.topic} contains no point clouds")
         options = self._options
-        encoding, schema, serialise = diagnostics_format(channel.message_encoding)
+        encoding, schema, serialise = diagnostics_format(channel.message_encoding, self._layout)
         filtered, removed, diagnostics = self._channels[channel], None, None
         if options.keep_raw:
             filtered = self._add(replace(channel, topic=f"{channel.topic}/filtered"), taken)

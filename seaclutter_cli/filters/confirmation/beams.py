@@ -1,0 +1,55 @@
+"""Elevations of a lidar's beams, learned from its points."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_BIN_DEG = 0.1
+_HALF_DEG = 90.0
+_BINS = round(2 * _HALF_DEG / _BIN_DEG) + 1
+_FRAMES = 50
+_OPEN_DEG = 3.0
+
+
+class Beams:
+    """The elevations at which a lidar has points.
+
+    They show how much of a body the beams can miss. Where a single beam meets it, its height can be anything up to the
+    next beam above.
+    """
+
+    def __init__(self) -> None:
+        self._seen = np.zeros(_BINS, np.bool_)
+        self._frames = 0
+
+    def add(self, elevation_deg: Floats) -> None:
+        """Add the elevations of the points of a frame, until 50 frames have shown all beams."""
+        if self._frames < _FRAMES and len(elevation_deg):
+            self._frames += 1
+            self._seen[_bins(elevation_deg)] = True
+
+    def gaps(self, lowest_deg: Floats, highest_deg: Floats) -> tuple[Floats, Floats]:
+        """Return the angles from the lowest beams of bodies to the beams below, and from the highest to those above.
+
+        At the edge of the field of view, the angle is 3°.
+
+        Parameters
+        ----------
+        lowest_deg, highest_deg : ndarray, shape (K,), float64
+            Elevations of the lowest and highest point of each body, in degrees.
+
+        Returns
+        -------
+        (ndarray, shape (K,), float64), (ndarray, shape (K,), float64)
+        """
+        seen = np.flatnonzero(self._seen)
+        low, high = _bins(lowest_deg), _bins(highest_deg)
+        # The points of one beam can be in two bins.
+        below = np.concatenate(([-np.inf], seen))[np.searchsorted(seen, low - 1)]
+        above = np.concatenate((seen, [np.inf]))[np.searchsorted(seen, high + 1, side="right")]
+        return np.minimum((low - below) * _BIN_DEG, _OPEN_DEG), np.minimum((above - high) * _BIN_DEG, _OPEN_DEG)
+
+
+def _bins(elevation_deg: Floats) -> NDArray[np.int64]:
+    return np.rint((elevation_deg + _HALF_DEG) / _BIN_DEG).astype(np.int64)

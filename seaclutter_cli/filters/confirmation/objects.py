@@ -1,0 +1,145 @@
+"""Objects of a frame, and what their shapes say for a target or for water."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.clustering.euclidean import euclidean_clusters
+from seaclutter_cli.filters.confirmation.beams import Beams
+from seaclutter_cli.filters.confirmation.heights import Heights
+from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+from seaclutter_cli.frame import Frame
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_CELL_M = 0.5
+_FLAT = 0.5
+_MAX_SHARE = 1.5
+_POSSIBLE = 0.7
+_BRIGHT_EVIDENCE = 0.4
+_DIM_SHARE = 0.25
+_BRIGHT_OCTAVES = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class DetectedObject:
+    """An object in one frame.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n,), int64
+        Indices of its points.
+    evidence : float
+        Evidence of its shape: positive for a target, negative for water.
+    cells : ndarray, shape (m, 2), float64
+        Horizontal position of one of its points in each cell of 0.5 m.
+    center : ndarray, shape (2,), float64
+        Mean horizontal position of its points.
+    near : bool
+        Whether it is nearer than ``start_m``, where own ship is.
+    """
+
+    points: Indices
+    evidence: float
+    cells: Floats
+    center: Floats
+    near: bool
+
+    @classmethod
+    def of(cls, frame: Frame, points: Indices, evidence: float, *, near: bool = False) -> "DetectedObject":
+        """Return the object made of some points of a frame."""
+        xy = frame.coordinates[:2, points].T
+        cell = np.floor(xy / _CELL_M).astype(np.int64)
+        _, first = np.unique(cell[:, 0] * (1 << 32) + cell[:, 1], return_index=True)
+        return cls(points, evidence, xy[np.sort(first)], xy.mean(axis=0), near)
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """K clusters of n points.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n,), int64
+        Indices of the points, cluster by cluster.
+    start, count : ndarray, shape (K,), int64
+        Index in ``points`` of a cluster's first point, and number of its points.
+    """
+
+    points: Indices
+    start: NDArray[np.int64]
+    count: NDArray[np.int64]
+
+    @classmethod
+    def among(cls, frame: Frame, among: NDArray[np.bool_], params: ConfirmedParams) -> "Clusters":
+        """Return the Euclidean clusters of some points of a frame."""
+        members = np.flatnonzero(among)
+        labels = euclidean_clusters(
+            frame.coordinates[:, members], params.cluster_tolerance_m, params.min_cluster_points
+        )
+        clustered = np.flatnonzero(labels >= 0)
+        order = clustered[np.argsort(labels[clustered], kind="stable")]
+        count = np.bincount(labels[clustered])
+        return cls(members[order], np.cumsum(count) - count, count)
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def members(self, k: int) -> Indices:
+        """Return the indices of the points of a cluster."""
+        return self.points[self.start[k] : self.start[k] + self.count[k]]
+
+    def mean(self, values: Floats) -> Floats:
+        """Return the mean of the points' values in each cluster, shape (K,)."""
+        return np.asarray(np.add.reduceat(values[self.points], self.start) / self.count)
+
+    def ranked(self, values: Floats, *ranks: NDArray[np.int64]) -> list[Floats]:
+        """Return the points' values of given ranks in each cluster, shape (K,) each; rank 0 is the lowest."""
+        ordered = values[self.points]
+        ordered = ordered[np.lexsort((ordered, np.repeat(np.arange(len(self)), self.count)))]
+        return [np.asarray(ordered[self.start + rank]) for rank in ranks]
+
+
+def find_objects(
+    frame: Frame, candidates: NDArray[np.bool_], heights: Heights, beams: Beams, params: ConfirmedParams, *, near: bool
+) -> list[DetectedObject]:
+    """Return the objects that candidate points form, with the evidence of their shapes."""
+    clusters = Clusters.among(frame, candidates, params)
+    if not len(clusters):
+        return []
+    evidence = _evidence(frame, clusters, heights, beams, params)
+    return [DetectedObject.of(frame, clusters.members(k), float(evidence[k]), near=near) for k in range(len(clusters))]
+
+
+def _evidence(frame: Frame, clusters: Clusters, heights: Heights, beams: Beams, params: ConfirmedParams) -> Floats:
+    """Return the evidence of each cluster, shape (K,), from -0.5 (flat on the water) to 1 (upright)."""
+    first, last = np.zeros_like(clusters.count), clusters.count - 1
+    quarter = clusters.count - np.clip(clusters.count // 4, 1, 3)
+    lowest, top, highest = clusters.ranked(heights.height_m, first, quarter, last)
+    rise, wave = clusters.mean(heights.rise_m), clusters.mean(heights.wave_m)
+    below, above = _beside(frame, clusters, beams)
+    extent = highest - lowest
+    # What stands upright is no water, what is higher than any wave neither. A body between the lowest point and the
+    # beam below is possible but not seen.
+    stands = extent / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
+    possible = _POSSIBLE * np.minimum(top, extent + below)
+    shape = np.clip(np.maximum(stands, np.maximum(top - wave, possible) / rise), 0, _MAX_SHARE) - _FLAT
+    # Where the next beam passes above all but tall bodies, a flat cluster is no evidence, and brightness decides.
+    hidden = np.where(shape < 0, np.clip((top + above) / rise - 1, 0, 1), 0.0)
+    (brightness,) = clusters.ranked(heights.brightness, clusters.count // 2)
+    octaves = np.clip(np.log2(np.maximum(brightness, 1)) / _BRIGHT_OCTAVES, 0, 1)
+    bright = np.where(brightness >= 1, _BRIGHT_EVIDENCE * (_DIM_SHARE + (1 - _DIM_SHARE) * octaves), 0.0)
+    return np.asarray((1 - hidden) * shape + hidden * bright)
+
+
+def _beside(frame: Frame, clusters: Clusters, beams: Beams) -> tuple[Floats, Floats]:
+    """Return how far below the lowest point and above the highest point of each cluster the next beams pass."""
+    x, y, z = frame.coordinates[:, clusters.points]
+    elevation = np.zeros(frame.size)
+    elevation[clusters.points] = np.degrees(np.arctan2(z, np.hypot(x, y)))
+    lowest, highest = clusters.ranked(elevation, np.zeros_like(clusters.count), clusters.count - 1)
+    distance = clusters.mean(frame.range_m)
+    below, above = (np.tan(np.radians(gap)) * distance for gap in beams.gaps(lowest, highest))
+    return below, above

@@ -1,0 +1,57 @@
+"""Parameters of the method ``confirmed``."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Interval
+
+from seaclutter_cli.filters.ring_params import RingIntensityParams
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConfirmedParams(RingIntensityParams):
+    """Parameters of confirmed objects. The range rings only provide thresholds; points beyond ``end_m`` have none.
+
+    Parameters
+    ----------
+    use_intensity : bool
+        Use the thresholds; false: only shape and persistence count, and the log needs no intensities.
+    look_ahead_s : float
+        Time before and after a frame from which its objects are confirmed, in seconds.
+    causal : bool
+        Confirm objects without later frames; new objects then appear later.
+    min_rise_m : float
+        Minimum height above the water at which points stand out, in metres.
+    rise_sigmas : float
+        Height above the water at which points stand out, in standard deviations of the water.
+    min_extent_m : float
+        Minimum vertical extent of an object that stands upright, in metres.
+    extent_sigmas : float
+        Vertical extent of an object that stands upright, in standard deviations of the water.
+    cluster_tolerance_m : float
+        Distance below which points belong to one object, in metres.
+    min_cluster_points : int
+        Minimum number of points of an object.
+    score_threshold : float
+        Score at which an object is confirmed; 1 is an upright object in all frames, -0.5 flat water.
+    memory_s : float
+        Time in which the evidence of earlier frames decays to 1/e, in seconds.
+    growth_m : float
+        Distance within which points above the water return to a confirmed object, in metres; 1 % of the range is added.
+    growth_height_m : float
+        Minimum height above the water of points that return, in metres.
+    """
+
+    use_intensity: bool = True
+    look_ahead_s: Annotated[float, Interval(ge=0, le=5)] = 0.5
+    causal: bool = False
+    min_rise_m: Annotated[float, Gt(0)] = 0.2
+    rise_sigmas: Annotated[float, Ge(0)] = 4.0
+    min_extent_m: Annotated[float, Gt(0)] = 0.45
+    extent_sigmas: Annotated[float, Ge(0)] = 2.0
+    cluster_tolerance_m: Annotated[float, Gt(0)] = 1.5
+    min_cluster_points: Annotated[int, Ge(1)] = 3
+    score_threshold: Annotated[float, Interval(ge=-1, le=3)] = 0.4
+    memory_s: Annotated[float, Gt(0)] = 5.0
+    growth_m: Annotated[float, Ge(0)] = 1.0
+    growth_height_m: Annotated[float, Ge(0)] = 0.15

@@ -1,0 +1,216 @@
+"""Tracks: objects followed from frame to frame, and the evidence that they collect."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from seaclutter_cli.filters.confirmation.objects import DetectedObject
+from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+
+Floats = NDArray[np.float64]
+
+_DECORRELATION_S = 1.0
+_MEMORY_LIMITS = (-1.0, 3.0)
+_MISS, _MISS_MEMORY = -0.5, -0.3
+_DOUBT_S = 0.1
+_MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
+_KNOWN_AFTER_S = 0.5
+_GATE_M, _GATE_SPEED_MS = 0.8, 1.0
+_NEW_GATE_M, _NEW_GATE_SPEED_MS = 1.0, 5.0
+_GAIN, _NEW_GAIN = 0.15, 0.3
+_MAX_SPEED_MS = 20.0
+_COVERED = 0.5
+_CONTACT_M = 2.0
+_COAST_S = 2.0
+_EXPECTED_MEMORY = 1.0
+_SLACK_S = 1e-6
+
+
+class Evidence(NamedTuple):
+    """Evidence of one frame: its time, the evidence, the time it stands for, and the memory after it."""
+
+    time_s: float
+    evidence: float
+    step_s: float
+    memory: float
+
+
+@dataclass(eq=False)
+class Track:
+    """An object followed over time.
+
+    Parameters
+    ----------
+    cells : ndarray, shape (m, 2), float64
+        Horizontal positions of the parts of the object when it was last seen.
+    center : ndarray, shape (2,), float64
+        Its centre then.
+    born_s, seen_s : float
+        Times at which it was first and last seen.
+    velocity : ndarray, shape (2,), float64
+        Horizontal velocity in the frame of the lidar in m/s; own ship's motion is part of it.
+    from_outside : bool
+        Whether it was confirmed beyond ``start_m``, so that it is not own ship when it comes nearer.
+    memory : float
+        Evidence collected so far.
+    history : deque of Evidence
+        Evidence of the frames that decisions still need.
+    """
+
+    cells: Floats
+    center: Floats
+    born_s: float
+    seen_s: float
+    velocity: Floats = field(default_factory=lambda: np.zeros(2))
+    from_outside: bool = False
+    memory: float = 0.0
+    history: deque[Evidence] = field(default_factory=deque)
+
+    @property
+    def is_new(self) -> bool:
+        """Whether its velocity is not yet known."""
+        return self.seen_s - self.born_s <= _KNOWN_AFTER_S
+
+    def expected(self, time_s: float) -> Floats:
+        """Return where its parts are expected at a time, shape (m, 2)."""
+        return self.cells + self.velocity * (time_s - self.seen_s)
+
+    def gate_m(self, time_s: float) -> float:
+        """Return the distance from there within which they may be."""
+        gate, speed = (_NEW_GATE_M, _NEW_GATE_SPEED_MS) if self.is_new else (_GATE_M, _GATE_SPEED_MS)
+        return gate + speed * (time_s - self.seen_s)
+
+    def move(self, found: DetectedObject, time_s: float) -> None:
+        """Update position and velocity."""
+        elapsed = time_s - self.seen_s
+        if elapsed > 0:
+            velocity = (found.center - self.center) / elapsed
+            if np.hypot(*velocity) < _MAX_SPEED_MS:
+                gain = _NEW_GAIN if self.is_new else _GAIN
+                self.velocity = self.velocity + gain * (velocity - self.velocity)
+        self.cells, self.center, self.seen_s = found.cells, found.center, time_s
+
+
+class Tracker:
+    """The tracks of a recording.
+
+    Parameters
+    ----------
+    params : ConfirmedParams
+        Config keys of the method.
+    """
+
+    def __init__(self, params: ConfirmedParams) -> None:
+        self._params = params
+        self._tracks: list[Track] = []
+
+    def step(self, objects: Sequence[DetectedObject], time_s: float) -> list[Track]:
+        """Return the track of each object of a frame; a new one where an object continues none.
+
+        Notes
+        -----
+        An object continues the track that expects most of its cells. If several objects continue a track, the one with
+        the most cells and evidence does, and the others start tracks of their own. A track most of whose cells lie in
+        an object of another track, such as a boat alongside another, is neither found nor missed.
+        """
+        votes, covered = self._votes(objects, time_s)
+        tracks: list[Track | None] = [None] * len(objects)
+        for t, candidates in _by_track(votes).items():
+            weight = [votes[k, t] * (1 + max(objects[k].evidence, 0.0)) for k in candidates]
+            first = candidates[int(np.argmax(weight))]
+            for k in candidates:
+                tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
+        result = [track or self._begun(one, time_s) for track, one in zip(tracks, objects, strict=True)]
+        self._recognise(objects, result, votes)
+        found = {id(track) for track in result}
+        for track, hidden in zip(self._tracks, covered, strict=True):
+            if id(track) not in found and not hidden:
+                self._collect(track, time_s, None)
+        unseen = [one for one in self._tracks if id(one) not in found and time_s - one.seen_s <= _COAST_S]
+        self._tracks = unseen + result
+        return result
+
+    def expected(self, objects: Sequence[DetectedObject], time_s: float) -> Floats:
+        """Return where objects with much evidence are expected but not found, shape (m, 2)."""
+        votes, covered = self._votes(objects, time_s)
+        missing = ~votes.any(axis=0) & ~covered
+        cells = [
+            track.expected(time_s)
+            for track, is_missing in zip(self._tracks, missing, strict=True)
+            if is_missing and track.memory > _EXPECTED_MEMORY
+        ]
+        return np.concatenate(cells) if cells else np.empty((0, 2))
+
+    def score(self, track: Track, time_s: float) -> float:
+        """Return the score of a track at a time: the mean evidence around it, and the memory of what was before."""
+        span = self._params.look_ahead_s + _SLACK_S
+        around = [item for item in track.history if abs(item.time_s - time_s) <= span]
+        before = [item.memory for item in track.history if item.time_s < time_s - span]
+        total = sum(item.evidence * item.step_s for item in around)
+        return total / (sum(item.step_s for item in around) + _DOUBT_S) + (before[-1] if before else 0.0)
+
+    def _votes(self, objects: Sequence[DetectedObject], time_s: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return how many cells of each object each track expects, and of which tracks the objects cover most cells."""
+        votes = np.zeros((len(objects), len(self._tracks)), np.int64)
+        if not votes.size:
+            return votes, np.zeros(len(self._tracks), np.bool_)
+        sizes = np.array([len(track.cells) for track in self._tracks])
+        track_of = np.repeat(np.arange(len(sizes)), sizes)
+        object_of = np.repeat(np.arange(len(objects)), [len(one.cells) for one in objects])
+        expected = np.concatenate([track.expected(time_s) for track in self._tracks])
+        cells = np.concatenate([one.cells for one in objects])
+        gate = np.array([track.gate_m(time_s) for track in self._tracks])
+        distance, nearest = cKDTree(expected).query(cells, distance_upper_bound=gate.max())
+        reached = np.flatnonzero(np.isfinite(distance))
+        reached = reached[distance[reached] <= gate[track_of[nearest[reached]]]]
+        np.add.at(votes, (object_of[reached], track_of[nearest[reached]]), 1)
+        back, _ = cKDTree(cells).query(expected, distance_upper_bound=gate.max())
+        covered = np.bincount(track_of, weights=back <= gate[track_of], minlength=len(sizes))
+        return votes, np.asarray(covered >= _COVERED * sizes)
+
+    def _continued(self, track: Track, found: DetectedObject, time_s: float, *, is_first: bool) -> Track:
+        if not is_first:
+            return self._begun(found, time_s, track)
+        track.move(found, time_s)
+        self._collect(track, time_s, found.evidence)
+        return track
+
+    def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
+        track = Track(found.cells, found.center, time_s, time_s)
+        if parent is not None:
+            track.velocity, track.from_outside = parent.velocity, parent.from_outside
+        self._collect(track, time_s, found.evidence)
+        return track
+
+    def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: NDArray[np.int64]) -> None:
+        """Mark what appears near own ship in contact with an object from outside: it is part of that object."""
+        outside = [one.cells for one, track in zip(objects, tracks, strict=True) if track.from_outside and not one.near]
+        appeared = [k for k, one in enumerate(objects) if one.near and not votes[k].any()]
+        if not outside or not appeared:
+            return
+        tree = cKDTree(np.concatenate(outside))
+        for k in appeared:
+            tracks[k].from_outside |= bool(tree.query(objects[k].cells)[0].min() < _CONTACT_M)
+
+    def _collect(self, track: Track, time_s: float, evidence: float | None) -> None:
+        """Add the evidence of a frame; None if the object was not found."""
+        step = min(time_s - track.history[-1].time_s, _MAX_STEP_S) if track.history else _FIRST_STEP_S
+        gained = (_MISS_MEMORY if evidence is None else evidence) * step / _DECORRELATION_S
+        track.memory = float(np.clip(track.memory * np.exp(-step / self._params.memory_s) + gained, *_MEMORY_LIMITS))
+        track.history.append(Evidence(time_s, _MISS if evidence is None else evidence, max(step, 1e-3), track.memory))
+        oldest = time_s - 2 * self._params.look_ahead_s - _MAX_STEP_S
+        while len(track.history) > 1 and track.history[1].time_s < oldest:
+            track.history.popleft()
+
+
+def _by_track(votes: NDArray[np.int64]) -> dict[int, list[int]]:
+    """Return the objects that continue each track, by the number of the track."""
+    chosen: dict[int, list[int]] = {}
+    for k in np.flatnonzero(votes.any(axis=1)).tolist():
+        chosen.setdefault(int(votes[k].argmax()), []).append(k)
+    return chosen

@@ -1,0 +1,216 @@
+"""Confirmed objects: what rises out of the water and stays."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from seaclutter_cli.filters.base import BaseFilter
+from seaclutter_cli.filters.confirmation.beams import Beams
+from seaclutter_cli.filters.confirmation.heights import Heights, ZonedFrame, measure
+from seaclutter_cli.filters.confirmation.objects import Clusters, DetectedObject, find_objects
+from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
+from seaclutter_cli.filters.neighbors import nth_neighbor_distance
+from seaclutter_cli.filters.zones import Zones
+from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings, WaterState
+from seaclutter_cli.water import WaterTracker
+
+Mask = NDArray[np.bool_]
+
+_RADIUS_RATIO = 0.025
+_MIN_NEIGHBORS = 7
+_EXPECTED_M = 0.8
+_GROWTH_RATIO = 0.01
+_MAX_GAP_S = 5.0
+_SLACK_S = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class _Undecided:
+    """A frame whose objects wait for the evidence of later frames."""
+
+    frame: Frame
+    time_s: float
+    heights: Heights
+    reason: NDArray[np.uint8]
+    objects: Sequence[DetectedObject]
+    tracks: Sequence[Track]
+    water: WaterState | None
+
+
+class Confirmed(BaseFilter):
+    r"""Confirmed objects: what rises out of the water and stays.
+
+    Parameters
+    ----------
+    params : ConfirmedParams
+        Config keys of the method.
+
+    Notes
+    -----
+    For each frame, in order:
+
+    1. *Water*: the surface and its deviation :math:`\sigma`, from the echoes of the water itself (`WaterTracker`).
+    2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
+    3. *Candidates*: points that stand out; points in columns with echoes at several heights; in the band, bright points
+       with enough candidates around them, as in the adaptive radius filter.
+    4. *Objects*: Euclidean clusters. Their shape is evidence from -0.5 (flat on the water) to 1 (upright, or higher
+       than any wave). Where the beams are too far apart to show the shape, persistent brightness is some evidence.
+    5. *Confirmation*: objects are followed over time. The score of a track is its mean evidence within ``look_ahead_s``
+       of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes
+       independent of what it was, about a second, and is forgotten over ``memory_s``. An object that is expected but
+       not found may also consist of points that the thresholds reject.
+    6. *Growth*: points above the water near a confirmed object return to it, so that hulls keep their shape.
+
+    Confirmation over scans is the M-of-N logic of radar trackers with graded instead of binary detections, as in the
+    track score of Sittler [1]_. The result of a frame is complete ``look_ahead_s`` later, or at once with ``causal``.
+
+    Nearer than ``start_m``, only objects are kept that were confirmed farther away: all else there is own ship.
+
+    **State**: the water, the elevations of the beams, the tracks, and the frames that wait.
+
+    References
+    ----------
+    .. [1] Sittler (1964). "An optimal data association problem in surveillance theory". IEEE Transactions on Military
+       Electronics 8(2).
+    """
+
+    Params: ClassVar[type[ConfirmedParams]] = ConfirmedParams
+
+    def __init__(self, params: ConfirmedParams) -> None:
+        self._params, self._zones = params, Zones(params)
+        self._thresholds = np.asarray(params.initial_thresholds, np.float64)
+        self.reset()
+
+    @property
+    def look_ahead_s(self) -> float:  # type: ignore[override] # constant in the base
+        """Time after a frame from which its objects are confirmed, in seconds."""
+        return 0.0 if self._params.causal else self._params.look_ahead_s
+
+    def reset(self) -> None:
+        """Forget the water, the beams, the tracks and the frames that wait."""
+        self._water, self._beams, self._tracker = WaterTracker(), Beams(), Tracker(self._params)
+        self._undecided: deque[_Undecided] = deque()
+        self._time_s: float | None = None
+
+    def process(self, frame: Frame) -> list[FilterResult]:
+        """Receive the next frame and return the results that are complete."""
+        time_s = frame.stamp_ns / 1e9
+        jumped = self._time_s is not None and not 0 <= time_s - self._time_s <= _MAX_GAP_S
+        complete = self.flush() if jumped else []
+        if jumped:
+            self._tracker = Tracker(self._params)
+        self._undecided.append(self._examine(frame, time_s))
+        self._time_s = time_s
+        while self._undecided and self._undecided[0].time_s <= time_s - self.look_ahead_s + _SLACK_S:
+            complete.append(self._decide(self._undecided.popleft()))
+        return complete
+
+    def flush(self) -> list[FilterResult]:
+        """Return the results of all frames that wait."""
+        complete = [self._decide(one) for one in self._undecided]
+        self._undecided.clear()
+        return complete
+
+    def step(self, frame: Frame) -> FilterResult:
+        """Return the reason of every point of a frame, without later frames."""
+        self.process(frame)
+        return self.flush()[-1]
+
+    def _examine(self, frame: Frame, time_s: float) -> _Undecided:
+        """Find the objects of a frame and their tracks (steps 1 to 5)."""
+        zoned = ZonedFrame.of(frame, self._zones, self._thresholds)
+        points = frame.coordinates[:, zoned.used]
+        self._beams.add(np.degrees(np.arctan2(points[2], np.hypot(points[0], points[1]))))
+        # 1. Water
+        water = self._water.step(points, time_s)
+        # 2. Band
+        heights = measure(zoned, water, self._params)
+        # 3. Candidates
+        candidates = heights.high | heights.upright | self._dense(frame, heights)
+        # 4. Objects
+        far, near = candidates & (heights.zone > 0), candidates & (heights.zone == 0)
+        objects = find_objects(frame, far, heights, self._beams, self._params, near=False)
+        objects += find_objects(frame, near, heights, self._beams, self._params, near=True)
+        # 5. Confirmation: evidence is collected now and judged when the later frames are known.
+        objects += self._expected(frame, heights, objects, time_s)
+        tracks = self._tracker.step(objects, time_s)
+        state = None if water is None else water.state
+        return _Undecided(frame, time_s, heights, self._reasons(heights, objects), objects, tracks, state)
+
+    def _dense(self, frame: Frame, heights: Heights) -> Mask:
+        """Return the bright points in the band with at least 7 other candidates within 2.5 % of their range."""
+        dense = np.zeros(frame.size, np.bool_)
+        among = np.flatnonzero(heights.high | heights.bright)
+        asked = np.flatnonzero(heights.bright[among])
+        if len(asked) and len(among) > _MIN_NEIGHBORS:
+            points = np.ascontiguousarray(frame.coordinates[:, among].T)
+            distance = nth_neighbor_distance(points, _MIN_NEIGHBORS, asked)
+            chosen = among[asked]
+            dense[chosen[distance <= _RADIUS_RATIO * frame.range_m[chosen]]] = True
+        return dense
+
+    def _expected(
+        self, frame: Frame, heights: Heights, objects: Sequence[DetectedObject], time_s: float
+    ) -> list[DetectedObject]:
+        """Return objects of points below the thresholds where well-known objects are expected and not found."""
+        cells = self._tracker.expected(objects, time_s)
+        points = np.flatnonzero((heights.bright | heights.grows) & (heights.zone > 0))
+        among = np.zeros(frame.size, np.bool_)
+        if len(cells) and len(points):
+            distance, _ = cKDTree(cells).query(frame.coordinates[:2, points].T, distance_upper_bound=_EXPECTED_M)
+            among[points[np.isfinite(distance)]] = True
+        clusters = Clusters.among(frame, among, self._params)
+        return [DetectedObject.of(frame, clusters.members(k), 0.0) for k in range(len(clusters))]
+
+    def _reasons(self, heights: Heights, objects: Sequence[DetectedObject]) -> NDArray[np.uint8]:
+        """Return the reasons of all points if no object is confirmed."""
+        reason = heights.reason.copy()
+        low = heights.low & ~heights.high & (heights.zone > 0)
+        reason[heights.used & (heights.zone > 0)] = Reason.OUTLIER
+        reason[low] = Reason.LOW_INTENSITY if self._params.use_intensity else Reason.UNCONFIRMED
+        for one in objects:
+            if not one.near:
+                reason[one.points] = Reason.UNCONFIRMED
+        return reason
+
+    def _decide(self, one: _Undecided) -> FilterResult:
+        """Confirm the objects of a frame and let them grow (steps 5 and 6)."""
+        reason = one.reason
+        confirmed = [np.empty(0, np.intp)]
+        for found, track in zip(one.objects, one.tracks, strict=True):
+            if self._tracker.score(track, one.time_s) <= self._params.score_threshold:
+                continue
+            track.from_outside |= not found.near
+            if track.from_outside:
+                confirmed.append(found.points)
+        kept = np.concatenate(confirmed)
+        reason[kept] = Reason.KEPT
+        # 6. Growth
+        if len(kept):
+            reason[self._grown(one, kept)] = Reason.KEPT
+        return FilterResult(one.frame, reason, self._rings(one.heights.zone, reason), water=one.water)
+
+    def _rings(self, zone: NDArray[np.uint8], reason: NDArray[np.uint8]) -> Rings | None:
+        """Return thresholds and counts of the range rings; unconfirmed points count as outliers."""
+        if not self._params.use_intensity:
+            return None
+        removed = ([Reason.LOW_INTENSITY], [Reason.OUTLIER, Reason.UNCONFIRMED])
+        counts = (self._zones.tally(zone[np.isin(reason, reasons)]) for reasons in removed)
+        return Rings(self._thresholds.copy(), np.zeros(self._zones.count), self._zones.tally(zone), *counts)
+
+    def _grown(self, one: _Undecided, kept: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the points above the water that are near enough to confirmed objects."""
+        frame, heights = one.frame, one.heights
+        others = np.flatnonzero(heights.grows & (heights.zone > 0) & (one.reason != Reason.KEPT))
+        if not len(others):
+            return others
+        limit = self._params.growth_m + _GROWTH_RATIO * frame.range_m[others]
+        tree = cKDTree(frame.coordinates[:, kept].T)
+        distance, _ = tree.query(frame.coordinates[:, others].T, distance_upper_bound=float(limit.max()))
+        return np.asarray(others[distance <= limit])

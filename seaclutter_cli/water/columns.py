@@ -1,0 +1,42 @@
+"""Columns with echoes at several heights, which the water surface does not have."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_REACH = 256
+_COLUMNS = 2 * _REACH
+
+
+def upright(x: Floats, y: Floats, height: Floats, span_m: float) -> NDArray[np.bool_]:
+    """Return the points in columns of 1 m whose echoes span a height: water has one height at a place, a hull many.
+
+    Parameters
+    ----------
+    x, y, height : ndarray, shape (N,), float64
+        Coordinates in metres. Points beyond 255 m along x or y are in no column.
+    span_m : float
+        Least difference between the highest and the lowest echo of a column, in metres.
+
+    Returns
+    -------
+    ndarray, shape (N,), bool
+        True for all points of such columns. Columns are those of two grids, shifted by half a column along x and y.
+
+    Examples
+    --------
+    >>> upright(np.array([10.2, 10.3, 20.0]), np.zeros(3), np.array([0.1, 0.9, 0.2]), 0.5)
+    array([ True,  True, False])
+    """
+    found = np.zeros(len(x), np.bool_)
+    inside = np.flatnonzero((np.abs(x) < _REACH - 1) & (np.abs(y) < _REACH - 1))
+    x, y, height = x[inside], y[inside], height[inside]
+    for shift in (0.0, 0.5):
+        column = np.floor(x + (_REACH + shift)).astype(np.int64) * _COLUMNS
+        column += np.floor(y + (_REACH + shift)).astype(np.int64)
+        lowest, highest = np.full(_COLUMNS**2, np.inf), np.full(_COLUMNS**2, -np.inf)
+        np.minimum.at(lowest, column, height)
+        np.maximum.at(highest, column, height)
+        found[inside[highest[column] - lowest[column] >= span_m]] = True
+    return found

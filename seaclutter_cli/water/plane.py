@@ -1,0 +1,151 @@
+"""The mean plane of the water, fitted to the lowest echoes around the lidar."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+NEAREST_M, FARTHEST_M = 5.0, 45.0
+_BEARINGS = 36
+_STEP_M = 3.0
+_RINGS = int((FARTHEST_M - NEAREST_M) / _STEP_M) + 1
+_SCALES_M = (0.8, 0.6, 0.45, 0.3, 0.3)
+_ABOVE = 0.15
+_SUPPORT = 0.4
+_TILT_RIDGE = 5.0
+_MIN_CELLS = 8
+_MIN_BEARINGS = 3
+_START_SHARES = (0.1, 0.3, 0.5)
+
+
+@dataclass(frozen=True)
+class Plane:
+    r"""A plane :math:`z = a + b x + c y` in the frame of the lidar.
+
+    Parameters
+    ----------
+    level_m : float
+        Height of the plane at the lidar, a; negative if the lidar is above it.
+    slope_x, slope_y : float
+        Slopes along x and y, b and c.
+    """
+
+    level_m: float
+    slope_x: float
+    slope_y: float
+
+    def height(self, x: Floats, y: Floats) -> Floats:
+        """Return z of the plane at given positions, in metres."""
+        return self.level_m + self.slope_x * x + self.slope_y * y
+
+    def shifted(self, offset_m: float) -> "Plane":
+        """Return the plane moved up by an offset."""
+        return Plane(self.level_m + offset_m, self.slope_x, self.slope_y)
+
+
+@dataclass(frozen=True)
+class PolarCells:
+    """The occupied polar cells around the lidar, C of them, of 10° by 3 m.
+
+    Parameters
+    ----------
+    cell : ndarray, shape (N,), int64
+        Number of each point's cell.
+    lowest : ndarray, shape (3, C), float64
+        Coordinates of the lowest point of each occupied cell.
+    number : ndarray, shape (C,), int64
+        Number of each occupied cell.
+    """
+
+    cell: NDArray[np.int64]
+    lowest: Floats
+    number: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, xyz: Floats) -> "PolarCells":
+        """Return the cells of points between `NEAREST_M` and `FARTHEST_M`, shape (3, N)."""
+        x, y, z = xyz
+        bearing = np.floor((np.arctan2(y, x) + np.pi) * (_BEARINGS / (2 * np.pi))).astype(np.int64) % _BEARINGS
+        ring = np.clip((np.hypot(x, y) - NEAREST_M) // _STEP_M, 0, _RINGS - 1).astype(np.int64)
+        cell = bearing * _RINGS + ring
+        low = np.full(_BEARINGS * _RINGS, np.inf)
+        np.minimum.at(low, cell, z)
+        at = np.flatnonzero(z == low[cell])
+        number, first = np.unique(cell[at], return_index=True)
+        return cls(cell, xyz[:, at[first]], number)
+
+    @property
+    def enough(self) -> bool:
+        """Whether the cells can hold a plane."""
+        bearings = len(np.unique(self.number // _RINGS))
+        return len(self.number) >= _MIN_CELLS and bearings >= _MIN_BEARINGS
+
+
+def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
+    """Return the plane of the lowest points, and the weight of each cell, shape (C,).
+
+    The fit is iteratively reweighted least squares with Tukey's weights. Points above the plane count half, since what
+    rises out of the water is above it. Without a start, it starts from several levels and returns the best.
+    """
+    if start is not None:
+        return _reweighted(cells.lowest, start)
+    levels = np.quantile(cells.lowest[2], _START_SHARES)
+    fits = [_reweighted(cells.lowest, Plane(float(level), 0.0, 0.0)) for level in levels]
+    needed = _SUPPORT * max(float(weight.sum()) for _, weight in fits)
+    return min((fit for fit in fits if fit[1].sum() >= needed), key=lambda fit: fit[0].level_m)
+
+
+def _reweighted(points: Floats, plane: Plane) -> tuple[Plane, Floats]:
+    x, y, z = points
+    design = np.stack((np.ones_like(x), x, y))
+    ridge = np.diag([1e-9, _TILT_RIDGE, _TILT_RIDGE])
+    weight = np.zeros_like(z)
+    for scale in _SCALES_M:
+        residual = z - plane.height(x, y)
+        weight = np.clip(1 - (residual / (3 * scale)) ** 2, 0, None) ** 2
+        weight[residual > 0] *= _ABOVE
+        if weight.sum() < _MIN_BEARINGS:
+            break
+        normal = (design * weight) @ design.T + ridge
+        plane = Plane(*np.linalg.solve(normal, design @ (weight * z)).tolist())
+    return plane, weight
+
+
+def mean_level(cells: PolarCells, xyz: Floats, plane: Plane, weight: Floats, band_m: float) -> tuple[float, float]:
+    """Return the offset of the mean water from the plane of the lowest points, and its standard deviation.
+
+    Parameters
+    ----------
+    cells : PolarCells
+        Cells of the points.
+    xyz : ndarray, shape (3, N), float64
+        The points.
+    plane : Plane
+        Plane of the lowest points.
+    weight : ndarray, shape (C,), float64
+        Weights of the cells in the fit of the plane.
+    band_m : float
+        Height above the plane up to which points count as water.
+
+    Notes
+    -----
+    Each cell counts the same, whatever the number of its points: a hull has many points in few cells.
+    """
+    of_water = np.zeros(_BEARINGS * _RINGS, np.bool_)
+    of_water[cells.number[weight > _ABOVE / 3]] = True
+    height = xyz[2] - plane.height(xyz[0], xyz[1])
+    used = np.flatnonzero(of_water[cells.cell] & (np.abs(height) <= band_m))
+    if not len(used):
+        return 0.0, 0.0
+    share = 1 / np.bincount(cells.cell[used])[cells.cell[used]]
+    low, middle = _weighted_quantiles(height[used], share, (0.16, 0.5))
+    return middle, middle - low
+
+
+def _weighted_quantiles(values: Floats, weights: Floats, shares: Sequence[float]) -> list[float]:
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return [float(values[order[np.searchsorted(total, total[-1] * share)]]) for share in shares]

@@ -1,0 +1,100 @@
+"""The water surface of one frame: a plane, the swell on it, and the uncertainty of both."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from seaclutter_cli.frame import WaterState
+from seaclutter_cli.water.plane import Floats, Plane
+
+_REACH_M = 60.0
+_CELL_M = 1.5
+_CELLS = int(2 * _REACH_M / _CELL_M)
+_SMOOTHING_M = 2.5
+_MAX_PER_CELL = 3
+_SHRINKAGE = 2.0
+_ROUGHNESS = 0.5
+_RANGE_NOISE_M = 0.02
+
+
+@dataclass(frozen=True)
+class Swell:
+    """Height of the water above its mean plane on a grid of 1.5 m within 60 m, and how many echoes it rests on.
+
+    Parameters
+    ----------
+    height_m, echoes : ndarray, shape (6400,), float64
+        Height and equivalent number of echoes of each grid cell.
+    """
+
+    height_m: Floats
+    echoes: Floats
+
+    @classmethod
+    def of(cls, x: Floats, y: Floats, height: Floats) -> "Swell":
+        """Return the swell through points on the water: a mean over 2.5 m, shrunk towards 0 where echoes are few."""
+        cell, inside = _cells(x, y)
+        cell, height = cell[inside], height[inside]
+        count = np.bincount(cell, minlength=_CELLS**2).astype(np.float64)
+        total = np.bincount(cell, weights=height, minlength=_CELLS**2).astype(np.float64)
+        capped = np.minimum(count, _MAX_PER_CELL)
+        total *= capped / np.maximum(count, 1)
+        sigma = _SMOOTHING_M / _CELL_M
+        area = 2 * np.pi * sigma**2
+        echoes, sums = (
+            area * gaussian_filter(values.reshape(_CELLS, _CELLS), sigma, mode="constant").reshape(-1)
+            for values in (capped, total)
+        )
+        return cls(sums / (echoes + _SHRINKAGE), echoes)
+
+    def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Return height and number of echoes at given positions; both are 0 beyond the grid."""
+        cell, inside = _cells(x, y)
+        return np.where(inside, self.height_m[cell], 0.0), np.where(inside, self.echoes[cell], 0.0)
+
+
+def _cells(x: Floats, y: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the grid cells of positions, and which of them are on the grid."""
+    column, row = np.floor((x + _REACH_M) / _CELL_M), np.floor((y + _REACH_M) / _CELL_M)
+    inside = (column >= 0) & (column < _CELLS) & (row >= 0) & (row < _CELLS)
+    return np.where(inside, column * _CELLS + row, 0).astype(np.int64), inside
+
+
+@dataclass(frozen=True)
+class WaterSurface:
+    """The water around a lidar in one frame.
+
+    Parameters
+    ----------
+    plane : Plane
+        Mean plane of the water in the frame of the lidar.
+    sigma_m : float
+        Standard deviation of the water around the plane, in metres.
+    swell : Swell
+        Height of the water above the plane.
+    """
+
+    plane: Plane
+    sigma_m: float
+    swell: Swell
+
+    def above(self, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats]:
+        """Return the height of points above the water and its standard deviation, both in metres.
+
+        Notes
+        -----
+        Where many echoes support the swell, half of the deviation remains as waves too short for the grid. Where there
+        are none, the plane is all that is known, and the deviation is that of the water plus that of the plane.
+        """
+        swell, echoes = self.swell.at(x, y)
+        unknown = _SHRINKAGE / (echoes + _SHRINKAGE)
+        deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + _RANGE_NOISE_M
+        return z - self.plane.height(x, y) - swell, deviation
+
+    @property
+    def state(self) -> WaterState:
+        """Level, attitude and wave height as numbers."""
+        roll, pitch = np.degrees(np.arctan((-self.plane.slope_y, self.plane.slope_x))).tolist()
+        return WaterState(self.plane.level_m, roll, pitch, 4 * self.sigma_m)

@@ -1,0 +1,93 @@
+"""The water surface from frame to frame."""
+
+import numpy as np
+
+from seaclutter_cli.water.columns import upright
+from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, Floats, Plane, PolarCells, fit_plane, mean_level
+from seaclutter_cli.water.surface import Swell, WaterSurface
+
+_START_SIGMA_M = 0.1
+_START_PASSES = 5
+_BAND_SIGMAS = 3.5
+_MIN_BAND_M = 0.15
+_SIGMA_TIME_S = 1.0
+_MEMORY_S = 5.0
+
+
+class WaterTracker:
+    """Estimator of the water surface, frame by frame.
+
+    Notes
+    -----
+    For each frame, in order:
+
+    1. *Plane*: the lowest echo of each polar cell of 10° by 3 m, from 5 to 45 m; a plane through them by iteratively
+       reweighted least squares, from the plane of the frame before.
+    2. *Level and deviation*: medians over the echoes near that plane, with the same weight for each cell.
+    3. *Swell*: a mean over 2.5 m of the echoes near the plane, and then of those near this surface, so that it follows
+       crests. Echoes in columns with several heights belong to objects and do not count.
+
+    **State**: the plane of the last frame with water, the deviation averaged over a second, and their time. Without
+    water in a frame, they hold for five seconds.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the water."""
+        self._plane: Plane | None = None
+        self._sigma_m = 0.0
+        self._seen_s = 0.0
+
+    def step(self, xyz: Floats, time_s: float) -> WaterSurface | None:
+        """Return the water surface of a frame; None if no water was seen in the last five seconds.
+
+        Parameters
+        ----------
+        xyz : ndarray, shape (3, N), float64
+            Finite points of the frame in metres, without own ship.
+        time_s : float
+            Time of the frame in seconds.
+        """
+        if self._plane is not None and not 0 <= time_s - self._seen_s <= _MEMORY_S:
+            self.reset()
+        distance = np.hypot(xyz[0], xyz[1])
+        near = xyz[:, (distance >= NEAREST_M) & (distance < FARTHEST_M)]
+        cells = PolarCells.of(near)
+        if cells.enough:
+            self._update(cells, near, time_s)
+        if self._plane is None:
+            return None
+        return WaterSurface(self._plane, self._sigma_m, self._swell(self._plane, xyz))
+
+    def _update(self, cells: PolarCells, near: Floats, time_s: float) -> None:
+        lowest, weight = fit_plane(cells, self._plane)
+        known = self._plane is not None
+        sigma = self._sigma_m if known else _START_SIGMA_M
+        offset = 0.0
+        for _ in range(1 if known else _START_PASSES):
+            offset, sigma = mean_level(cells, near, lowest, weight, _band(sigma))
+        share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0
+        self._sigma_m = float(share * self._sigma_m + (1 - share) * sigma)
+        self._plane, self._seen_s = lowest.shifted(offset), time_s
+
+    def _swell(self, plane: Plane, xyz: Floats) -> Swell:
+        x, y, z = xyz
+        height = z - plane.height(x, y)
+        flat = np.flatnonzero(~upright(x, y, height, upright_span_m(self._sigma_m)))
+        x, y, height = x[flat], y[flat], height[flat]
+        near = np.abs(height) <= _band(self._sigma_m)
+        swell = Swell.of(x[near], y[near], height[near])
+        near = np.abs(height - swell.at(x, y)[0]) <= _band(self._sigma_m)
+        return Swell.of(x[near], y[near], height[near])
+
+
+def upright_span_m(sigma_m: float) -> float:
+    """Return the height that the echoes of a column of 1 m must span to belong to an object, in metres."""
+    return 0.25 + sigma_m
+
+
+def _band(sigma_m: float) -> float:
+    """Return the height around the water within which echoes count as water."""
+    return max(_MIN_BAND_M, _BAND_SIGMAS * sigma_m)
