@@ -136,7 +136,8 @@ class Confirmed(BaseFilter):
         # 4. Objects
         far, near = candidates & (heights.zone > 0), candidates & (heights.zone == 0)
         objects = find_objects(frame, far, heights, self._beams, self._params, near=False)
-        objects += find_objects(frame, near, heights, self._beams, self._params, near=True)
+        if self._tracker.any_from_outside:  # all else there is own ship
+            objects += find_objects(frame, near, heights, self._beams, self._params, near=True)
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
         objects += self._expected(frame, heights, objects, time_s)
         tracks = self._tracker.step(objects, time_s)
@@ -161,10 +162,11 @@ class Confirmed(BaseFilter):
         """Return objects of points below the thresholds where well-known objects are expected and not found."""
         cells = self._tracker.expected(objects, time_s)
         points = np.flatnonzero((heights.bright | heights.grows) & (heights.zone > 0))
+        if not len(cells) or not len(points):
+            return []
+        distance, _ = cKDTree(cells).query(frame.coordinates[:2, points].T, distance_upper_bound=_EXPECTED_M)
         among = np.zeros(frame.size, np.bool_)
-        if len(cells) and len(points):
-            distance, _ = cKDTree(cells).query(frame.coordinates[:2, points].T, distance_upper_bound=_EXPECTED_M)
-            among[points[np.isfinite(distance)]] = True
+        among[points[np.isfinite(distance)]] = True
         clusters = Clusters.among(frame, among, self._params)
         return [DetectedObject.of(frame, clusters.members(k), 0.0) for k in range(len(clusters))]
 

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-_REACH = 256
+_REACH = 128
 _COLUMNS = 2 * _REACH
 
 
@@ -15,7 +15,7 @@ def upright(x: Floats, y: Floats, height: Floats, span_m: float) -> NDArray[np.b
     Parameters
     ----------
     x, y, height : ndarray, shape (N,), float64
-        Coordinates in metres. Points beyond 255 m along x or y are in no column.
+        Coordinates in metres. Points beyond 127 m along x or y are in no column.
     span_m : float
         Least difference between the highest and the lowest echo of a column, in metres.
 

@@ -1,10 +1,10 @@
 """The water surface of one frame: a plane, the swell on it, and the uncertainty of both."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from seaclutter_cli.frame import WaterState
 from seaclutter_cli.water.plane import Floats, Plane
@@ -13,6 +13,7 @@ _REACH_M = 60.0
 _CELL_M = 1.5
 _CELLS = int(2 * _REACH_M / _CELL_M)
 _SMOOTHING_M = 2.5
+_TRUNCATION = 4.0
 _MAX_PER_CELL = 3
 _SHRINKAGE = 2.0
 _ROUGHNESS = 0.5
@@ -41,18 +42,21 @@ class Swell:
         total = np.bincount(cell, weights=height, minlength=_CELLS**2).astype(np.float64)
         capped = np.minimum(count, _MAX_PER_CELL)
         total *= capped / np.maximum(count, 1)
-        sigma = _SMOOTHING_M / _CELL_M
-        area = 2 * np.pi * sigma**2
-        echoes, sums = (
-            area * gaussian_filter(values.reshape(_CELLS, _CELLS), sigma, mode="constant").reshape(-1)
-            for values in (capped, total)
-        )
+        kernel = _smoothing()
+        echoes, sums = ((kernel @ grid.reshape(_CELLS, _CELLS) @ kernel).reshape(-1) for grid in (capped, total))
         return cls(sums / (echoes + _SHRINKAGE), echoes)
 
     def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Return height and number of echoes at given positions; both are 0 beyond the grid."""
         cell, inside = _cells(x, y)
         return np.where(inside, self.height_m[cell], 0.0), np.where(inside, self.echoes[cell], 0.0)
+
+
+@cache
+def _smoothing() -> Floats:
+    """Return the matrix that sums a grid along one axis with Gaussian weights, cut off at four deviations."""
+    steps = np.abs(np.subtract.outer(np.arange(_CELLS), np.arange(_CELLS))) * (_CELL_M / _SMOOTHING_M)
+    return np.asarray(np.where(steps <= _TRUNCATION, np.exp(-0.5 * steps**2), 0.0))
 
 
 def _cells(x: Floats, y: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
@@ -74,11 +78,14 @@ class WaterSurface:
         Standard deviation of the water around the plane, in metres.
     swell : Swell
         Height of the water above the plane.
+    upright : ndarray, shape (N,), bool
+        Which of the points that the estimate received are in columns with echoes at several heights.
     """
 
     plane: Plane
     sigma_m: float
     swell: Swell
+    upright: NDArray[np.bool_]
 
     def above(self, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats]:
         """Return the height of points above the water and its standard deviation, both in metres.

@@ -1,6 +1,7 @@
 """The water surface from frame to frame."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seaclutter_cli.water.columns import upright
 from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, Floats, Plane, PolarCells, fit_plane, mean_level
@@ -59,7 +60,8 @@ class WaterTracker:
             self._update(cells, near, time_s)
         if self._plane is None:
             return None
-        return WaterSurface(self._plane, self._sigma_m, self._swell(self._plane, xyz))
+        stands, swell = self._swell(self._plane, xyz)
+        return WaterSurface(self._plane, self._sigma_m, swell, stands)
 
     def _update(self, cells: PolarCells, near: Floats, time_s: float) -> None:
         lowest, weight = fit_plane(cells, self._plane)
@@ -72,15 +74,17 @@ class WaterTracker:
         self._sigma_m = float(share * self._sigma_m + (1 - share) * sigma)
         self._plane, self._seen_s = lowest.shifted(offset), time_s
 
-    def _swell(self, plane: Plane, xyz: Floats) -> Swell:
+    def _swell(self, plane: Plane, xyz: Floats) -> tuple[NDArray[np.bool_], Swell]:
+        """Return which points stand upright, and the swell through the others."""
         x, y, z = xyz
         height = z - plane.height(x, y)
-        flat = np.flatnonzero(~upright(x, y, height, upright_span_m(self._sigma_m)))
+        stands = upright(x, y, height, upright_span_m(self._sigma_m))
+        flat = np.flatnonzero(~stands)
         x, y, height = x[flat], y[flat], height[flat]
         near = np.abs(height) <= _band(self._sigma_m)
         swell = Swell.of(x[near], y[near], height[near])
         near = np.abs(height - swell.at(x, y)[0]) <= _band(self._sigma_m)
-        return Swell.of(x[near], y[near], height[near])
+        return stands, Swell.of(x[near], y[near], height[near])
 
 
 def upright_span_m(sigma_m: float) -> float:

@@ -10,8 +10,6 @@ from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.water import WaterSurface
-from seaclutter_cli.water.columns import upright
-from seaclutter_cli.water.tracker import upright_span_m
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -107,9 +105,9 @@ def measure(zoned: ZonedFrame, water: WaterSurface | None, params: ConfirmedPara
     rise = np.maximum(params.min_rise_m, params.rise_sigmas * deviation) + beyond
     high = used & (height > rise)
     reached, brightness = _brightness(zoned) if params.use_intensity else (~used, np.zeros(frame.size))
-    columns = np.flatnonzero(used)
     stands = np.zeros(frame.size, np.bool_)
-    stands[columns] = upright(x[columns], y[columns], height[columns], upright_span_m(sigma))
+    if water is not None:
+        stands[used] = water.upright
     return Heights(
         zoned.zone,
         zoned.reason,

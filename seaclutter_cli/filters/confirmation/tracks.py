@@ -109,6 +109,11 @@ class Tracker:
         self._params = params
         self._tracks: list[Track] = []
 
+    @property
+    def any_from_outside(self) -> bool:
+        """Whether any object has been confirmed beyond ``start_m``."""
+        return any(track.from_outside for track in self._tracks)
+
     def step(self, objects: Sequence[DetectedObject], time_s: float) -> list[Track]:
         """Return the track of each object of a frame; a new one where an object continues none.
 
