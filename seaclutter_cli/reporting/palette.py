@@ -12,7 +12,7 @@ REASONS: Mapping[Reason, str] = {
     Reason.FAR: "#0b6b50",
     Reason.EXCLUDED: "#8a2bb0",
     Reason.INVALID: "#e6d07a",
-    Reason.UNCONFIRMED: "#c2417c",
+    Reason.UNCONFIRMED: "#870f1e",
 }
 """Colour of each reason, in the order of tables and legends."""
 

@@ -2,7 +2,7 @@
 
 import math
 
-KEPT, INVALID, NEAR, LOW, OUTLIER, FAR, EXCLUDED = range(7)
+KEPT, INVALID, NEAR, LOW, OUTLIER, FAR, EXCLUDED, UNCONFIRMED = range(8)
 
 
 def reasons(method, *frames):

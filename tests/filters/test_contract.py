@@ -14,8 +14,9 @@ from seaclutter_cli.frame import Reason
 from tests.filters.frames import big_endian, frame_of, make_frame, organised, sea_frame, take
 
 KEEPS_INVALID = {"none"}
-LOOKS_DOWN = {"sea_surface"}
-RINGS = {"joint": 4, "ring_intensity": 4, "ring_intensity_outlier": 4, "global_intensity": 1}
+LOOKS_DOWN = {"sea_surface", "confirmed"}
+KNOWS_THE_SEA = {"confirmed"}
+RINGS = {"joint": 4, "confirmed": 4, "ring_intensity": 4, "ring_intensity_outlier": 4, "global_intensity": 1}
 
 pytestmark = pytest.mark.parametrize("name", FILTERS)
 
@@ -85,8 +86,10 @@ def test_rings_add_up(name):
         assert [values.dtype for values in dataclasses.astuple(result.rings)] == ["f8", "f8", "i8", "i8", "i8"]
         inside = result.frame.valid & (result.frame.range_m >= 10) & (result.frame.range_m < 70)
         assert result.rings.points.sum() == inside.sum()
-        assert result.rings.low_intensity.sum() == result.counts[Reason.LOW_INTENSITY]
-        assert result.rings.outliers.sum() == result.counts[Reason.OUTLIER]
+        # Methods that also remove points beyond the range rings count those in the rings.
+        counts = np.bincount(result.reason[inside], minlength=len(Reason)) if name in KNOWS_THE_SEA else result.counts
+        assert result.rings.low_intensity.sum() == counts[Reason.LOW_INTENSITY]
+        assert result.rings.outliers.sum() == counts[Reason.OUTLIER] + counts[Reason.UNCONFIRMED]
 
 
 def test_equal_filters_give_equal_results(name):
@@ -176,6 +179,8 @@ def test_unit_of_length_does_not_matter(name, factor):
 
     A factor that is a power of two changes no digits.
     """
+    if name in KNOWS_THE_SEA:
+        pytest.skip("the method knows sizes of waves, wakes and boats, which no key sets")
     params = {
         field.name: getattr(FILTERS[name].Params(), field.name) * (1 / factor if "_per_m" in field.name else factor)
         for field in dataclasses.fields(FILTERS[name].Params)

@@ -7,8 +7,8 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
-from seaclutter_cli.messages.diagnostics import Diagnostics, diagnostics_format
+from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings, WaterState
+from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format, read_diagnostics
 from seaclutter_cli.records import Channel, Message
 
 NUMBERS = {
@@ -22,6 +22,8 @@ NUMBERS = {
     "far": 5,
     "excluded": 6,
 }
+WATER_NUMBERS = {**NUMBERS, "unconfirmed": 7, "points_in": 35}
+MEASURES = {"water_level_m": -2.5, "roll_deg": 0.25, "pitch_deg": -1 / 3, "significant_wave_height_m": 0.5}
 ARRAYS = {
     "thresholds": [30.0, 16.1],
     "corrections": [0.0, 1 / 3],
@@ -31,21 +33,21 @@ ARRAYS = {
 }
 
 
-def result_of(stamp_ns, *, rings=True, log_time_ns=5, topic="/points", scene=None):
-    """Return a result with 7 kept points and 1, 2, … 6 points removed for each reason."""
-    reason = np.repeat(np.arange(7), [7, 1, 2, 3, 4, 5, 6]).astype(np.uint8)
-    cloud = from_array(np.zeros(28, [("x", "f4")]), stamp_ns=stamp_ns)
+def result_of(stamp_ns, *, rings=True, log_time_ns=5, topic="/points", scene=None, water=None, unconfirmed=0):
+    """Return a result with 7 kept points and 1, 2, … 6 points removed for each reason but the last."""
+    reason = np.repeat(np.arange(8), [7, 1, 2, 3, 4, 5, 6, unconfirmed]).astype(np.uint8)
+    cloud = from_array(np.zeros(len(reason), [("x", "f4")]), stamp_ns=stamp_ns)
     frame = Frame.of_message(Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), cloud, 12)
     values = (np.array(ARRAYS[name]) for name in ARRAYS)
-    return FilterResult(frame, reason, Rings(*values) if rings else None, scene)
+    return FilterResult(frame, reason, Rings(*values) if rings else None, scene, water)
 
 
-def decode(encoding, schema, data):
+def decode(encoding, schema, data, numbers=tuple(NUMBERS)):
     """Return the message, decoded with its own definition only."""
     if encoding == "json":
         return json.loads(data)
     store = get_typestore(Stores.EMPTY)
-    name = schema.name.replace("seaclutter_msgs/Diag", "seaclutter_msgs/msg/Diag")
+    name = f"seaclutter_msgs/msg/{schema.name.rpartition('/')[2]}"
     types = get_types_from_msg(schema.data.decode(), name)
     if encoding == "ros1":
         types = {**get_typestore(Stores.ROS1_NOETIC).fielddefs, **types}
@@ -57,7 +59,7 @@ def decode(encoding, schema, data):
         "stamp": stamp,
         "topic": message.topic,
         "scene": message.scene,
-        **{name: getattr(message, name) for name in NUMBERS},
+        **{name: getattr(message, name) for name in numbers},
         **arrays,
     }
 
@@ -115,11 +117,12 @@ def test_a_stamp_out_of_range_is_clipped(stamp_ns, cdr, ros1, exact):
         assert (seconds, stamp["nsec"]) == expected
 
 
-def test_the_json_schema_describes_every_key():
-    _, schema, serialise = diagnostics_format("protobuf")
+@pytest.mark.parametrize("layout", [PLAIN, WATER], ids=lambda layout: layout.name)
+def test_the_json_schema_describes_every_key(layout):
+    _, schema, serialise = diagnostics_format("protobuf", layout)
     described = json.loads(schema.data)["properties"]
-    message = json.loads(serialise(Diagnostics.of(result_of(1))))
-    kinds = {dict: "object", str: "string", int: "integer", list: "array"}
+    message = json.loads(serialise(Diagnostics.of(result_of(1, water=WaterState(*MEASURES.values())), layout)))
+    kinds = {dict: "object", str: "string", int: "integer", list: "array", float: ["number", "null"]}
     assert {key: kinds[type(value)] for key, value in message.items()} == {
         key: value["type"] for key, value in described.items()
     }
@@ -127,11 +130,41 @@ def test_the_json_schema_describes_every_key():
 
 
 def test_every_reason_has_a_count():
-    assert {reason.name.lower() for reason in Reason if reason} < NUMBERS.keys()
+    assert {reason.name.lower() for reason in Reason if reason} < WATER_NUMBERS.keys()
+    assert WATER_NUMBERS.keys() - NUMBERS.keys() == {"unconfirmed"}, "no other method leaves points unconfirmed"
 
 
-def test_definitions_match_the_ros_version():
-    ros1, ros2 = (diagnostics_format(encoding)[1].data.decode().splitlines() for encoding in ("ros1", "cdr"))
+@pytest.mark.parametrize("state", [WaterState(*MEASURES.values()), None], ids=["water", "no water"])
+@ENCODINGS
+def test_messages_of_methods_that_estimate_the_water(cloud_encoding, encoding, name, schema_encoding, state):
+    made, schema, serialise = diagnostics_format(cloud_encoding, WATER)
+    expected_name = name.replace("Diagnostics", "WaterDiagnostics")
+    assert (made, schema.name, schema.encoding) == (encoding, expected_name, schema_encoding)
+    result = result_of(3_000_000_004, unconfirmed=7, water=state)
+    data = serialise(Diagnostics.of(result, WATER))
+    message = decode(encoding, schema, data, (*WATER_NUMBERS, *MEASURES))
+    missing = None if encoding == "json" else pytest.approx(np.nan, nan_ok=True)
+    measures = MEASURES if state else dict.fromkeys(MEASURES, missing)
+    texts = {"topic": "/points", "scene": ""}
+    assert message == {"stamp": {"sec": 3, "nsec": 4}, **texts, **WATER_NUMBERS, **ARRAYS, **measures}
+    found = read_diagnostics(data, encoding, schema.name)
+    assert found.counts.tolist() == result.counts.tolist()
+    assert found.measures == pytest.approx(MEASURES if state else dict.fromkeys(MEASURES, np.nan), nan_ok=True)
+
+
+@pytest.mark.parametrize("encoding", ["cdr", "ros1", "json"])
+def test_both_layouts_are_read_back(encoding):
+    for layout, unconfirmed in ((PLAIN, 0), (WATER, 7)):
+        _, schema, serialise = diagnostics_format(encoding, layout)
+        diagnostics = Diagnostics.of(result_of(1, unconfirmed=unconfirmed), layout)
+        found = read_diagnostics(serialise(diagnostics), encoding, schema.name)
+        assert found.counts.tolist() == [7, 1, 2, 3, 4, 5, 6, unconfirmed]
+        assert found.measures.keys() == (MEASURES.keys() if layout is WATER else set())
+
+
+@pytest.mark.parametrize("layout", [PLAIN, WATER], ids=lambda layout: layout.name)
+def test_definitions_match_the_ros_version(layout):
+    ros1, ros2 = (diagnostics_format(encoding, layout)[1].data.decode().splitlines() for encoding in ("ros1", "cdr"))
     assert ros1[0] == "time stamp"
     assert ros2[0] == "builtin_interfaces/Time stamp"
     assert "MSG: builtin_interfaces/Time" in ros2

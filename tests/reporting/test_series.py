@@ -20,10 +20,10 @@ def test_a_history_returns_the_values_added():
     history = History(2)
     rings = Rings(np.array([30.0, 16]), np.array([0.0, 5]), *np.zeros((3, 2), np.int64))
     alarms = Alarms(targets=3, visible=2, detected=1, clusters=4, false_alarms=3)
-    history.add(Numbers(np.arange(7), rings), FrameScore(21, 0, 4, 0, alarms, None))
+    history.add(Numbers(np.arange(8), rings), FrameScore(21, 0, 4, 0, alarms, None))
     history.add(None, None)
-    history.add(Numbers(np.arange(7), None), FrameScore(21, 0, 5, 0, None, None))
-    assert history.counts[0].tolist() == list(range(7))
+    history.add(Numbers(np.arange(8), None), FrameScore(21, 0, 5, 0, None, None))
+    assert history.counts[0].tolist() == list(range(8))
     assert np.isnan(history.counts[1]).all()
     assert history.thresholds[0].tolist() == [30, 16]
     assert history.corrections[0].tolist() == [0, 5]
@@ -36,7 +36,7 @@ def test_a_history_returns_the_values_added():
 def test_scenes_by_name():
     history = History(0)
     for scene in ("open", None, "confined", "open"):
-        history.add(Numbers(np.arange(7), None, scene), None)
+        history.add(Numbers(np.arange(8), None, scene), None)
     history.add(None, None)
     found = {name: frames.tolist() for name, frames in history.scenes.items()}
     assert found == {"confined": [0, 0, 1, 0, 0], "open": [1, 0, 0, 1, 0]}

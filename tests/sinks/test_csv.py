@@ -13,7 +13,7 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.config import load_config
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.frame import FilterResult, Frame, Rings
+from seaclutter_cli.frame import FilterResult, Frame, Rings, WaterState
 from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.selection import Selection
@@ -34,10 +34,10 @@ def rows_of(path):
         return list(csv.DictReader(file, strict=True))
 
 
-def result_of(index, *, stamp_ns=0, log_time_ns=5, rings=None, topic="/points", scene=None):
+def result_of(index, *, stamp_ns=0, log_time_ns=5, topic="/points", **values):
     cloud = from_array(np.zeros(7, [("x", "f4")]), stamp_ns=stamp_ns)
     frame = Frame.of_message(Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), cloud, index)
-    return FilterResult(frame, np.array([0, 0, 1, 3, 3, 5, 6], np.uint8), rings, scene)
+    return FilterResult(frame, np.array([0, 0, 1, 3, 3, 5, 6], np.uint8), **values)
 
 
 def test_one_row_per_frame(tmp_path):
@@ -64,13 +64,16 @@ def test_one_row_per_frame(tmp_path):
 def test_every_method_fills_its_columns(tmp_path, method):
     config = load_config(method=method)
     log = cloud_log(tmp_path / "in.mcap", frames=2, points=60)
-    with CsvSink(tmp_path / "frames.csv", len(config.ring_edges[1:]), scenes=config.has_scenes) as sink:
+    columns = {"scenes": config.has_scenes, "water": config.has_water}
+    with CsvSink(tmp_path / "frames.csv", len(config.ring_edges[1:]), **columns) as sink:
         filter_log(log, tmp_path / "out.mcap", method=method, sinks=[sink])
     for row in rows_of(tmp_path / "frames.csv"):
         assert row.get("scene") == ("open" if method == "adaptive_radius" else None)
         assert None not in row, "not more values than columns"
         assert None not in row.values(), "not fewer values than columns"
-        assert sum(int(row[name]) for name in (*REASONS, "points_out")) == int(row["points_in"]) == 60
+        assert ("unconfirmed" in row) == ("water_level_m" in row) == (method == "confirmed")
+        removed = [int(row.get(name, 0)) for name in (*REASONS, "unconfirmed")]
+        assert sum(removed) + int(row["points_out"]) == int(row["points_in"]) == 60
 
 
 def test_a_frame_without_ring_values_has_empty_cells(tmp_path):
@@ -93,6 +96,20 @@ def test_the_scene_is_the_last_column(tmp_path):
     lines = (tmp_path / "frames.csv").read_text().splitlines()
     assert lines[0] == ",".join((COLUMNS[0], "threshold_1", "correction_1", "scene"))
     assert [line.split(",,,")[1] for line in lines[1:]] == ["open", "", '"a ""dense"", row"']
+
+
+def test_unconfirmed_points_and_the_water_are_the_last_columns(tmp_path):
+    with CsvSink(tmp_path / "frames.csv", 0, water=True) as sink:
+        sink.begin(FakeSource(()), [])
+        sink.write(result_of(0, water=WaterState(-2.51234, 0.5, -1.0, 1 / 3)))
+        sink.write(replace(result_of(1), reason=np.array([0, 0, 1, 7, 7, 5, 6], np.uint8)))
+        sink.end()
+    lines = (tmp_path / "frames.csv").read_text().splitlines()
+    assert lines[0] == f"{COLUMNS[0]},unconfirmed,water_level_m,roll_deg,pitch_deg,significant_wave_height_m"
+    assert lines[1:] == [
+        "log,/points,0,5,7,1,0,2,0,1,1,2,0,-2.5123,0.5,-1.0,0.3333",
+        "log,/points,1,5,7,1,0,0,0,1,1,2,2,,,,",
+    ]
 
 
 @pytest.mark.parametrize(
