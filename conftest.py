@@ -8,6 +8,8 @@ import pytest
 from _pytest.doctest import DoctestItem
 
 QUICK_S = 0.1
+QUICK_TOTAL_S = 20
+STARTED_S = perf_counter()
 SECONDS = "seaclutter/seconds"
 """Key in the cache of pytest: how long each test, and each fixture of a test file, took in the last full run."""
 
@@ -40,6 +42,12 @@ def pytest_collection_modifyitems(config, items):
             chosen[test] = item
     items[:] = chosen.values()
     config.hook.pytest_deselected(items=others)
+
+
+def pytest_runtest_setup(item):
+    """Bound the time of a quick run, also without the times of a full run: skip what does not fit."""
+    if item.config.getoption("quick") and perf_counter() - STARTED_S > QUICK_TOTAL_S:
+        pytest.skip("no time left in a quick run")
 
 
 class _Clock:
