@@ -5,9 +5,10 @@ import signal
 from hypothesis import settings
 
 # The same examples in every run, without a deadline, so that results do not depend on randomness or machine load.
-# Run pytest --hypothesis-profile=search to search for new examples.
+# Run pytest --hypothesis-profile=search to search for new examples; quick is for python -m tests --quick.
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("search", derandomize=False, deadline=None)
+settings.register_profile("quick", derandomize=True, deadline=None, max_examples=5)
 settings.load_profile("same")
 
 # Background jobs of a shell ignore SIGINT, and so would the programs that tests start and interrupt.

@@ -109,3 +109,15 @@ def test_the_wheel_gets_what_exists():
         assert (ROOT / folder).is_dir()
     for package in wheel["packages"]:
         assert (ROOT / package / "py.typed").exists()
+
+
+def test_the_table_of_additions_names_what_exists():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    names = re.findall(r"`([^`]+)`", text.partition("\n## To add one thing\n")[2].partition("\nA method's `Params`")[0])
+    code = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "seaclutter_cli").rglob("*.py"))
+    for name in names:
+        if "/" in name:
+            pattern = re.sub(r"<\w+>", "*", name).rstrip("/")
+            assert any(any(folder.glob(pattern)) for folder in (ROOT, ROOT / "seaclutter_cli")), name
+        elif name.isupper():
+            assert re.search(rf"^{name}\b", code, re.MULTILINE), name

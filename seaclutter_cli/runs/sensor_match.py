@@ -3,23 +3,14 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from seaclutter_cli.config import SensorParams
     from seaclutter_cli.interfaces import Source
-    from seaclutter_cli.records import SensorFacts
-
-
-def facts_of(source: "Source") -> "Mapping[str, SensorFacts]":
-    """Return facts about the sensor of each cloud topic; complete once all records have been read."""
-    found: Mapping[str, SensorFacts] = getattr(source, "facts", {})
-    return found
 
 
 def mismatches(sensor: "SensorParams", source: "Source") -> list[str]:
     """Return a warning for each sensor of a recording that the thresholds are not for."""
     warnings = []
-    for topic, facts in facts_of(source).items():
+    for topic, facts in source.facts.items():
         mode = facts.details.get("intensity")
         if sensor.model and sensor.model != facts.model:
             warnings.append(

@@ -27,7 +27,7 @@ START_NS = 1_700_000_000 * 10**9
 _TYPE = "sensor_msgs/msg/PointCloud2"
 
 
-class Log(Protocol):
+class LogWriter(Protocol):
     """Writer of a simulated recording."""
 
     def add(self, frame: SimulatedFrame) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
-from seaclutter_cli.simulation.marine.formats import FORMATS, Log
+from seaclutter_cli.simulation.marine.formats import FORMATS, LogWriter
 from seaclutter_cli.simulation.marine.render import Renderer, SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.sinks.atomic import AtomicFile
@@ -53,7 +53,7 @@ def record(scene: Scene, log: Path, labels: Path, on_frame: Callable[[SimulatedF
         If the format does not support the lidar.
     """
     with AtomicFile(log) as log_file, AtomicFile(labels) as label_file:
-        writer: Log = FORMATS[log.suffix[1:]](scene, log_file.stream)
+        writer: LogWriter = FORMATS[log.suffix[1:]](scene, log_file.stream)
         try:
             label_file.stream.write((",".join(_COLUMNS) + "\n").encode())
             for frame in simulate_frames(scene):
