@@ -20,6 +20,7 @@ from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.water import WaterTracker
 
+Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _RADIUS_RATIO = 0.025
@@ -136,13 +137,15 @@ class Confirmed(BaseFilter):
         # 4. Objects
         far, near = candidates & (heights.zone > 0), candidates & (heights.zone == 0)
         objects = find_objects(frame, far, heights, self._beams, self._params, near=False)
-        if self._tracker.any_from_outside:  # all else there is own ship
+        if self._tracker.approached(self._params.start_m, time_s):  # all else there is own ship
             objects += find_objects(frame, near, heights, self._beams, self._params, near=True)
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
-        objects += self._expected(frame, heights, objects, time_s)
-        tracks = self._tracker.step(objects, time_s)
+        found = self._tracker.associate(objects, time_s)
+        if weak := self._expected(frame, heights, self._tracker.expected(found, time_s)):
+            found = self._tracker.associate([*objects, *weak], time_s)
+        tracks = self._tracker.step(found, time_s)
         state = None if water is None else water.state
-        return _Undecided(frame, time_s, heights, self._reasons(heights, objects), objects, tracks, state)
+        return _Undecided(frame, time_s, heights, self._reasons(heights, found.objects), found.objects, tracks, state)
 
     def _dense(self, frame: Frame, heights: Heights) -> Mask:
         """Return the bright points in the band with at least 7 other candidates within 2.5 % of their range."""
@@ -156,11 +159,8 @@ class Confirmed(BaseFilter):
             dense[chosen[distance <= _RADIUS_RATIO * frame.range_m[chosen]]] = True
         return dense
 
-    def _expected(
-        self, frame: Frame, heights: Heights, objects: Sequence[DetectedObject], time_s: float
-    ) -> list[DetectedObject]:
-        """Return objects of points below the thresholds where well-known objects are expected and not found."""
-        cells = self._tracker.expected(objects, time_s)
+    def _expected(self, frame: Frame, heights: Heights, cells: Floats) -> list[DetectedObject]:
+        """Return objects of points below the thresholds around cells where well-known objects are expected."""
         points = np.flatnonzero((heights.bright | heights.grows) & (heights.zone > 0))
         if not len(cells) or not len(points):
             return []

@@ -32,11 +32,15 @@ def upright(x: Floats, y: Floats, height: Floats, span_m: float) -> NDArray[np.b
     found = np.zeros(len(x), np.bool_)
     inside = np.flatnonzero((np.abs(x) < _REACH - 1) & (np.abs(y) < _REACH - 1))
     x, y, height = x[inside], y[inside], height[inside]
+    if not len(inside):
+        return found
     for shift in (0.0, 0.5):
-        column = np.floor(x + (_REACH + shift)).astype(np.int64) * _COLUMNS
-        column += np.floor(y + (_REACH + shift)).astype(np.int64)
-        lowest, highest = np.full(_COLUMNS**2, np.inf), np.full(_COLUMNS**2, -np.inf)
-        np.minimum.at(lowest, column, height)
-        np.maximum.at(highest, column, height)
-        found[inside[highest[column] - lowest[column] >= span_m]] = True
+        column = (x + (_REACH + shift)).astype(np.uint16) * np.uint16(_COLUMNS)
+        column += (y + (_REACH + shift)).astype(np.uint16)
+        order = np.argsort(column, kind="stable")  # a radix sort for 16 bits
+        ordered, values = column[order], height[order]
+        start = np.flatnonzero(np.concatenate(([True], ordered[1:] != ordered[:-1])))
+        span = np.maximum.reduceat(values, start) - np.minimum.reduceat(values, start)
+        stands = np.repeat(span >= span_m, np.diff(start, append=len(order)))
+        found[inside[order[stands]]] = True
     return found

@@ -96,6 +96,25 @@ class Track:
         self.cells, self.center, self.seen_s = found.cells, found.center, time_s
 
 
+@dataclass(frozen=True)
+class Association:
+    """The K objects of a frame and the T tracks that expect them.
+
+    Parameters
+    ----------
+    objects : sequence of DetectedObject
+        The objects.
+    votes : ndarray, shape (K, T), int64
+        Number of cells of each object that each track expects.
+    covered : ndarray, shape (T,), bool
+        Whether most of the cells that a track expects are in any objects.
+    """
+
+    objects: Sequence[DetectedObject]
+    votes: NDArray[np.int64]
+    covered: NDArray[np.bool_]
+
+
 class Tracker:
     """The tracks of a recording.
 
@@ -109,12 +128,17 @@ class Tracker:
         self._params = params
         self._tracks: list[Track] = []
 
-    @property
-    def any_from_outside(self) -> bool:
-        """Whether any object has been confirmed beyond ``start_m``."""
-        return any(track.from_outside for track in self._tracks)
+    def approached(self, start_m: float, time_s: float) -> bool:
+        """Return whether an object confirmed beyond ``start_m`` can have parts nearer than that."""
+        from_outside = (track for track in self._tracks if track.from_outside)
+        return any(np.hypot(*track.expected(time_s).T).min() < start_m + _CONTACT_M for track in from_outside)
 
-    def step(self, objects: Sequence[DetectedObject], time_s: float) -> list[Track]:
+    def associate(self, objects: Sequence[DetectedObject], time_s: float) -> "Association":
+        """Return how the objects of a frame fit the tracks."""
+        votes, covered = self._votes(objects, time_s)
+        return Association(objects, votes, covered)
+
+    def step(self, found: "Association", time_s: float) -> list[Track]:
         """Return the track of each object of a frame; a new one where an object continues none.
 
         Notes
@@ -123,7 +147,7 @@ class Tracker:
         the most cells and evidence does, and the others start tracks of their own. A track most of whose cells lie in
         an object of another track, such as a boat alongside another, is neither found nor missed.
         """
-        votes, covered = self._votes(objects, time_s)
+        objects, votes, covered = found.objects, found.votes, found.covered
         tracks: list[Track | None] = [None] * len(objects)
         for t, candidates in _by_track(votes).items():
             weight = [votes[k, t] * (1 + max(objects[k].evidence, 0.0)) for k in candidates]
@@ -132,18 +156,17 @@ class Tracker:
                 tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
         result = [track or self._begun(one, time_s) for track, one in zip(tracks, objects, strict=True)]
         self._recognise(objects, result, votes)
-        found = {id(track) for track in result}
+        seen = {id(track) for track in result}
         for track, hidden in zip(self._tracks, covered, strict=True):
-            if id(track) not in found and not hidden:
+            if id(track) not in seen and not hidden:
                 self._collect(track, time_s, None)
-        unseen = [one for one in self._tracks if id(one) not in found and time_s - one.seen_s <= _COAST_S]
+        unseen = [one for one in self._tracks if id(one) not in seen and time_s - one.seen_s <= _COAST_S]
         self._tracks = unseen + result
         return result
 
-    def expected(self, objects: Sequence[DetectedObject], time_s: float) -> Floats:
+    def expected(self, found: "Association", time_s: float) -> Floats:
         """Return where objects with much evidence are expected but not found, shape (m, 2)."""
-        votes, covered = self._votes(objects, time_s)
-        missing = ~votes.any(axis=0) & ~covered
+        missing = ~found.votes.any(axis=0) & ~found.covered
         cells = [
             track.expected(time_s)
             for track, is_missing in zip(self._tracks, missing, strict=True)
