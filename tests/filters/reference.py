@@ -6,14 +6,16 @@ They share no code with the program except the codes of `Reason` and the config 
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from seaclutter_cli.frame import Frame, Reason
+from tests.filters.reference_confirmed import ConfirmedObjects
 from tests.filters.reference_points import (
     TIE,
+    Answer,
     Point,
+    RingCounts,
     distances_to_others,
     isolated_by_count,
     mean_and_deviation,
@@ -21,25 +23,6 @@ from tests.filters.reference_points import (
     outliers_of,
     points_of,
 )
-
-
-@dataclass
-class RingCounts:
-    """Thresholds, corrections and counts, one value per range ring."""
-
-    thresholds: list[float]
-    corrections: list[float]
-    points: list[int]
-    low_intensity: list[int]
-    outliers: list[int]
-
-
-@dataclass
-class Answer:
-    """Reason of every point, and counts of the range rings."""
-
-    reason: list[int]
-    rings: RingCounts | None = None
 
 
 def reason_before_rings(point: Point, params: Any) -> Reason | None:
@@ -363,6 +346,7 @@ class Nothing(WholeFrame):
 
 REFERENCES: dict[str, Callable[[Any], Any]] = {
     "joint": lambda params: Rings(params, outliers=True, correction=True),
+    "confirmed": ConfirmedObjects,
     "ring_intensity_outlier": lambda params: Rings(params, outliers=True, correction=False),
     "ring_intensity": lambda params: Rings(params, outliers=False, correction=False),
     "global_intensity": GlobalIntensity,

@@ -1,7 +1,8 @@
-"""Points and their neighbourhoods as plain loops, for `reference`."""
+"""Points and their neighbourhoods as plain loops, and the answers of methods, for `reference`."""
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,25 @@ few thousand terms) and far below the resolution of any lidar.
 
 MANY = 400
 """Number of points from which distances are computed by numpy, ten times as fast."""
+
+
+@dataclass
+class RingCounts:
+    """Thresholds, corrections and counts, one value per range ring."""
+
+    thresholds: list[float]
+    corrections: list[float]
+    points: list[int]
+    low_intensity: list[int]
+    outliers: list[int]
+
+
+@dataclass
+class Answer:
+    """Reason of every point, and counts of the range rings."""
+
+    reason: list[int]
+    rings: RingCounts | None = None
 
 
 class Point(NamedTuple):

@@ -1,0 +1,192 @@
+"""Reference of the method ``confirmed`` as plain loops over a log in memory.
+
+It shares with the program the constants, so that tuning them changes both, the codes of `Reason` and the config keys.
+Two choices that the method leaves open are the same as in the program: objects are numbered by their first points,
+those of the far points before those of the near ones, and the first of equals wins.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from seaclutter_cli.filters import confirmed
+from seaclutter_cli.filters.confirmation import heights
+from seaclutter_cli.frame import Frame, Reason
+from tests.filters.reference_objects import (
+    Beams,
+    Echo,
+    Thing,
+    candidates_of,
+    clusters_of,
+    echo_of,
+    evidence_of,
+    nearest,
+    places_of,
+)
+from tests.filters.reference_points import Answer, Point, RingCounts, points_of
+from tests.filters.reference_tracks import SLACK_S, Track, Tracks
+from tests.filters.reference_water import Surface, Water
+
+
+@dataclass
+class Scan:
+    """A frame with its objects and their tracks."""
+
+    time_s: float
+    reasons: list[int]
+    rings: list[int | None]
+    echoes: list[Echo]
+    things: list[Thing]
+    tracks: list[Track]
+    water: Surface | None
+    decided: bool = False
+    memories: list[float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.memories = [track.memory for track in self.tracks]
+
+
+class ConfirmedObjects:
+    """The method, frame by frame or over a whole log."""
+
+    def __init__(self, params: Any) -> None:
+        self.params = params
+        self.reset()
+
+    def reset(self) -> None:
+        self.scans: list[Scan] = []
+        self.tracks = Tracks(self.params)
+        self.water = Water()
+        self.beams = Beams()
+
+    def observe(self, frame: Frame) -> None:
+        raise AssertionError("one pass is enough")
+
+    def step(self, frame: Frame) -> Answer:
+        """Return the answer to a frame at once."""
+        self.receive(frame, 0.0)
+        return self.answer(self.scans[-1])
+
+    def log(self, frames: Iterable[Frame]) -> list[Answer]:
+        """Return the answers to all frames of a log."""
+        ahead = 0.0 if self.params.causal else self.params.look_ahead_s
+        for frame in frames:
+            self.receive(frame, ahead)
+        self.decide(math.inf)
+        return [self.answer(scan) for scan in self.scans]
+
+    def answer(self, scan: Scan) -> Answer:
+        reasons = [int(reason) for reason in scan.reasons]
+        if not self.params.use_intensity:
+            return Answer(reasons)
+        thresholds = list(self.params.initial_thresholds)
+        counts = RingCounts(thresholds, [0.0] * len(thresholds), [], [], [])
+        for ring in range(len(thresholds)):
+            own = [reason for reason, place in zip(reasons, scan.rings, strict=True) if place == ring]
+            counts.points.append(len(own))
+            counts.low_intensity.append(own.count(Reason.LOW_INTENSITY))
+            counts.outliers.append(own.count(Reason.OUTLIER) + own.count(Reason.UNCONFIRMED))
+        return Answer(reasons, counts)
+
+    def receive(self, frame: Frame, ahead_s: float) -> None:
+        time_s = frame.stamp_ns / 1e9
+        if self.scans and not 0 <= time_s - self.scans[-1].time_s <= confirmed._MAX_GAP_S:
+            self.decide(math.inf)
+            self.tracks = Tracks(self.params)
+        self.scans.append(self.scan(frame, time_s))
+        self.decide(time_s - ahead_s)
+
+    def decide(self, until_s: float) -> None:
+        """Decide all frames up to a time."""
+        for scan in self.scans:
+            if not scan.decided and scan.time_s <= until_s + SLACK_S:
+                self.confirm(scan)
+                scan.decided = True
+
+    def scan(self, frame: Frame, time_s: float) -> Scan:
+        """Find the objects of a frame and their tracks."""
+        points = points_of(frame)
+        rings = [self.ring_of(point) for point in points]
+        used = [number for number, point in enumerate(points) if self.is_used(point, rings[number])]
+        water = self.water.step([points[number].xyz for number in used], time_s)
+        stands = [False] * len(used) if water is None else water.upright
+        echoes = [
+            echo_of(number, points[number], rings[number], water, self.params, upright=upright)
+            for number, upright in zip(used, stands, strict=True)
+        ]
+        self.beams.learn(echoes)
+        candidates = candidates_of(echoes)
+        sigma = 0.0 if water is None else water.sigma
+        things = self.things([one for one in candidates if not one.near], sigma, near=False)
+        if self.tracks.approach(self.params.start_m, time_s):
+            things += self.things([one for one in candidates if one.near], sigma, near=True)
+        places = places_of(self.tracks.missing(things, time_s))
+        expected = [
+            echo
+            for echo in echoes
+            if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, places) < confirmed._EXPECTED_M
+        ]
+        things += [Thing(own, 0.0, near=False) for own in clusters_of(expected, self.params)]
+        reasons = [self.by_zone(point, ring) for point, ring in zip(points, rings, strict=True)]
+        mark(reasons, echoes, things, Reason.LOW_INTENSITY if self.params.use_intensity else Reason.UNCONFIRMED)
+        return Scan(time_s, reasons, rings, echoes, things, self.tracks.step(things, time_s), water)
+
+    def ring_of(self, point: Point) -> int | None:
+        """Return the index of the range ring, -1 nearer, the number of range rings beyond; None without a zone."""
+        if point.invalid or any(point.inside(box) for box in self.params.exclude_boxes):
+            return None
+        if point.range_m < self.params.start_m:
+            return -1
+        count = len(self.params.initial_thresholds)
+        if point.range_m >= self.params.end_m:
+            return count
+        edges = [self.params.start_m + ring * self.params.ring_width_m for ring in range(count)]
+        return max(ring for ring, edge in enumerate(edges) if point.range_m >= edge)
+
+    def is_used(self, point: Point, ring: int | None) -> bool:
+        """Return whether a point may belong to water or objects."""
+        dropped = ring == len(self.params.initial_thresholds) and self.params.far == "drop"
+        return ring is not None and not dropped and point.range_m >= heights.OWN_SHIP_M
+
+    def by_zone(self, point: Point, ring: int | None) -> int:
+        """Return the reason that follows from the position of a point alone."""
+        if ring is None:
+            return Reason.INVALID if point.invalid else Reason.EXCLUDED
+        if ring == -1:
+            return Reason.NEAR if self.params.near == "drop" else Reason.KEPT
+        if ring == len(self.params.initial_thresholds):
+            return Reason.FAR if self.params.far == "drop" else Reason.KEPT
+        return Reason.KEPT
+
+    def things(self, candidates: Sequence[Echo], sigma: float, *, near: bool) -> list[Thing]:
+        clusters = clusters_of(candidates, self.params)
+        return [Thing(own, evidence_of(own, sigma, self.beams, self.params), near) for own in clusters]
+
+    def confirm(self, scan: Scan) -> None:
+        """Keep the objects of a frame that are confirmed, and what belongs to them."""
+        kept = []
+        for thing, track in zip(scan.things, scan.tracks, strict=True):
+            if track.score(scan.time_s, self.params.look_ahead_s) > self.params.score_threshold:
+                track.from_outside |= not thing.near
+                if track.from_outside:
+                    kept += thing.echoes
+        for echo in kept:
+            scan.reasons[echo.number] = Reason.KEPT
+        places = places_of(echo.xyz for echo in kept)
+        for echo in scan.echoes:
+            if echo.grows and not echo.near and scan.reasons[echo.number] != Reason.KEPT:
+                reach = self.params.growth_m + confirmed._GROWTH_RATIO * echo.range_m
+                if nearest(echo.xyz, places) <= reach:
+                    scan.reasons[echo.number] = Reason.KEPT
+
+
+def mark(reasons: list[int], echoes: Sequence[Echo], things: Sequence[Thing], low: Reason) -> None:
+    """Set the reasons beyond own ship if nothing is confirmed."""
+    for echo in echoes:
+        if not echo.near:
+            reasons[echo.number] = low if echo.low and not echo.high else Reason.OUTLIER
+    for thing in things:
+        for echo in thing.echoes:
+            if not thing.near:
+                reasons[echo.number] = Reason.UNCONFIRMED

@@ -1,0 +1,212 @@
+"""Points, objects and their evidence in the method ``confirmed`` as plain loops, for `reference_confirmed`."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from seaclutter_cli.filters import confirmed
+from seaclutter_cli.filters.confirmation import beams, heights, objects
+from tests.filters.reference_points import Point
+from tests.filters.reference_water import Surface
+
+XY = tuple[float, float]
+
+
+def places_of(positions: Iterable[Sequence[float]]) -> np.ndarray:
+    """Return positions as an array, one row each."""
+    return np.array(list(positions))
+
+
+def distances(here: Sequence[float], there: np.ndarray) -> np.ndarray:
+    """Return the distances of a position to others."""
+    total = np.zeros(len(there))
+    for own, others in zip(here, there.T, strict=bool(len(there))):
+        total = total + (own - others) * (own - others)
+    return np.sqrt(total)
+
+
+def nearest(here: Sequence[float], there: np.ndarray) -> float:
+    """Return the distance of a position to the nearest of others; infinite if there are none."""
+    return float(distances(here, there).min()) if len(there) else math.inf
+
+
+@dataclass
+class Echo:
+    """A point that may belong to water or objects."""
+
+    number: int
+    point: Point
+    ring: int  # -1: near, number of range rings: far
+    threshold: float
+    height: float
+    rise: float
+    wave: float
+    upright: bool
+    grows: bool
+    bright: bool
+    low: bool
+
+    @property
+    def xyz(self) -> tuple[float, float, float]:
+        return self.point.xyz
+
+    @property
+    def xy(self) -> XY:
+        return self.point.x, self.point.y
+
+    @property
+    def range_m(self) -> float:
+        return self.point.range_m
+
+    @property
+    def elevation_bin(self) -> int:
+        elevation = math.degrees(math.atan2(self.point.z, math.hypot(*self.xy)))
+        return round((elevation + beams._HALF_DEG) / beams._BIN_DEG)
+
+    @property
+    def near(self) -> bool:
+        return self.ring < 0
+
+    @property
+    def high(self) -> bool:
+        return self.height > self.rise
+
+    @property
+    def brightness(self) -> float:
+        return self.point.intensity / self.threshold if self.threshold > 0 else 1.0
+
+
+def echo_of(number: int, point: Point, ring: int, water: Surface | None, params: Any, *, upright: bool) -> Echo:
+    """Return a point with all that the water says of it; without water, every point is high."""
+    height, deviation = point.z + heights._UNSEEN_M, 0.0
+    if water is not None:
+        height, deviation = water.above(*point.xyz)
+    beyond = heights._RISE_PER_M * max(point.range_m - heights._RISE_FROM_M, 0)
+    rise = max(params.min_rise_m, params.rise_sigmas * deviation) + beyond
+    threshold = [*params.initial_thresholds, -math.inf][max(ring, 0)]
+    reached = params.use_intensity and point.intensity >= threshold
+    return Echo(
+        number,
+        point,
+        ring,
+        threshold,
+        height,
+        rise,
+        wave=heights._WAVE_SIGMAS * deviation + beyond,
+        upright=upright,
+        grows=height > max(params.growth_height_m, heights._GROWTH_SIGMAS * deviation),
+        bright=reached and abs(height) <= rise,
+        low=not reached,
+    )
+
+
+def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
+    """Return high and upright points, and bright ones with enough bright or high ones around them."""
+    among = places_of(echo.xyz for echo in echoes if echo.bright or echo.high)
+    found = []
+    for echo in echoes:
+        dense = False
+        if echo.bright:
+            reach = confirmed._RADIUS_RATIO * echo.range_m
+            dense = (distances(echo.xyz, among) <= reach).sum() - 1 >= confirmed._MIN_NEIGHBORS
+        if echo.high or echo.upright or dense:
+            found.append(echo)
+    return found
+
+
+@dataclass(eq=False)
+class Thing:
+    """An object in one frame."""
+
+    echoes: list[Echo]
+    evidence: float
+    near: bool
+
+    @property
+    def cells(self) -> list[XY]:
+        """Position of the first point in each cell of half a metre."""
+        first: dict[tuple[int, int], XY] = {}
+        for echo in self.echoes:
+            cell = math.floor(echo.point.x / objects._CELL_M), math.floor(echo.point.y / objects._CELL_M)
+            first.setdefault(cell, echo.xy)
+        return list(first.values())
+
+    @property
+    def center(self) -> XY:
+        x, y = (mean(values) for values in zip(*(echo.xy for echo in self.echoes), strict=True))
+        return x, y
+
+
+def mean(values: Sequence[float]) -> float:
+    return math.fsum(values) / len(values)
+
+
+def clusters_of(echoes: Sequence[Echo], params: Any) -> list[list[Echo]]:
+    """Return groups of points connected by distances below the tolerance, in the order of their first points."""
+    places, free, found = places_of(echo.xyz for echo in echoes), np.ones(len(echoes), bool), []
+    for first in range(len(echoes)):
+        if not free[first]:
+            continue
+        free[first] = False
+        group = [first]
+        for member in group:  # grows in the loop
+            joined = np.flatnonzero(free & (distances(places[member], places) < params.cluster_tolerance_m)).tolist()
+            free[joined] = False
+            group += joined
+        if len(group) >= params.min_cluster_points:
+            found.append([echoes[number] for number in sorted(group)])
+    return found
+
+
+class Beams:
+    """The elevations at which the first frames have points."""
+
+    def __init__(self) -> None:
+        self.seen: set[int] = set()
+        self.frames = 0
+
+    def learn(self, echoes: Sequence[Echo]) -> None:
+        if echoes and self.frames < beams._FRAMES:
+            self.frames += 1
+            self.seen |= {echo.elevation_bin for echo in echoes}
+
+    def beside(self, echoes: Sequence[Echo]) -> XY:
+        """Return how far below and above a group of points the next beams pass."""
+        bins = [echo.elevation_bin for echo in echoes]
+        below = [min(bins) - one for one in self.seen if one < min(bins) - 1]
+        above = [one - max(bins) for one in self.seen if one > max(bins) + 1]
+        gaps = (min(min([math.inf, *steps]) * beams._BIN_DEG, beams._OPEN_DEG) for steps in (below, above))
+        distance = mean([echo.range_m for echo in echoes])
+        low, high = (math.tan(math.radians(gap)) * distance for gap in gaps)
+        return low, high
+
+
+def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> float:
+    """Return the evidence of an object's shape."""
+    count = len(echoes)
+    ordered = sorted(echo.height for echo in echoes)
+    extent = ordered[-1] - ordered[0]
+    top = ordered[count - min(max(count // 4, 1), 3)]
+    rise, wave = mean([echo.rise for echo in echoes]), mean([echo.wave for echo in echoes])
+    below, above = lidar.beside(echoes)
+    stands = extent / max(params.min_extent_m, params.extent_sigmas * sigma)
+    possible = objects._POSSIBLE * min(top, extent + below)
+    share = max(stands, (top - wave) / rise, possible / rise)
+    shape = min(max(share, 0.0), objects._MAX_SHARE) - objects._FLAT
+    if shape >= 0:
+        return shape
+    hidden = min(max((top + above) / rise - 1, 0.0), 1.0)
+    return (1 - hidden) * shape + hidden * evidence_of_brightness(echoes, params)
+
+
+def evidence_of_brightness(echoes: Sequence[Echo], params: Any) -> float:
+    if not params.use_intensity:
+        return 0.0
+    median = sorted(echo.brightness for echo in echoes)[len(echoes) // 2]
+    if median < 1:
+        return 0.0
+    share = min(math.log2(median) / objects._BRIGHT_OCTAVES, 1.0)
+    return objects._BRIGHT_EVIDENCE * (objects._DIM_SHARE + (1 - objects._DIM_SHARE) * share)

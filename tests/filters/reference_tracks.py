@@ -1,0 +1,171 @@
+"""Tracks of the method ``confirmed`` as plain loops, for `reference_confirmed`."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from seaclutter_cli.filters.confirmation import tracks
+from tests.filters.reference_objects import XY, Thing, distances, nearest, places_of
+
+SLACK_S = 1e-6
+
+
+@dataclass
+class Entry:
+    """What a track collected in one frame."""
+
+    time_s: float
+    evidence: float
+    step_s: float
+    memory: float
+
+
+@dataclass(eq=False)
+class Track:
+    """An object over time, with all that it ever collected."""
+
+    cells: list[XY]
+    center: XY
+    born_s: float
+    seen_s: float
+    velocity: XY = (0.0, 0.0)
+    from_outside: bool = False
+    history: list[Entry] = field(default_factory=list)
+
+    @property
+    def memory(self) -> float:
+        return self.history[-1].memory if self.history else 0.0
+
+    @property
+    def is_new(self) -> bool:
+        return self.seen_s - self.born_s <= tracks._KNOWN_AFTER_S
+
+    def expected(self, time_s: float) -> list[XY]:
+        elapsed = time_s - self.seen_s
+        return [(x + self.velocity[0] * elapsed, y + self.velocity[1] * elapsed) for x, y in self.cells]
+
+    def gate(self, time_s: float) -> float:
+        if self.is_new:
+            return tracks._NEW_GATE_M + tracks._NEW_GATE_SPEED_MS * (time_s - self.seen_s)
+        return tracks._GATE_M + tracks._GATE_SPEED_MS * (time_s - self.seen_s)
+
+    def follow(self, thing: Thing, time_s: float) -> None:
+        elapsed = time_s - self.seen_s
+        if elapsed > 0:
+            seen = [(new - old) / elapsed for new, old in zip(thing.center, self.center, strict=True)]
+            if math.hypot(*seen) < tracks._MAX_SPEED_MS:
+                gain = tracks._NEW_GAIN if self.is_new else tracks._GAIN
+                vx, vy = (old + gain * (new - old) for new, old in zip(seen, self.velocity, strict=True))
+                self.velocity = vx, vy
+        self.cells, self.center, self.seen_s = thing.cells, thing.center, time_s
+
+    def collect(self, evidence: float, to_memory: float, time_s: float, memory_s: float) -> None:
+        step = tracks._FIRST_STEP_S
+        if self.history:
+            step = min(time_s - self.history[-1].time_s, tracks._MAX_STEP_S)
+        low, high = tracks._MEMORY_LIMITS
+        memory = self.memory * math.exp(-step / memory_s) + to_memory * step / tracks._DECORRELATION_S
+        self.history.append(Entry(time_s, evidence, max(step, 1e-3), min(max(memory, low), high)))
+
+    def score(self, time_s: float, span_s: float) -> float:
+        around = [one for one in self.history if abs(one.time_s - time_s) <= span_s + SLACK_S]
+        before = [one for one in self.history if one.time_s < time_s - span_s - SLACK_S]
+        collected = sum(one.evidence * one.step_s for one in around)
+        average = collected / (sum(one.step_s for one in around) + tracks._DOUBT_S)
+        return average + (before[-1].memory if before else 0.0)
+
+
+class Tracks:
+    """The tracks of a log."""
+
+    def __init__(self, params: Any) -> None:
+        self.params = params
+        self.tracks: list[Track] = []
+
+    def matches(self, things: Sequence[Thing], time_s: float) -> tuple[list[list[int]], list[bool]]:
+        """Return how many cells of each object each track expects, and which tracks are covered by objects."""
+        votes = [[0] * len(self.tracks) for _ in things]
+        expected = [(number, place) for number, one in enumerate(self.tracks) for place in one.expected(time_s)]
+        places = places_of(place for _, place in expected)
+        for own, thing in zip(votes, things, strict=True):
+            for cell in thing.cells:
+                if expected:
+                    gaps = distances(cell, places)
+                    chosen = expected[gaps.argmin()][0]
+                    own[chosen] += gaps.min() <= self.tracks[chosen].gate(time_s)
+        cells = places_of(cell for thing in things for cell in thing.cells)
+        covered = []
+        for track in self.tracks:
+            gaps = [nearest(place, cells) for place in track.expected(time_s)]
+            reached = sum(gap <= track.gate(time_s) for gap in gaps)
+            covered.append(reached >= tracks._COVERED * len(gaps))
+        return votes, covered
+
+    def approach(self, start_m: float, time_s: float) -> bool:
+        """Return whether an object from outside can have parts nearer than ``start_m``."""
+        places = [place for track in self.tracks if track.from_outside for place in track.expected(time_s)]
+        return any(math.hypot(*place) < start_m + tracks._CONTACT_M for place in places)
+
+    def missing(self, things: Sequence[Thing], time_s: float) -> list[XY]:
+        """Return where objects with much evidence are expected but not found."""
+        votes, covered = self.matches(things, time_s)
+        places: list[XY] = []
+        for number, track in enumerate(self.tracks):
+            found = covered[number] or any(own[number] for own in votes)
+            if not found and track.memory > tracks._EXPECTED_MEMORY:
+                places += track.expected(time_s)
+        return places
+
+    def step(self, things: Sequence[Thing], time_s: float) -> list[Track]:
+        """Return the track of each object."""
+        votes, covered = self.matches(things, time_s)
+        followed: list[Track | None] = [None] * len(things)
+        for number, track in enumerate(self.tracks):
+            heirs = [k for k, own in enumerate(votes) if own[number] and own.index(max(own)) == number]
+            for k, heir in self.inherit(track, heirs, things, [own[number] for own in votes], time_s):
+                followed[k] = heir
+        result = [
+            Track(thing.cells, thing.center, time_s, time_s) if track is None else track
+            for track, thing in zip(followed, things, strict=True)
+        ]
+        for track, thing in zip(result, things, strict=True):
+            track.collect(thing.evidence, thing.evidence, time_s, self.params.memory_s)
+        recognise(things, result, votes)
+        lost = [(track, hidden) for track, hidden in zip(self.tracks, covered, strict=True) if track not in result]
+        for track, hidden in lost:
+            if not hidden:
+                track.collect(tracks._MISS, tracks._MISS_MEMORY, time_s, self.params.memory_s)
+        self.tracks = [track for track, _ in lost if time_s - track.seen_s <= tracks._COAST_S] + result
+        return result
+
+    def inherit(
+        self, track: Track, heirs: Sequence[int], things: Sequence[Thing], votes: Sequence[int], time_s: float
+    ) -> list[tuple[int, Track]]:
+        """Return the tracks of the objects that continue a track: the first goes on with it, the others begin."""
+        if not heirs:
+            return []
+        first = max(heirs, key=lambda k: votes[k] * (1 + max(things[k].evidence, 0)))
+        found = []
+        for k in heirs:
+            if k == first:
+                track.follow(things[k], time_s)
+                found.append((k, track))
+            else:  # with the velocity of that moment: the parts behind the first inherit the new one
+                part = Track(things[k].cells, things[k].center, time_s, time_s, track.velocity, track.from_outside)
+                found.append((k, part))
+        return found
+
+
+def recognise(things: Sequence[Thing], result: Sequence[Track], votes: Sequence[Sequence[int]]) -> None:
+    """Mark near objects that appear in contact with one from outside: they are part of it."""
+    outside = places_of(
+        cell
+        for thing, track in zip(things, result, strict=True)
+        if track.from_outside and not thing.near
+        for cell in thing.cells
+    )
+    for thing, track, own in zip(things, result, votes, strict=True):
+        if thing.near and not any(own):
+            gap = min(nearest(cell, outside) for cell in thing.cells)
+            track.from_outside |= gap < tracks._CONTACT_M
