@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.confirmation.beams import Beams
@@ -15,7 +14,7 @@ from seaclutter_cli.filters.confirmation.heights import Heights, ZonedFrame, mea
 from seaclutter_cli.filters.confirmation.objects import Clusters, DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
-from seaclutter_cli.filters.neighbors import nth_neighbor_distance
+from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distance
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.water import WaterTracker
@@ -164,9 +163,9 @@ class Confirmed(BaseFilter):
         points = np.flatnonzero((heights.bright | heights.grows) & (heights.zone > 0))
         if not len(cells) or not len(points):
             return []
-        distance, _ = cKDTree(cells).query(frame.coordinates[:2, points].T, distance_upper_bound=_EXPECTED_M)
+        _, distance = nearest(cells, frame.coordinates[:2, points].T)
         among = np.zeros(frame.size, np.bool_)
-        among[points[np.isfinite(distance)]] = True
+        among[points[distance <= _EXPECTED_M]] = True
         clusters = Clusters.among(frame, among, self._params)
         return [DetectedObject.of(frame, clusters.members(k), 0.0) for k in range(len(clusters))]
 
@@ -213,6 +212,5 @@ class Confirmed(BaseFilter):
         if not len(others):
             return others
         limit = self._params.growth_m + _GROWTH_RATIO * frame.range_m[others]
-        tree = cKDTree(frame.coordinates[:, kept].T)
-        distance, _ = tree.query(frame.coordinates[:, others].T, distance_upper_bound=float(limit.max()))
+        _, distance = nearest(frame.coordinates[:, kept].T, frame.coordinates[:, others].T)
         return np.asarray(others[distance <= limit])

@@ -87,6 +87,30 @@ def nth_neighbor_distance(points: Points, n: int, query: NDArray[np.intp] | None
     return _over_neighbors(points, n, reduce, reduce_distinct, query)
 
 
+def nearest(points: Points, query: Points) -> tuple[NDArray[np.int64], Distances]:
+    """Return the nearest of some points to each of other points, and its distance.
+
+    Parameters
+    ----------
+    points, query : ndarray, shape (N, D) and (M, D), float64
+        Finite coordinates in metres, of two or three dimensions; N is at least 1.
+
+    Returns
+    -------
+    (ndarray, shape (M,), int64), (ndarray, shape (M,), float64)
+        Index and distance in metres.
+
+    Examples
+    --------
+    >>> nearest(np.array([[0.0, 0], [3, 0]]), np.array([[1.0, 0], [3, 4]]))
+    (array([0, 1]), array([1., 4.]))
+    """
+    if points.shape[1] == 2:
+        points, query = (np.column_stack((flat, np.zeros(len(flat)))) for flat in (points, query))
+    index, distance = _searcher(np.ascontiguousarray(points))(np.ascontiguousarray(query), 1)
+    return index.reshape(-1), distance.reshape(-1)
+
+
 def _over_neighbors(
     points: Points,
     count: int,

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+from seaclutter_cli.filters.neighbors import nearest
 
 Floats = NDArray[np.float64]
 
@@ -193,11 +193,10 @@ class Tracker:
         expected = np.concatenate([track.expected(time_s) for track in self._tracks])
         cells = np.concatenate([one.cells for one in objects])
         gate = np.array([track.gate_m(time_s) for track in self._tracks])
-        distance, nearest = cKDTree(expected).query(cells, distance_upper_bound=gate.max())
-        reached = np.flatnonzero(np.isfinite(distance))
-        reached = reached[distance[reached] <= gate[track_of[nearest[reached]]]]
-        np.add.at(votes, (object_of[reached], track_of[nearest[reached]]), 1)
-        back, _ = cKDTree(cells).query(expected, distance_upper_bound=gate.max())
+        index, distance = nearest(expected, cells)
+        reached = np.flatnonzero(distance <= gate[track_of[index]])
+        np.add.at(votes, (object_of[reached], track_of[index[reached]]), 1)
+        _, back = nearest(cells, expected)
         covered = np.bincount(track_of, weights=back <= gate[track_of], minlength=len(sizes))
         return votes, np.asarray(covered >= _COVERED * sizes)
 
@@ -221,9 +220,9 @@ class Tracker:
         appeared = [k for k, one in enumerate(objects) if one.near and not votes[k].any()]
         if not outside or not appeared:
             return
-        tree = cKDTree(np.concatenate(outside))
         for k in appeared:
-            tracks[k].from_outside |= bool(tree.query(objects[k].cells)[0].min() < _CONTACT_M)
+            _, distance = nearest(np.concatenate(outside), objects[k].cells)
+            tracks[k].from_outside |= bool(distance.min() < _CONTACT_M)
 
     def _collect(self, track: Track, time_s: float, evidence: float | None) -> None:
         """Add the evidence of a frame; None if the object was not found."""
