@@ -48,7 +48,7 @@ _MAX_LEGEND_CHARACTERS = 40
 
 STAGES: dict[str, Callable[[NDArray[np.uint8]], Mask]] = {
     "raw": lambda reason: np.ones(len(reason), np.bool_),
-    "after thresholds": lambda reason: np.asarray((reason == Reason.KEPT) | (reason == Reason.OUTLIER)),
+    "after thresholds": lambda reason: np.isin(reason, (Reason.KEPT, Reason.OUTLIER, Reason.UNCONFIRMED)),
     "after outlier removal": lambda reason: np.asarray(reason == Reason.KEPT),
 }
 """Masks of the points left after each stage of a filter, computed from their reasons."""

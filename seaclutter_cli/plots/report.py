@@ -83,7 +83,7 @@ def draw_intensity(figure: "Figure", collected: Collector) -> None:
     thresholds = mean_thresholds(collected.histories[0])
     top = max(float(np.quantile(intensity[shown], 0.99)) if len(shown) else 1.0, 1.4 * max(thresholds, default=0.0))
     axes = figure.add_subplot()
-    for one in (Reason.FAR, Reason.LOW_INTENSITY, Reason.KEPT, Reason.OUTLIER):
+    for one in (Reason.FAR, Reason.LOW_INTENSITY, Reason.KEPT, Reason.OUTLIER, Reason.UNCONFIRMED):
         own = shown[reason[shown] == one]
         own = own[:: max(1, len(own) * 3 // _MAX_POINTS)]
         if len(own):

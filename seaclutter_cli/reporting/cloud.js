@@ -245,7 +245,7 @@ function openSample(number) {
 function reachOf(xyz, { scale, boxes }, reasons) {
   const ranges = [];
   reasons.forEach((reason, i) => {
-    if (reason === 0 || reason === 3 || reason === 4) ranges.push(Math.hypot(xyz[3 * i], xyz[3 * i + 1]) * scale);
+    if (reason === 0 || reason === 3 || reason === 4 || reason === 7) ranges.push(Math.hypot(xyz[3 * i], xyz[3 * i + 1]) * scale);
   });
   ranges.sort((a, b) => a - b);
   return Math.max(ranges[Math.floor(0.97 * ranges.length)] || 10, ...boxes.map(({ center }) => 1.1 * Math.hypot(center[0], center[1])));

@@ -155,6 +155,7 @@ def _by_removal(numbers: Numbers | None) -> tuple[float | None, float | None]:
     """Return badness and merit of an unlabelled frame: the share removed as clutter, and its negative."""
     if numbers is None:
         return None, None
-    removed = float(numbers.counts[Reason.LOW_INTENSITY] + numbers.counts[Reason.OUTLIER])
+    clutter = [Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.UNCONFIRMED]
+    removed = float(numbers.counts[clutter].sum())
     share = removed / max(float(numbers.counts.sum()), 1.0)
     return share, -share

@@ -22,7 +22,7 @@ class Density:
         Upper range of the last column in metres; the first column starts at 0.
     low, high : float
         Intensities at the lower and upper end of the rows.
-    counts : ndarray, shape (7, rows, columns), float32
+    counts : ndarray, shape (8, rows, columns), float32
         Points per frame for each `Reason`.
     """
 

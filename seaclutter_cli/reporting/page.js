@@ -124,7 +124,7 @@ function listOtherErrors(host, most = 300) {
     h("p", {}, `${names.join(", ")}. Their points are not in this page. To include them, use --pick K for frame K, or --show N for more frames.`)));
 }
 
-const STAGES = [["Raw", () => true], ["After thresholds", (reason) => reason === 0 || reason === 4], ["After outlier removal", (reason) => reason === 0]];
+const STAGES = [["Raw", () => true], ["After thresholds", (reason) => reason === 0 || reason === 4 || reason === 7], ["After outlier removal", (reason) => reason === 0]];
 function fillClouds(host) {
   const state = { number: 0, layout: "one", stage: 0, method: 0, other: Math.min(1, methods.length - 1), color: "reason", boxes: true, clusters: true, hidden: new Set() };
   const camera = new Camera();

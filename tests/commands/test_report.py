@@ -9,8 +9,11 @@ import time
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from seaclutter_cli.commands.filter import command as filter_command
 from seaclutter_cli.commands.report import command as report_command
+from seaclutter_cli.frame import Reason
 from tests.logs import CLOUD_KINDS, PERIOD_NS, START_NS, Entry, Topic, cloud_log, cloud_message, cloud_topic, write_log
 from tests.paths import ROOT
 from tests.reporting.runs import HOSTILE, LABELLED, data_of, make_labels, make_log, report, unpacked
@@ -82,6 +85,19 @@ def test_a_filtered_log_is_not_filtered_again(log, labels, page, tmp_path):
     again = data_of(page)
     report(log, "--labels", labels, "-m", "ring_intensity", "-o", page, "--force")
     assert again == data_of(page)
+
+
+def test_unconfirmed_points_are_read_back(page, tmp_path):
+    filtered = tmp_path / "run" / "sea.mcap"
+    filtered.parent.mkdir()
+    arguments = ["-m", "confirmed", "-n", "20", "--keep-raw", "--with-removed", "-o", filtered]
+    done = CliRunner().invoke(filter_command, [str(argument) for argument in (SEA, *arguments)])
+    assert done.exit_code == 0, done.output
+    report(filtered, "-o", page)
+    again = data_of(page)
+    report(SEA, "-m", "confirmed", "-n", 20, "-o", page, "--force")
+    assert again == data_of(page)
+    assert again["methods"][0]["totals"][Reason.UNCONFIRMED] > 20
 
 
 @pytest.mark.parametrize("kind", CLOUD_KINDS)

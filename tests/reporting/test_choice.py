@@ -2,10 +2,14 @@
 
 from itertools import pairwise
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from seaclutter_cli.frame import Reason
 from seaclutter_cli.reporting.choice import Choice
+from seaclutter_cli.reporting.collector import _by_removal
+from seaclutter_cli.reporting.history import Numbers
 
 BADNESS = st.lists(st.sampled_from([0.0, 0.0, 1.0, 2.0, 5.0]), min_size=1, max_size=300)
 
@@ -73,3 +77,10 @@ def test_a_trend_creates_little_data():
         choice, made = choose(badness, 12)
         assert len(made) < 100
         assert max(badness) in {badness[one.row] for one in choice.chosen()}
+
+
+def test_unlabelled_frames_are_chosen_by_the_share_of_all_clutter_removed():
+    counts = np.zeros(len(Reason))
+    counts[[Reason.KEPT, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.UNCONFIRMED]] = 5, 1, 1, 1
+    counts[Reason.NEAR] = 2
+    assert _by_removal(Numbers(counts, None)) == (0.3, -0.3)
