@@ -125,7 +125,7 @@ class ConfirmedObjects:
         expected = [
             echo
             for echo in echoes
-            if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, places) < confirmed._EXPECTED_M
+            if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, places) <= confirmed._EXPECTED_M
         ]
         things += [Thing(own, 0.0, near=False) for own in clusters_of(expected, self.params)]
         reasons = [self.by_zone(point, ring) for point, ring in zip(points, rings, strict=True)]

@@ -17,10 +17,12 @@ from tests.filters.seas import Body, random_bodies, sea_log
 from tests.paths import ROOT
 
 Params = FILTERS["confirmed"].Params
+AMPLITUDES_M = (0.0, 0.05, 0.1, 0.2, 0.5)
 OTHER_PARAMS = [
     {"causal": True},
     {"use_intensity": False},
     {"near": "keep", "start_m": 8.0, "initial_thresholds": (20, 16, 7, 4, 2)},
+    {"start_m": 22.0, "end_m": 67.0, "initial_thresholds": (16, 7, 4)},
     {"far": "drop", "end_m": 40.0, "initial_thresholds": (30, 16)},
     {"exclude_boxes": [(-20, 20, 0, 30, -3, 0), (30, 60, -60, 60, -5, 5)]},
     {"look_ahead_s": 1.2, "memory_s": 1.0, "score_threshold": 0.8},
@@ -97,7 +99,7 @@ def sea(seed, **kwargs):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_random_seas(seed):
-    log = sea(seed, size=120 + 40 * (seed % 4), amplitude_m=0.05 * (seed % 5), mirrors=30 * (seed % 3))
+    log = sea(seed, size=120 + 40 * (seed % 4), amplitude_m=AMPLITUDES_M[seed % 5], mirrors=30 * (seed % 3))
     results = assert_same(Params(), log)
     counts = sum(result.counts for result in results)
     assert min(counts[[Reason.KEPT, Reason.OUTLIER, Reason.UNCONFIRMED]]) > 50, "every outcome occurs"
