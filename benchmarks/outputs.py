@@ -23,7 +23,7 @@ PYTHON = os.environ.get("SEACLUTTER_PYTHON", sys.executable)
 TIMES = ("seconds", "filter_ms")
 METHODS = (
     *("joint", "ring_intensity", "ring_intensity_outlier", "global_intensity", "sor", "ror", "dror", "dsor", "lior"),
-    *("lidsor", "naive", "adaptive_radius", "sea_surface", "none"),
+    *("lidsor", "naive", "adaptive_radius", "sea_surface", "confirmed", "none"),
 )
 SCENES = (
     *("departure", "passing_speedboat", "buoy_speedboat", "occlusion", "calm", "rough", "harbour", "lock"),
