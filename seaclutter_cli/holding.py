@@ -87,9 +87,9 @@ class RecordHolder:
         held = HeldRecord(record) if frame is None else self._filter(record, frame)
         self._held.append(held)
         self._held_bytes += held.nbytes
-        if isinstance(record, Message):
-            self._limit(record.log_time_ns)
         yield from self._complete()
+        while isinstance(record, Message) and self._flush_late(record.log_time_ns):
+            yield from self._complete()
 
     def finish(self) -> Iterator[HeldRecord]:
         """Yield all records that are left, after the end of the log."""
@@ -121,15 +121,17 @@ class RecordHolder:
             if self._waiting[topic][number]:
                 self._assign(topic, number, method.flush())
 
-    def _limit(self, log_time_ns: int) -> None:
-        """Let filters decide whose later frames do not come, or whose wait takes too much memory."""
-        while self._held and isinstance(self._held[0], HeldFrame) and not self._held[0].complete:
-            frame = self._held[0].frame
-            ahead_ns = max(int(1e9 * method.look_ahead_s) for method in self._filters[frame.topic])
-            late = log_time_ns - frame.log_time_ns > ahead_ns + _SLACK_NS
-            if not late and self._held_bytes <= _MAX_HELD_BYTES:
-                return
-            self._flush(frame.topic)
+    def _flush_late(self, log_time_ns: int) -> bool:
+        """Let a filter decide if later frames do not come or the wait takes too much memory; return whether it did."""
+        held = self._held[0] if self._held else None
+        if not isinstance(held, HeldFrame):
+            return False
+        ahead_ns = max(int(1e9 * method.look_ahead_s) for method in self._filters[held.frame.topic])
+        late = log_time_ns - held.frame.log_time_ns > ahead_ns + _SLACK_NS
+        if late or self._held_bytes > _MAX_HELD_BYTES:
+            self._flush(held.frame.topic)
+            return True
+        return False
 
     def _complete(self) -> Iterator[HeldRecord]:
         while self._held and self._held[0].complete:

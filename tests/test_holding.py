@@ -124,7 +124,6 @@ class TestHolder:
         )
         assert held.longest_ns <= 1020 * MS
 
-    @pytest.mark.xfail(strict=True, reason="only the first topic with a late frame is decided for each record")
     def test_a_pause_of_the_whole_log(self):
         """The first record behind the pause shows that the frames of both topics are late."""
         records = two_topics(range(0, 500, 100), range(0, 500, 100), range(0, 500, 100))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.confirmation.beams import Beams
-from seaclutter_cli.filters.confirmation.heights import Heights, ZonedFrame, measure
+from seaclutter_cli.filters.confirmation.heights import OWN_SHIP_M, Heights, ZonedFrame, measure
 from seaclutter_cli.filters.confirmation.objects import Clusters, DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
@@ -100,6 +100,7 @@ class Confirmed(BaseFilter):
 
     def process(self, frame: Frame) -> list[FilterResult]:
         """Receive the next frame and return the results that are complete."""
+        _ = frame.valid, frame.intensity if self._params.use_intensity else None  # errors come before any change
         time_s = frame.stamp_ns / 1e9
         jumped = self._time_s is not None and not 0 <= time_s - self._time_s <= _MAX_GAP_S
         complete = self.flush() if jumped else []
@@ -119,12 +120,11 @@ class Confirmed(BaseFilter):
 
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame, without later frames."""
-        self.process(frame)
-        return self.flush()[-1]
+        return [*self.process(frame), *self.flush()][-1]
 
     def _examine(self, frame: Frame, time_s: float) -> _Undecided:
         """Find the objects of a frame and their tracks (steps 1 to 5)."""
-        zoned = ZonedFrame.of(frame, self._zones, self._thresholds)
+        zoned = ZonedFrame.of(frame, self._zones, self._thresholds, min(OWN_SHIP_M, self._params.start_m))
         points = frame.coordinates[:, zoned.used]
         self._beams.add(np.degrees(np.arctan2(points[2], np.hypot(points[0], points[1]))))
         # 1. Water
@@ -142,7 +142,8 @@ class Confirmed(BaseFilter):
         found = self._tracker.associate(objects, time_s)
         if weak := self._expected(frame, heights, self._tracker.expected(found, time_s)):
             found = self._tracker.associate([*objects, *weak], time_s)
-        tracks = self._tracker.step(found, time_s)
+        since_s = self._undecided[0].time_s if self._undecided else time_s
+        tracks = self._tracker.step(found, time_s, since_s)
         state = None if water is None else water.state
         return _Undecided(frame, time_s, heights, self._reasons(heights, found.objects), found.objects, tracks, state)
 

@@ -202,7 +202,6 @@ class TestRates:
         method = make()
         assert reasons([method.step(frame) for frame in log]) == reasons(run(log, causal=True))
 
-    @pytest.mark.xfail(strict=True, raises=IndexError, reason="process has already returned the result that step wants")
     @pytest.mark.parametrize("params", [{"causal": True}, {"look_ahead_s": 0.0}])
     def test_step_without_look_ahead(self, params):
         log = sea_log(3, random_bodies(3), times(8))
@@ -262,7 +261,6 @@ class TestFields:
         assert [result.frame.index for result in results] == list(range(12))
         assert shares(results, BOAT) == [1.0] * 12
 
-    @pytest.mark.xfail(strict=True, reason="results completed by a jump are lost if the frame behind it has an error")
     def test_an_error_behind_a_jump_loses_no_results(self):
         log = sea_log(1, [BOAT], [*times(8), *times(8, start_s=100)])
         method, results = make(), []
@@ -275,7 +273,6 @@ class TestFields:
         assert [result.frame.index for result in results] == list(range(16))
 
 
-@pytest.mark.xfail(strict=True, reason="points nearer than 3 m belong to no object and keep the reason of their ring")
 def test_points_of_range_rings_nearer_than_3_m_are_not_kept_unseen():
     lonely = Frame(from_array(frame_at(0, np.array([[2.0, 0, 0, 50]])).cloud.points))
     (result,) = run([lonely], start_m=1.0, end_m=61.0)

@@ -124,7 +124,6 @@ def test_other_params(number):
     assert_same(Params(**OTHER_PARAMS[number]), sea(20 + number, size=180))
 
 
-@pytest.mark.xfail(strict=True, reason="tracks forget evidence before a gap, although frames still wait for a decision")
 @pytest.mark.parametrize("gap_s", [2.0, 4.0])
 def test_gap_shorter_than_a_jump(gap_s):
     """The frame behind the gap is collected before the frames that wait are decided, and takes their evidence away."""

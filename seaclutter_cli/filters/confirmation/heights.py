@@ -71,26 +71,29 @@ class ZonedFrame:
         Zone number of each point, and the `Reason` that follows from it.
     threshold : ndarray, shape (N,), float64
         Intensity threshold of each point; minus infinity beyond the range rings. Near points have the first threshold.
+    own_ship_m : float
+        Range below which points belong to nothing but own ship, in metres.
     """
 
     frame: Frame
     zone: NDArray[np.uint8]
     reason: NDArray[np.uint8]
     threshold: Floats
+    own_ship_m: float
 
     @classmethod
-    def of(cls, frame: Frame, zones: Zones, thresholds: Floats) -> "ZonedFrame":
+    def of(cls, frame: Frame, zones: Zones, thresholds: Floats, own_ship_m: float) -> "ZonedFrame":
         """Return the frame with the zones of its points."""
         zone, reason = zones.divide(frame)
         threshold = zones.per_point(thresholds, zone)
         threshold[zone == 0] = thresholds[0]
-        return cls(frame, zone, reason, threshold)
+        return cls(frame, zone, reason, threshold, own_ship_m)
 
     @cached_property
     def used(self) -> Mask:
         """Whether a point may belong to water or objects, shape (N,)."""
         in_reach = np.isin(self.reason, (Reason.KEPT, Reason.NEAR))
-        return np.asarray(in_reach & (self.frame.range_m >= OWN_SHIP_M))
+        return np.asarray(in_reach & (self.frame.range_m >= self.own_ship_m))
 
 
 def measure(zoned: ZonedFrame, water: WaterSurface | None, params: ConfirmedParams) -> Heights:

@@ -127,6 +127,7 @@ class Tracker:
     def __init__(self, params: ConfirmedParams) -> None:
         self._params = params
         self._tracks: list[Track] = []
+        self._since_s = -np.inf
 
     def approached(self, start_m: float, time_s: float) -> bool:
         """Return whether an object confirmed beyond ``start_m`` can have parts nearer than that."""
@@ -138,8 +139,17 @@ class Tracker:
         votes, covered = self._votes(objects, time_s)
         return Association(objects, votes, covered)
 
-    def step(self, found: "Association", time_s: float) -> list[Track]:
+    def step(self, found: "Association", time_s: float, since_s: float) -> list[Track]:
         """Return the track of each object of a frame; a new one where an object continues none.
+
+        Parameters
+        ----------
+        found : Association
+            The objects of the frame.
+        time_s : float
+            Time of the frame.
+        since_s : float
+            Time of the first frame for which `score` will still be asked.
 
         Notes
         -----
@@ -148,6 +158,7 @@ class Tracker:
         an object of another track, such as a boat alongside another, is neither found nor missed.
         """
         objects, votes, covered = found.objects, found.votes, found.covered
+        self._since_s = since_s
         tracks: list[Track | None] = [None] * len(objects)
         for t, candidates in _by_track(votes).items():
             weight = [votes[k, t] * (1 + max(objects[k].evidence, 0.0)) for k in candidates]
@@ -230,7 +241,7 @@ class Tracker:
         gained = (_MISS_MEMORY if evidence is None else evidence) * step / _DECORRELATION_S
         track.memory = float(np.clip(track.memory * np.exp(-step / self._params.memory_s) + gained, *_MEMORY_LIMITS))
         track.history.append(Evidence(time_s, _MISS if evidence is None else evidence, max(step, 1e-3), track.memory))
-        oldest = time_s - 2 * self._params.look_ahead_s - _MAX_STEP_S
+        oldest = self._since_s - self._params.look_ahead_s - _MAX_STEP_S
         while len(track.history) > 1 and track.history[1].time_s < oldest:
             track.history.popleft()
 
