@@ -147,7 +147,7 @@ class ConfirmedObjects:
     def is_used(self, point: Point, ring: int | None) -> bool:
         """Return whether a point may belong to water or objects."""
         dropped = ring == len(self.params.initial_thresholds) and self.params.far == "drop"
-        return ring is not None and not dropped and point.range_m >= heights.OWN_SHIP_M
+        return ring is not None and not dropped and point.range_m >= min(heights.OWN_SHIP_M, self.params.start_m)
 
     def by_zone(self, point: Point, ring: int | None) -> int:
         """Return the reason that follows from the position of a point alone."""
