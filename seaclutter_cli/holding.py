@@ -10,7 +10,7 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.records import Message, Record
 
-_SLACK_NS = 500_000_000
+_SLACK_NS = 100_000_000
 _MAX_HELD_BYTES = 128 << 20
 
 
@@ -81,6 +81,7 @@ class RecordHolder:
         self._held: deque[HeldRecord] = deque()
         self._waiting = {topic: [deque[HeldFrame]() for _ in own] for topic, own in filters.items()}
         self._held_bytes = 0
+        self._last_ns: dict[str, int] = {}
 
     def add(self, record: Record, frame: Frame | None) -> Iterator[HeldRecord]:
         """Add the next record of the log; yield those that are complete, in order."""
@@ -99,6 +100,7 @@ class RecordHolder:
 
     def _filter(self, record: Record, frame: Frame) -> HeldFrame:
         filters = self._filters[frame.topic]
+        self._last_ns[frame.topic] = frame.log_time_ns
         held = HeldFrame(record, frame, [None] * len(filters), [0.0] * len(filters))
         for number, method in enumerate(filters):
             started = perf_counter()
@@ -127,7 +129,7 @@ class RecordHolder:
         if not isinstance(held, HeldFrame):
             return False
         ahead_ns = max(int(1e9 * method.look_ahead_s) for method in self._filters[held.frame.topic])
-        late = log_time_ns - held.frame.log_time_ns > ahead_ns + _SLACK_NS
+        late = log_time_ns - self._last_ns[held.frame.topic] > ahead_ns + _SLACK_NS
         if late or self._held_bytes > _MAX_HELD_BYTES:
             self._flush(held.frame.topic)
             return True

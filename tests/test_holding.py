@@ -159,9 +159,6 @@ class TestHolder:
         held = Held(RecordHolder({"/bow": methods}), two_topics(aft=[]))
         assert 600 * MS <= held.longest_ns <= 800 * MS
 
-    @pytest.mark.xfail(
-        strict=True, reason="a late frame makes the filter decide all frames that wait, not only this one"
-    )
     def test_only_late_frames_are_decided_early(self):
         """Otherwise other topics of the log change the results of this one, if it looks ahead for more than 0.5 s."""
         method = Ahead(2.0)

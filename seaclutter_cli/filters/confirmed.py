@@ -139,6 +139,7 @@ class Confirmed(BaseFilter):
         if self._tracker.approached(self._params.start_m, time_s):  # all else there is own ship
             objects += find_objects(frame, near, heights, self._beams, self._params, near=True)
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
+        objects.sort(key=lambda one: tuple(one.center))
         found = self._tracker.associate(objects, time_s)
         if weak := self._expected(frame, heights, self._tracker.expected(found, time_s)):
             found = self._tracker.associate([*objects, *weak], time_s)
@@ -168,7 +169,8 @@ class Confirmed(BaseFilter):
         among = np.zeros(frame.size, np.bool_)
         among[points[distance <= _EXPECTED_M]] = True
         clusters = Clusters.among(frame, among, self._params)
-        return [DetectedObject.of(frame, clusters.members(k), 0.0) for k in range(len(clusters))]
+        weak = [DetectedObject.of(frame, clusters.members(k), 0.0) for k in range(len(clusters))]
+        return sorted(weak, key=lambda one: tuple(one.center))
 
     def _reasons(self, heights: Heights, objects: Sequence[DetectedObject]) -> NDArray[np.uint8]:
         """Return the reasons of all points if no object is confirmed."""

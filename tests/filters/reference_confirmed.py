@@ -1,8 +1,8 @@
 """Reference of the method ``confirmed`` as plain loops over a log in memory.
 
 It shares with the program the constants, so that tuning them changes both, the codes of `Reason` and the config keys.
-Two choices that the method leaves open are the same as in the program: objects are numbered by their first points,
-those of the far points before those of the near ones, and the first of equals wins.
+A choice that the method leaves open is the same as in the program: objects are numbered by their centres, and the
+first of equals wins.
 """
 
 import math
@@ -121,13 +121,15 @@ class ConfirmedObjects:
         things = self.things([one for one in candidates if not one.near], sigma, near=False)
         if self.tracks.approach(self.params.start_m, time_s):
             things += self.things([one for one in candidates if one.near], sigma, near=True)
+        things.sort(key=lambda thing: thing.center)
         places = places_of(self.tracks.missing(things, time_s))
         expected = [
             echo
             for echo in echoes
             if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, places) <= confirmed._EXPECTED_M
         ]
-        things += [Thing(own, 0.0, near=False) for own in clusters_of(expected, self.params)]
+        weak = [Thing(own, 0.0, near=False) for own in clusters_of(expected, self.params)]
+        things += sorted(weak, key=lambda thing: thing.center)
         reasons = [self.by_zone(point, ring) for point, ring in zip(points, rings, strict=True)]
         mark(reasons, echoes, things, Reason.LOW_INTENSITY if self.params.use_intensity else Reason.UNCONFIRMED)
         return Scan(time_s, reasons, rings, echoes, things, self.tracks.step(things, time_s), water)

@@ -127,12 +127,12 @@ class Thing:
 
     @property
     def cells(self) -> list[XY]:
-        """Position of the first point in each cell of half a metre."""
-        first: dict[tuple[int, int], XY] = {}
+        """Mean position of the points in each cell of half a metre."""
+        members: dict[tuple[int, int], list[XY]] = {}
         for echo in self.echoes:
             cell = math.floor(echo.point.x / objects._CELL_M), math.floor(echo.point.y / objects._CELL_M)
-            first.setdefault(cell, echo.xy)
-        return list(first.values())
+            members.setdefault(cell, []).append(echo.xy)
+        return [(mean([x for x, _ in own]), mean([y for _, y in own])) for _, own in sorted(members.items())]
 
     @property
     def center(self) -> XY:

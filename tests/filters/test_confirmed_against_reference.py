@@ -133,7 +133,6 @@ def test_gap_shorter_than_a_jump(gap_s):
     assert_same(Params(), sea_log(1, random_bodies(1), times))
 
 
-@pytest.mark.xfail(strict=True, reason="cells, the numbers of objects, and ties depend on the order of the points")
 def test_order_of_the_points_does_not_matter():
     """The frames of the contract of all filters are too few for tracks to show the difference."""
     log = sea(0, size=150, amplitude_m=0)

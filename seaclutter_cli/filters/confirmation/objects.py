@@ -52,8 +52,9 @@ class DetectedObject:
         """Return the object made of some points of a frame."""
         xy = frame.coordinates[:2, points].T
         cell = np.floor(xy / _CELL_M).astype(np.int64)
-        _, first = np.unique(cell[:, 0] * (1 << 32) + cell[:, 1], return_index=True)
-        return cls(points, evidence, xy[np.sort(first)], xy.mean(axis=0), near)
+        _, inverse, count = np.unique(cell[:, 0] * (1 << 32) + cell[:, 1], return_inverse=True, return_counts=True)
+        cells = np.stack([np.bincount(inverse, weights=axis) / count for axis in xy.T], axis=1)
+        return cls(points, evidence, cells, xy.mean(axis=0), near)
 
 
 @dataclass(frozen=True)
