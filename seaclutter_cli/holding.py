@@ -67,8 +67,8 @@ class RecordHolder:
 
     Filters return the results of a topic in the order of its frames, some of them only with later frames. Every record
     behind an incomplete frame waits, so that the order of the log is kept. If the log goes on for longer than a filter
-    looks ahead, as after the last frame of a topic, the filter decides with what it has. Memory is therefore bounded by
-    the data of about a second, and by 128 MB.
+    looks ahead without another frame of its topic, or if the messages that wait exceed 128 MB, the filter decides with
+    what it has. The arrays decoded from these messages take memory in addition.
 
     Parameters
     ----------

@@ -169,8 +169,7 @@ def _join(component: Indices, own: Indices, other: Indices) -> Indices:
     """Join the components of pairs of cells.
 
     Each component takes the least number among those it is paired with, until no pair differs. The number of components
-    that can still be joined halves in each round. For the few hundred cells of a frame at sea this takes a fifth of the
-    time of the connected components of a sparse matrix.
+    that can still be joined halves in each round.
     """
     root = np.arange(len(component))
     own, other = component[own], component[other]

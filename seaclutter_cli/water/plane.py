@@ -87,8 +87,9 @@ class PolarCells:
 def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     """Return the plane of the lowest points, and the weight of each cell, shape (C,).
 
-    The fit is iteratively reweighted least squares with Tukey's weights. Points above the plane count half, since what
-    rises out of the water is above it. Without a start, it starts from several levels and returns the best.
+    The fit is iteratively reweighted least squares with Tukey's weights. Points above the plane count 15 %, since what
+    rises out of the water is above it. Without a start, it starts from several levels and returns the lowest plane with
+    at least 40 % of the weight of the best one: decks and quays can have more cells than the water.
     """
     if start is not None:
         return _reweighted(cells.lowest, start)

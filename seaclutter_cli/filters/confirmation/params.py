@@ -10,7 +10,9 @@ from seaclutter_cli.filters.ring_params import RingIntensityParams
 
 @dataclass(frozen=True, kw_only=True)
 class ConfirmedParams(RingIntensityParams):
-    """Parameters of confirmed objects. The range rings only provide thresholds; points beyond ``end_m`` have none.
+    """Parameters of confirmed objects. The range rings only provide thresholds.
+
+    Points beyond ``end_m`` have no threshold. With far keep, they are filtered like the others.
 
     Parameters
     ----------
@@ -19,7 +21,8 @@ class ConfirmedParams(RingIntensityParams):
     look_ahead_s : float
         Time before and after a frame from which its objects are confirmed, in seconds.
     causal : bool
-        Confirm objects without later frames; new objects then appear later.
+        Confirm objects without later frames. Upright objects are then kept at once, even if they do not stay; low ones
+        are kept later.
     min_rise_m : float
         Minimum height above the water at which points stand out, in metres.
     rise_sigmas : float

@@ -231,8 +231,9 @@ class Tracker:
         appeared = [k for k, one in enumerate(objects) if one.near and not votes[k].any()]
         if not outside or not appeared:
             return
+        parts = np.concatenate(outside)
         for k in appeared:
-            _, distance = nearest(np.concatenate(outside), objects[k].cells)
+            _, distance = nearest(parts, objects[k].cells)
             tracks[k].from_outside |= bool(distance.min() < _CONTACT_M)
 
     def _collect(self, track: Track, time_s: float, evidence: float | None) -> None:
