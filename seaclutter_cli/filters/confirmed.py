@@ -13,6 +13,7 @@ from seaclutter_cli.filters.confirmation.beams import Beams
 from seaclutter_cli.filters.confirmation.heights import OWN_SHIP_M, Heights, ZonedFrame, measure
 from seaclutter_cli.filters.confirmation.objects import Clusters, DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+from seaclutter_cli.filters.confirmation.sight import Sight
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distance
 from seaclutter_cli.filters.zones import Zones
@@ -23,10 +24,11 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _RADIUS_RATIO = 0.025
-_MIN_NEIGHBORS = 7
+_MIN_NEIGHBORS, _MIN_IN_ONE_BEAM = 7, 3
+_ONE_BEAM_RISES = 2.0
 _EXPECTED_M = 0.8
 _GROWTH_RATIO = 0.01
-_MAX_GAP_S = 5.0
+_MAX_GAP_S, _MAX_STEP_BACK_S = 5.0, 0.1
 _SLACK_S = 1e-6
 
 
@@ -101,7 +103,7 @@ class Confirmed(BaseFilter):
     def process(self, frame: Frame) -> list[FilterResult]:
         """Receive the next frame and return the results that are complete."""
         _ = frame.valid, frame.intensity if self._params.use_intensity else None  # errors come before any change
-        time_s = frame.stamp_ns / 1e9
+        time_s = self._steady(frame.stamp_ns / 1e9)
         jumped = self._time_s is not None and not 0 <= time_s - self._time_s <= _MAX_GAP_S
         complete = self.flush() if jumped else []
         if jumped:
@@ -111,6 +113,11 @@ class Confirmed(BaseFilter):
         while self._undecided and self._undecided[0].time_s <= time_s - self.look_ahead_s + _SLACK_S:
             complete.append(self._decide(self._undecided.popleft()))
         return complete
+
+    def _steady(self, time_s: float) -> float:
+        """Return the time of a frame, or that of the frame before if the clock stepped back a little."""
+        stepped_back = self._time_s is not None and self._time_s - _MAX_STEP_BACK_S <= time_s < self._time_s
+        return self._time_s if self._time_s is not None and stepped_back else time_s
 
     def flush(self) -> list[FilterResult]:
         """Return the results of all frames that wait."""
@@ -144,21 +151,34 @@ class Confirmed(BaseFilter):
         if weak := self._expected(frame, heights, self._tracker.expected(found, time_s)):
             found = self._tracker.associate([*objects, *weak], time_s)
         since_s = self._undecided[0].time_s if self._undecided else time_s
-        tracks = self._tracker.step(found, time_s, since_s)
+        tracks = self._tracker.step(found, time_s, since_s, Sight(self._beams, water, self._params.min_rise_m))
         state = None if water is None else water.state
         return _Undecided(frame, time_s, heights, self._reasons(heights, found.objects), found.objects, tracks, state)
 
     def _dense(self, frame: Frame, heights: Heights) -> Mask:
-        """Return the bright points in the band with at least 7 other candidates within 2.5 % of their range."""
+        """Return the bright points in the band with enough other candidates within 2.5 % of their range.
+
+        Seven are enough, or three where objects of twice the height at which points stand out are met by one beam only.
+        """
         dense = np.zeros(frame.size, np.bool_)
         among = np.flatnonzero(heights.high | heights.bright)
         asked = np.flatnonzero(heights.bright[among])
-        if len(asked) and len(among) > _MIN_NEIGHBORS:
-            points = np.ascontiguousarray(frame.coordinates[:, among].T)
-            distance = nth_neighbor_distance(points, _MIN_NEIGHBORS, asked)
-            chosen = among[asked]
-            dense[chosen[distance <= _RADIUS_RATIO * frame.range_m[chosen]]] = True
+        points = np.ascontiguousarray(frame.coordinates[:, among].T)
+        in_one_beam = self._in_one_beam(frame, heights, among[asked])
+        for rows, neighbors in ((asked[in_one_beam], _MIN_IN_ONE_BEAM), (asked[~in_one_beam], _MIN_NEIGHBORS)):
+            if len(rows) and len(among) > neighbors:
+                distance = nth_neighbor_distance(points, neighbors, rows)
+                chosen = among[rows]
+                dense[chosen] = distance <= _RADIUS_RATIO * frame.range_m[chosen]
         return dense
+
+    def _in_one_beam(self, frame: Frame, heights: Heights, points: NDArray[np.intp]) -> Mask:
+        """Return whether the next beam passes above objects of twice the height at which points stand out."""
+        x, y, z = frame.coordinates[:, points]
+        elevation = np.degrees(np.arctan2(z, np.hypot(x, y)))
+        _, above = self._beams.gaps(elevation, elevation)
+        next_m = heights.height_m[points] + np.tan(np.radians(above)) * frame.range_m[points]
+        return np.asarray(next_m >= _ONE_BEAM_RISES * heights.rise_m[points])
 
     def _expected(self, frame: Frame, heights: Heights, cells: Floats) -> list[DetectedObject]:
         """Return objects of points below the thresholds around cells where well-known objects are expected."""
@@ -168,9 +188,8 @@ class Confirmed(BaseFilter):
         _, distance = nearest(cells, frame.coordinates[:2, points].T)
         among = np.zeros(frame.size, np.bool_)
         among[points[distance <= _EXPECTED_M]] = True
-        clusters = Clusters.among(frame, among, self._params)
-        weak = [DetectedObject.of(frame, clusters.members(k), 0.0) for k in range(len(clusters))]
-        return sorted(weak, key=lambda one: tuple(one.center))
+        clusters = Clusters.among(frame, among, self._beams, self._params)
+        return clusters.objects(frame, heights, np.zeros(len(clusters)), near=False)
 
     def _reasons(self, heights: Heights, objects: Sequence[DetectedObject]) -> NDArray[np.uint8]:
         """Return the reasons of all points if no object is confirmed."""

@@ -115,35 +115,52 @@ def _reweighted(points: Floats, plane: Plane) -> tuple[Plane, Floats]:
     return plane, weight
 
 
-def mean_level(cells: PolarCells, xyz: Floats, plane: Plane, weight: Floats, band_m: float) -> tuple[float, float]:
-    """Return the offset of the mean water from the plane of the lowest points, and its standard deviation.
+@dataclass(frozen=True)
+class WaterEchoes:
+    """Echoes in cells of water; those of objects that rise out of it do not count.
 
     Parameters
     ----------
-    cells : PolarCells
-        Cells of the points.
-    xyz : ndarray, shape (3, N), float64
-        The points.
-    plane : Plane
-        Plane of the lowest points.
-    weight : ndarray, shape (C,), float64
-        Weights of the cells in the fit of the plane.
-    band_m : float
-        Height above the plane up to which points count as water.
-
-    Notes
-    -----
-    Each cell counts the same, whatever the number of its points: a hull has many points in few cells.
+    height_m : ndarray, shape (M,), float64
+        Heights above the plane of the lowest points, in metres.
+    cell : ndarray, shape (M,), int64
+        Cell of each echo.
     """
-    of_water = np.zeros(_BEARINGS * _RINGS, np.bool_)
-    of_water[cells.number[weight > _ABOVE / 3]] = True
-    height = xyz[2] - plane.height(xyz[0], xyz[1])
-    used = np.flatnonzero(of_water[cells.cell] & (np.abs(height) <= band_m))
-    if not len(used):
-        return 0.0, 0.0
-    share = 1 / np.bincount(cells.cell[used])[cells.cell[used]]
-    low, middle = _weighted_quantiles(height[used], share, (0.16, 0.5))
-    return middle, middle - low
+
+    height_m: Floats
+    cell: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, cells: PolarCells, height_m: Floats, weight: Floats, flat: NDArray[np.bool_]) -> "WaterEchoes":
+        """Return the echoes of water among the points of cells.
+
+        Parameters
+        ----------
+        cells : PolarCells
+            Cells of N points, C of them occupied.
+        height_m : ndarray, shape (N,), float64
+            Heights of the points above the plane.
+        weight : ndarray, shape (C,), float64
+            Weights of the cells in the fit of the plane.
+        flat : ndarray, shape (N,), bool
+            False for points of objects.
+        """
+        of_water = np.zeros(_BEARINGS * _RINGS, np.bool_)
+        of_water[cells.number[weight > _ABOVE / 3]] = True
+        used = np.flatnonzero(of_water[cells.cell] & flat)
+        return cls(height_m[used], cells.cell[used])
+
+    def mean_level(self, band_m: float) -> tuple[float, float]:
+        """Return the offset of the mean water from the plane and its standard deviation, from echoes within a band.
+
+        Each cell counts the same, whatever the number of its echoes.
+        """
+        used = np.flatnonzero(np.abs(self.height_m) <= band_m)
+        if not len(used):
+            return 0.0, 0.0
+        share = 1 / np.bincount(self.cell[used])[self.cell[used]]
+        low, middle = _weighted_quantiles(self.height_m[used], share, (0.16, 0.5))
+        return middle, middle - low
 
 
 def _weighted_quantiles(values: Floats, weights: Floats, shares: Sequence[float]) -> list[float]:

@@ -100,6 +100,10 @@ class WaterSurface:
         deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + _RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation
 
+    def height(self, x: Floats, y: Floats) -> Floats:
+        """Return z of the water at given positions, in metres."""
+        return self.plane.height(x, y) + self.swell.at(x, y)[0]
+
     @property
     def state(self) -> WaterState:
         """Level, attitude and wave height as numbers."""

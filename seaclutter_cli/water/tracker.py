@@ -1,10 +1,9 @@
 """The water surface from frame to frame."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.water.columns import upright
-from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, Floats, Plane, PolarCells, fit_plane, mean_level
+from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, Floats, Plane, PolarCells, WaterEchoes, fit_plane
 from seaclutter_cli.water.surface import Swell, WaterSurface
 
 _START_SIGMA_M = 0.1
@@ -53,38 +52,38 @@ class WaterTracker:
         """
         if self._plane is not None and not 0 <= time_s - self._seen_s <= _MEMORY_S:
             self.reset()
-        distance = np.hypot(xyz[0], xyz[1])
-        near = xyz[:, (distance >= NEAREST_M) & (distance < FARTHEST_M)]
-        cells = PolarCells.of(near)
+        x, y, z = xyz
+        distance = np.hypot(x, y)
+        near = np.flatnonzero((distance >= NEAREST_M) & (distance < FARTHEST_M))
+        cells = PolarCells.of(xyz[:, near])
         if cells.enough:
-            self._update(cells, near, time_s)
+            lowest, weight = fit_plane(cells, self._plane)
+            height = z - lowest.height(x, y)
+            flat = ~upright(x[near], y[near], height[near], upright_span_m(self._sigma_m or _START_SIGMA_M))
+            self._update(lowest, WaterEchoes.of(cells, height[near], weight, flat), time_s)
         if self._plane is None:
             return None
-        stands, swell = self._swell(self._plane, xyz)
+        height = z - self._plane.height(x, y)
+        stands = upright(x, y, height, upright_span_m(self._sigma_m))
+        swell = self._swell(x[~stands], y[~stands], height[~stands])
         return WaterSurface(self._plane, self._sigma_m, swell, stands)
 
-    def _update(self, cells: PolarCells, near: Floats, time_s: float) -> None:
-        lowest, weight = fit_plane(cells, self._plane)
+    def _update(self, lowest: Plane, echoes: WaterEchoes, time_s: float) -> None:
         known = self._plane is not None
         sigma = self._sigma_m if known else _START_SIGMA_M
         offset = 0.0
         for _ in range(1 if known else _START_PASSES):
-            offset, sigma = mean_level(cells, near, lowest, weight, _band(sigma))
+            offset, sigma = echoes.mean_level(_band(sigma))
         share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0
         self._sigma_m = float(share * self._sigma_m + (1 - share) * sigma)
         self._plane, self._seen_s = lowest.shifted(offset), time_s
 
-    def _swell(self, plane: Plane, xyz: Floats) -> tuple[NDArray[np.bool_], Swell]:
-        """Return which points stand upright, and the swell through the others."""
-        x, y, z = xyz
-        height = z - plane.height(x, y)
-        stands = upright(x, y, height, upright_span_m(self._sigma_m))
-        flat = np.flatnonzero(~stands)
-        x, y, height = x[flat], y[flat], height[flat]
+    def _swell(self, x: Floats, y: Floats, height: Floats) -> Swell:
+        """Return the swell through the echoes of the water among points, by their heights above the plane."""
         near = np.abs(height) <= _band(self._sigma_m)
         swell = Swell.of(x[near], y[near], height[near])
         near = np.abs(height - swell.at(x, y)[0]) <= _band(self._sigma_m)
-        return stands, Swell.of(x[near], y[near], height[near])
+        return Swell.of(x[near], y[near], height[near])
 
 
 def upright_span_m(sigma_m: float) -> float:

@@ -91,6 +91,8 @@ class ConfirmedObjects:
 
     def receive(self, frame: Frame, ahead_s: float) -> None:
         time_s = frame.stamp_ns / 1e9
+        if self.scans and 0 < self.scans[-1].time_s - time_s <= confirmed._MAX_STEP_BACK_S:
+            time_s = self.scans[-1].time_s
         if self.scans and not 0 <= time_s - self.scans[-1].time_s <= confirmed._MAX_GAP_S:
             self.decide(math.inf)
             self.tracks = Tracks(self.params)
@@ -116,7 +118,7 @@ class ConfirmedObjects:
             for number, upright in zip(used, stands, strict=True)
         ]
         self.beams.learn(echoes)
-        candidates = candidates_of(echoes)
+        candidates = candidates_of(echoes, self.beams)
         sigma = 0.0 if water is None else water.sigma
         things = self.things([one for one in candidates if not one.near], sigma, near=False)
         if self.tracks.approach(self.params.start_m, time_s):
@@ -128,11 +130,12 @@ class ConfirmedObjects:
             for echo in echoes
             if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, places) <= confirmed._EXPECTED_M
         ]
-        weak = [Thing(own, 0.0, near=False) for own in clusters_of(expected, self.params)]
+        weak = [Thing(own, 0.0, near=False) for own in clusters_of(expected, self.beams, self.params)]
         things += sorted(weak, key=lambda thing: thing.center)
         reasons = [self.by_zone(point, ring) for point, ring in zip(points, rings, strict=True)]
         mark(reasons, echoes, things, Reason.LOW_INTENSITY if self.params.use_intensity else Reason.UNCONFIRMED)
-        return Scan(time_s, reasons, rings, echoes, things, self.tracks.step(things, time_s), water)
+        tracks = self.tracks.step(things, time_s, lambda place, top: self.beams.meets(place, top, water))
+        return Scan(time_s, reasons, rings, echoes, things, tracks, water)
 
     def ring_of(self, point: Point) -> int | None:
         """Return the index of the range ring, -1 nearer, the number of range rings beyond; None without a zone."""
@@ -162,7 +165,7 @@ class ConfirmedObjects:
         return Reason.KEPT
 
     def things(self, candidates: Sequence[Echo], sigma: float, *, near: bool) -> list[Thing]:
-        clusters = clusters_of(candidates, self.params)
+        clusters = clusters_of(candidates, self.beams, self.params)
         return [Thing(own, evidence_of(own, sigma, self.beams, self.params), near) for own in clusters]
 
     def confirm(self, scan: Scan) -> None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -63,8 +64,7 @@ class Echo:
 
     @property
     def elevation_bin(self) -> int:
-        elevation = math.degrees(math.atan2(self.point.z, math.hypot(*self.xy)))
-        return round((elevation + beams._HALF_DEG) / beams._BIN_DEG)
+        return bin_of(self.point.z, self.xy)
 
     @property
     def near(self) -> bool:
@@ -77,6 +77,12 @@ class Echo:
     @property
     def brightness(self) -> float:
         return self.point.intensity / self.threshold if self.threshold > 0 else 1.0
+
+
+def bin_of(z: float, place: XY) -> int:
+    """Return the number of the elevation bin of a point."""
+    elevation = math.degrees(math.atan2(z, math.hypot(*place)))
+    return round((elevation + beams._HALF_DEG) / beams._BIN_DEG)
 
 
 def echo_of(number: int, point: Point, ring: int, water: Surface | None, params: Any, *, upright: bool) -> Echo:
@@ -103,7 +109,7 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
     )
 
 
-def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
+def candidates_of(echoes: Sequence[Echo], lidar: "Beams") -> list[Echo]:
     """Return high and upright points, and bright ones with enough bright or high ones around them."""
     among = places_of(echo.xyz for echo in echoes if echo.bright or echo.high)
     found = []
@@ -111,7 +117,10 @@ def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
         dense = False
         if echo.bright:
             reach = confirmed._RADIUS_RATIO * echo.range_m
-            dense = (distances(echo.xyz, among) <= reach).sum() - 1 >= confirmed._MIN_NEIGHBORS
+            above = math.tan(math.radians(lidar.gaps([echo])[1])) * echo.range_m
+            in_one_beam = echo.height + above >= confirmed._ONE_BEAM_RISES * echo.rise
+            needed = confirmed._MIN_IN_ONE_BEAM if in_one_beam else confirmed._MIN_NEIGHBORS
+            dense = (distances(echo.xyz, among) <= reach).sum() - 1 >= needed
         if echo.high or echo.upright or dense:
             found.append(echo)
     return found
@@ -135,6 +144,10 @@ class Thing:
         return [(mean([x for x, _ in own]), mean([y for _, y in own])) for _, own in sorted(members.items())]
 
     @property
+    def top(self) -> float:
+        return max(echo.height for echo in self.echoes)
+
+    @property
     def center(self) -> XY:
         x, y = (mean(values) for values in zip(*(echo.xy for echo in self.echoes), strict=True))
         return x, y
@@ -144,9 +157,16 @@ def mean(values: Sequence[float]) -> float:
     return math.fsum(values) / len(values)
 
 
-def clusters_of(echoes: Sequence[Echo], params: Any) -> list[list[Echo]]:
-    """Return groups of points connected by distances below the tolerance, in the order of their first points."""
-    places, free, found = places_of(echo.xyz for echo in echoes), np.ones(len(echoes), bool), []
+def clusters_of(echoes: Sequence[Echo], lidar: "Beams", params: Any) -> list[list[Echo]]:
+    """Return groups of points connected by distances below the tolerance, in the order of their first points.
+
+    Heights are scaled down where neighbouring beams are more than half of the tolerance apart.
+    """
+    reach, places = params.cluster_tolerance_m / objects._BEAMS_IN_REACH, []
+    for x, y, z, range_m in ((*echo.xyz, echo.range_m) for echo in echoes):
+        apart = math.tan(math.radians(lidar.spacing_deg)) * range_m
+        places.append((x, y, z * (reach / max(apart, reach))))
+    places, free, found = places_of(places), np.ones(len(echoes), bool), []
     for first in range(len(echoes)):
         if not free[first]:
             continue
@@ -173,15 +193,35 @@ class Beams:
             self.frames += 1
             self.seen |= {echo.elevation_bin for echo in echoes}
 
-    def beside(self, echoes: Sequence[Echo]) -> XY:
-        """Return how far below and above a group of points the next beams pass."""
+    @property
+    def spacing_deg(self) -> float:
+        """Median angle between neighbouring beams."""
+        ordered = sorted(self.seen)
+        steps = sorted(high - low for low, high in pairwise(ordered) if high - low > 1)
+        middle = len(steps) // 2
+        return (steps[middle] + steps[~middle]) / 2 * beams._BIN_DEG if steps else 0.0
+
+    def gaps(self, echoes: Sequence[Echo]) -> XY:
+        """Return the angles from a group of points to the beams below and above."""
         bins = [echo.elevation_bin for echo in echoes]
         below = [min(bins) - one for one in self.seen if one < min(bins) - 1]
         above = [one - max(bins) for one in self.seen if one > max(bins) + 1]
-        gaps = (min(min([math.inf, *steps]) * beams._BIN_DEG, beams._OPEN_DEG) for steps in (below, above))
-        distance = mean([echo.range_m for echo in echoes])
-        low, high = (math.tan(math.radians(gap)) * distance for gap in gaps)
+        low, high = (min(min([math.inf, *steps]) * beams._BIN_DEG, beams._OPEN_DEG) for steps in (below, above))
         return low, high
+
+    def beside(self, echoes: Sequence[Echo]) -> XY:
+        """Return how far below and above a group of points the next beams pass."""
+        distance = mean([echo.range_m for echo in echoes])
+        low, high = (math.tan(math.radians(gap)) * distance for gap in self.gaps(echoes))
+        return low, high
+
+    def meets(self, place: XY, top: float, water: Surface | None) -> bool:
+        """Return whether a beam meets a body from the water to a height above it."""
+        if water is None:
+            return True
+        level = water.level(*place)
+        low, high = (bin_of(z, place) for z in (level, level + top))
+        return any(low <= one <= high for one in self.seen)
 
 
 def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> float:
@@ -192,7 +232,8 @@ def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any)
     top = ordered[count - min(max(count // 4, 1), 3)]
     rise, wave = mean([echo.rise for echo in echoes]), mean([echo.wave for echo in echoes])
     below, above = lidar.beside(echoes)
-    stands = extent / max(params.min_extent_m, params.extent_sigmas * sigma)
+    upright = any(echo.upright for echo in echoes)
+    stands = upright * extent / max(params.min_extent_m, params.extent_sigmas * sigma)
     possible = objects._POSSIBLE * min(top, extent + below)
     share = max(stands, (top - wave) / rise, possible / rise)
     shape = min(max(share, 0.0), objects._MAX_SHARE) - objects._FLAT

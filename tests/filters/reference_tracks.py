@@ -1,7 +1,7 @@
 """Tracks of the method ``confirmed`` as plain loops, for `reference_confirmed`."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -30,6 +30,8 @@ class Track:
     born_s: float
     seen_s: float
     velocity: XY = (0.0, 0.0)
+    top: float = 0.0
+    outside: bool = False
     from_outside: bool = False
     history: list[Entry] = field(default_factory=list)
 
@@ -59,6 +61,8 @@ class Track:
                 vx, vy = (old + gain * (new - old) for new, old in zip(seen, self.velocity, strict=True))
                 self.velocity = vx, vy
         self.cells, self.center, self.seen_s = thing.cells, thing.center, time_s
+        self.top = thing.top
+        self.outside |= not thing.near
 
     def collect(self, evidence: float, to_memory: float, time_s: float, memory_s: float) -> None:
         step = tracks._FIRST_STEP_S
@@ -103,8 +107,9 @@ class Tracks:
         return votes, covered
 
     def approach(self, start_m: float, time_s: float) -> bool:
-        """Return whether an object from outside can have parts nearer than ``start_m``."""
-        places = [place for track in self.tracks if track.from_outside for place in track.expected(time_s)]
+        """Return whether a probable target from outside can have parts nearer than ``start_m``."""
+        coming = [track for track in self.tracks if track.outside and track.memory > 0]
+        places = [place for track in coming for place in track.expected(time_s)]
         return any(math.hypot(*place) < start_m + tracks._CONTACT_M for place in places)
 
     def missing(self, things: Sequence[Thing], time_s: float) -> list[XY]:
@@ -117,8 +122,8 @@ class Tracks:
                 places += track.expected(time_s)
         return places
 
-    def step(self, things: Sequence[Thing], time_s: float) -> list[Track]:
-        """Return the track of each object."""
+    def step(self, things: Sequence[Thing], time_s: float, meets: Callable[[XY, float], bool]) -> list[Track]:
+        """Return the track of each object; ``meets`` says whether a beam meets a place up to a height."""
         votes, covered = self.matches(things, time_s)
         followed: list[Track | None] = [None] * len(things)
         for number, track in enumerate(self.tracks):
@@ -126,15 +131,16 @@ class Tracks:
             for k, heir in self.inherit(track, heirs, things, [own[number] for own in votes], time_s):
                 followed[k] = heir
         result = [
-            Track(thing.cells, thing.center, time_s, time_s) if track is None else track
-            for track, thing in zip(followed, things, strict=True)
+            begun(thing, time_s) if track is None else track for track, thing in zip(followed, things, strict=True)
         ]
         for track, thing in zip(result, things, strict=True):
             track.collect(thing.evidence, thing.evidence, time_s, self.params.memory_s)
         recognise(things, result, votes)
         lost = [(track, hidden) for track, hidden in zip(self.tracks, covered, strict=True) if track not in result]
         for track, hidden in lost:
-            if not hidden:
+            places = track.expected(time_s)
+            met = sum(meets(place, max(track.top, self.params.min_rise_m)) for place in places)
+            if not hidden and met >= tracks._IN_SIGHT * len(places):
                 track.collect(tracks._MISS, tracks._MISS_MEMORY, time_s, self.params.memory_s)
         self.tracks = [track for track, _ in lost if time_s - track.seen_s <= tracks._COAST_S] + result
         return result
@@ -146,15 +152,20 @@ class Tracks:
         if not heirs:
             return []
         first = max(heirs, key=lambda k: votes[k] * (1 + max(things[k].evidence, 0)))
-        found = []
+        track.follow(things[first], time_s)
+        found = [(first, track)]
         for k in heirs:
-            if k == first:
-                track.follow(things[k], time_s)
-                found.append((k, track))
-            else:  # with the velocity of that moment: the parts behind the first inherit the new one
-                part = Track(things[k].cells, things[k].center, time_s, time_s, track.velocity, track.from_outside)
+            if k != first:
+                part = begun(things[k], time_s)
+                part.velocity, part.from_outside = track.velocity, track.from_outside
+                part.outside |= track.outside
                 found.append((k, part))
         return found
+
+
+def begun(thing: Thing, time_s: float) -> Track:
+    """Return a new track."""
+    return Track(thing.cells, thing.center, time_s, time_s, top=thing.top, outside=not thing.near)
 
 
 def recognise(things: Sequence[Thing], result: Sequence[Track], votes: Sequence[Sequence[int]]) -> None:

@@ -43,6 +43,10 @@ class Surface:
         deviation = self.sigma * math.sqrt(surface._ROUGHNESS**2 + unknown) + surface._RANGE_NOISE_M
         return self.plane.height_of(x, y, z) - swell, deviation
 
+    def level(self, x: float, y: float) -> float:
+        """Return z of the water at a position."""
+        return self.plane.a + self.plane.b * x + self.plane.c * y + self.swell.at(x, y)[0]
+
 
 class Water:
     """The water from frame to frame."""
@@ -74,8 +78,10 @@ class Water:
         water_cells = {cell for cell, weight in weights.items() if weight > plane._ABOVE / 3}
         first = self.plane is None
         offset, sigma = 0.0, tracker._START_SIGMA_M if first else self.sigma
+        stands = upright(near, [fitted.height_of(*point) for point in near], 0.25 + sigma)
+        flat = [(point, cell) for point, cell, up in zip(near, cells, stands, strict=True) if not up]
         for _ in range(tracker._START_PASSES if first else 1):
-            offset, sigma = mean_level(near, cells, water_cells, fitted, band(sigma))
+            offset, sigma = mean_level(flat, water_cells, fitted, band(sigma))
         old = 0.0 if first else math.exp((self.seen_s - time_s) / tracker._SIGMA_TIME_S)
         self.sigma = old * self.sigma + (1 - old) * sigma
         self.plane = Plane(fitted.a + offset, fitted.b, fitted.c)
@@ -158,8 +164,7 @@ def solved(matrix: list[list[float]], right: list[float]) -> list[float]:
 
 
 def mean_level(
-    near: Sequence[XYZ],
-    cells: Sequence[tuple[int, int]],
+    echoes: Sequence[tuple[XYZ, tuple[int, int]]],
     water_cells: set[tuple[int, int]],
     level: Plane,
     reach: float,
@@ -167,7 +172,7 @@ def mean_level(
     """Return median and deviation of the water's height above a plane, each cell with the same weight."""
     heights = [
         (level.height_of(*point), cell)
-        for point, cell in zip(near, cells, strict=True)
+        for point, cell in echoes
         if cell in water_cells and abs(level.height_of(*point)) <= reach
     ]
     if not heights:

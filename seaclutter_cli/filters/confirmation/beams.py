@@ -29,6 +29,18 @@ class Beams:
             self._frames += 1
             self._seen[_bins(elevation_deg)] = True
 
+    @property
+    def spacing_deg(self) -> float:
+        """Median angle between neighbouring beams; 0 if it is not known."""
+        steps = np.diff(np.flatnonzero(self._seen))
+        steps = steps[steps > 1]  # The points of one beam can be in several bins.
+        return float(np.median(steps)) * _BIN_DEG if len(steps) else 0.0
+
+    def pass_between(self, low_deg: Floats, high_deg: Floats) -> NDArray[np.bool_]:
+        """Return whether any beam passes between two elevations, shape (K,)."""
+        count = np.concatenate(([0], np.cumsum(self._seen)))
+        return np.asarray(count[_bins(high_deg) + 1] > count[_bins(low_deg)])
+
     def gaps(self, lowest_deg: Floats, highest_deg: Floats) -> tuple[Floats, Floats]:
         """Return the angles from the lowest beams of bodies to the beams below, and from the highest to those above.
 

@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _CELL_M = 0.5
+_BEAMS_IN_REACH = 2.0
+_MAX_CELL = 1 << 19
 _FLAT = 0.5
 _MAX_SHARE = 1.5
 _POSSIBLE = 0.7
@@ -37,6 +39,8 @@ class DetectedObject:
         Horizontal position of one of its points in each cell of 0.5 m.
     center : ndarray, shape (2,), float64
         Mean horizontal position of its points.
+    top_m : float
+        Height of its highest point above the water.
     near : bool
         Whether it is nearer than ``start_m``, where own ship is.
     """
@@ -45,16 +49,8 @@ class DetectedObject:
     evidence: float
     cells: Floats
     center: Floats
+    top_m: float
     near: bool
-
-    @classmethod
-    def of(cls, frame: Frame, points: Indices, evidence: float, *, near: bool = False) -> "DetectedObject":
-        """Return the object made of some points of a frame."""
-        xy = frame.coordinates[:2, points].T
-        cell = np.floor(xy / _CELL_M).astype(np.int64)
-        _, inverse, count = np.unique(cell[:, 0] * (1 << 32) + cell[:, 1], return_inverse=True, return_counts=True)
-        cells = np.stack([np.bincount(inverse, weights=axis) / count for axis in xy.T], axis=1)
-        return cls(points, evidence, cells, xy.mean(axis=0), near)
 
 
 @dataclass(frozen=True)
@@ -74,12 +70,18 @@ class Clusters:
     count: NDArray[np.int64]
 
     @classmethod
-    def among(cls, frame: Frame, among: NDArray[np.bool_], params: ConfirmedParams) -> "Clusters":
-        """Return the Euclidean clusters of some points of a frame."""
+    def among(cls, frame: Frame, among: NDArray[np.bool_], beams: Beams, params: ConfirmedParams) -> "Clusters":
+        """Return the Euclidean clusters of some points of a frame.
+
+        Where the beams are more than half of the tolerance apart, vertical distances are shortened to that, so that the
+        echoes of several beams from one body stay together.
+        """
         members = np.flatnonzero(among)
-        labels = euclidean_clusters(
-            frame.coordinates[:, members], params.cluster_tolerance_m, params.min_cluster_points
-        )
+        positions = frame.coordinates[:, members]
+        apart = np.tan(np.radians(beams.spacing_deg)) * frame.range_m[members]
+        reach = params.cluster_tolerance_m / _BEAMS_IN_REACH
+        positions[2] *= reach / np.maximum(apart, reach)
+        labels = euclidean_clusters(positions, params.cluster_tolerance_m, params.min_cluster_points)
         clustered = np.flatnonzero(labels >= 0)
         order = clustered[np.argsort(labels[clustered], kind="stable")]
         count = np.bincount(labels[clustered])
@@ -91,6 +93,26 @@ class Clusters:
     def members(self, k: int) -> Indices:
         """Return the indices of the points of a cluster."""
         return self.points[self.start[k] : self.start[k] + self.count[k]]
+
+    def objects(self, frame: Frame, heights: Heights, evidence: Floats, *, near: bool) -> list[DetectedObject]:
+        """Return the objects that the clusters are, sorted by their centres."""
+        if not len(self):
+            return []
+        xy = frame.coordinates[:2, self.points]
+        column, row = np.clip(np.floor(xy / _CELL_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
+        cluster = np.repeat(np.arange(len(self)), self.count)
+        key = (cluster * (2 * _MAX_CELL) + column) * (2 * _MAX_CELL) + row
+        distinct, cell, count = np.unique(key, return_inverse=True, return_counts=True)
+        cells = np.stack([np.bincount(cell, weights=axis) / count for axis in xy], axis=1)
+        bounds = np.searchsorted(distinct, np.arange(len(self) + 1) * (2 * _MAX_CELL) ** 2)
+        center = np.stack([np.add.reduceat(axis, self.start) / self.count for axis in xy], axis=1)
+        top = np.maximum.reduceat(heights.height_m[self.points], self.start)
+        return [
+            DetectedObject(
+                self.members(k), float(evidence[k]), cells[bounds[k] : bounds[k + 1]], center[k], float(top[k]), near
+            )
+            for k in np.lexsort(center.T[::-1]).tolist()
+        ]
 
     def mean(self, values: Floats) -> Floats:
         """Return the mean of the points' values in each cluster, shape (K,)."""
@@ -107,11 +129,11 @@ def find_objects(
     frame: Frame, candidates: NDArray[np.bool_], heights: Heights, beams: Beams, params: ConfirmedParams, *, near: bool
 ) -> list[DetectedObject]:
     """Return the objects that candidate points form, with the evidence of their shapes."""
-    clusters = Clusters.among(frame, candidates, params)
+    clusters = Clusters.among(frame, candidates, beams, params)
     if not len(clusters):
         return []
     evidence = _evidence(frame, clusters, heights, beams, params)
-    return [DetectedObject.of(frame, clusters.members(k), float(evidence[k]), near=near) for k in range(len(clusters))]
+    return clusters.objects(frame, heights, evidence, near=near)
 
 
 def _evidence(frame: Frame, clusters: Clusters, heights: Heights, beams: Beams, params: ConfirmedParams) -> Floats:
@@ -122,9 +144,10 @@ def _evidence(frame: Frame, clusters: Clusters, heights: Heights, beams: Beams, 
     rise, wave = clusters.mean(heights.rise_m), clusters.mean(heights.wave_m)
     below, above = _beside(frame, clusters, beams)
     extent = highest - lowest
-    # What stands upright is no water, what is higher than any wave neither. A body between the lowest point and the
-    # beam below is possible but not seen.
-    stands = extent / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
+    # What stands upright is no water: the slopes of waves take more than a column of 1 m. What is higher than any wave
+    # is no water either. A body between the lowest point and the beam below is possible but not seen.
+    upright = np.maximum.reduceat(heights.upright[clusters.points], clusters.start)
+    stands = upright * extent / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
     possible = _POSSIBLE * np.minimum(top, extent + below)
     shape = np.clip(np.maximum(stands, np.maximum(top - wave, possible) / rise), 0, _MAX_SHARE) - _FLAT
     # Where the next beam passes above all but tall bodies, a flat cluster is no evidence, and brightness decides.

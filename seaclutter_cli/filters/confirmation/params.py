@@ -54,7 +54,7 @@ class ConfirmedParams(RingIntensityParams):
     extent_sigmas: Annotated[float, Ge(0)] = 2.0
     cluster_tolerance_m: Annotated[float, Gt(0)] = 1.5
     min_cluster_points: Annotated[int, Ge(1)] = 3
-    score_threshold: Annotated[float, Interval(ge=-1, le=3)] = 0.4
+    score_threshold: Annotated[float, Interval(ge=-1, le=3)] = 0.45
     memory_s: Annotated[float, Gt(0)] = 5.0
     growth_m: Annotated[float, Ge(0)] = 1.0
     growth_height_m: Annotated[float, Ge(0)] = 0.15

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+from seaclutter_cli.filters.confirmation.sight import Sight
 from seaclutter_cli.filters.neighbors import nearest
 
 Floats = NDArray[np.float64]
@@ -25,6 +26,7 @@ _NEW_GATE_M, _NEW_GATE_SPEED_MS = 1.0, 5.0
 _GAIN, _NEW_GAIN = 0.15, 0.3
 _MAX_SPEED_MS = 20.0
 _COVERED = 0.5
+_IN_SIGHT = 0.5
 _CONTACT_M = 2.0
 _COAST_S = 2.0
 _EXPECTED_MEMORY = 1.0
@@ -54,6 +56,10 @@ class Track:
         Times at which it was first and last seen.
     velocity : ndarray, shape (2,), float64
         Horizontal velocity in the frame of the lidar in m/s; own ship's motion is part of it.
+    top_m : float
+        Height of its top above the water when it was last seen.
+    is_outside : bool
+        Whether it was ever seen beyond ``start_m``.
     from_outside : bool
         Whether it was confirmed beyond ``start_m``, so that it is not own ship when it comes nearer.
     memory : float
@@ -67,6 +73,8 @@ class Track:
     born_s: float
     seen_s: float
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
+    top_m: float = 0.0
+    is_outside: bool = False
     from_outside: bool = False
     memory: float = 0.0
     history: deque[Evidence] = field(default_factory=deque)
@@ -94,6 +102,8 @@ class Track:
                 gain = _NEW_GAIN if self.is_new else _GAIN
                 self.velocity = self.velocity + gain * (velocity - self.velocity)
         self.cells, self.center, self.seen_s = found.cells, found.center, time_s
+        self.top_m = found.top_m
+        self.is_outside |= not found.near
 
 
 @dataclass(frozen=True)
@@ -130,16 +140,16 @@ class Tracker:
         self._since_s = -np.inf
 
     def approached(self, start_m: float, time_s: float) -> bool:
-        """Return whether an object confirmed beyond ``start_m`` can have parts nearer than that."""
-        from_outside = (track for track in self._tracks if track.from_outside)
-        return any(np.hypot(*track.expected(time_s).T).min() < start_m + _CONTACT_M for track in from_outside)
+        """Return whether a probable target seen beyond ``start_m`` can have parts nearer than that."""
+        coming = (track for track in self._tracks if track.is_outside and track.memory > 0)
+        return any(np.hypot(*track.expected(time_s).T).min() < start_m + _CONTACT_M for track in coming)
 
     def associate(self, objects: Sequence[DetectedObject], time_s: float) -> "Association":
         """Return how the objects of a frame fit the tracks."""
         votes, covered = self._votes(objects, time_s)
         return Association(objects, votes, covered)
 
-    def step(self, found: "Association", time_s: float, since_s: float) -> list[Track]:
+    def step(self, found: "Association", time_s: float, since_s: float, sight: Sight) -> list[Track]:
         """Return the track of each object of a frame; a new one where an object continues none.
 
         Parameters
@@ -150,12 +160,14 @@ class Tracker:
             Time of the frame.
         since_s : float
             Time of the first frame for which `score` will still be asked.
+        sight : Sight
+            What the beams can meet in the frame.
 
         Notes
         -----
         An object continues the track that expects most of its cells. If several objects continue a track, the one with
-        the most cells and evidence does, and the others start tracks of their own. A track most of whose cells lie in
-        an object of another track, such as a boat alongside another, is neither found nor missed.
+        the most cells and evidence does, and the others start tracks of their own. A track is neither found nor missed
+        if most of its cells lie in an object of another track, such as a boat alongside another, or between the beams.
         """
         objects, votes, covered = found.objects, found.votes, found.covered
         self._since_s = since_s
@@ -163,14 +175,14 @@ class Tracker:
         for t, candidates in _by_track(votes).items():
             weight = [votes[k, t] * (1 + max(objects[k].evidence, 0.0)) for k in candidates]
             first = candidates[int(np.argmax(weight))]
-            for k in candidates:
+            for k in sorted(candidates, key=lambda k: k != first):
                 tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
         result = [track or self._begun(one, time_s) for track, one in zip(tracks, objects, strict=True)]
         self._recognise(objects, result, votes)
         seen = {id(track) for track in result}
-        for track, hidden in zip(self._tracks, covered, strict=True):
-            if id(track) not in seen and not hidden:
-                self._collect(track, time_s, None)
+        missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
+        for track in _in_sight(missing, sight, time_s):
+            self._collect(track, time_s, None)
         unseen = [one for one in self._tracks if id(one) not in seen and time_s - one.seen_s <= _COAST_S]
         self._tracks = unseen + result
         return result
@@ -219,9 +231,11 @@ class Tracker:
         return track
 
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
-        track = Track(found.cells, found.center, time_s, time_s)
+        track = Track(found.cells, found.center, time_s, time_s, top_m=found.top_m, is_outside=not found.near)
         if parent is not None:
-            track.velocity, track.from_outside = parent.velocity, parent.from_outside
+            track.velocity = parent.velocity
+            track.is_outside |= parent.is_outside
+            track.from_outside = parent.from_outside
         self._collect(track, time_s, found.evidence)
         return track
 
@@ -245,6 +259,17 @@ class Tracker:
         oldest = self._since_s - self._params.look_ahead_s - _MAX_STEP_S
         while len(track.history) > 1 and track.history[1].time_s < oldest:
             track.history.popleft()
+
+
+def _in_sight(tracks: Sequence[Track], sight: Sight, time_s: float) -> list[Track]:
+    """Return the tracks of which beams would meet at least half of the cells."""
+    if not tracks:
+        return []
+    sizes = np.array([len(track.cells) for track in tracks])
+    cells = np.concatenate([track.expected(time_s) for track in tracks])
+    met = sight.meets(cells, np.repeat([track.top_m for track in tracks], sizes))
+    count = np.bincount(np.repeat(np.arange(len(sizes)), sizes), weights=met, minlength=len(sizes))
+    return [track for track, n, size in zip(tracks, count, sizes, strict=True) if n >= _IN_SIGHT * size]
 
 
 def _by_track(votes: NDArray[np.int64]) -> dict[int, list[int]]:
