@@ -159,7 +159,12 @@ def test_recordings_with_and_without_point_labels(log, labels, tmp_path):
     ("comparison", "names"),
     [
         ("paper", "global_intensity@0.80 global_intensity@0.90 ring_intensity ring_intensity_outlier joint"),
-        ("peers", "joint sor ror dror adaptive_radius dsor lior lidsor naive"),
+        ("peers", "joint confirmed sor ror dror adaptive_radius dsor lior lidsor naive"),
+        (
+            "all",
+            "global_intensity@0.80 global_intensity@0.90 ring_intensity ring_intensity_outlier joint confirmed sor ror "
+            "dror adaptive_radius dsor lior lidsor naive",
+        ),
     ],
 )
 def test_comparisons(log, labels, tmp_path, comparison, names):
