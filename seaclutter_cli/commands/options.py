@@ -180,7 +180,7 @@ methods_options = grouped(
             "comparisons",
             multiple=True,
             type=click.Choice(["paper", "peers", "all"]),
-            help="Compare methods: the stages of joint as in its paper; or joint, confirmed and peers; or all, and none.",
+            help="Compare the stages of joint as in its paper; joint, confirmed and their peers; or all and none.",
         ),
         set_option("filter.start_m=5", "a key for every method that has it"),
     ),

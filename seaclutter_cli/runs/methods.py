@@ -18,7 +18,7 @@ COMPARISONS: Mapping[str, Sequence[str]] = {
     "peers": _PEERS,
     "all": tuple(dict.fromkeys((*_PAPER, *_PEERS, "none"))),
 }
-"""Groups of methods: those of Tables 4 and 5 in [Li2023]; ``joint``, ``confirmed`` and their peers; all and ``none``."""
+"""Groups of methods: Tables 4 and 5 in [Li2023]; ``joint``, ``confirmed`` and their peers; all of them and ``none``."""
 
 
 @dataclass(frozen=True)
