@@ -196,7 +196,8 @@ function fillClouds(host) {
   function clustersOf({ clusters }, method) {
     if (!confirms[method]) return "";
     const others = clusters[method].filter(({ kind }) => kind === "unconfirmed").length;
-    return `${confirms.filter(Boolean).length > 1 ? `${names[method]}: ` : ""}${plural(clusters[method].length - others, "confirmed cluster")}, ${whole(others)} unconfirmed`;
+    const rest = methods[method].mean_thresholds.some(Boolean) ? `, ${whole(others)} unconfirmed` : ""; // without thresholds they are not clustered
+    return `${confirms.filter(Boolean).length > 1 ? `${names[method]}: ` : ""}${plural(clusters[method].length - others, "confirmed cluster")}${rest}`;
   }
   function clusterKeys({ clusters }) {
     const shown = panesOf().map(([, method]) => method).filter((method) => confirms[method]);

@@ -106,6 +106,13 @@ def test_confirmed_and_unconfirmed_clusters(water, visit):
     assert "#870f1e" not in outlines()
 
 
+def test_without_thresholds_only_confirmed_clusters_are_counted(visit, tmp_path):
+    report(SEA, "-m", "confirmed", "-s", "filter.use_intensity=false", "-n", 5, "-o", tmp_path / "page.html")
+    page = visit(tmp_path / "page.html")
+    assert "2 confirmed clusters. All" in page.shown()
+    assert "unconfirmed cluster" not in page.page.locator("#clouds .legend").inner_text()
+
+
 def test_charts_of_the_water(water, dry, visit):
     assert visit(dry).page.get_by_role("img", name="Water level").count() == 0
     page = visit(water)
