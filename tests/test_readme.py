@@ -1,5 +1,6 @@
 """The examples in the README print the documented output, and the example script runs."""
 
+import json
 import os
 import re
 import subprocess
@@ -37,11 +38,26 @@ def test_output_of_the_second_example(monkeypatch):
     assert printed[: len(expected)] == expected
 
 
+def test_shares_of_points_in_the_second_example(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    arguments, _ = example(".venv/bin/seaclutter evaluate ")
+    found = json.loads(CliRunner().invoke(cli, ["evaluate", *arguments, "--json"]).stdout)["methods"]
+    text = " ".join(README.split())
+    for method, sentence in (
+        ("joint", "removes {} of the clutter points and {} of the target points"),
+        ("confirmed", "{} and {}"),
+    ):
+        shares = (f"{100 * found[method][key]:.2f} %" for key in ("clutter_removal", "target_loss"))
+        assert f"`{method}` {sentence.format(*shares)}" in text
+
+
 def test_the_python_example_runs(monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     exec(code, {})
-    assert re.search(r"^joint +60 +14 +8 ", capsys.readouterr().out, re.MULTILINE)
+    printed = capsys.readouterr().out
+    assert re.search(r"^joint +60 +14 +8 ", printed, re.MULTILINE)
+    assert re.search(r"^confirmed +60 +0 +0 ", printed, re.MULTILINE)
 
 
 def test_links_of_the_readme():

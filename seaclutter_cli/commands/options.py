@@ -180,7 +180,7 @@ methods_options = grouped(
             "comparisons",
             multiple=True,
             type=click.Choice(["paper", "peers", "all"]),
-            help="Compare the stages of the joint method as in its paper, or its peers, or all of these and none.",
+            help="Compare the stages of joint as in its paper; joint, confirmed and their peers; or all and none.",
         ),
         set_option("filter.start_m=5", "a key for every method that has it"),
     ),

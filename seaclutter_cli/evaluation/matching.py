@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.clustering.dbscan import DbscanFinder
 from seaclutter_cli.clustering.euclidean import ClusterFinder
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.frame import Frame
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 Mask = NDArray[np.bool_]
@@ -116,11 +116,11 @@ class Finder(Protocol):
         ...
 
 
-def finder_of(frame: Frame, results: Iterable[FilterResult], params: EvaluationParams) -> Finder:
-    """Return a cluster search for the points that any of several results of the same frame keep."""
+def finder_of(frame: Frame, subsets: Iterable[Mask], params: EvaluationParams) -> Finder:
+    """Return a cluster search for the valid points in any of several subsets of a frame."""
     among = np.zeros(frame.size, np.bool_)
-    for result in results:
-        among |= result.keep
+    for subset in subsets:
+        among |= subset
     among &= frame.valid
     if params.clustering == "dbscan":
         return DbscanFinder(frame.coordinates, among, params.cluster_tolerance_m, params.dbscan_min_points)

@@ -123,7 +123,7 @@ def score_frame(
         Parameters of clustering and matching.
     """
     scene = None if truth is None else targets_of(frame, truth, params)
-    finder = finder_of(frame, (result for result in results if result is not None), params)
+    finder = finder_of(frame, (result.keep for result in results if result is not None), params)
     scores: list[FrameScore | None] = []
     for result in results:
         if result is None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings
+from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, WaterState
 from seaclutter_cli.messages.companion import companion_format
 from seaclutter_cli.records import Buffer, Schema
 
@@ -100,6 +100,12 @@ class Diagnostics:
             return None
         integers = (self.arrays[name].astype(np.int64) for name in list(_ARRAYS)[2:])
         return Rings(self.arrays["thresholds"], self.arrays["corrections"], *integers)
+
+    @property
+    def water(self) -> WaterState | None:
+        """The water; None where there is none, and for methods that do not estimate it."""
+        known = self.measures and not any(map(math.isnan, self.measures.values()))
+        return WaterState(*(self.measures[name] for name in WATER_COLUMNS)) if known else None
 
 
 def definition(layout: Layout = PLAIN) -> str:

@@ -59,7 +59,10 @@ def draw_stages(figure: "Figure", collected: Collector) -> None:
     sample = collected.figure_sample
     panels = figure.subplots(len(STAGES), 1, sharex=True, sharey=True)
     _set_limits(panels, sample)
-    for number, (axes, (name, left)) in enumerate(zip(panels, STAGES.items(), strict=True)):
+    names = list(STAGES)
+    if (sample.reasons[0] == Reason.UNCONFIRMED).any():
+        names[-1] = "kept"
+    for number, (axes, name, left) in enumerate(zip(panels, names, STAGES.values(), strict=True)):
         shown = left(sample.reasons[0])
         size = round(float(sample.weight[shown].sum()))
         draw_cloud(axes, sample, 0, shown)

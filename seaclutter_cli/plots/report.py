@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from seaclutter_cli.frame import Reason
+from seaclutter_cli.frame import WATER_COLUMNS, Reason
 from seaclutter_cli.plots.clouds import Mask, draw_methods, draw_stages
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reporting import palette
@@ -23,6 +23,7 @@ _DASHES = ("-", "--", ":", "-.", (0, (5, 1)), (0, (1, 1)))
 _MAX_POINTS = 12_000
 _MAX_LEGEND = 6
 _FEW_FRAMES = 10
+_WATER_LABELS = {"water_level_m": "Water level (m)", "significant_wave_height_m": "Wave height (m)"}
 
 
 @dataclass(frozen=True)
@@ -194,6 +195,22 @@ def draw_scenes(figure: "Figure", collected: Collector) -> None:
     axes.tick_params(axis="y", length=0)
 
 
+def draw_water(figure: "Figure", collected: Collector) -> None:
+    """Draw level and significant wave height of the water over the frames."""
+    water = collected.histories[0].water
+    panels = figure.subplots(2, 1, sharex=True)
+    for axes, name, label in zip(panels, _WATER_LABELS, _WATER_LABELS.values(), strict=True):
+        values = water[:, WATER_COLUMNS.index(name)]
+        line = axes.plot(np.arange(len(values)), values, color=palette.LINES[0], linewidth=1)[0]
+        if isolated := _isolated(np.isfinite(values)):
+            line.set(marker="o", markersize=3.5, markevery=isolated, clip_on=False)
+        axes.set(ylabel=label)
+    panels[1].set_ylim(bottom=0)
+    for axes in panels:
+        _set_frame_axis(axes, len(water))
+    panels[0].set_xlabel("")
+
+
 def _shortened(name: str, limit: int = 24) -> str:
     """Return a name, with its middle omitted if it is long: similar names often differ at the end."""
     return name if len(name) <= limit else f"{name[: limit - 6]}…{name[-5:]}"
@@ -226,6 +243,7 @@ FIGURES: Mapping[str, ReportFigure] = {
     "intensity": ReportFigure(draw_intensity, _has_intensity),
     "thresholds": ReportFigure(partial(draw_rings, name="thresholds"), _has_rings),
     "corrections": ReportFigure(partial(draw_rings, name="corrections"), _has_rings),
+    "water": ReportFigure(draw_water, lambda collected: bool(np.isfinite(collected.histories[0].water).any()), 0.75),
     "reasons": ReportFigure(draw_reasons, lambda collected: bool(collected.chosen)),
     "alarms": ReportFigure(draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
     "scenes": ReportFigure(draw_scenes, lambda collected: bool(collected.histories[0].scenes), aspect=0.4),

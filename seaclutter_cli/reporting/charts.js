@@ -123,12 +123,14 @@ function boundaries(plot) {
   }
 }
 
-// series: name, color, dash, values and, where bins contain several frames, low and high.
-function lineChart(host, { series, yLabel, label }) {
-  const top = series.flatMap(({ values, high }) => [...(high || values)].filter(known)).reduce((a, b) => Math.max(a, b), 0);
-  const bottom = series.flatMap(({ values, low }) => [...(low || values)].filter(known)).reduce((a, b) => Math.min(a, b), 0);
+// series: name, color, dash, values and, where bins contain several frames, low and high. The y axis starts at 0, or with
+// `span` fits the values and has at least this length.
+function lineChart(host, { series, yLabel, label, span }) {
+  const top = series.flatMap(({ values, high }) => [...(high || values)].filter(known)).reduce((a, b) => Math.max(a, b), span ? -Infinity : 0);
+  const bottom = series.flatMap(({ values, low }) => [...(low || values)].filter(known)).reduce((a, b) => Math.min(a, b), span ? Infinity : 0);
+  const [middle, half] = [(top + bottom) / 2, Math.max(0.58 * (top - bottom), (span || 0) / 2)];
   overFrames(host, {
-    label, yLabel, y: [bottom, bottom < top ? top + 0.08 * (top - bottom) : bottom + 1],
+    label, yLabel, y: span ? [middle - half, middle + half] : [bottom, bottom < top ? top + 0.08 * (top - bottom) : bottom + 1],
     describe: (i) => `${binName(i)}: ${series.slice(0, 12).map(({ name, values }) => `${name} ${short(values[i])}`).join("; ")}`,
     paint: (plot) => {
       for (const { color, dash, values, low, high } of series) {

@@ -28,6 +28,17 @@ const INTENSITIES = Uint32Array.from({ length: 256 }, (_, i) => { // light to da
   const mix = (weak, strong) => Math.round(weak + (i / 255) ** 0.7 * (strong - weak));
   return (255 << 24) | (mix(232, 60) << 16) | (mix(178, 20) << 8) | mix(150, 8);
 });
+const HEIGHT_STEP_M = 0.02;
+const HEIGHTS = (() => { // the colour of each step of height above the water
+  const stops = data.palette.heights, top = stops[stops.length - 1][0];
+  const parse = (color) => [1, 3, 5].map((i) => parseInt(color.slice(i, i + 2), 16));
+  return Uint32Array.from({ length: Math.round(top / HEIGHT_STEP_M) + 1 }, (_, i) => {
+    const height = i * HEIGHT_STEP_M, k = Math.max(1, stops.findIndex(([stop]) => stop >= height - 1e-9));
+    const [[low, from], [high, to]] = [stops[k - 1], stops[k]];
+    const [r, g, b] = parse(to).map((value, c) => Math.round(value + ((high - height) / (high - low)) * (parse(from)[c] - value)));
+    return (255 << 24) | (b << 16) | (g << 8) | r;
+  });
+})();
 const REASON_WORDS = Uint32Array.from(data.palette.reasons, colorWord);
 const TRUTH_WORDS = Uint32Array.from(data.palette.truth, colorWord);
 
@@ -118,20 +129,21 @@ class CloudView {
 
   points(width, height) {
     const { sample, method, color, shows } = this.content;
-    const { xyz, scale, truth, intensity } = sample;
+    const { xyz, scale, truth, intensity, heights } = sample;
     const reasons = sample.reasons[method];
     const { words, depths } = this;
     words.fill(0xffffffff);
     depths.fill(Infinity);
     const out = [0, 0, 0], bold = reasons.length > 8000 ? 2 : 3.2;
-    const lifts = color === "reason" ? { 3: 0.5, 4: 1 } : {}; // metres towards the camera: kept points would hide removed points among them
+    const lifts = color === "reason" ? { 3: 0.5, 4: 1, 7: 1 } : {}; // metres towards the camera: kept points would hide removed points among them
     for (let i = 0; i < reasons.length; i++) {
       if (!shows(reasons[i])) continue;
       this.project(xyz[3 * i] * scale, xyz[3 * i + 1] * scale, xyz[3 * i + 2] * scale, out);
       const depth = out[2];
       if (depth < 0.5) continue;
-      const word = color === "truth" ? TRUTH_WORDS[truth[i]] : color === "intensity" ? INTENSITIES[intensity[i]] : REASON_WORDS[reasons[i]];
-      const large = color === "truth" ? truth[i] === 2 : reasons[i] === 0 || reasons[i] === 4;
+      const word = color === "truth" ? TRUTH_WORDS[truth[i]] : color === "intensity" ? INTENSITIES[intensity[i]]
+        : color === "height" ? heights[i] : REASON_WORDS[reasons[i]];
+      const large = color === "truth" ? truth[i] === 2 : reasons[i] === 0 || reasons[i] === 4 || reasons[i] === 7;
       const over = depth - (lifts[reasons[i]] || 0);
       const size = Math.round(this.ratio * (large ? bold : Math.min(bold, 2)));
       const [left, top] = [Math.round(out[0] - size / 2), Math.round(out[1] - size / 2)];
@@ -192,12 +204,13 @@ class CloudView {
   }
 
   outlines() {
-    const { sample, method, boxes, clusters } = this.content;
+    const { sample, method, boxes, clusters, shows } = this.content;
     const { states } = data.palette;
-    const colors = { target: data.palette.reasons[0], unknown: data.palette.reasons[0], false: states["false alarm"] };
+    const colors = { target: data.palette.reasons[0], unknown: data.palette.reasons[0], false: states["false alarm"], unconfirmed: data.palette.reasons[7] };
     for (const { low, high, kind } of clusters ? sample.clusters[method] : []) {
+      if (kind === "unconfirmed" && !shows(7)) continue;
       const center = low.map((value, i) => (value + high[i]) / 2), size = low.map((value, i) => high[i] - value + 0.3);
-      this.box(center, size, 0, colors[kind], kind === "false" ? 2 : 1, []);
+      this.box(center, size, 0, colors[kind], kind === "false" ? 2 : kind === "unconfirmed" ? 1.6 : 1, kind === "unconfirmed" ? [2, 3] : []);
       if (kind === "false") this.text("false alarm", center[0], center[1], high[2], colors.false);
     }
     for (const box of boxes ? sample.boxes : []) {
@@ -228,17 +241,29 @@ function openSample(number) {
   if (!opened.has(number)) {
     const packed = data.samples[number];
     const xyz = unpack(packed.xyz, Int16Array);
-    const heights = xyz.filter((_, i) => i % 3 === 2).sort();
+    const levels = xyz.filter((_, i) => i % 3 === 2).sort();
     const reasons = packed.reasons.map((text) => unpack(text, Uint8Array));
     opened.set(number, {
       ...packed, xyz,
       intensity: unpack(packed.intensity, Uint8Array),
       truth: unpack(packed.truth, Uint8Array),
       reasons, reach: reachOf(xyz, packed, reasons[0]),
-      ground: (heights[Math.floor(heights.length / 5)] || 0) * packed.scale,
+      ground: (levels[Math.floor(levels.length / 5)] || 0) * packed.scale,
+      heights: heightWords(xyz, packed),
     });
   }
   return opened.get(number);
+}
+
+// Colours of the points by their height above the mean plane of the water; grey without water.
+function heightWords(xyz, { scale, water }) {
+  const words = new Uint32Array(xyz.length / 3).fill(TRUTH_WORDS[0]);
+  for (let i = 0; water && i < words.length; i++) {
+    const [x, y, z] = xyz.subarray(3 * i, 3 * i + 3);
+    const height = scale * (z - water.slope_x * x - water.slope_y * y) - water.level;
+    words[i] = HEIGHTS[Math.min(Math.max(Math.round(height / HEIGHT_STEP_M), 0), HEIGHTS.length - 1)];
+  }
+  return words;
 }
 
 // Range within which almost all clutter and targets are; points removed as near or far do not count.

@@ -1,6 +1,7 @@
 """JSON data of the page: numbers as text, arrays as base64 of little-endian values."""
 
 import base64
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli import __version__
-from seaclutter_cli.frame import Reason
+from seaclutter_cli.frame import WATER_COLUMNS, Reason, WaterState
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.binning import bin_starts, binned
 from seaclutter_cli.reporting.choice import Chosen
@@ -74,6 +75,7 @@ def _palette() -> dict[str, Any]:
         "states": palette.STATES,
         "lines": list(palette.LINES),
         "ramp": list(palette.RAMP),
+        "heights": list(palette.HEIGHTS.items()),
     }
 
 
@@ -93,11 +95,21 @@ def _method(method: Method, history: History, summary: dict[str, Any], starts: N
         "thresholds_low": _packed(thresholds[1].T, "<f4"),
         "thresholds_high": _packed(thresholds[2].T, "<f4"),
         "corrections": _packed(corrections.T, "<f4"),
+        "water": _water(history, starts),
         "scenes": {name: _packed(frames, "u1") for name, frames in history.scenes.items()},
         "alarms": _packed(alarm_bits(history), "u1"),
         "false_alarms": _packed(np.nan_to_num(history.false_alarms).clip(0, 255), "u1"),
         "missed": _packed(np.nan_to_num(history.missed).clip(0, 255), "u1"),
     }
+
+
+def _water(history: History, starts: NDArray[np.int64]) -> dict[str, list[str]] | None:
+    """Return mean, minimum and maximum of level and wave height by their names; None if no water is known."""
+    if not np.isfinite(history.water).any():
+        return None
+    series = binned(history.water, starts)
+    columns = {name: WATER_COLUMNS.index(name) for name in ("water_level_m", "significant_wave_height_m")}
+    return {name: [_packed(one[:, k], "<f4") for one in series] for name, k in columns.items()}
 
 
 def mean_thresholds(history: History) -> list[float]:
@@ -158,6 +170,17 @@ def _sample(one: Chosen[Sample], top: float) -> dict[str, Any]:
         "reasons": [_packed(reasons, "u1") for reasons in sample.reasons],
         "boxes": sample.boxes,
         "clusters": sample.clusters,
+        "water": sample.water and _plane(sample.water),
+    }
+
+
+def _plane(water: WaterState) -> dict[str, float]:
+    """Return the mean plane of the water, :math:`z = level + slope_x x + slope_y y`, and the wave height."""
+    return {
+        "level": water.level_m,
+        "slope_x": math.tan(math.radians(water.pitch_deg)),
+        "slope_y": -math.tan(math.radians(water.roll_deg)),
+        "wave_height": water.significant_wave_height_m,
     }
 
 

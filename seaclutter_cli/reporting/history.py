@@ -1,12 +1,13 @@
 """Statistics of a method for every frame."""
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation.scores import FrameScore
-from seaclutter_cli.frame import FilterResult, Reason, Rings
+from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, WaterState
 
 Series = NDArray[np.float32]
 
@@ -23,16 +24,19 @@ class Numbers:
         Thresholds and corrections, for methods with range rings.
     scene : str, optional
         Class of scene, for methods that distinguish scenes.
+    water : WaterState, optional
+        The water, for methods that estimate it and where there is some.
     """
 
     counts: NDArray[np.int64]
     rings: Rings | None
     scene: str | None = None
+    water: WaterState | None = None
 
     @classmethod
     def of(cls, result: FilterResult | None) -> "Numbers | None":
         """Return the statistics of a result; None without a result."""
-        return None if result is None else cls(result.counts, result.rings, result.scene)
+        return None if result is None else cls(result.counts, result.rings, result.scene, result.water)
 
 
 class History:
@@ -47,33 +51,44 @@ class History:
     _ALARMS = ("visible", "missed", "false_alarms")
 
     def __init__(self, rings: int) -> None:
-        self._rings = rings
+        sizes = {
+            "counts": len(Reason),
+            "clusters": 1,
+            "alarms": len(self._ALARMS),
+            "water": len(WATER_COLUMNS),
+            "thresholds": rings,
+            "corrections": rings,
+        }
+        ends = pairwise(accumulate(sizes.values(), initial=0))
+        self._parts = {name: slice(*part) for name, part in zip(sizes, ends, strict=True)}
+        self._width = sum(sizes.values())
         self._rows: list[Series] = []
         self._scenes: list[str | None] = []
 
     def add(self, numbers: Numbers | None, score: FrameScore | None) -> None:
         """Add a frame; unknown values become NaN."""
-        row = np.full(len(Reason) + len(self._ALARMS) + 1 + 2 * self._rings, np.nan, np.float32)
+        row, parts = np.full(self._width, np.nan, np.float32), self._parts
         if numbers is not None:
-            row[: len(Reason)] = numbers.counts
-            if numbers.rings is not None and self._rings:
-                row[-2 * self._rings :] = np.concatenate((numbers.rings.thresholds, numbers.rings.corrections))
+            row[parts["counts"]] = numbers.counts
+            if numbers.water is not None:
+                row[parts["water"]] = astuple(numbers.water)
+            if numbers.rings is not None and len(row[parts["thresholds"]]):
+                row[parts["thresholds"]] = numbers.rings.thresholds
+                row[parts["corrections"]] = numbers.rings.corrections
         if score is not None:
-            row[len(Reason)] = score.clusters
+            row[parts["clusters"]] = score.clusters
             if score.alarms is not None:
-                alarms = [getattr(score.alarms, name) for name in self._ALARMS]
-                row[len(Reason) + 1 :][: len(alarms)] = alarms
+                row[parts["alarms"]] = [getattr(score.alarms, name) for name in self._ALARMS]
         self._rows.append(row)
         self._scenes.append(numbers.scene if numbers else None)
 
-    def _columns(self, first: int, count: int) -> Series:
-        width = len(Reason) + len(self._ALARMS) + 1 + 2 * self._rings
-        return np.array(self._rows, np.float32).reshape(-1, width)[:, first : first + count]
+    def _columns(self, part: str) -> Series:
+        return np.array(self._rows, np.float32).reshape(-1, self._width)[:, self._parts[part]]
 
     @property
     def counts(self) -> Series:
         """Points for each `Reason`, shape (frames, 8)."""
-        return self._columns(0, len(Reason))
+        return self._columns("counts")
 
     @property
     def scenes(self) -> dict[str, NDArray[np.bool_]]:
@@ -84,29 +99,34 @@ class History:
     @property
     def clusters(self) -> Series:
         """Clusters of the kept points, shape (frames,)."""
-        return self._columns(len(Reason), 1)[:, 0]
+        return self._columns("clusters")[:, 0]
 
     @property
     def visible(self) -> Series:
         """Visible targets, shape (frames,); NaN for unlabelled frames."""
-        return self._columns(len(Reason) + 1, 1)[:, 0]
+        return self._columns("alarms")[:, 0]
 
     @property
     def missed(self) -> Series:
         """Missed targets, shape (frames,); NaN for unlabelled frames."""
-        return self._columns(len(Reason) + 2, 1)[:, 0]
+        return self._columns("alarms")[:, 1]
 
     @property
     def false_alarms(self) -> Series:
         """False alarms, shape (frames,); NaN for unlabelled frames."""
-        return self._columns(len(Reason) + 3, 1)[:, 0]
+        return self._columns("alarms")[:, 2]
+
+    @property
+    def water(self) -> Series:
+        """Values of `WaterState`, shape (frames, 4), in the order of `WATER_COLUMNS`; NaN without water."""
+        return self._columns("water")
 
     @property
     def thresholds(self) -> Series:
         """Thresholds of the range rings, shape (frames, K)."""
-        return self._columns(len(Reason) + 4, self._rings)
+        return self._columns("thresholds")
 
     @property
     def corrections(self) -> Series:
         """Corrections of the range rings, shape (frames, K)."""
-        return self._columns(len(Reason) + 4 + self._rings, self._rings)
+        return self._columns("corrections")

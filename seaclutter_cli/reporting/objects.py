@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, match_clusters, targets_of
-from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.evaluation.matching import Finder, FrameTargets, Matches, finder_of, match_clusters, targets_of
+from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.truth import Boxes, Truth
 
 _MAX_CLUSTERS = 400
@@ -24,19 +24,27 @@ def deferred_objects(
 ) -> Callable[[], Objects]:
     """Return a function that calls `find_objects` on demand, to save time for frames that are not shown.
 
-    Without labels, the function stores only the points that a method keeps, not the message of the frame.
+    Without labels, the function stores only the points that may be in clusters, not the message of the frame.
     """
     if truth is not None:
         found = find_objects(frame, results, truth, params)
         return lambda: found
-    kept = np.zeros(frame.size, np.bool_)
+    used = np.zeros(frame.size, np.bool_)
     for result in results:
         if result is not None:
-            kept |= result.keep
-    kept &= frame.valid
-    part = replace(frame, cloud=frame.cloud.select(kept), message=None)
-    parts = [result and FilterResult(part, result.reason[kept]) for result in results]
+            used |= result.keep | unconfirmed(result)
+    used &= frame.valid
+    part = replace(frame, cloud=frame.cloud.select(used), message=None)
+    parts = [result and replace(result, frame=part, reason=result.reason[used]) for result in results]
     return partial(find_objects, part, parts, None, params)
+
+
+def unconfirmed(result: FilterResult) -> NDArray[np.bool_]:
+    """Return the points of objects that were not confirmed, shape (N,).
+
+    There are none without thresholds: the reason of the water is then the same.
+    """
+    return np.equal(result.reason, Reason.UNCONFIRMED) & (result.rings is not None)
 
 
 def find_objects(
@@ -52,29 +60,41 @@ def find_objects(
         for methods that could not process the frame.
     clusters : list of list of dict
         For each method, ``low`` and ``high`` corners, ``points`` and ``kind``: ``target``, ``false``, or ``unknown``
-        without labels; at most the 400 largest clusters.
+        without labels; ``unconfirmed`` for clusters of unconfirmed points. At most the 400 largest clusters, and as
+        many unconfirmed ones.
     """
     scene = None if truth is None else targets_of(frame, truth, params)
-    matched = _match(frame, results, scene, params)
-    boxes = _boxes(truth, scene, [matches for _, matches in matched])
-    return boxes, [_clusters(frame, labels, matches) for labels, matches in matched]
-
-
-def _match(
-    frame: Frame, results: Sequence[FilterResult | None], scene: FrameTargets | None, params: EvaluationParams
-) -> list[tuple[NDArray[np.int64], Matches | None]]:
-    """Return, for each method, the cluster of each point and, with labels, the matches with the targets."""
-    finder = finder_of(frame, (result for result in results if result is not None), params)
-    matched = []
+    subsets = [mask for result in results if result is not None for mask in (result.keep, unconfirmed(result))]
+    finder = finder_of(frame, subsets, params)
+    clusters, matched = [], []
     for result in results:
-        labels = np.full(frame.size, -1)
-        if result is not None:
-            labels = finder.clusters(result.keep & frame.valid, params.min_cluster_points)
-        matched.append((labels, None if scene is None or result is None else match_clusters(labels, scene, params)))
-    return matched
+        found, matches = ([], None) if result is None else _clusters_of(result, finder, scene, params)
+        clusters.append(found)
+        matched.append(matches)
+    return _boxes(truth, scene, matched), clusters
 
 
-def _clusters(frame: Frame, labels: NDArray[np.int64], matches: Matches | None) -> list[Described]:
+def _clusters_of(
+    result: FilterResult, finder: Finder, scene: FrameTargets | None, params: EvaluationParams
+) -> tuple[list[Described], Matches | None]:
+    """Return the clusters of kept and of unconfirmed points and, with labels, the matches with the targets."""
+    frame = result.frame
+    kept, others = (
+        finder.clusters(points & frame.valid, params.min_cluster_points)
+        for points in (result.keep, unconfirmed(result))
+    )
+    matches = None if scene is None else match_clusters(kept, scene, params)
+    kinds = ["unknown"] * _count(kept)
+    if matches is not None:
+        kinds = ["target" if belongs else "false" for belongs in matches.belongs]
+    return _clusters(frame, kept, kinds) + _clusters(frame, others, ["unconfirmed"] * _count(others)), matches
+
+
+def _count(labels: NDArray[np.int64]) -> int:
+    return int(labels.max(initial=-1)) + 1
+
+
+def _clusters(frame: Frame, labels: NDArray[np.int64], kinds: Sequence[str]) -> list[Described]:
     """Return the bounding boxes of the clusters, at most the `_MAX_CLUSTERS` largest."""
     members = np.flatnonzero(labels >= 0)
     if not len(members):
@@ -84,9 +104,6 @@ def _clusters(frame: Frame, labels: NDArray[np.int64], matches: Matches | None) 
     starts = np.cumsum(size) - size
     xyz = frame.coordinates[:, members]
     low, high = (reduce.reduceat(xyz, starts, axis=1).T for reduce in (np.minimum, np.maximum))
-    kinds = ["unknown"] * len(size)
-    if matches is not None:
-        kinds = ["target" if belongs else "false" for belongs in matches.belongs]
     return [
         {"low": _rounded(low[k]), "high": _rounded(high[k]), "points": int(size[k]), "kind": kinds[k]}
         for k in np.sort(np.argsort(-size, kind="stable")[:_MAX_CLUSTERS]).tolist()

@@ -124,7 +124,9 @@ function listOtherErrors(host, most = 300) {
     h("p", {}, `${names.join(", ")}. Their points are not in this page. To include them, use --pick K for frame K, or --show N for more frames.`)));
 }
 
-const STAGES = [["Raw", () => true], ["After thresholds", (reason) => reason === 0 || reason === 4 || reason === 7], ["After outlier removal", (reason) => reason === 0]];
+const confirms = methods.map(({ totals }) => totals[7] > 0); // methods that confirm objects
+const STAGES = [["Raw", () => true], ["After thresholds", (reason) => reason === 0 || reason === 4 || reason === 7],
+  [confirms.includes(true) ? "Kept points" : "After outlier removal", (reason) => reason === 0]];
 function fillClouds(host) {
   const state = { number: 0, layout: "one", stage: 0, method: 0, other: Math.min(1, methods.length - 1), color: "reason", boxes: true, clusters: true, hidden: new Set() };
   const camera = new Camera();
@@ -144,7 +146,8 @@ function fillClouds(host) {
   const second = select(names, (number) => { state.other = number; rebuild(); }, "second method");
   second.selectedIndex = state.other;
   const layouts = [["one", "Single view"], ["stages", "Stage by stage"], ...(methods.length > 1 ? [["two", "Two methods"]] : [])];
-  const colors = [["reason", "Reason"], ...(labelled ? [["truth", "Label"]] : []), ...(data.intensity_top > 0 ? [["intensity", "Intensity"]] : [])];
+  const colors = [["reason", "Reason"], ...(labelled ? [["truth", "Label"]] : []), ...(data.intensity_top > 0 ? [["intensity", "Intensity"]] : []),
+    ...(samples.some(({ water }) => water) ? [["height", "Height above water"]] : [])];
   const against = h("label", {}, "compared with", second);
   const stages = h("span", { class: "bar" }, "Stage", pressed("stage", STAGES.map(([name], i) => [i, name]), "stage"));
   host.append(
@@ -175,19 +178,39 @@ function fillClouds(host) {
   function update() {
     const sample = openSample(state.number);
     panesOf().forEach(([title, method, shows], i) => views[i].show({
-      sample, method, color: state.color, boxes: state.boxes, clusters: state.clusters && !(state.layout === "stages" && i < 2) && (state.layout === "stages" || state.stage === 2 || state.stage === 0),
+      sample, method, color: state.color, boxes: state.boxes, clusters: state.clusters && (state.layout === "stages" ? i === 2 : state.stage !== 1),
       rings: methods[method].edges, shows: (reason) => shows(reason) && !(state.color === "reason" && state.hidden.has(reason)),
     }, `Point cloud of ${frameName(sample.row)}${title ? `, ${title}` : ""}: ${plural(sample.shown, "point")}`));
-    const thinned = sample.shown < sample.valid ? `${whole(sample.shown)} of ${whole(sample.valid)} returns shown, with priority for kept points and targets` : `All ${whole(sample.valid)} returns shown`;
+    const thinned = sample.shown < sample.valid ? `${whole(sample.shown)} of ${whole(sample.valid)} returns shown, with priority for kept points${confirms.includes(true) ? ", unconfirmed ones" : ""} and targets` : `All ${whole(sample.valid)} returns shown`;
     const verdicts = labelled ? ` ${alarms.filter((_, method) => alarms.length < 5 || panesOf().some((pane) => pane[1] === method)).map((one) => `${one.name}: ${verdict(one, sample.row)}`).join("; ")}.` : "";
-    info.textContent = `${frameName(sample.row)}, ${frameTime(sample.row)}.${verdicts} ${thinned}.`;
+    const details = [waterOf(sample), ...new Set(panesOf().map(([, method]) => clustersOf(sample, method)))].filter(Boolean).map((text) => ` ${text}.`).join("");
+    info.textContent = `${frameName(sample.row)}, ${frameTime(sample.row)}.${verdicts}${details} ${thinned}.`;
     chooser.selectedIndex = state.number;
     marks.forEach((button, number) => button.setAttribute("aria-current", String(number === state.number)));
-    keys.replaceChildren(...legendOf(sample));
+    keys.replaceChildren(...legendOf(sample), ...clusterKeys(sample));
+  }
+  function waterOf({ water }) {
+    if (!water) return methods.some((method) => method.water) ? "No water seen" : "";
+    return `Water ${Math.abs(water.level).toFixed(2)} m ${water.level > 0 ? "above" : "below"} the lidar, significant wave height ${water.wave_height.toFixed(2)} m`;
+  }
+  function clustersOf({ clusters }, method) {
+    if (!confirms[method]) return "";
+    const others = clusters[method].filter(({ kind }) => kind === "unconfirmed").length;
+    const rest = methods[method].mean_thresholds.some(Boolean) ? `, ${whole(others)} unconfirmed` : ""; // without thresholds they are not clustered
+    return `${confirms.filter(Boolean).length > 1 ? `${names[method]}: ` : ""}${plural(clusters[method].length - others, "confirmed cluster")}${rest}`;
+  }
+  function clusterKeys({ clusters }) {
+    const shown = panesOf().map(([, method]) => method).filter((method) => confirms[method]);
+    if (!state.clusters || !shown.length || (state.layout !== "stages" && state.stage === 1)) return [];
+    const items = [["confirmed cluster", palette.reasons[0], undefined]];
+    const raw = state.layout !== "stages" && state.stage === 0;
+    if (raw && shown.some((method) => clusters[method].some(({ kind }) => kind === "unconfirmed"))) items.push(["unconfirmed cluster", palette.reasons[7], "2 3"]);
+    return items.map(([name, color, dash]) => h("li", {}, h("span", {}, swatch(color, dash), name)));
   }
   function legendOf(sample) {
     if (state.color === "truth") return palette.truth_names.map((name, i) => sample.truth.includes(i) ? h("li", {}, h("span", {}, swatch(palette.truth[i], null), name)) : null).filter(Boolean);
     if (state.color === "intensity") return [h("li", {}, h("span", {}, `light: low intensity; dark: ${short(data.intensity_top)} and above`))];
+    if (state.color === "height") return heightKeys(sample.water);
     const used = palette.order.filter((reason) => sample.reasons.some((reasons) => reasons.includes(reason)));
     return used.map((reason) => h("li", {}, h("label", {},
       h("input", { type: "checkbox", checked: !state.hidden.has(reason), change: (event) => { state.hidden[event.target.checked ? "delete" : "add"](reason); camera.changed(); } }),
@@ -203,9 +226,16 @@ function fillClouds(host) {
   return { show, mark: (buttons) => { marks = buttons; update(); } };
 }
 
+function heightKeys(water) {
+  const last = palette.heights.length - 1;
+  const items = water ? palette.heights.map(([height, color], k) => [`${height} m${k === 0 ? " and below" : k === last ? " and above" : ""}`, color])
+    : [["no water seen in this frame", palette.truth[0]]];
+  return items.map(([name, color]) => h("li", {}, h("span", {}, swatch(color, null), name)));
+}
+
 function fillCurves(host) {
   if (!frames.count) { host.hidden = true; return; }
-  if (bins < frames.count) host.append(h("p", { class: "muted" }, `Each value is the mean of ${data.bins[1]} frames; the shaded band of a threshold spans its minimum to its maximum.`));
+  if (bins < frames.count) host.append(h("p", { class: "muted" }, `Each value is the mean of ${data.bins[1]} frames; shaded bands span the minimum to the maximum.`));
   const root = h("div");
   const draw = (number) => { root.replaceChildren(); curvesOf(root, methods[number]); };
   if (methods.length > 1) host.append(h("div", { class: "bar" }, h("label", {}, "Method", select(methods.map(({ name }) => name), draw, "method for the time series"))));
@@ -221,6 +251,7 @@ function curvesOf(host, method) {
   stackChart(stacked, { series, yLabel: "Points", label: "Points per frame by outcome" });
   const scenes = Object.fromEntries(Object.entries(method.scenes).map(([name, text]) => [name, unpack(text, Uint8Array)]));
   if (Object.keys(scenes).length) sceneChart(figure(host, "Class of scene per frame"), { scenes, label: "Class of scene per frame" });
+  if (method.water) waterCurves(host, method.water);
   const rings = method.edges.length - 1;
   if (rings < 1) return;
   const colors = ringColors(rings), few = rings <= palette.lines.length;
@@ -246,6 +277,17 @@ function curvesOf(host, method) {
     }
   };
   draw(-1);
+}
+
+const WATER_CURVES = [
+  ["water_level_m", "Water level", "Height of the water at the lidar, in the frame of the lidar.", 0.2],
+  ["significant_wave_height_m", "Significant wave height", "Four standard deviations of the water surface."],
+];
+function waterCurves(host, water) {
+  for (const [name, title, note, span] of WATER_CURVES) {
+    const [values, low, high] = water[name].map((text) => unpack(text, Float32Array));
+    lineChart(figure(host, title, note), { series: [{ name: title.toLowerCase(), color: palette.lines[0], values, low, high }], yLabel: `${title} (m)`, label: title, span });
+  }
 }
 
 function fillDensity(host) {

@@ -40,6 +40,9 @@ LINES = ("#14213d", "#d1661a", "#0b6b50", "#8a2bb0", "#2f7fd0", "#8a6d00")
 RAMP = ("#14213d", "#1d5f9e", "#3f95e8")
 """Start, middle and end of the colour ramp for many range rings, from the nearest to the farthest."""
 
+HEIGHTS = {0.0: "#3f95e8", 0.5: "#b45a9a", 1.0: "#b3203f", 2.0: "#6e0f14", 3.0: "#1c0608"}
+"""Colours of points by their height above the water in metres; between these heights they are mixed."""
+
 INK = {
     "ink": "#16202b",
     "muted": "#52606d",

@@ -85,7 +85,7 @@ class Replayed:
             raise CloudError(f"frame {self.frame.index}: a removed point is not in the raw cloud")
         reason = np.full(raw.size, Reason.KEPT, np.uint8)
         reason[indices] = np.minimum(reasons, max(Reason))
-        return FilterResult(self.frame, reason, self.numbers.rings, self.numbers.scene)
+        return FilterResult(self.frame, reason, self.numbers.rings, self.numbers.scene, self.numbers.water)
 
 
 def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replayed]:
@@ -111,7 +111,7 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replaye
                 source.damage.append(Damage(Path(source.name), None, str(error), len(record.data), 1))
                 continue
             if found.topic == topic and found.numbers["points_in"] == frame.size:
-                yield Replayed(frame, Numbers(found.counts, found.rings, found.scene or None), removed)
+                yield Replayed(frame, Numbers(found.counts, found.rings, found.scene or None, found.water), removed)
                 frame = removed = None
 
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import point_truth
-from seaclutter_cli.frame import FilterResult, Frame, Reason
-from seaclutter_cli.reporting.objects import Described, Objects, deferred_objects
+from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
+from seaclutter_cli.reporting.objects import Described, Objects, deferred_objects, unconfirmed
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 UNKNOWN, IS_CLUTTER, IS_TARGET, IS_IGNORED = range(4)
@@ -41,6 +41,8 @@ class Sample:
         Number of points of the frame that each point represents.
     find_objects : callable
         Returns the objects of the frame; called when boxes or clusters are first needed.
+    water : WaterState, optional
+        The water, as estimated by the first method that knows it.
     """
 
     frame: int
@@ -52,6 +54,7 @@ class Sample:
     truth: NDArray[np.uint8]
     weight: NDArray[np.float32]
     find_objects: Callable[[], Objects]
+    water: WaterState | None = None
 
     @cached_property
     def _objects(self) -> Objects:
@@ -78,15 +81,15 @@ def take_sample(
 ) -> Sample:
     """Return a sample of a frame with at most ``limit`` points.
 
-    Points that a method keeps or that belong to a target take priority, so a buoy of five points stays visible among
-    tens of thousands. Each of the two groups is subsampled evenly if it does not fit.
+    Points that a method keeps, that are in unconfirmed objects or that belong to a target take priority, so a buoy of
+    five points stays visible among tens of thousands. Each of the two groups is subsampled evenly if it does not fit.
     """
     points = np.zeros(frame.size, np.int64) if truth is None else point_truth(frame, truth, params)
-    kept = np.zeros(frame.size, np.bool_)
+    objects = np.zeros(frame.size, np.bool_)
     for result in results:
         if result is not None:
-            kept |= result.keep
-    priority = frame.valid & (kept | ((points != CLUTTER) & (points != IGNORED)))
+            objects |= result.keep | unconfirmed(result)
+    priority = frame.valid & (objects | ((points != CLUTTER) & (points != IGNORED)))
     shown, weight = _thin(np.flatnonzero(priority), np.flatnonzero(frame.valid & ~priority), limit)
     reasons = np.full((len(results), len(shown)), Reason.INVALID, np.uint8)
     for row, result in zip(reasons, results, strict=True):
@@ -103,6 +106,7 @@ def take_sample(
         _truth(points[shown], known=truth is not None),
         weight,
         deferred_objects(frame, results, truth, params),
+        next((result.water for result in results if result is not None and result.water is not None), None),
     )
 
 

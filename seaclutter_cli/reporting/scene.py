@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.frame import FilterResult
+from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.messages.scene import SceneBox, SceneUpdate
 from seaclutter_cli.reporting import palette
@@ -14,7 +14,9 @@ _CLUSTERS = {
     "target": palette.STATES["detected"],
     "false": palette.STATES["false alarm"],
     "unknown": palette.TRUTH["clutter"],
+    "unconfirmed": palette.REASONS[Reason.UNCONFIRMED],
 }
+_TEXTS = {"false": "false alarm", "unconfirmed": "unconfirmed"}
 _BOXES = {
     "detected": palette.STATES["detected"],
     "missed": palette.STATES["missed target"],
@@ -43,9 +45,8 @@ def boxes_of(result: FilterResult, truth: Truth | None, params: EvaluationParams
 
 def _cluster(one: Described) -> SceneBox:
     sides = list(zip(one["low"], one["high"], strict=True))
-    text = "false alarm" if one["kind"] == "false" else ""
     center, size = [(low + high) / 2 for low, high in sides], [high - low for low, high in sides]
-    return SceneBox(center, size, 0.0, _CLUSTERS[one["kind"]], text)
+    return SceneBox(center, size, 0.0, _CLUSTERS[one["kind"]], _TEXTS.get(one["kind"], ""))
 
 
 def _box(one: Described) -> SceneBox:

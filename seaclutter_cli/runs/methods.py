@@ -11,14 +11,14 @@ _GLOBAL_INTENSITY_AT = {
     f"global_intensity@{rate}": ("filter.threshold=null", f"filter.filter_rate={rate}") for rate in ("0.80", "0.90")
 }
 _PAPER = (*_GLOBAL_INTENSITY_AT, "ring_intensity", "ring_intensity_outlier", "joint")
-_PEERS = ("joint", "sor", "ror", "dror", "adaptive_radius", "dsor", "lior", "lidsor", "naive")
+_PEERS = ("joint", "confirmed", "sor", "ror", "dror", "adaptive_radius", "dsor", "lior", "lidsor", "naive")
 
 COMPARISONS: Mapping[str, Sequence[str]] = {
     "paper": _PAPER,
     "peers": _PEERS,
     "all": tuple(dict.fromkeys((*_PAPER, *_PEERS, "none"))),
 }
-"""Groups of methods: those of Tables 4 and 5 in [Li2023]; the joint method and its peers; all of these and ``none``."""
+"""Groups of methods: Tables 4 and 5 in [Li2023]; ``joint``, ``confirmed`` and their peers; all of them and ``none``."""
 
 
 @dataclass(frozen=True)

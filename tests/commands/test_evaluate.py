@@ -155,11 +155,15 @@ def test_recordings_with_and_without_point_labels(log, labels, tmp_path):
     assert all(row["target_points_in"] for row in table if row["recording"] == "points")
 
 
+PAPER = "global_intensity@0.80 global_intensity@0.90 ring_intensity ring_intensity_outlier joint"
+
+
 @pytest.mark.parametrize(
     ("comparison", "names"),
     [
-        ("paper", "global_intensity@0.80 global_intensity@0.90 ring_intensity ring_intensity_outlier joint"),
-        ("peers", "joint sor ror dror adaptive_radius dsor lior lidsor naive"),
+        ("paper", PAPER),
+        ("peers", "joint confirmed sor ror dror adaptive_radius dsor lior lidsor naive"),
+        ("all", f"{PAPER} confirmed sor ror dror adaptive_radius dsor lior lidsor naive"),
     ],
 )
 def test_comparisons(log, labels, tmp_path, comparison, names):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import seaclutter
 from seaclutter_cli.commands.filter import command as filter_command
 from seaclutter_cli.commands.report import command as report_command
 from seaclutter_cli.frame import Reason
@@ -98,6 +99,41 @@ def test_unconfirmed_points_are_read_back(page, tmp_path):
     report(SEA, "-m", "confirmed", "-n", 20, "-o", page, "--force")
     assert again == data_of(page)
     assert again["methods"][0]["totals"][Reason.UNCONFIRMED] > 20
+    assert again["methods"][0]["water"] is not None
+    assert any(one["kind"] == "unconfirmed" for sample in again["samples"] for one in sample["clusters"][0])
+
+
+def test_the_water(page):
+    report(SEA, "-m", "joint", "-m", "confirmed", "-n", 20, "-o", page)
+    joint, confirmed = data_of(page)["methods"]
+    assert joint["water"] is None
+    expected = [one.water for one in results_of("confirmed", 20)]
+    for name, attribute in (("water_level_m", "level_m"), ("significant_wave_height_m",) * 2):
+        known = [getattr(water, attribute) for water in expected]
+        for series in confirmed["water"][name]:  # mean, minimum and maximum of bins of one frame
+            np.testing.assert_allclose(unpacked(series, "<f4"), known, rtol=1e-6)
+
+
+def test_the_plane_of_the_water_in_a_shown_frame(page):
+    report(SEA, "-m", "confirmed", "-n", 20, "-o", page, "--pick", 7)
+    sample = next(one for one in data_of(page)["samples"] if one["row"] == 7)
+    xyz = unpacked(sample["xyz"], "<i2").reshape(-1, 3) * sample["scale"]
+    water, low = sample["water"], unpacked(sample["reasons"][0], "u1") == Reason.LOW_INTENSITY
+    height = xyz[:, 2] - water["level"] - xyz[:, :2] @ [water["slope_x"], water["slope_y"]]
+    assert abs(np.median(height[low])) < 0.1
+    state = results_of("confirmed", 8)[7].water
+    assert water["level"] == state.level_m
+    assert np.degrees(np.arctan([-water["slope_y"], water["slope_x"]])) == pytest.approx(
+        [state.roll_deg, state.pitch_deg]
+    )
+
+
+def results_of(method, frames):
+    """Return the results of a method on the first frames of the sample, with the frames after them."""
+    filtering = seaclutter.make_filter(method)
+    with seaclutter.open_log(SEA) as log:
+        results = [one for frame in log.frames() for one in filtering.process(frame)]
+    return results[:frames]
 
 
 @pytest.mark.parametrize("kind", CLOUD_KINDS)

@@ -150,6 +150,7 @@ def test_messages_of_methods_that_estimate_the_water(cloud_encoding, encoding, n
     found = read_diagnostics(data, encoding, schema.name)
     assert found.counts.tolist() == result.counts.tolist()
     assert found.measures == pytest.approx(MEASURES if state else dict.fromkeys(MEASURES, np.nan), nan_ok=True)
+    assert found.water == state
 
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1", "json"])

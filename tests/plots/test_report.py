@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import score_frame
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.frame import Reason
+from seaclutter_cli.frame import Reason, WaterState
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector, Method
+from seaclutter_cli.reporting.history import History, Numbers
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump
 from tests.reporting.colors import difference
@@ -46,7 +47,7 @@ def drawn(name, collected):
 
 
 def test_figures_are_drawn_if_there_is_data():
-    assert set(draw_figures(collect(), "svg")) == {f"{name}.svg" for name in FIGURES if name != "scenes"}
+    assert set(draw_figures(collect(), "svg")) == {f"{name}.svg" for name in FIGURES if name not in ("scenes", "water")}
     assert "scenes.svg" in draw_figures(collect(names=("adaptive_radius",), edges=()), "svg")
     alone = draw_figures(collect(names=("none",), labelled=False), "svg")
     assert set(alone) == {"intensity.svg", "reasons.svg", "stages.svg"}
@@ -98,6 +99,21 @@ def test_the_threshold_over_range_is_the_mean():
     np.testing.assert_allclose(values, collected.histories[0].thresholds.mean(axis=0))
     outlier = palette.REASONS[Reason.OUTLIER]
     assert difference(to_hex(steps[0].get_edgecolor()), outlier) > 30
+
+
+def test_level_and_wave_height_of_the_water():
+    collected = collect()
+    rows = [None, WaterState(-2.5, 0, 0, 0.3), WaterState(-2.4, 0, 0, 0.4), None, WaterState(-2.3, 0, 0, 0.5)]
+    collected.histories[0] = History(4)
+    for water in rows:
+        collected.histories[0].add(Numbers(np.zeros(8), None, water=water), None)
+    assert FIGURES["water"].applies(collected)
+    level, height = drawn("water", collected).axes
+    unknown = float("nan")
+    np.testing.assert_allclose(level.lines[0].get_ydata(), [unknown, -2.5, -2.4, unknown, -2.3], rtol=1e-6)
+    np.testing.assert_allclose(height.lines[0].get_ydata(), [unknown, 0.3, 0.4, unknown, 0.5], rtol=1e-6)
+    assert height.get_ylim()[0] == 0
+    assert 4 in level.lines[0].get_markevery()
 
 
 @pytest.mark.parametrize("name", ["thresholds", "corrections"])
@@ -177,6 +193,12 @@ def test_counts_of_stages_are_of_the_frame():
     titles = [axes.get_title() for axes in drawn("stages", collected).axes]
     assert titles[0] == f"(a) raw: {sample.valid} points"
     assert titles[2] == f"(c) after outlier removal: {np.count_nonzero(sample.reasons[0] == Reason.KEPT)} points"
+
+
+def test_the_last_stage_of_a_method_that_confirms_is_not_outlier_removal():
+    collected = collect()
+    collected.figure_sample.reasons[0][-1] = Reason.UNCONFIRMED
+    assert drawn("stages", collected).axes[2].get_title().startswith("(c) kept: ")
 
 
 def test_ahead_is_up_and_port_is_left():

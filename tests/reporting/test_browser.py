@@ -1,82 +1,14 @@
 """The report page in a browser: no errors, no requests, drawn points, and operation by mouse, keyboard and touch."""
 
-import shutil
 from itertools import pairwise
 
 import pytest
 
 from tests.paths import ROOT
+from tests.reporting.pages import SMALL_CONTROLS
 from tests.reporting.runs import HOSTILE, LABELLED, make_labels, make_log, report
 
 SEA = ROOT / "samples" / "sea"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-PIXEL_COUNTS = """canvas => {
-  const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-  const counts = new Map();
-  for (let i = 0; i < data.length; i += 4) {
-    const color = "#" + [0, 1, 2].map(k => data[i + k].toString(16).padStart(2, "0")).join("");
-    counts.set(color, (counts.get(color) || 0) + 1);
-  }
-  return Object.fromEntries(counts);
-}"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    driver = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if path is None:
-        pytest.skip("Chromium is not installed")
-    with driver.sync_playwright() as play:
-        opened = play.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        yield opened
-        opened.close()
-
-
-class Visit:
-    """An open page, with its console messages, requests and dialogs."""
-
-    def __init__(self, browser, path, width=1200, height=900, **settings):
-        self.context = browser.new_context(viewport={"width": width, "height": height}, offline=True, **settings)
-        self.page = self.context.new_page()
-        self.errors, self.requests, self.dialogs = [], [], []
-        self.page.on("console", lambda message: self.errors.append(message.text))
-        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("dialog", lambda dialog: (self.dialogs.append(dialog.message), dialog.dismiss()))
-        self.page.goto(path.as_uri())
-        self.settle()
-
-    def settle(self):
-        """Wait until pending changes are drawn."""
-        self.page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
-
-    def pixels(self, number=0):
-        """Return the number of pixels of a view by colour."""
-        self.settle()
-        return self.page.locator("canvas").nth(number).evaluate(PIXEL_COUNTS)
-
-    def shown(self):
-        return self.page.locator("#shown").inner_text()
-
-    def close(self):
-        self.context.close()
-        assert self.errors == []
-        assert len(self.requests) == 1, "only the file itself"
-        assert self.dialogs == []
-
-
-@pytest.fixture
-def visit(browser):
-    opened = []
-
-    def go(*arguments, **settings):
-        opened.append(Visit(browser, *arguments, **settings))
-        return opened[-1]
-
-    yield go
-    for one in opened:
-        one.close()
 
 
 @pytest.fixture(scope="module")
@@ -240,9 +172,7 @@ def test_small_screens(sea, visit, layout):
     page.page.get_by_role("button", name=layout).tap()
     assert page.page.evaluate("document.documentElement.scrollWidth") == 360
     assert page.pixels()["#14213d"] > 100
-    small = page.page.evaluate("""[...document.querySelectorAll('button, select')].filter(one =>
-        one.offsetParent && (one.offsetHeight < 24 || one.offsetWidth < 24)).length""")
-    assert small == 0  # WCAG 2.2, 2.5.8
+    assert page.page.evaluate(SMALL_CONTROLS) == 0
 
 
 def test_hostile_names(visit, tmp_path):

@@ -1,6 +1,6 @@
 """Colours of reports: legible text, and points and curves that all readers can distinguish."""
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import pytest
 
@@ -49,6 +49,17 @@ def test_graphics_are_visible(color):
 @pytest.mark.parametrize("reason", [reason for reason in palette.REASONS if reason.name != "INVALID"])
 def test_points_are_visible(reason):
     assert contrast(palette.REASONS[reason], INK["paper"]) >= GRAPHICS
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_colors_of_heights_get_darker(vision):
+    colors = list(palette.HEIGHTS.values())
+    assert list(palette.HEIGHTS) == sorted(palette.HEIGHTS)
+    for lower, higher in pairwise(colors):
+        assert difference(lower, higher, vision) >= MIN_DIFFERENCE
+    ratios = [contrast(color, INK["paper"]) for color in colors]
+    assert ratios == sorted(ratios)
+    assert ratios[0] >= GRAPHICS
 
 
 @pytest.mark.parametrize("vision", VISIONS)

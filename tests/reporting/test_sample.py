@@ -1,17 +1,28 @@
 """Samples of frames: their points, and the descriptions of their boxes and clusters."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.frame import Reason
+from seaclutter_cli.frame import Reason, Rings, WaterState
 from seaclutter_cli.reporting.objects import deferred_objects, find_objects
 from seaclutter_cli.reporting.sample import IS_CLUTTER, IS_TARGET, UNKNOWN, take_sample
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump, result_of
 
 PARAMS = EvaluationParams()
+RINGS = Rings(*np.zeros((2, 1)), *np.zeros((3, 1), np.int64))
+
+
+def confirmed_of(frame, unconfirmed, rings=RINGS):
+    """Return a result with unconfirmed points, of a method with thresholds."""
+    reason = np.zeros(frame.size, np.uint8)
+    reason[list(unconfirmed)] = Reason.UNCONFIRMED
+    return replace(result_of(frame), reason=reason, rings=rings)
 
 
 def test_detected_missed_and_hidden_targets():
@@ -40,10 +51,46 @@ def test_without_labels():
     assert sample.boxes == []
 
 
+@pytest.mark.parametrize("clustering", ["euclidean", "dbscan"])
+def test_clusters_of_unconfirmed_points(clustering):
+    frame = frame_of(lump(20), lump(40), lump(40.5, y=1.0), lump(60, count=4))
+    params = EvaluationParams(clustering=clustering)
+    truth = Truth(targets=boxes((20.5, 3.0), (40.5, 3.0)))
+    _, clusters = find_objects(frame, [confirmed_of(frame, range(20, 34)), result_of(frame)], truth, params)
+    assert [(one["kind"], one["points"]) for one in clusters[0]] == [
+        ("target", 10),
+        ("target", 10),
+        ("unconfirmed", 10),
+    ], "four points are no cluster; confirmed and unconfirmed points do not join"
+    assert clusters[0][2]["low"] == [40.5, 1.0, 0.0]
+    assert [one["points"] for one in clusters[1]] == [10, 20]
+
+
+def test_without_thresholds_unconfirmed_points_may_be_water():
+    frame = frame_of(lump(20), lump(40))
+    _, clusters = find_objects(frame, [confirmed_of(frame, range(10), rings=None)], None, PARAMS)
+    assert [one["kind"] for one in clusters[0]] == ["unknown"]
+
+
+def test_unconfirmed_objects_take_priority():
+    frame = frame_of(lump(20, count=10), lump(40, count=10), lump(60, count=1000, spread=0.01))
+    reason = np.repeat([Reason.KEPT, Reason.UNCONFIRMED, Reason.LOW_INTENSITY], [10, 10, 1000]).astype(np.uint8)
+    sample = take_sample(frame, [replace(confirmed_of(frame, ()), reason=reason)], None, PARAMS, 100)
+    assert np.bincount(sample.reasons[0])[[0, 7]].tolist() == [10, 10]
+
+
+def test_the_water_is_that_of_the_first_method_that_knows_it():
+    frame = frame_of(lump(20))
+    first, second = WaterState(-2.0, 0.0, 0.0, 0.5), WaterState(-3.0, 0.0, 0.0, 0.5)
+    results = [None, result_of(frame), *(replace(result_of(frame), water=water) for water in (first, second))]
+    assert take_sample(frame, results, None, PARAMS, 100).water == first
+    assert take_sample(frame, results[:2], None, PARAMS, 100).water is None
+
+
 @given(st.sets(st.integers(0, 29)), st.sets(st.integers(0, 29)), st.booleans())
 def test_deferred_objects_are_those_of_the_whole_frame(removed, others, usable):
     frame = frame_of(lump(20), lump(40), lump(60))
-    results = [result_of(frame, removed=sorted(removed)), result_of(frame, removed=sorted(others)) if usable else None]
+    results = [result_of(frame, removed=sorted(removed)), confirmed_of(frame, sorted(others)) if usable else None]
     for truth in (None, Truth(targets=boxes((20.5, 3.0)))):
         later = deferred_objects(frame, results, truth, PARAMS)
         assert later() == find_objects(frame, results, truth, PARAMS)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.evaluation.matching import Alarms
 from seaclutter_cli.evaluation.scores import FrameScore
-from seaclutter_cli.frame import Rings
+from seaclutter_cli.frame import Rings, WaterState
 from seaclutter_cli.reporting.binning import MAX_BINS, bin_starts, binned
 from seaclutter_cli.reporting.density import density_of
 from seaclutter_cli.reporting.history import History, Numbers
@@ -19,8 +19,9 @@ from tests.reporting.test_sample import PARAMS
 def test_a_history_returns_the_values_added():
     history = History(2)
     rings = Rings(np.array([30.0, 16]), np.array([0.0, 5]), *np.zeros((3, 2), np.int64))
+    water = WaterState(-2.5, 1.0, -2.0, 0.75)
     alarms = Alarms(targets=3, visible=2, detected=1, clusters=4, false_alarms=3)
-    history.add(Numbers(np.arange(8), rings), FrameScore(21, 0, 4, 0, alarms, None))
+    history.add(Numbers(np.arange(8), rings, water=water), FrameScore(21, 0, 4, 0, alarms, None))
     history.add(None, None)
     history.add(Numbers(np.arange(8), None), FrameScore(21, 0, 5, 0, None, None))
     assert history.counts[0].tolist() == list(range(8))
@@ -28,6 +29,8 @@ def test_a_history_returns_the_values_added():
     assert history.thresholds[0].tolist() == [30, 16]
     assert history.corrections[0].tolist() == [0, 5]
     assert np.isnan(history.thresholds[1:]).all()
+    assert history.water[0].tolist() == [-2.5, 1.0, -2.0, 0.75]
+    assert np.isnan(history.water[1:]).all()
     assert history.clusters.tolist() == pytest.approx([4, np.nan, 5], nan_ok=True)
     assert (history.visible[0], history.missed[0], history.false_alarms[0]) == (2, 1, 3)
     assert np.isnan(history.false_alarms[1:]).all()

@@ -10,6 +10,7 @@ from rosbags.highlevel import AnyReader
 from seaclutter_cli.commands import cli
 from tests.commands.test_evaluate import make_labels, make_log
 from tests.logs import cloud_log
+from tests.paths import ROOT
 
 TOPIC = "/seaclutter/scene"
 
@@ -45,6 +46,12 @@ def test_boxes_and_clusters(log, tmp_path):
     assert [text.text for text in groups[4]["/points labels"].texts] == ["boat (missed)"]
     box = groups[0]["/points labels"].cubes[0]
     assert (box.pose.position.x, box.size.x) == (30.5, 3)
+
+
+def test_unconfirmed_clusters_are_named(tmp_path):
+    filtered(ROOT / "samples" / "sea.mcap", tmp_path / "f.mcap", "-m", "confirmed", "-n", 16, "--with-scene")
+    entities = [message.entities[0] for message in scenes(tmp_path / "f.mcap")]
+    assert [(len(one.cubes), [text.text for text in one.texts]) for one in entities][11] == (3, ["unconfirmed"])
 
 
 def test_without_labels_there_are_clusters(log, tmp_path):
