@@ -70,9 +70,12 @@ class WaterTracker:
         offset = 0.0
         for _ in range(1 if known else _START_PASSES):
             offset, sigma = mean_level(cells, near, lowest, weight, _band(sigma))
+        plane = lowest.shifted(offset)
+        if plane.level_m >= 0:  # water is below the lidar
+            return
         share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0
         self._sigma_m = float(share * self._sigma_m + (1 - share) * sigma)
-        self._plane, self._seen_s = lowest.shifted(offset), time_s
+        self._plane, self._seen_s = plane, time_s
 
     def _swell(self, plane: Plane, xyz: Floats) -> tuple[NDArray[np.bool_], Swell]:
         """Return which points stand upright, and the swell through the others."""
