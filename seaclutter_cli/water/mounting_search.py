@@ -22,6 +22,7 @@ _MIN_SCORE = 20
 _BETTER = 3
 _INTERVAL_S = 0.5
 _FRAMES = 20
+_FRAMES_WITHOUT = 8
 _MIN_SPAN_S = 3.0
 _MIN_SHARE = 0.6
 _AGREEMENT_DEG = 15.0
@@ -72,8 +73,8 @@ class MountingSearch:
 
     @property
     def complete(self) -> bool:
-        """Whether enough frames were added."""
-        return len(self._times_s) >= _FRAMES
+        """Whether enough frames were added; fewer are enough if none of them shows another attitude."""
+        return len(self._times_s) >= (_FRAMES if self._ups else _FRAMES_WITHOUT)
 
     def add(self, xyz: Floats, time_s: float) -> None:
         """Add a frame.

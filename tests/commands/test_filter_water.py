@@ -6,11 +6,14 @@ import re
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from seaclutter_cli.commands import cli
 from seaclutter_cli.messages.diagnostics import WATER, read_diagnostics
 from seaclutter_cli.water import Mounting
 from tests.commands.test_filter import POINT, invoke, messages, write_log
 from tests.filters.seas import Body, body_points, water
+from tests.paths import SAMPLE
 
 
 def sea(mounting=None, *, size=400):
@@ -117,3 +120,11 @@ def test_water_in_some_frames_is_no_reason_to_warn(tmp_path):
     assert not warnings
     assert 0 < topic["water_frames"] <= 5
     assert topic["water_frames"] == sum(row["water_level_m"] != "" for row in rows)
+
+
+def test_evaluate_reports_another_mounting_as_well():
+    log, labels = (SAMPLE.with_name(name) for name in ("sea.mcap", "sea.labels.csv"))
+    arguments = ["evaluate", log, "--labels", labels, "-m", "confirmed", "-s", "filter.mounting_roll_deg=180"]
+    result = CliRunner().invoke(cli, list(map(str, arguments)))
+    assert result.exit_code == 0, result.output
+    assert result.stderr.count("the lidar seems to be mounted upside down") == 1

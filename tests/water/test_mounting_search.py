@@ -30,12 +30,12 @@ def scene_frames(name, count=7):
     return [one[:, np.hypot(*one[:2]) >= OWN_SHIP_M] for one in points]
 
 
-def searched(frames, mounting=(0, 0), given=(0, 0), step_s=STEP_S):
+def searched(frames, mounting=(0, 0), given=(0, 0)):
     """Return what a search finds in frames seen by a lidar in an attitude."""
     actual, search = Mounting(*mounting), MountingSearch(Mounting(*given))
     for index, xyz in enumerate(frames):
-        assert search.wants(index * step_s) == (step_s >= STEP_S or index == 0)
-        search.add(actual.unlevelled(xyz), index * step_s)
+        if search.wants(index * STEP_S):
+            search.add(actual.unlevelled(xyz), index * STEP_S)
     return search.found()
 
 
@@ -139,14 +139,15 @@ class TestLittleData:
         assert searched(frames) is None
 
 
-def test_frames_are_half_a_second_apart_and_limited():
-    search = MountingSearch(Mounting())
-    taken = 0
-    for index in range(400):
-        if search.wants(index / 10):
-            search.add(open_water(1)[0], index / 10)
-            taken += 1
-    assert taken == 20
+@pytest.mark.parametrize(("mounting", "expected_s"), [((0, 0), 4), ((180, 0), 10)])
+def test_the_search_takes_ten_seconds_or_less_if_nothing_is_suspicious(mounting, expected_s):
+    search, (xyz,) = MountingSearch(Mounting()), open_water(1)
+    times_s = []
+    for time_s in np.arange(400) / 10:
+        if search.wants(time_s):
+            search.add(Mounting(*mounting).unlevelled(xyz), time_s)
+            times_s.append(time_s)
+    assert times_s == pytest.approx(np.arange(0, expected_s, STEP_S))
     assert search.complete
 
 
