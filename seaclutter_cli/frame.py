@@ -269,9 +269,10 @@ class WaterState:
     Parameters
     ----------
     level_m : float
-        Height of the water at the lidar in the lidar's frame, in metres; negative if the lidar is above the water.
+        Height of the water at the lidar, in metres; negative if the lidar is above the water.
     roll_deg, pitch_deg : float
-        Attitude of the lidar against the water; positive if its left side (+y) is up, or its front (+x) down.
+        Attitude against the water; positive if the left side (+y) is up, or the front (+x) down. It is that of the
+        lidar, without the mounting that the configuration gives.
     significant_wave_height_m : float
         Four standard deviations of the surface, in metres.
 

@@ -52,7 +52,8 @@ def command(logs: tuple[str, ...], options: "CalibrateOptions", console: Console
     """Find the threshold of each range ring and the far limit of clutter in LOGS, and write a configuration.
 
     LOGS should contain sea clutter recorded by your sensor, and no targets; use --labels to leave targets out. All
-    other settings, including the width of the range rings, come from the configuration given with -c.
+    other settings, including the width of the range rings, come from the configuration given with -c. With
+    -m confirmed, the mounting of the lidar is found as well.
     """
     from seaclutter_cli.runs.calibrate import calibrate_logs
 

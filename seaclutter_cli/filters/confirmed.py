@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.confirmation.beams import Beams
-from seaclutter_cli.filters.confirmation.heights import OWN_SHIP_M, Heights, ZonedFrame, measure
+from seaclutter_cli.filters.confirmation.heights import Heights, ZonedFrame, measure
 from seaclutter_cli.filters.confirmation.objects import Clusters, DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmation.sight import Sight
@@ -55,7 +55,7 @@ class Confirmed(BaseFilter):
 
     Notes
     -----
-    For each frame, in order:
+    For each frame, in order, in the levelled frame of the mounting:
 
     1. *Water*: the surface and its deviation :math:`\sigma`, from the echoes of the water itself (`WaterTracker`).
     2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
@@ -96,7 +96,8 @@ class Confirmed(BaseFilter):
 
     def reset(self) -> None:
         """Forget the water, the beams, the tracks and the frames that wait."""
-        self._water, self._beams, self._tracker = WaterTracker(), Beams(), Tracker(self._params)
+        self._water, self._beams = WaterTracker(), Beams(self._params.mounting)
+        self._tracker = Tracker(self._params)
         self._undecided: deque[_Undecided] = deque()
         self._time_s: float | None = None
 
@@ -129,11 +130,12 @@ class Confirmed(BaseFilter):
         """Return the reason of every point of a frame, without later frames."""
         return [*self.process(frame), *self.flush()][-1]
 
-    def _examine(self, frame: Frame, time_s: float) -> _Undecided:
+    def _examine(self, raw: Frame, time_s: float) -> _Undecided:
         """Find the objects of a frame and their tracks (steps 1 to 5)."""
-        zoned = ZonedFrame.of(frame, self._zones, self._thresholds, min(OWN_SHIP_M, self._params.start_m))
+        zoned = ZonedFrame.of(raw, self._zones, self._thresholds, self._params)
+        frame = zoned.frame
         points = frame.coordinates[:, zoned.used]
-        self._beams.add(np.degrees(np.arctan2(points[2], np.hypot(points[0], points[1]))))
+        self._beams.add(points)
         # 1. Water
         water = self._water.step(points, time_s)
         # 2. Band
@@ -153,7 +155,7 @@ class Confirmed(BaseFilter):
         since_s = self._undecided[0].time_s if self._undecided else time_s
         tracks = self._tracker.step(found, time_s, since_s, Sight(self._beams, water, self._params.min_rise_m))
         state = None if water is None else water.state
-        return _Undecided(frame, time_s, heights, self._reasons(heights, found.objects), found.objects, tracks, state)
+        return _Undecided(raw, time_s, heights, self._reasons(heights, found.objects), found.objects, tracks, state)
 
     def _dense(self, frame: Frame, heights: Heights) -> Mask:
         """Return the bright points in the band with enough other candidates within 2.5 % of their range.

@@ -9,9 +9,16 @@ _MIN_POINTS = 200
 
 
 class ThresholdCheck:
-    """Check of the first frames of a topic, with at most one warning about unsuitable thresholds."""
+    """Check of the first frames of a topic, with at most one warning about unsuitable thresholds.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    needs_water : bool, optional
+        Whether the method compares a point with its threshold only where it sees water; other frames do not count.
+    """
+
+    def __init__(self, *, needs_water: bool = False) -> None:
+        self._needs_water = needs_water
         self._frames = self._points = self._low = 0
         self._least, self._most = np.inf, -np.inf
         self._warned = False
@@ -19,6 +26,8 @@ class ThresholdCheck:
     def add(self, result: FilterResult) -> str | None:
         """Add a frame; return a warning once enough frames show that the thresholds do not fit."""
         if self._warned or result.rings is None or not result.rings.points.any():
+            return None
+        if self._needs_water and result.water is None:
             return None
         intensity = result.frame.intensity[result.frame.valid]
         self._least, self._most = min(self._least, intensity.min()), max(self._most, intensity.max())

@@ -11,6 +11,7 @@ from seaclutter_cli.calibration import FILTER_RATE, Calibration, ClutterSelector
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import LabelError, UsageError
 from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.ring_params import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS
 from seaclutter_cli.frame import Frame
@@ -34,6 +35,7 @@ from seaclutter_cli.runs.recordings import (
 )
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.text import count
+from seaclutter_cli.water import MountingSearch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +121,11 @@ def _starting_config(options: ConfigOptions) -> Config:
     if not isinstance(config.filter, RingIntensityParams):
         suitable = (name for name, kind in FILTERS.items() if issubclass(kind.Params, RingIntensityParams))
         raise UsageError(f"method {config.method} has no thresholds to calibrate; choose -m {', -m '.join(suitable)}")
+    if isinstance(config.filter, ConfirmedParams) and not config.filter.use_intensity:
+        raise UsageError(
+            "with use_intensity: false there are no thresholds to calibrate; if the lidar is mounted tilted or upside "
+            "down, filter names the keys to set"
+        )
     return config
 
 
@@ -130,6 +137,7 @@ class _Pass:
         params: RingIntensityParams = config.filter
         self._calibration = Calibration(params, filter_rate=options.filter_rate, keep_end=options.keeps_end)
         self._tally = ClutterTally()
+        self._search = MountingSearch(params.mounting) if isinstance(params, ConfirmedParams) else None
         self._density: ClutterDensity | None = None
         if options.plot_file:
             self._density = ClutterDensity(params.start_m, params.ring_width_m, MAX_RINGS)
@@ -157,6 +165,9 @@ class _Pass:
         self._calibration.add(range_m, intensity)
         if self._density is not None:
             self._density.add(range_m, intensity)
+        time_s = frame.stamp_ns / 1e9
+        if self._search is not None and self._search.wants(time_s):
+            self._search.add(frame.coordinates[:, clutter], time_s)
 
     def result(self) -> CalibrationResult:
         """Return the calibration from all recordings."""
@@ -166,7 +177,8 @@ class _Pass:
             raise LabelError(f"{frames} read, none of them labelled; choose frames with labels, or leave out --labels")
         labelled = bool(self._options.labels.paths)
         output = self._options.output
-        return CalibrationResult(self._config, calibration, calibration.thresholds(), tally, labelled, output)
+        mounting = self._search.found() if self._search is not None else None
+        return CalibrationResult(self._config, calibration, calibration.thresholds(), tally, labelled, output, mounting)
 
     def plot(self, found: Thresholds, suffix: str) -> bytes:
         """Return the content of the plot file."""

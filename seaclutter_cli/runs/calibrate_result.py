@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from seaclutter_cli.records import Damage, SensorFacts
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.survey import TopicSurvey
 from seaclutter_cli.text import count, printable, share, table
+from seaclutter_cli.water import Mounting
 
 _COMMENT_WIDTH = 100
 _TEXT_WIDTH = 79
@@ -95,6 +96,8 @@ class CalibrationResult(Result):
         Whether labels separated clutter from targets.
     output : Path or None
         File that the configuration was written to.
+    mounting : Mounting or None
+        Mounting of the lidar, if the water shows another one than the start configuration.
     """
 
     start: Config
@@ -103,6 +106,7 @@ class CalibrationResult(Result):
     tally: ClutterTally
     labelled: bool
     output: Path | None = None
+    mounting: Mounting | None = None
 
     @property
     def damaged(self) -> bool:
@@ -111,9 +115,12 @@ class CalibrationResult(Result):
 
     @property
     def config(self) -> Config:
-        """Configuration with the thresholds and the far limit that were found."""
+        """Configuration with the thresholds, the far limit and the mounting that were found."""
         found = self.found
         params = replace(self.start.filter, end_m=found.end_m, initial_thresholds=found.initial_thresholds)
+        if self.mounting:
+            roll, pitch = self.mounting.roll_deg, self.mounting.pitch_deg
+            params = replace(params, mounting_roll_deg=roll, mounting_pitch_deg=pitch)
         return replace(self.start, filter=params, sensor=self.tally.sensor)
 
     def config_text(self) -> str:
@@ -157,6 +164,7 @@ class CalibrationResult(Result):
             "end_m": found.end_m,
             "end_kept": self.calibration.keep_end,
             "rings": [_ring_dict(*pair) for pair in zip(found.rings, found.initial_thresholds, strict=True)],
+            **({"mounting": asdict(self.mounting)} if self.mounting else {}),
             "damage": [str(item) for item in tally.damage],
         }
 
@@ -175,6 +183,7 @@ class CalibrationResult(Result):
             f"{frames}; {points} ({labels}), {found.beyond:,} of them beyond {found.end_m:g} m.",
             f"Sensor {sensor}; intensity field {name}, {least:g} to {most:g} in clutter.",
             self._limit(),
+            *([self._mounted(self.mounting)] if self.mounting else []),
         ]
 
     def _limit(self) -> str:
@@ -183,6 +192,13 @@ class CalibrationResult(Result):
         if self.calibration.keep_end:
             return f"{gap}; the given far limit of {found.end_m:g} m is kept."
         return f"{gap}; in whole range rings, clutter ends at {found.end_m:g} m."
+
+    def _mounted(self, mounting: Mounting) -> str:
+        given = self.start.filter.mounting
+        return (
+            f"Mounting: roll {mounting.roll_deg:g}°, pitch {mounting.pitch_deg:g}°, from the attitude of the water in "
+            f"the first seconds; roll {given.roll_deg:g}° and pitch {given.pitch_deg:g}° were given."
+        )
 
     def _table(self) -> str:
         rows = [_ring_row(ring) for ring in self.found.rings]

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Literal
 
 from seaclutter_cli.evaluation.scores import Summary, score_frame
-from seaclutter_cli.filters.fit import ThresholdCheck
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.listener import FrameListener
+from seaclutter_cli.runs.checks import checks_of
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.frame_table import FrameTable
 from seaclutter_cli.runs.labels import LabelSources
@@ -194,8 +194,8 @@ class _FrameScorer:
         self._labels, self._outcome = labels, outcome
         self._tables, self._listeners = tables, listeners
         # The threshold of a method that derives it from the log itself always fits.
-        given = [variant.name for variant in self._variants if not variant.config.make_filter().needs_first_pass]
-        self._fits = {name: ThresholdCheck() for name in given}
+        given = [variant for variant in self._variants if not variant.config.make_filter().needs_first_pass]
+        self._checks = {variant.name: checks_of(variant.config) for variant in given}
         self._warned: set[str] = set()
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
@@ -210,13 +210,14 @@ class _FrameScorer:
             self._outcome.methods[variant.name].add(found, spent)
             for table in self._tables:
                 table.write(variant.name, frame, found)
-            if variant.name in self._fits:
-                self._warn(self._fits[variant.name].add(result))
+            for check in self._checks.get(variant.name, ()):
+                self._warn(check.add(result))
 
     def finish(self) -> None:
-        """Warn about thresholds that do not fit, even after only a few frames."""
-        for fit in self._fits.values():
-            self._warn(fit.warning())
+        """Warn about settings that do not fit, even after only a few frames."""
+        for checks in self._checks.values():
+            for check in checks:
+                self._warn(check.warning())
 
     def _warn(self, text: str | None) -> None:
         if text and text not in self._warned:

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.filters.fit import ThresholdCheck
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.pipeline import TopicTally, run
+from seaclutter_cli.runs.checks import Check, checks_of
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
@@ -28,7 +28,9 @@ from seaclutter_cli.runs.sensor_match import mismatches
 from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.text import printable, share
+from seaclutter_cli.text import count, printable, share
+
+_FEW_WATER = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +120,10 @@ class RecordingFilter:
         self, recording: Recording, target: Path, tables: Sequence[Sink] = (), labels: Labels | None = None
     ) -> FilterOutcome:
         """Filter a recording into a file; store an error in the outcome."""
-        outcome = FilterOutcome(recording=recording.name, output=target, edges=self._config.ring_edges)
+        config = self._config
+        outcome = FilterOutcome(
+            recording=recording.name, output=target, edges=config.ring_edges, has_water=config.has_water
+        )
         with (
             storing_errors(outcome, self._observer),
             opened(recording, self._options.reading, self._observer, outcome) as source,
@@ -136,25 +141,28 @@ class RecordingFilter:
             self._observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         self._observer.note(f"{source.name}: {source.format}, method {self._config.method} on {named}", detail=True)
-        fits = {topic: ThresholdCheck() for topic in topics}
+        checks = {topic: checks_of(self._config) for topic in topics}
         with (
             self._observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             McapSink(outcome.output, self._written(labels)) as sink,
         ):
-            on_result = self._result_callback(fits, step)
+            on_result = self._result_callback(checks, step)
             outcome.topics = run(source, self._config.make_filter, [sink, *tables], selection, on_result)
             require_frames(source, outcome.frames)
         for text in mismatches(self._config.sensor, source):
             self._observer.warn(text)
-        for topic, fit in fits.items():
-            self._warn(topic, fit.warning() or _nothing_left(outcome.topics[topic]))
+        for topic, tally in outcome.topics.items():
+            unfit = [check.warning() for check in checks[topic]]
+            for warning in unfit if any(unfit) else [_nothing_left(tally) or self._no_water(tally)]:
+                self._warn(topic, warning)
 
     def _result_callback(
-        self, fits: Mapping[str, ThresholdCheck], step: Callable[[], object]
+        self, checks: Mapping[str, Sequence[Check]], step: Callable[[], object]
     ) -> Callable[[FilterResult], None]:
         def on_result(result: FilterResult) -> None:
             step()
-            self._warn(result.frame.topic, fits[result.frame.topic].add(result))
+            for check in checks[result.frame.topic]:
+                self._warn(result.frame.topic, check.add(result))
 
         return on_result
 
@@ -165,6 +173,13 @@ class RecordingFilter:
         from seaclutter_cli.reporting.scene import scene_maker
 
         return replace(written, scene=scene_maker(self._config.evaluation, labels))
+
+    def _no_water(self, tally: TopicTally) -> str | None:
+        """Return a warning if nearly all frames of a topic are without the water that the method needs."""
+        if not (self._config.has_water and tally.points_in) or tally.water_frames > _FEW_WATER * tally.frames:
+            return None
+        without = f"{tally.frames - tally.water_frames:,} of {count(tally.frames, 'frame')}"
+        return f"no water seen in {without}; heights are then unknown, and every object that stays is kept"
 
     def _warn(self, topic: str, text: str | None) -> None:
         if text:

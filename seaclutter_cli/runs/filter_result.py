@@ -21,12 +21,15 @@ class FilterOutcome(Outcome):
         Filtered file.
     edges : sequence of float
         Edges of the method's range rings in metres; empty for methods without range rings.
+    has_water : bool
+        Whether the method estimates the water.
     topics : mapping of str to TopicTally
         Sums over the frames of each cloud topic.
     """
 
     output: Path
     edges: Sequence[float]
+    has_water: bool = False
     topics: Mapping[str, TopicTally] = field(default_factory=dict)
 
     @property
@@ -42,25 +45,28 @@ class FilterOutcome(Outcome):
             "error": self.error,
             "damage": [str(item) for item in self.damage],
             "seconds": round(self.seconds, 3),
-            "topics": {topic: _as_dict(tally, self.edges) for topic, tally in self.topics.items()},
+            "topics": {
+                topic: _as_dict(tally, self.edges, has_water=self.has_water) for topic, tally in self.topics.items()
+            },
         }
 
     def as_text(self) -> str:
         """Return the outcome as human-readable text."""
         pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames else ""
-        topics = [_as_text(topic, tally, self.edges) for topic, tally in self.topics.items()]
+        topics = [_as_text(topic, tally, self.edges, has_water=self.has_water) for topic, tally in self.topics.items()]
         last = f"{count(self.frames, 'frame')} in {self.seconds:.1f} s{pace}"
         return "\n".join((f"{self.recording} -> {self.output}", *topics, last))
 
 
-def _as_dict(tally: TopicTally, edges: Sequence[float]) -> dict[str, Any]:
+def _as_dict(tally: TopicTally, edges: Sequence[float], *, has_water: bool) -> dict[str, Any]:
     water = tally.mean_water
-    reasons = [reason for reason in Reason if reason != Reason.UNCONFIRMED or tally.counts[reason] or water]
+    reasons = [reason for reason in Reason if reason != Reason.UNCONFIRMED or has_water]
     return {
         "frames": tally.frames,
         "points_in": tally.points_in,
         "points_out": int(tally.counts[Reason.KEPT]),
         **{reason.name.lower(): int(tally.counts[reason]) for reason in reasons if reason},
+        **({"water_frames": tally.water_frames} if has_water else {}),
         **({"water": {name: round(value, 4) for name, value in asdict(water).items()}} if water else {}),
         "rings": _rings(tally, edges),
         **({"scenes": dict(sorted(tally.scenes.items()))} if tally.scenes else {}),
@@ -85,7 +91,7 @@ def _rings(tally: TopicTally, edges: Sequence[float]) -> list[dict[str, float]]:
     return [dict(zip(names, row, strict=True)) for row in columns]
 
 
-def _as_text(topic: str, tally: TopicTally, edges: Sequence[float]) -> str:
+def _as_text(topic: str, tally: TopicTally, edges: Sequence[float], *, has_water: bool) -> str:
     kept = int(tally.counts[Reason.KEPT])
     size = tally.points_in
     frames = count(tally.frames, "frame")
@@ -97,13 +103,21 @@ def _as_text(topic: str, tally: TopicTally, edges: Sequence[float]) -> str:
     if tally.rings is not None:
         head = ("range ring", "points", "low intensity", "outliers", "kept", "mean threshold")
         blocks.append(table(head, [_ring_row(ring) for ring in _rings(tally, edges)]))
-    if water := tally.mean_water:
-        height = f"significant wave height {water.significant_wave_height_m:.2f} m"
-        blocks.append(f"water {-water.level_m:.2f} m below the lidar, {height} (means)")
+    if has_water:
+        blocks.append(_water_text(tally))
     if tally.scenes:
         scenes = (f"{printable(name)} {number:,}" for name, number in tally.scenes.items())
         blocks.append(f"frames by scene: {', '.join(scenes)}")
     return indented("\n".join(blocks))
+
+
+def _water_text(tally: TopicTally) -> str:
+    water, without = tally.mean_water, tally.frames - tally.water_frames
+    if water is None:
+        return "no water seen"
+    height = f"significant wave height {water.significant_wave_height_m:.2f} m"
+    missing = f"; none in {count(without, 'frame')}" if without else ""
+    return f"water {-water.level_m:.2f} m below the lidar, {height} (means){missing}"
 
 
 def _ring_row(ring: Mapping[str, float]) -> tuple[str, ...]:

@@ -59,7 +59,7 @@ class WaterTracker:
         if cells.enough:
             lowest, weight = fit_plane(cells, self._plane)
             height = z - lowest.height(x, y)
-            flat = ~upright(x[near], y[near], height[near], upright_span_m(self._sigma_m or _START_SIGMA_M))
+            flat = ~upright(x[near], y[near], height[near], upright_span_m(self._known_sigma_m))
             self._update(lowest, WaterEchoes.of(cells, height[near], weight, flat), time_s)
         if self._plane is None:
             return None
@@ -70,13 +70,19 @@ class WaterTracker:
 
     def _update(self, lowest: Plane, echoes: WaterEchoes, time_s: float) -> None:
         known = self._plane is not None
-        sigma = self._sigma_m if known else _START_SIGMA_M
-        offset = 0.0
+        sigma, offset = self._known_sigma_m, 0.0
         for _ in range(1 if known else _START_PASSES):
             offset, sigma = echoes.mean_level(_band(sigma))
+        plane = lowest.shifted(offset)
+        if plane.level_m >= 0:  # water is below the lidar
+            return
         share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0
         self._sigma_m = float(share * self._sigma_m + (1 - share) * sigma)
-        self._plane, self._seen_s = lowest.shifted(offset), time_s
+        self._plane, self._seen_s = plane, time_s
+
+    @property
+    def _known_sigma_m(self) -> float:
+        return _START_SIGMA_M if self._plane is None else self._sigma_m
 
     def _swell(self, x: Floats, y: Floats, height: Floats) -> Swell:
         """Return the swell through the echoes of the water among points, by their heights above the plane."""

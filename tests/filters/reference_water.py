@@ -82,6 +82,8 @@ class Water:
         flat = [(point, cell) for point, cell, up in zip(near, cells, stands, strict=True) if not up]
         for _ in range(tracker._START_PASSES if first else 1):
             offset, sigma = mean_level(flat, water_cells, fitted, band(sigma))
+        if fitted.a + offset >= 0:
+            return
         old = 0.0 if first else math.exp((self.seen_s - time_s) / tracker._SIGMA_TIME_S)
         self.sigma = old * self.sigma + (1 - old) * sigma
         self.plane = Plane(fitted.a + offset, fitted.b, fitted.c)

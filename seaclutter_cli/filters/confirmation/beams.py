@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.water import Mounting
+
 Floats = NDArray[np.float64]
 
 _BIN_DEG = 0.1
@@ -17,17 +19,32 @@ class Beams:
 
     They show how much of a body the beams can miss. Where a single beam meets it, its height can be anything up to the
     next beam above.
+
+    Parameters
+    ----------
+    mounting : Mounting
+        Attitude in which the lidar is mounted.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, mounting: Mounting) -> None:
+        self._mounting = mounting
+        self._upwards = 1.0 if mounting.up[2] >= 0 else -1.0
         self._seen = np.zeros(_BINS, np.bool_)
         self._frames = 0
 
-    def add(self, elevation_deg: Floats) -> None:
-        """Add the elevations of the points of a frame, until 50 frames have shown all beams."""
-        if self._frames < _FRAMES and len(elevation_deg):
+    def elevation_deg(self, xyz: Floats) -> Floats:
+        """Return the elevations of points of the levelled frame, shape (3, N), in the frame of the lidar, shape (N,).
+
+        They increase upwards, even if the lidar is upside down.
+        """
+        x, y, z = self._mounting.unlevelled(xyz)
+        return np.asarray(np.degrees(np.arctan2(self._upwards * z, np.hypot(x, y))))
+
+    def add(self, xyz: Floats) -> None:
+        """Add the elevations of the points of a frame, shape (3, N), until 50 frames have shown all beams."""
+        if self._frames < _FRAMES and xyz.size:
             self._frames += 1
-            self._seen[_bins(elevation_deg)] = True
+            self._seen[_bins(self.elevation_deg(xyz))] = True
 
     @property
     def spacing_deg(self) -> float:

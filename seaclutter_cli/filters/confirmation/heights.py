@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.filters.confirmation.levelled import levelled
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import Frame, Reason
@@ -66,7 +67,7 @@ class ZonedFrame:
     Parameters
     ----------
     frame : Frame
-        The frame.
+        The frame, with its points in the levelled frame.
     zone, reason : ndarray, shape (N,), uint8
         Zone number of each point, and the `Reason` that follows from it.
     threshold : ndarray, shape (N,), float64
@@ -82,12 +83,12 @@ class ZonedFrame:
     own_ship_m: float
 
     @classmethod
-    def of(cls, frame: Frame, zones: Zones, thresholds: Floats, own_ship_m: float) -> "ZonedFrame":
-        """Return the frame with the zones of its points."""
+    def of(cls, frame: Frame, zones: Zones, thresholds: Floats, params: ConfirmedParams) -> "ZonedFrame":
+        """Return the frame of a lidar with the zones of its points."""
         zone, reason = zones.divide(frame)
         threshold = zones.per_point(thresholds, zone)
         threshold[zone == 0] = thresholds[0]
-        return cls(frame, zone, reason, threshold, own_ship_m)
+        return cls(levelled(frame, params.mounting), zone, reason, threshold, min(OWN_SHIP_M, params.start_m))
 
     @cached_property
     def used(self) -> Mask:

@@ -160,9 +160,8 @@ def _evidence(frame: Frame, clusters: Clusters, heights: Heights, beams: Beams, 
 
 def _beside(frame: Frame, clusters: Clusters, beams: Beams) -> tuple[Floats, Floats]:
     """Return how far below the lowest point and above the highest point of each cluster the next beams pass."""
-    x, y, z = frame.coordinates[:, clusters.points]
     elevation = np.zeros(frame.size)
-    elevation[clusters.points] = np.degrees(np.arctan2(z, np.hypot(x, y)))
+    elevation[clusters.points] = beams.elevation_deg(frame.coordinates[:, clusters.points])
     lowest, highest = clusters.ranked(elevation, np.zeros_like(clusters.count), clusters.count - 1)
     distance = clusters.mean(frame.range_m)
     below, above = (np.tan(np.radians(gap)) * distance for gap in beams.gaps(lowest, highest))

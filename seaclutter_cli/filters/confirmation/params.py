@@ -6,6 +6,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Interval
 
 from seaclutter_cli.filters.ring_params import RingIntensityParams
+from seaclutter_cli.water import Mounting
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,6 +17,10 @@ class ConfirmedParams(RingIntensityParams):
 
     Parameters
     ----------
+    mounting_roll_deg : float
+        Roll of the mounted lidar in degrees; positive if its left side (+y) is up. 180 is upside down.
+    mounting_pitch_deg : float
+        Pitch of the mounted lidar in degrees, after the roll; positive if its front (+x) is down.
     use_intensity : bool
         Use the thresholds; false: only shape and persistence count, and the log needs no intensities.
     look_ahead_s : float
@@ -45,6 +50,8 @@ class ConfirmedParams(RingIntensityParams):
         Minimum height above the water of points that return, in metres.
     """
 
+    mounting_roll_deg: Annotated[float, Interval(ge=-180, le=180)] = 0.0
+    mounting_pitch_deg: Annotated[float, Interval(ge=-90, le=90)] = 0.0
     use_intensity: bool = True
     look_ahead_s: Annotated[float, Interval(ge=0, le=5)] = 0.5
     causal: bool = False
@@ -58,3 +65,8 @@ class ConfirmedParams(RingIntensityParams):
     memory_s: Annotated[float, Gt(0)] = 5.0
     growth_m: Annotated[float, Ge(0)] = 1.0
     growth_height_m: Annotated[float, Ge(0)] = 0.15
+
+    @property
+    def mounting(self) -> Mounting:
+        """Attitude in which the lidar is mounted."""
+        return Mounting(self.mounting_roll_deg, self.mounting_pitch_deg)

@@ -1,0 +1,76 @@
+"""Checks of the first frames of a topic against the configuration, each with at most one warning."""
+
+from typing import Protocol
+
+from seaclutter_cli.config import Config
+from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+from seaclutter_cli.filters.fit import ThresholdCheck
+from seaclutter_cli.filters.zones import Zones
+from seaclutter_cli.frame import FilterResult
+from seaclutter_cli.water import Mounting, MountingSearch
+
+
+class Check(Protocol):
+    """A check of the frames of one topic."""
+
+    def add(self, result: FilterResult) -> str | None:
+        """Add a frame; return a warning once enough frames justify it."""
+        ...
+
+    def warning(self) -> str | None:
+        """Return a warning about the frames so far; None once the check is complete."""
+        ...
+
+
+def checks_of(config: Config) -> list[Check]:
+    """Return new checks for the frames of one topic."""
+    thresholds = ThresholdCheck(needs_water=config.has_water)
+    return [thresholds, MountingCheck(config.filter)] if config.has_water else [thresholds]
+
+
+class MountingCheck:
+    """Check whether the water is where the mounting of the configuration says.
+
+    Parameters
+    ----------
+    params : ConfirmedParams
+        Mounting, range limits and boxes of own structure.
+    """
+
+    def __init__(self, params: ConfirmedParams) -> None:
+        self._zones = Zones(params)
+        self._given = params.mounting
+        self._search = MountingSearch(self._given)
+        self._done = False
+
+    def add(self, result: FilterResult) -> str | None:
+        """Add a frame; return a warning once enough frames show another mounting."""
+        time_s = result.frame.stamp_ns / 1e9
+        if self._search.wants(time_s):
+            zone, _ = self._zones.divide(result.frame)
+            used = (zone >= 1) & (zone <= self._zones.count + 1)  # range rings and beyond
+            self._search.add(result.frame.coordinates[:, used], time_s)
+        return self.warning() if self._search.complete else None
+
+    def warning(self) -> str | None:
+        """Return a warning if the frames so far show another mounting; None once the check is complete."""
+        if self._done:
+            return None
+        self._done = self._search.complete
+        found = self._search.found()
+        return None if found is None else _other_mounting(found, self._given)
+
+
+def _other_mounting(found: Mounting, given: Mounting) -> str:
+    """Return a warning about a mounting that is not the given one."""
+    tilt_deg = found.tilt_deg(given)
+    seems = "upside down: the water is above it" if tilt_deg > 90 else f"tilted: the water slopes by {tilt_deg:.0f}°"
+    keys = [
+        f"filter.mounting_{axis}_deg to {angle:g}"
+        for axis, angle, was in (
+            ("roll", found.roll_deg, given.roll_deg),
+            ("pitch", found.pitch_deg, given.pitch_deg),
+        )
+        if angle != was
+    ]
+    return f"the lidar seems to be mounted {seems}; set {' and '.join(keys)}"
