@@ -23,11 +23,12 @@ from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 Floats = NDArray[np.float64]
 
 LIDAR = 1
-GATE_M, BESIDE_M = 10.0, 20.0
-"""Distance from a target's position within which detections belong to it, and within which they may be its wake."""
+GATE_M, BESIDE_M = 10.0, 25.0
+"""Distance from a target's position within which detections belong to it, and within which they move with it."""
 OTHER, BESIDE = -1, -2
 PAUSE_S = 5.0
-EVIDENCE = (0.3, 0.5, 1.0)
+MIDDLE = 0.5
+EVIDENCE = (0.3, MIDDLE, 1.0)
 """Evidence of every detection; 1 is an upright object."""
 SETTINGS = {"own ship": False, "world": True}
 
@@ -191,25 +192,36 @@ def row(*cells: object) -> None:
     print("| " + " | ".join(map(str, cells)) + " |")
 
 
-def confirmation_table(scenarios: Mapping[str, Sequence[Scan]], evidence: float) -> None:
-    """Print what is confirmed in each scenario."""
-    print(f"\nEvidence {evidence:g} for every detection:\n")
-    row("scenario", "coordinates", "targets %", "beside %", "others %", "pure %", "continued %", "delay s")
-    row("---", "---", *["---:"] * 6)
-    for setting, world in SETTINGS.items():
-        results = {name: follow(scans, evidence, world=world) for name, scans in scenarios.items()}
-        groups = {name: [verdicts] for name, verdicts in results.items()} | {"**all**": list(results.values())}
-        for name, group in groups.items():
-            of_kind: dict[int, list[bool]] = {kind: [] for kind in (0, BESIDE, OTHER)}
-            for one in chain.from_iterable(group):
-                of_kind[min(one.target, 0)].append(one.confirmed)
-            pure, continued = (
-                percent(*map(sum, zip(*map(count, group), strict=True))) for count in (purity, continuity)
-            )
-            delay = [value for verdicts in group for value in delays(verdicts)]
-            middle, last = np.median(delay), max(delay)
-            shares = (f"{percent(sum(part), len(part))} of {len(part)}" for part in of_kind.values())
-            row(name, setting, *shares, pure, continued, f"{middle:.1f}, at most {last:.1f}")
+COLUMNS = ("targets %", "beside %", "others %", "pure %", "continued %", "delay s")
+
+
+def confirmed_cells(group: Sequence[Sequence[Verdict]]) -> Iterator[str]:
+    """Yield the cells of a table row for some scenarios."""
+    of_kind: dict[int, list[bool]] = {kind: [] for kind in (0, BESIDE, OTHER)}
+    for one in chain.from_iterable(group):
+        of_kind[min(one.target, 0)].append(one.confirmed)
+    for part in of_kind.values():
+        yield f"{percent(sum(part), len(part))} of {len(part)}"
+    for count in (purity, continuity):
+        yield percent(*map(sum, zip(*map(count, group), strict=True)))
+    delay = [value for verdicts in group for value in delays(verdicts)]
+    yield f"{np.median(delay):.1f}, at most {max(delay):.1f}"
+
+
+def confirmation_tables(scenarios: Mapping[str, Sequence[Scan]]) -> None:
+    """Print what is confirmed with different evidence, and in each scenario."""
+    print("\nAll scenarios:\n")
+    row("evidence", "coordinates", *COLUMNS)
+    row("---:", "---", *["---:"] * len(COLUMNS))
+    for evidence in EVIDENCE:
+        for setting, world in SETTINGS.items():
+            group = [follow(scans, evidence, world=world) for scans in scenarios.values()]
+            row(f"{evidence:g}", setting, *confirmed_cells(group))
+    print(f"\nEach scenario, evidence {MIDDLE:g}, world coordinates:\n")
+    row("scenario", *COLUMNS)
+    row("---", *["---:"] * len(COLUMNS))
+    for name, scans in scenarios.items():
+        row(name, *confirmed_cells([follow(scans, MIDDLE, world=True)]))
 
 
 def innovation_table(scenarios: Mapping[str, Sequence[Scan]]) -> None:
@@ -230,8 +242,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="folder of the folders scenario*")
     folders = sorted(parser.parse_args().folder.glob("scenario*"), key=lambda path: int(path.name[8:]))
     scenarios = {path.name[8:]: load(path) for path in folders}
-    for evidence in EVIDENCE:
-        confirmation_table(scenarios, evidence)
+    confirmation_tables(scenarios)
     innovation_table(scenarios)
 
 
