@@ -91,8 +91,8 @@ def failures(recording: Recording, thresholds: str, most: int) -> list[Failure]:
     scene = recording.description()
     frames = simulate(scene)
     calibrated = () if thresholds == PAPER else calibrated_thresholds(frames)
-    runs = filtered(of_method("confirmed", thresholds), frames, calibrated, scene_class(scene))
-    wrong = [found for one, result in runs if (found := _wrong(one, result)).errors]
+    results = filtered(of_method("confirmed", thresholds), frames, calibrated, scene_class(scene))
+    wrong = [found for one, result in zip(frames, results, strict=True) if (found := _wrong(one, result)).errors]
     chosen: list[_Wrong] = []
     for found in sorted(wrong, key=lambda found: -found.errors):
         if all(abs(found.one.frame.index - other.one.frame.index) >= APART for other in chosen):

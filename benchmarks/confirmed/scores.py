@@ -1,6 +1,6 @@
 """Runs of filters over recordings in memory, and the counts of their results."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recordings import LabelledFrame, Recording, calibrated_thresholds, simulate
-from variants import ABLATIONS, CALIBRATED, Variant
+from variants import ABLATIONS, CALIBRATED, IDEAL, Variant
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, match_clusters, targets_of
 from seaclutter_cli.evaluation.scores import Summary, score_frame
-from seaclutter_cli.frame import FilterResult
-from seaclutter_cli.interfaces import Filter
+from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.simulation.layouts.rule import scene_class
+from seaclutter_cli.truth import CLUTTER
 
 RANGES_M = (0, 15, 30, 45, 60, np.inf)
 ECHOES = (0, 5, 10, 30, 100, np.inf)
@@ -49,46 +49,49 @@ def run(job: Job) -> list[dict[str, Any]]:
     frames = simulate(scene)
     uses_calibrated = any(one.thresholds == CALIBRATED for one in job.variants)
     thresholds = calibrated_thresholds(frames) if uses_calibrated else ()
-    records = []
-    for variant in job.variants:
-        summary, counts = Summary(), TargetCounts()
-        for one, result in filtered(variant, frames, thresholds, scene_class(scene)):
-            (score,) = score_frame(one.frame, [result], one.truth, EVALUATION)
+    runs = [filtered(variant, frames, thresholds, scene_class(scene)) for variant in job.variants]
+    summaries, counts = [Summary() for _ in runs], [TargetCounts() for _ in runs]
+    for one, *results in zip(frames, *runs, strict=True):
+        for summary, score in zip(summaries, score_frame(one.frame, results, one.truth, EVALUATION), strict=True):
             assert score is not None
             summary.add(score, None)
-            if job.by_target:
-                counts.add(one, result)
-        records.append(
-            {
-                "scene": job.recording.scene,
-                "seed": job.recording.seed,
-                "lidar": scene.recording.lidar,
-                "method": variant.name,
-                "thresholds": variant.thresholds,
-                "values": list(thresholds) if variant.thresholds == CALIBRATED else None,
-                "scores": {name: value for name, value in summary.as_dict().items() if name != "filter_ms"},
-                **({"by_target": counts.as_dict()} if job.by_target else {}),
-            }
-        )
-    return records
+        if job.by_target:
+            for count, result in zip(counts, results, strict=True):
+                count.add(one, result)
+    return [
+        {
+            "scene": job.recording.scene,
+            "seed": job.recording.seed,
+            "lidar": scene.recording.lidar,
+            "method": variant.name,
+            "thresholds": variant.thresholds,
+            "values": list(thresholds) if variant.thresholds == CALIBRATED else None,
+            "scores": {name: value for name, value in summary.as_dict().items() if name != "filter_ms"},
+            **({"by_target": count.as_dict()} if job.by_target else {}),
+        }
+        for variant, summary, count in zip(job.variants, summaries, counts, strict=True)
+    ]
 
 
 def filtered(
     variant: Variant, frames: Sequence[LabelledFrame], thresholds: Sequence[float], kind: str | None
-) -> Iterator[tuple[LabelledFrame, FilterResult]]:
-    """Yield each frame of a recording with its result."""
+) -> list[FilterResult]:
+    """Return the results of the frames of a recording."""
+    if variant.method == IDEAL:
+        return [_ideal(one) for one in frames]
     with ABLATIONS[variant.ablation]() if variant.ablation else nullcontext():
         method = variant.make_filter(thresholds, kind)
-        yield from zip(frames, _results(method, frames), strict=True)
+        if method.needs_first_pass:
+            for one in frames:
+                method.observe(one.frame)
+        results = [result for one in frames for result in method.process(one.frame)]
+        return [*results, *method.flush()]
 
 
-def _results(method: Filter, frames: Sequence[LabelledFrame]) -> Iterator[FilterResult]:
-    if method.needs_first_pass:
-        for one in frames:
-            method.observe(one.frame)
-    for one in frames:
-        yield from method.process(one.frame)
-    yield from method.flush()
+def _ideal(one: LabelledFrame) -> FilterResult:
+    """Keep exactly the echoes of objects."""
+    kept = one.frame.valid & (one.truth.points != CLUTTER)
+    return FilterResult(one.frame, np.where(kept, Reason.KEPT, Reason.OUTLIER).astype(np.uint8))
 
 
 def matched(one: LabelledFrame, result: FilterResult) -> tuple[FrameTargets, NDArray[np.int64], Matches]:

@@ -20,7 +20,7 @@ from tables import (
     recall,
     summary,
 )
-from variants import CALIBRATED, PAPER, UNUSED, ablations, all_methods, some_methods
+from variants import CALIBRATED, IDEAL, PAPER, UNUSED, ablations, all_methods, some_methods
 
 from seaclutter_cli.simulation.lidar.models import LIDARS
 
@@ -56,7 +56,7 @@ def scenes_tables(records: Sequence[Record]) -> Iterator[Section]:
         yield f"R_FP / R_FN in % of frames, {title}", matrix(of_set, by_scene, both_rates)
         yield f"Object recall in %, {title}", matrix(of_set, by_scene, recall)
         yield f"Target points lost in %, {title}", matrix(of_set, by_scene, lost)
-        chosen, floor = ([one for one in of_set if one["method"] == name] for name in ("confirmed", "none"))
+        chosen, floor = ([one for one in of_set if one["method"] == name] for name in ("confirmed", IDEAL))
         yield f"`confirmed` by scene, {title}", over_seeds(chosen, floor)
 
 

@@ -95,13 +95,13 @@ def lost(rates: Rates) -> str:
 
 
 def over_seeds(records: Sequence[Record], floor: Sequence[Record]) -> str:
-    """Return a method's rates in each scene with their range over the seeds, and missed targets without a filter."""
-    lines = header(["scene"], ["R_FP %", "R_FN %", "R_FN of `none` %", "object recall %", "target points lost %"])
-    unfiltered = grouped(floor, by_scene)
+    """Return a method's rates in each scene with their range over the seeds, and what no filter could find."""
+    lines = header(["scene"], ["R_FP %", "R_FN %", "R_FN, ideal %", "object recall %", "target points lost %"])
+    ideal = grouped(floor, by_scene)
     for scene, group in grouped(records, by_scene).items():
         rates = [Rates([record]) for record in group]
         spread = {key: _spread([getattr(one, key) for one in rates]) for key in ("r_fp", "r_fn", "recall", "lost")}
-        least = shown(Rates(unfiltered[scene]).r_fn)
+        least = shown(Rates(ideal[scene]).r_fn)
         lines.append(row(f"`{scene}`", spread["r_fp"], spread["r_fn"], least, spread["recall"], spread["lost"]))
     return "\n".join(lines)
 

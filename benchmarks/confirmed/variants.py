@@ -22,6 +22,8 @@ from seaclutter_cli.water import WaterSurface
 Floats = NDArray[np.float64]
 
 PAPER, CALIBRATED, UNUSED = "paper", "calibrated", "unused"
+IDEAL = "ideal"
+"""An imagined method that keeps exactly the echoes of objects: what it misses, no filter could find."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Variant:
     name : str
         Name in tables.
     method : str
-        Name of the method.
+        Name of the method, or `IDEAL`.
     settings : mapping of str to object
         Config keys that differ from the defaults.
     thresholds : {"paper", "calibrated", "unused"}
@@ -44,7 +46,7 @@ class Variant:
 
     name: str
     method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
     thresholds: str = CALIBRATED
     ablation: str | None = None
 
@@ -75,12 +77,12 @@ def of_method(method: str, thresholds: str) -> Variant:
 def all_methods() -> tuple[Variant, ...]:
     """Return all methods with the thresholds of the paper, and those that have thresholds also with calibrated ones."""
     variants = [of_method(method, thresholds) for thresholds in (PAPER, CALIBRATED) for method in FILTERS]
-    return tuple({(one.name, one.thresholds): one for one in variants}.values())
+    return *dict.fromkeys(variants), Variant(IDEAL, IDEAL, thresholds=UNUSED)
 
 
 def some_methods(*methods: str) -> tuple[Variant, ...]:
-    """Return some methods with calibrated thresholds."""
-    return tuple(of_method(method, CALIBRATED) for method in methods)
+    """Return some methods with calibrated thresholds, and the ideal one."""
+    return *(of_method(method, CALIBRATED) for method in methods), Variant(IDEAL, IDEAL, thresholds=UNUSED)
 
 
 def _frame_alone(_: Tracker, track: Track, time_s: float) -> float:
