@@ -179,4 +179,4 @@ def _draw_side(axes: "Axes", wrong: _Wrong) -> None:
         slope_x, slope_y = np.tan(np.radians(water.pitch_deg)), -np.tan(np.radians(water.roll_deg))
         z = z - (water.level_m + slope_x * x + slope_y * y)
     _draw_points(axes, wrong, np.hypot(x, y), z)
-    axes.set(xlabel="range in m", ylabel="z in m" if water is None else "height above water in m")
+    axes.set(xlabel="range in m", ylabel="z in m" if water is None else "height in m")
