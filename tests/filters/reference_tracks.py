@@ -20,6 +20,10 @@ class Entry:
     step_s: float
     memory: float
 
+    def is_around(self, time_s: float, span_s: float) -> bool:
+        reach = max(span_s + SLACK_S, tracks._NEIGHBOR_STEPS * self.step_s)
+        return abs(self.time_s - time_s) <= reach
+
 
 @dataclass(eq=False)
 class Track:
@@ -47,10 +51,12 @@ class Track:
         elapsed = time_s - self.seen_s
         return [(x + self.velocity[0] * elapsed, y + self.velocity[1] * elapsed) for x, y in self.cells]
 
-    def gate(self, time_s: float) -> float:
+    def gate(self, time_s: float, interval_s: float) -> float:
+        unseen_s = time_s - self.seen_s
         if self.is_new:
-            return tracks._NEW_GATE_M + tracks._NEW_GATE_SPEED_MS * (time_s - self.seen_s)
-        return tracks._GATE_M + tracks._GATE_SPEED_MS * (time_s - self.seen_s)
+            return tracks._NEW_GATE_M + tracks._NEW_GATE_SPEED_MS * unseen_s
+        jitter = min(tracks._JITTER_M + tracks._JITTER_SPEED_MS * interval_s, tracks._MAX_JITTER_M)
+        return max(tracks._GATE_M + tracks._GATE_SPEED_MS * unseen_s, jitter)
 
     def follow(self, thing: Thing, time_s: float) -> None:
         elapsed = time_s - self.seen_s
@@ -73,8 +79,8 @@ class Track:
         self.history.append(Entry(time_s, evidence, max(step, 1e-3), min(max(memory, low), high)))
 
     def score(self, time_s: float, span_s: float) -> float:
-        around = [one for one in self.history if abs(one.time_s - time_s) <= span_s + SLACK_S]
-        before = [one for one in self.history if one.time_s < time_s - span_s - SLACK_S]
+        around = [one for one in self.history if one.is_around(time_s, span_s)]
+        before = [one for one in self.history if one.time_s < time_s and not one.is_around(time_s, span_s)]
         collected = sum(one.evidence * one.step_s for one in around)
         average = collected / (sum(one.step_s for one in around) + tracks._DOUBT_S)
         return average + (before[-1].memory if before else 0.0)
@@ -86,10 +92,12 @@ class Tracks:
     def __init__(self, params: Any) -> None:
         self.params = params
         self.tracks: list[Track] = []
+        self.time_s: float | None = None
 
     def matches(self, things: Sequence[Thing], time_s: float) -> tuple[list[list[int]], list[bool]]:
         """Return how many cells of each object each track expects, and which tracks are covered by objects."""
         votes = [[0] * len(self.tracks) for _ in things]
+        interval_s = 0.0 if self.time_s is None else time_s - self.time_s
         expected = [(number, place) for number, one in enumerate(self.tracks) for place in one.expected(time_s)]
         places = places_of(place for _, place in expected)
         for own, thing in zip(votes, things, strict=True):
@@ -97,12 +105,12 @@ class Tracks:
                 if expected:
                     gaps = distances(cell, places)
                     chosen = expected[gaps.argmin()][0]
-                    own[chosen] += gaps.min() <= self.tracks[chosen].gate(time_s)
+                    own[chosen] += gaps.min() <= self.tracks[chosen].gate(time_s, interval_s)
         cells = places_of(cell for thing in things for cell in thing.cells)
         covered = []
         for track in self.tracks:
             gaps = [nearest(place, cells) for place in track.expected(time_s)]
-            reached = sum(gap <= track.gate(time_s) for gap in gaps)
+            reached = sum(gap <= track.gate(time_s, interval_s) for gap in gaps)
             covered.append(reached >= tracks._COVERED * len(gaps))
         return votes, covered
 
@@ -125,6 +133,7 @@ class Tracks:
     def step(self, things: Sequence[Thing], time_s: float, meets: Callable[[XY, float], bool]) -> list[Track]:
         """Return the track of each object; ``meets`` says whether a beam meets a place up to a height."""
         votes, covered = self.matches(things, time_s)
+        self.time_s = time_s
         followed: list[Track | None] = [None] * len(things)
         for number, track in enumerate(self.tracks):
             heirs = [k for k, own in enumerate(votes) if own[number] and own.index(max(own)) == number]

@@ -49,8 +49,8 @@ class DetectedObject:
     evidence: float
     cells: Floats
     center: Floats
-    top_m: float
-    near: bool
+    top_m: float = 0.0
+    near: bool = False
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,14 @@ _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
 _GATE_M, _GATE_SPEED_MS = 0.8, 1.0
 _NEW_GATE_M, _NEW_GATE_SPEED_MS = 1.0, 5.0
+_JITTER_M, _JITTER_SPEED_MS, _MAX_JITTER_M = 0.4, 5.0, 4.0
 _GAIN, _NEW_GAIN = 0.15, 0.3
 _MAX_SPEED_MS = 20.0
 _COVERED = 0.5
 _IN_SIGHT = 0.5
 _CONTACT_M = 2.0
 _COAST_S = 2.0
+_NEIGHBOR_STEPS = 1.1
 _EXPECTED_MEMORY = 1.0
 _SLACK_S = 1e-6
 
@@ -88,10 +90,14 @@ class Track:
         """Return where its parts are expected at a time, shape (m, 2)."""
         return self.cells + self.velocity * (time_s - self.seen_s)
 
-    def gate_m(self, time_s: float) -> float:
-        """Return the distance from there within which they may be."""
-        gate, speed = (_NEW_GATE_M, _NEW_GATE_SPEED_MS) if self.is_new else (_GATE_M, _GATE_SPEED_MS)
-        return gate + speed * (time_s - self.seen_s)
+    def gate_m(self, time_s: float, interval_s: float) -> float:
+        """Return the distance from there within which they may be; ``interval_s`` is the time between frames."""
+        unseen_s = time_s - self.seen_s
+        if self.is_new:
+            return _NEW_GATE_M + _NEW_GATE_SPEED_MS * unseen_s
+        # Slow scans see other parts of a body each time, and its course changes in between.
+        jitter = min(_JITTER_M + _JITTER_SPEED_MS * interval_s, _MAX_JITTER_M)
+        return max(_GATE_M + _GATE_SPEED_MS * unseen_s, jitter)
 
     def move(self, found: DetectedObject, time_s: float) -> None:
         """Update position and velocity."""
@@ -138,6 +144,7 @@ class Tracker:
         self._params = params
         self._tracks: list[Track] = []
         self._since_s = -np.inf
+        self._time_s: float | None = None
 
     def approached(self, start_m: float, time_s: float) -> bool:
         """Return whether a probable target seen beyond ``start_m`` can have parts nearer than that."""
@@ -149,7 +156,7 @@ class Tracker:
         votes, covered = self._votes(objects, time_s)
         return Association(objects, votes, covered)
 
-    def step(self, found: "Association", time_s: float, since_s: float, sight: Sight) -> list[Track]:
+    def step(self, found: "Association", time_s: float, since_s: float, sight: Sight | None = None) -> list[Track]:
         """Return the track of each object of a frame; a new one where an object continues none.
 
         Parameters
@@ -160,8 +167,8 @@ class Tracker:
             Time of the frame.
         since_s : float
             Time of the first frame for which `score` will still be asked.
-        sight : Sight
-            What the beams can meet in the frame.
+        sight : Sight, optional
+            What the beams can meet in the frame; everything by default.
 
         Notes
         -----
@@ -170,7 +177,7 @@ class Tracker:
         if most of its cells lie in an object of another track, such as a boat alongside another, or between the beams.
         """
         objects, votes, covered = found.objects, found.votes, found.covered
-        self._since_s = since_s
+        self._since_s, self._time_s = since_s, time_s
         tracks: list[Track | None] = [None] * len(objects)
         for t, candidates in _by_track(votes).items():
             weight = [votes[k, t] * (1 + max(objects[k].evidence, 0.0)) for k in candidates]
@@ -181,7 +188,7 @@ class Tracker:
         self._recognise(objects, result, votes)
         seen = {id(track) for track in result}
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
-        for track in _in_sight(missing, sight, time_s):
+        for track in missing if sight is None else _in_sight(missing, sight, time_s):
             self._collect(track, time_s, None)
         unseen = [one for one in self._tracks if id(one) not in seen and time_s - one.seen_s <= _COAST_S]
         self._tracks = unseen + result
@@ -198,12 +205,20 @@ class Tracker:
         return np.concatenate(cells) if cells else np.empty((0, 2))
 
     def score(self, track: Track, time_s: float) -> float:
-        """Return the score of a track at a time: the mean evidence around it, and the memory of what was before."""
+        """Return the score of a track at a time: the mean evidence around it, and the memory of what was before.
+
+        Around it are at least the frame before and the frame after, even if they are a little more than the look-ahead
+        apart.
+        """
         span = self._params.look_ahead_s + _SLACK_S
-        around = [item for item in track.history if abs(item.time_s - time_s) <= span]
-        before = [item.memory for item in track.history if item.time_s < time_s - span]
+        around, before = [], 0.0
+        for item in track.history:
+            if abs(item.time_s - time_s) <= max(span, _NEIGHBOR_STEPS * item.step_s):
+                around.append(item)
+            elif item.time_s < time_s:
+                before = item.memory
         total = sum(item.evidence * item.step_s for item in around)
-        return total / (sum(item.step_s for item in around) + _DOUBT_S) + (before[-1] if before else 0.0)
+        return total / (sum(item.step_s for item in around) + _DOUBT_S) + before
 
     def _votes(self, objects: Sequence[DetectedObject], time_s: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return how many cells of each object each track expects, and of which tracks the objects cover most cells."""
@@ -215,7 +230,8 @@ class Tracker:
         object_of = np.repeat(np.arange(len(objects)), [len(one.cells) for one in objects])
         expected = np.concatenate([track.expected(time_s) for track in self._tracks])
         cells = np.concatenate([one.cells for one in objects])
-        gate = np.array([track.gate_m(time_s) for track in self._tracks])
+        interval = 0.0 if self._time_s is None else time_s - self._time_s
+        gate = np.array([track.gate_m(time_s, interval) for track in self._tracks])
         index, distance = nearest(expected, cells)
         reached = np.flatnonzero(distance <= gate[track_of[index]])
         np.add.at(votes, (object_of[reached], track_of[index[reached]]), 1)
