@@ -15,7 +15,7 @@ from seaclutter_cli.filters.confirmation.objects import Clusters, DetectedObject
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmation.sight import Sight
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
-from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distance
+from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.water import WaterTracker
@@ -158,20 +158,19 @@ class Confirmed(BaseFilter):
         return _Undecided(raw, time_s, heights, self._reasons(heights, found.objects), found.objects, tracks, state)
 
     def _dense(self, frame: Frame, heights: Heights) -> Mask:
-        """Return the bright points in the band with enough other candidates within 2.5 % of their range.
+        """Return the flat bright points in the band with enough other candidates within 2.5 % of their range.
 
         Seven are enough, or three where objects of twice the height at which points stand out are met by one beam only.
         """
         dense = np.zeros(frame.size, np.bool_)
         among = np.flatnonzero(heights.high | heights.bright)
-        asked = np.flatnonzero(heights.bright[among])
-        points = np.ascontiguousarray(frame.coordinates[:, among].T)
-        in_one_beam = self._in_one_beam(frame, heights, among[asked])
-        for rows, neighbors in ((asked[in_one_beam], _MIN_IN_ONE_BEAM), (asked[~in_one_beam], _MIN_NEIGHBORS)):
-            if len(rows) and len(among) > neighbors:
-                distance = nth_neighbor_distance(points, neighbors, rows)
-                chosen = among[rows]
-                dense[chosen] = distance <= _RADIUS_RATIO * frame.range_m[chosen]
+        asked = np.flatnonzero((heights.bright & ~heights.upright)[among])
+        if not len(asked) or len(among) <= _MIN_IN_ONE_BEAM:
+            return dense
+        points, chosen = np.ascontiguousarray(frame.coordinates[:, among].T), among[asked]
+        usual, fewer = nth_neighbor_distances(points, (_MIN_NEIGHBORS, _MIN_IN_ONE_BEAM), asked).T
+        distance = np.where(self._in_one_beam(frame, heights, chosen), fewer, usual)
+        dense[chosen[distance <= _RADIUS_RATIO * frame.range_m[chosen]]] = True
         return dense
 
     def _in_one_beam(self, frame: Frame, heights: Heights, points: NDArray[np.intp]) -> Mask:
@@ -225,8 +224,9 @@ class Confirmed(BaseFilter):
         """Return thresholds and counts of the range rings; unconfirmed points count as outliers."""
         if not self._params.use_intensity:
             return None
-        removed = ([Reason.LOW_INTENSITY], [Reason.OUTLIER, Reason.UNCONFIRMED])
-        counts = (self._zones.tally(zone[np.isin(reason, reasons)]) for reasons in removed)
+        low = reason == Reason.LOW_INTENSITY
+        removed = (low, (reason == Reason.OUTLIER) | (reason == Reason.UNCONFIRMED))
+        counts = (self._zones.tally(zone[mask]) for mask in removed)
         return Rings(self._thresholds.copy(), np.zeros(self._zones.count), self._zones.tally(zone), *counts)
 
     def _grown(self, one: _Undecided, kept: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -1,7 +1,7 @@
 """Exact distances to nearest neighbours, with duplicates, on all cores; the number of cores does not affect results."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,12 +46,12 @@ def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
     def reduce(distance: Distances, others: NDArray[np.int64]) -> Distances:
         before = np.cumsum(others, axis=1) - others
         used = np.clip(neighbors - before, 0, others)
-        return np.asarray(np.einsum("ij,ij->i", distance, used) / neighbors)
+        return np.asarray(np.einsum("ij,ij->i", distance, used) / neighbors)[:, None]
 
     def reduce_distinct(distance: Distances) -> Distances:
-        return np.asarray(distance[:, 1:].sum(axis=1) / neighbors)
+        return np.asarray(distance[:, 1:].sum(axis=1, keepdims=True) / neighbors)
 
-    return _over_neighbors(points, neighbors, reduce, reduce_distinct)
+    return _over_neighbors(points, neighbors, reduce, reduce_distinct, width=1)[:, 0]
 
 
 def nth_neighbor_distance(points: Points, n: int, query: NDArray[np.intp] | None = None) -> Distances:
@@ -76,15 +76,43 @@ def nth_neighbor_distance(points: Points, n: int, query: NDArray[np.intp] | None
     >>> nth_neighbor_distance(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), 2)
     array([3., 2., 3.])
     """
+    return nth_neighbor_distances(points, [n], query)[:, 0]
+
+
+def nth_neighbor_distances(points: Points, ranks: Sequence[int], query: NDArray[np.intp] | None = None) -> Distances:
+    """Return each point's distances to its nearest other points of several ranks, from one search.
+
+    Parameters
+    ----------
+    points, query
+        As for `nth_neighbor_distance`.
+    ranks : sequence of int, length R
+        Ranks of the neighbours; at least 1. The distance is infinite for ranks of N or more.
+
+    Returns
+    -------
+    ndarray, shape (M, R), float64
+        Distances in metres.
+
+    Examples
+    --------
+    >>> nth_neighbor_distances(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), [1, 2, 3])
+    array([[ 1.,  3., inf],
+           [ 1.,  2., inf],
+           [ 2.,  3., inf]])
+    """
+    possible = [min(n, len(points) - 1) for n in ranks]
 
     def reduce(distance: Distances, others: NDArray[np.int64]) -> Distances:
-        rank = np.argmax(np.cumsum(others, axis=1) >= n, axis=1)
-        return np.asarray(distance[np.arange(len(distance)), rank])
+        count, row = np.cumsum(others, axis=1), np.arange(len(distance))
+        return np.stack([distance[row, np.argmax(count >= n, axis=1)] for n in possible], axis=1)
 
     def reduce_distinct(distance: Distances) -> Distances:
-        return np.asarray(distance[:, n])
+        return np.asarray(distance[:, possible])
 
-    return _over_neighbors(points, n, reduce, reduce_distinct, query)
+    distances = _over_neighbors(points, max(possible), reduce, reduce_distinct, query, width=len(possible))
+    distances[:, [n >= len(points) for n in ranks]] = np.inf
+    return distances
 
 
 def nearest(points: Points, query: Points) -> tuple[NDArray[np.int64], Distances]:
@@ -117,14 +145,19 @@ def _over_neighbors(
     reduce: Callable[[Distances, NDArray[np.int64]], Distances],
     reduce_distinct: Callable[[Distances], Distances],
     query: NDArray[np.intp] | None = None,
+    *,
+    width: int,
 ) -> Distances:
-    """Return the reduced neighbour distances; searches distinct points only, because equal ones stall the trees."""
+    """Return the reduced neighbour distances, shape (M, width), from a search among distinct points.
+
+    Equal points stall the trees.
+    """
     first, inverse, multiplicity = _distinct(points)
     distinct, index_of = (points, np.arange(len(points))) if len(first) == len(points) else (points[first], inverse)
     index_of = index_of if query is None else index_of[query]
     queried = np.flatnonzero(np.bincount(index_of, minlength=len(distinct)))
     search, k = _searcher(distinct), min(count + 1, len(distinct))
-    out = np.empty(len(distinct))
+    out = np.empty((len(distinct), width))
     size = max(1, _BLOCK_DISTANCES // k)
     for start in range(0, len(queried), size):
         block = slice(start, start + size) if len(queried) == len(distinct) else queried[start : start + size]

@@ -56,16 +56,18 @@ class WaterTracker:
         distance = np.hypot(x, y)
         near = np.flatnonzero((distance >= NEAREST_M) & (distance < FARTHEST_M))
         cells = PolarCells.of(xyz[:, near])
-        if cells.enough:
-            lowest, weight = fit_plane(cells, self._plane)
-            height = z - lowest.height(x, y)
-            flat = ~upright(x[near], y[near], height[near], upright_span_m(self._known_sigma_m))
-            self._update(lowest, WaterEchoes.of(cells, height[near], weight, flat), time_s)
+        lowest, weight = fit_plane(cells, self._plane) if cells.enough else (self._plane, None)
+        if lowest is None:
+            return None
+        height = z - lowest.height(x, y)
+        stands = upright(x, y, height, upright_span_m(self._known_sigma_m))
+        if weight is not None:
+            self._update(lowest, WaterEchoes.of(cells, height[near], weight, ~stands[near]), time_s)
         if self._plane is None:
             return None
-        height = z - self._plane.height(x, y)
-        stands = upright(x, y, height, upright_span_m(self._sigma_m))
-        swell = self._swell(x[~stands], y[~stands], height[~stands])
+        flat = np.flatnonzero(~stands)
+        x, y, z = x[flat], y[flat], z[flat]
+        swell = self._swell(x, y, z - self._plane.height(x, y))
         return WaterSurface(self._plane, self._sigma_m, swell, stands)
 
     def _update(self, lowest: Plane, echoes: WaterEchoes, time_s: float) -> None:

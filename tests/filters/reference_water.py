@@ -4,7 +4,7 @@ It shares with the program only the constants, so that tuning them changes both.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -60,34 +60,41 @@ class Water:
         """Return the water of a frame; None where none was seen in the last five seconds."""
         if not 0 <= time_s - self.seen_s <= tracker._MEMORY_S:
             self.plane = None
-        near = [one for one in points if plane.NEAREST_M <= math.hypot(one[0], one[1]) < plane.FARTHEST_M]
-        cells = [cell_of(x, y) for x, y, _ in near]
-        bearings = {bearing for bearing, _ in cells}
-        if len(set(cells)) >= plane._MIN_CELLS and len(bearings) >= plane._MIN_BEARINGS:
-            self.update(near, cells, time_s)
+        near = [k for k, (x, y, _) in enumerate(points) if plane.NEAREST_M <= math.hypot(x, y) < plane.FARTHEST_M]
+        cells = {k: cell_of(*points[k][:2]) for k in near}
+        bearings = {bearing for bearing, _ in cells.values()}
+        sigma = tracker._START_SIGMA_M if self.plane is None else self.sigma
+        stands: list[bool] | None = None
+        if len(set(cells.values())) >= plane._MIN_CELLS and len(bearings) >= plane._MIN_BEARINGS:
+            stands = self.update(points, cells, sigma, time_s)
         if self.plane is None:
             return None
-        return self.surface(self.plane, points)
+        if stands is None:
+            stands = upright(points, [self.plane.height_of(*point) for point in points], 0.25 + sigma)
+        return self.surface(self.plane, points, stands)
 
-    def update(self, near: Sequence[XYZ], cells: Sequence[tuple[int, int]], time_s: float) -> None:
+    def update(
+        self, points: Sequence[XYZ], cells: Mapping[int, tuple[int, int]], sigma: float, time_s: float
+    ) -> list[bool]:
+        """Estimate the plane and the deviation; return which points stand upright."""
         lowest: dict[tuple[int, int], XYZ] = {}
-        for cell, point in zip(cells, near, strict=True):
-            if cell not in lowest or point[2] < lowest[cell][2]:
-                lowest[cell] = point
+        for k, cell in cells.items():
+            if cell not in lowest or points[k][2] < lowest[cell][2]:
+                lowest[cell] = points[k]
         fitted, weights = self.fit(lowest)
         water_cells = {cell for cell, weight in weights.items() if weight > plane._ABOVE / 3}
         first = self.plane is None
-        offset, sigma = 0.0, tracker._START_SIGMA_M if first else self.sigma
-        stands = upright(near, [fitted.height_of(*point) for point in near], 0.25 + sigma)
-        flat = [(point, cell) for point, cell, up in zip(near, cells, stands, strict=True) if not up]
+        stands = upright(points, [fitted.height_of(*point) for point in points], 0.25 + sigma)
+        flat = [(points[k], cell) for k, cell in cells.items() if not stands[k]]
+        offset = 0.0
         for _ in range(tracker._START_PASSES if first else 1):
             offset, sigma = mean_level(flat, water_cells, fitted, band(sigma))
-        if fitted.a + offset >= 0:
-            return
-        old = 0.0 if first else math.exp((self.seen_s - time_s) / tracker._SIGMA_TIME_S)
-        self.sigma = old * self.sigma + (1 - old) * sigma
-        self.plane = Plane(fitted.a + offset, fitted.b, fitted.c)
-        self.seen_s = time_s
+        if fitted.a + offset < 0:
+            old = 0.0 if first else math.exp((self.seen_s - time_s) / tracker._SIGMA_TIME_S)
+            self.sigma = old * self.sigma + (1 - old) * sigma
+            self.plane = Plane(fitted.a + offset, fitted.b, fitted.c)
+            self.seen_s = time_s
+        return stands
 
     def fit(self, lowest: dict[tuple[int, int], XYZ]) -> tuple[Plane, dict[tuple[int, int], float]]:
         """Return the plane through the lowest points, and the weight of each cell."""
@@ -99,10 +106,8 @@ class Water:
         supported = [one for one in fits if sum(one[1].values()) >= plane._SUPPORT * most]
         return min(supported, key=lambda one: one[0].a)
 
-    def surface(self, level: Plane, points: Sequence[XYZ]) -> Surface:
-        heights = [level.height_of(*point) for point in points]
-        stands = upright(points, heights, 0.25 + self.sigma)
-        flat = [(x, y, h) for (x, y, _), h, up in zip(points, heights, stands, strict=True) if not up]
+    def surface(self, level: Plane, points: Sequence[XYZ], stands: list[bool]) -> Surface:
+        flat = [(x, y, level.height_of(x, y, z)) for (x, y, z), up in zip(points, stands, strict=True) if not up]
         swell = Swell((x, y, h) for x, y, h in flat if abs(h) <= band(self.sigma))
         swell = Swell((x, y, h) for x, y, h in flat if abs(h - swell.at(x, y)[0]) <= band(self.sigma))
         return Surface(level, self.sigma, swell, stands)

@@ -93,7 +93,7 @@ class ZonedFrame:
     @cached_property
     def used(self) -> Mask:
         """Whether a point may belong to water or objects, shape (N,)."""
-        in_reach = np.isin(self.reason, (Reason.KEPT, Reason.NEAR))
+        in_reach = (self.reason == Reason.KEPT) | (self.reason == Reason.NEAR)
         return np.asarray(in_reach & (self.frame.range_m >= self.own_ship_m))
 
 

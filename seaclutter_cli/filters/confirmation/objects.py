@@ -106,7 +106,7 @@ class Clusters:
         cells = np.stack([np.bincount(cell, weights=axis) / count for axis in xy], axis=1)
         bounds = np.searchsorted(distinct, np.arange(len(self) + 1) * (2 * _MAX_CELL) ** 2)
         center = np.stack([np.add.reduceat(axis, self.start) / self.count for axis in xy], axis=1)
-        top = np.maximum.reduceat(heights.height_m[self.points], self.start)
+        top = self.greatest(heights.height_m)
         return [
             DetectedObject(
                 self.members(k), float(evidence[k]), cells[bounds[k] : bounds[k + 1]], center[k], float(top[k]), near
@@ -117,6 +117,14 @@ class Clusters:
     def mean(self, values: Floats) -> Floats:
         """Return the mean of the points' values in each cluster, shape (K,)."""
         return np.asarray(np.add.reduceat(values[self.points], self.start) / self.count)
+
+    def least(self, values: Floats) -> Floats:
+        """Return the least of the points' values in each cluster, shape (K,)."""
+        return np.minimum.reduceat(values[self.points], self.start)
+
+    def greatest(self, values: Floats) -> Floats:
+        """Return the greatest of the points' values in each cluster, shape (K,)."""
+        return np.maximum.reduceat(values[self.points], self.start)
 
     def ranked(self, values: Floats, *ranks: NDArray[np.int64]) -> list[Floats]:
         """Return the points' values of given ranks in each cluster, shape (K,) each; rank 0 is the lowest."""
@@ -138,9 +146,9 @@ def find_objects(
 
 def _evidence(frame: Frame, clusters: Clusters, heights: Heights, beams: Beams, params: ConfirmedParams) -> Floats:
     """Return the evidence of each cluster, shape (K,), from -0.5 (flat on the water) to 1 (upright)."""
-    first, last = np.zeros_like(clusters.count), clusters.count - 1
-    quarter = clusters.count - np.clip(clusters.count // 4, 1, 3)
-    lowest, top, highest = clusters.ranked(heights.height_m, first, quarter, last)
+    height = heights.height_m
+    lowest, highest = clusters.least(height), clusters.greatest(height)
+    (top,) = clusters.ranked(height, clusters.count - np.clip(clusters.count // 4, 1, 3))
     rise, wave = clusters.mean(heights.rise_m), clusters.mean(heights.wave_m)
     below, above = _beside(frame, clusters, beams)
     extent = highest - lowest
@@ -162,7 +170,7 @@ def _beside(frame: Frame, clusters: Clusters, beams: Beams) -> tuple[Floats, Flo
     """Return how far below the lowest point and above the highest point of each cluster the next beams pass."""
     elevation = np.zeros(frame.size)
     elevation[clusters.points] = beams.elevation_deg(frame.coordinates[:, clusters.points])
-    lowest, highest = clusters.ranked(elevation, np.zeros_like(clusters.count), clusters.count - 1)
+    lowest, highest = clusters.least(elevation), clusters.greatest(elevation)
     distance = clusters.mean(frame.range_m)
     below, above = (np.tan(np.radians(gap)) * distance for gap in beams.gaps(lowest, highest))
     return below, above
