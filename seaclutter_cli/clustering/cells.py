@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,8 @@ _REACH = 2
 _FEW_CELLS = 1 << 20
 _TABLE_COLUMNS = 1 << 21
 _BLOCK = 1 << 15
-_OFFSETS = [(i, j) for i in range(_REACH + 1) for j in range(-_REACH, _REACH + 1) if (i, j) > (0, 0)]
+_ALL_PAIRED = 100
+_OFFSETS = np.array([(i, j) for i in range(_REACH + 1) for j in range(-_REACH, _REACH + 1) if (i, j) > (0, 0)])
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,10 @@ class Cells:
         Index of a cell's first point in ``order``, and number of its points.
     column, height : ndarray, shape (C,), int64
         Rank of the column of a cell, and height of the cell in the column.
-    neighbors : ndarray, shape (2, P), int64
-        Pairs of columns that are at most two apart on each axis, each pair once; each column also with itself.
+    columns : ndarray, shape (K,), int64
+        Numbers of the occupied columns, ascending.
+    row : int
+        Difference between the numbers of columns that are neighbours along x.
     """
 
     order: Indices
@@ -40,13 +44,20 @@ class Cells:
     count: Indices
     column: Indices
     height: Indices
-    neighbors: Indices
+    columns: Indices
+    row: int
 
     def __len__(self) -> int:
         return len(self.start)
 
-    def pairs(self) -> Iterator[tuple[Indices, Indices]]:
-        """Yield pairs of cells that are at most two apart on each axis, each once, in blocks of bounded size."""
+    def pairs(self) -> Iterator[Indices | tuple[Indices, Indices]]:
+        """Yield all pairs of cells that are at most two apart on each axis, each once, in blocks of bounded size.
+
+        Few cells are all paired, since a search would take longer.
+        """
+        if len(self) <= _ALL_PAIRED:
+            yield _all_pairs()[:, : len(self) * (len(self) - 1) // 2]
+            return
         stride = int(self.height.max(initial=0)) + 1 + _REACH
         key = np.append(self.column * stride + self.height, [np.iinfo(np.int64).max] * (2 * _REACH + 1))
         cells = np.bincount(self.column)
@@ -63,17 +74,17 @@ class Cells:
 
     def _columns_in_reach(self, first: Indices, last: Indices) -> Indices:
         """Return the pairs of columns whose heights are in reach, and columns of several cells with themselves."""
-        own, other = self.neighbors
+        own, other = neighbors = _neighbors(self.columns, self.row)
         bottom, top = self.height[first], self.height[last] + _REACH
         in_reach = (bottom[own] <= top[other]) & (bottom[other] <= top[own]) & ((own != other) | (first != last)[own])
-        return self.neighbors[:, in_reach]
+        return neighbors[:, in_reach]
 
 
 def cells_of(xyz: Points, tolerance_m: float) -> Cells:
     """Return the cells of finite points, shape (3, N), in metres."""
     if not xyz.shape[1]:
         none = np.empty(0, np.int64)
-        return Cells(none, none, none, none, none, none.reshape(2, 0))
+        return Cells(none, none, none, none, none, none, 1)
     side = tolerance_m / np.sqrt(3) * (1 - 1e-8)
     x, y, z = (_along_axis(values, side, tolerance_m) for values in xyz)
     row = int(y.max()) + 1 + _REACH
@@ -86,15 +97,25 @@ def cells_of(xyz: Points, tolerance_m: float) -> Cells:
     order = np.argsort(key)
     start = _changes(key[order])
     columns = column[order[start]]
-    distinct = columns[_changes(columns)]
+    first = _changes(columns)
+    rank_of = np.zeros(len(columns), np.int64)
+    rank_of[first[1:]] = 1
     return Cells(
         order,
         start,
-        np.diff(start, append=len(order)),
-        np.cumsum(np.diff(columns, prepend=columns[0]) != 0),
+        _run_lengths(start, len(order)),
+        np.cumsum(rank_of),
         z[order[start]],
-        _neighbors(distinct, row),
+        columns[first],
+        row,
     )
+
+
+@cache
+def _all_pairs() -> Indices:
+    """Return the pairs of numbers below `_ALL_PAIRED`, in the order of the greater one."""
+    greater, less = np.tril_indices(_ALL_PAIRED, -1)
+    return np.stack((less, greater))
 
 
 def blocks(sizes: Indices, limit: int) -> Iterator[slice]:
@@ -150,25 +171,31 @@ def _with_gaps(values: Points, side: float, tolerance_m: float) -> Indices:
 
 def _changes(ordered: Indices) -> Indices:
     """Return the start indices of runs of equal numbers."""
-    return np.asarray(np.flatnonzero(np.diff(ordered, prepend=ordered[0] - 1)), np.int64)
+    changes = np.empty(len(ordered), np.bool_)
+    changes[0] = True
+    np.not_equal(ordered[1:], ordered[:-1], out=changes[1:])
+    return changes.nonzero()[0]
+
+
+def _run_lengths(start: Indices, end: int) -> Indices:
+    """Return the lengths of runs from their start indices and the end of the last one."""
+    lengths = np.empty_like(start)
+    np.subtract(start[1:], start[:-1], out=lengths[:-1])
+    lengths[-1] = end - start[-1]
+    return lengths
 
 
 def _neighbors(columns: Indices, row: int) -> Indices:
     """Return the pairs of columns, by rank, that are at most two apart on each axis; each column also with itself."""
     ranks = np.arange(len(columns))
     size = int(columns[-1]) + (_REACH + 1) * row + 1
-    own, other = [ranks], [ranks]
-    table = np.full(size if size <= _TABLE_COLUMNS else 0, -1)
-    if len(table):
+    sought = columns + (_OFFSETS @ np.array((row, 1)))[:, None]
+    if size <= _TABLE_COLUMNS:
+        table = np.full(size, -1)
         table[columns] = ranks
-    for i, j in _OFFSETS:
-        sought = columns + (i * row + j)
-        if len(table):
-            found = table[sought]
-        else:
-            found = np.minimum(np.searchsorted(columns, sought), len(columns) - 1)
-            found[columns[found] != sought] = -1
-        hits = np.flatnonzero(found >= 0)
-        own.append(hits)
-        other.append(found[hits])
-    return np.stack((np.concatenate(own), np.concatenate(other)))
+        found = table[sought]
+    else:
+        found = np.minimum(np.searchsorted(columns, sought), len(columns) - 1)
+        found[columns[found] != sought] = -1
+    hits = found >= 0
+    return np.stack((np.append(ranks, hits.nonzero()[1]), np.append(ranks, found[hits])))

@@ -175,7 +175,7 @@ def _join(component: Indices, own: Indices, other: Indices) -> Indices:
     own, other = component[own], component[other]
     while len(own):
         np.minimum.at(root, np.maximum(own, other), np.minimum(own, other))
-        while not np.array_equal(root, further := root[root]):
+        while (root != (further := root[root])).any():
             root = further
         own, other = root[own], root[other]
         differ = np.flatnonzero(own != other)

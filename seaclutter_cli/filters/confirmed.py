@@ -175,8 +175,7 @@ class Confirmed(BaseFilter):
 
     def _in_one_beam(self, frame: Frame, heights: Heights, points: NDArray[np.intp]) -> Mask:
         """Return whether the next beam passes above objects of twice the height at which points stand out."""
-        x, y, z = frame.coordinates[:, points]
-        elevation = np.degrees(np.arctan2(z, np.hypot(x, y)))
+        elevation = self._beams.elevation_deg(frame.coordinates[:, points])
         _, above = self._beams.gaps(elevation, elevation)
         next_m = heights.height_m[points] + np.tan(np.radians(above)) * frame.range_m[points]
         return np.asarray(next_m >= _ONE_BEAM_RISES * heights.rise_m[points])

@@ -18,7 +18,7 @@ Distances = NDArray[np.float64]
 Search = Callable[[Points, int], tuple[NDArray[np.int64], Distances]]
 
 _BLOCK_DISTANCES = 1 << 21
-_FEW_POINTS = 1000
+_FEW_POINTS, _FEW_DISTANCES = 4000, 20_000  # a second thread takes longer to wake
 _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 
 
@@ -191,10 +191,10 @@ def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDA
 def _searcher(points: Points) -> Search:
     """Return a function that finds the k nearest of ``points``, nearest first."""
     if _FastTree is not None:
-        threads = _threads() if len(points) > _FEW_POINTS else 1
-        fast = _FastTree(points, num_threads=threads)
+        fast = _FastTree(points, num_threads=_threads() if len(points) > _FEW_POINTS else 1)
 
         def search(query: Points, k: int) -> tuple[NDArray[np.int64], Distances]:
+            threads = _threads() if len(query) * k > _FEW_DISTANCES else 1
             index, squared = fast.batch_knn_search(query, k, num_threads=threads)
             return index.view(np.int64), np.sqrt(squared)
 

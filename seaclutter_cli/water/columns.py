@@ -39,8 +39,10 @@ def upright(x: Floats, y: Floats, height: Floats, span_m: float) -> NDArray[np.b
         column += (y + (_REACH + shift)).astype(np.uint16)
         order = np.argsort(column, kind="stable")  # a radix sort for 16 bits
         ordered, values = column[order], height[order]
-        start = np.flatnonzero(np.concatenate(([True], ordered[1:] != ordered[:-1])))
+        is_first = np.ones(len(order), np.bool_)
+        np.not_equal(ordered[1:], ordered[:-1], out=is_first[1:])
+        start = is_first.nonzero()[0]
         span = np.maximum.reduceat(values, start) - np.minimum.reduceat(values, start)
-        stands = np.repeat(span >= span_m, np.diff(start, append=len(order)))
+        stands = (span >= span_m)[np.cumsum(is_first) - 1]
         found[inside[order[stands]]] = True
     return found

@@ -106,7 +106,7 @@ def _reweighted(points: Floats, plane: Plane) -> tuple[Plane, Floats]:
     weight = np.zeros_like(z)
     for scale in _SCALES_M:
         residual = z - plane.height(x, y)
-        weight = np.clip(1 - (residual / (3 * scale)) ** 2, 0, None) ** 2
+        weight = np.maximum(1 - (residual / (3 * scale)) ** 2, 0) ** 2
         weight[residual > 0] *= _ABOVE
         if weight.sum() < _MIN_BEARINGS:
             break

@@ -21,6 +21,29 @@ _RANGE_NOISE_M = 0.02
 
 
 @dataclass(frozen=True)
+class GridCells:
+    """The cells of N positions on a grid of 1.5 m within 60 m.
+
+    Parameters
+    ----------
+    number : ndarray, shape (N,), int64
+        Number of the cell; 0 beyond the grid.
+    inside : ndarray, shape (N,), bool
+        Whether the position is on the grid.
+    """
+
+    number: NDArray[np.int64]
+    inside: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, x: Floats, y: Floats) -> "GridCells":
+        """Return the cells of positions in metres."""
+        column, row = np.floor((x + _REACH_M) / _CELL_M), np.floor((y + _REACH_M) / _CELL_M)
+        inside = (column >= 0) & (column < _CELLS) & (row >= 0) & (row < _CELLS)
+        return cls(np.where(inside, column * _CELLS + row, 0).astype(np.int64), inside)
+
+
+@dataclass(frozen=True)
 class Swell:
     """Height of the water above its mean plane on a grid of 1.5 m within 60 m, and how many echoes it rests on.
 
@@ -34,22 +57,24 @@ class Swell:
     echoes: Floats
 
     @classmethod
-    def of(cls, x: Floats, y: Floats, height: Floats) -> "Swell":
-        """Return the swell through points on the water: a mean over 2.5 m, shrunk towards 0 where echoes are few."""
-        cell, inside = _cells(x, y)
-        cell, height = cell[inside], height[inside]
-        count = np.bincount(cell, minlength=_CELLS**2).astype(np.float64)
-        total = np.bincount(cell, weights=height, minlength=_CELLS**2).astype(np.float64)
-        capped = np.minimum(count, _MAX_PER_CELL)
-        total *= capped / np.maximum(count, 1)
-        kernel = _smoothing()
-        echoes, sums = ((kernel @ grid.reshape(_CELLS, _CELLS) @ kernel).reshape(-1) for grid in (capped, total))
-        return cls(sums / (echoes + _SHRINKAGE), echoes)
+    def of(cls, cells: GridCells, height: Floats, echoes: NDArray[np.bool_]) -> "Swell":
+        """Return the swell through those of N points that are echoes of the water.
 
-    def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Return height and number of echoes at given positions; both are 0 beyond the grid."""
-        cell, inside = _cells(x, y)
-        return np.where(inside, self.height_m[cell], 0.0), np.where(inside, self.echoes[cell], 0.0)
+        It is a mean over 2.5 m, shrunk towards 0 where echoes are few.
+        """
+        used = np.flatnonzero(echoes & cells.inside)
+        cell = cells.number[used]
+        count = np.bincount(cell, minlength=_CELLS**2)
+        capped = np.minimum(count, float(_MAX_PER_CELL))
+        total = np.bincount(cell, weights=height[used], minlength=_CELLS**2) * (capped / np.maximum(count, 1))
+        kernel = _smoothing()
+        weight, sums = ((kernel @ grid.reshape(_CELLS, _CELLS) @ kernel).reshape(-1) for grid in (capped, total))
+        return cls(sums / (weight + _SHRINKAGE), weight)
+
+    def at(self, cells: GridCells) -> tuple[Floats, Floats]:
+        """Return height and number of echoes at positions; both are 0 beyond the grid."""
+        inside = cells.inside
+        return np.where(inside, self.height_m[cells.number], 0.0), np.where(inside, self.echoes[cells.number], 0.0)
 
 
 @cache
@@ -57,13 +82,6 @@ def _smoothing() -> Floats:
     """Return the matrix that sums a grid along one axis with Gaussian weights, cut off at four deviations."""
     steps = np.abs(np.subtract.outer(np.arange(_CELLS), np.arange(_CELLS))) * (_CELL_M / _SMOOTHING_M)
     return np.asarray(np.where(steps <= _TRUNCATION, np.exp(-0.5 * steps**2), 0.0))
-
-
-def _cells(x: Floats, y: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the grid cells of positions, and which of them are on the grid."""
-    column, row = np.floor((x + _REACH_M) / _CELL_M), np.floor((y + _REACH_M) / _CELL_M)
-    inside = (column >= 0) & (column < _CELLS) & (row >= 0) & (row < _CELLS)
-    return np.where(inside, column * _CELLS + row, 0).astype(np.int64), inside
 
 
 @dataclass(frozen=True)
@@ -95,14 +113,14 @@ class WaterSurface:
         Where many echoes support the swell, half of the deviation remains as waves too short for the grid. Where there
         are none, the plane is all that is known, and the deviation is that of the water plus that of the plane.
         """
-        swell, echoes = self.swell.at(x, y)
+        swell, echoes = self.swell.at(GridCells.of(x, y))
         unknown = _SHRINKAGE / (echoes + _SHRINKAGE)
         deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + _RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Return z of the water at given positions, in metres."""
-        return self.plane.height(x, y) + self.swell.at(x, y)[0]
+        return self.plane.height(x, y) + self.swell.at(GridCells.of(x, y))[0]
 
     @property
     def state(self) -> WaterState:

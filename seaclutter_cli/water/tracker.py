@@ -4,7 +4,7 @@ import numpy as np
 
 from seaclutter_cli.water.columns import upright
 from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, Floats, Plane, PolarCells, WaterEchoes, fit_plane
-from seaclutter_cli.water.surface import Swell, WaterSurface
+from seaclutter_cli.water.surface import GridCells, Swell, WaterSurface
 
 _START_SIGMA_M = 0.1
 _START_PASSES = 5
@@ -88,10 +88,9 @@ class WaterTracker:
 
     def _swell(self, x: Floats, y: Floats, height: Floats) -> Swell:
         """Return the swell through the echoes of the water among points, by their heights above the plane."""
-        near = np.abs(height) <= _band(self._sigma_m)
-        swell = Swell.of(x[near], y[near], height[near])
-        near = np.abs(height - swell.at(x, y)[0]) <= _band(self._sigma_m)
-        return Swell.of(x[near], y[near], height[near])
+        cells, band = GridCells.of(x, y), _band(self._sigma_m)
+        swell = Swell.of(cells, height, np.abs(height) <= band)
+        return Swell.of(cells, height, np.abs(height - swell.at(cells)[0]) <= band)
 
 
 def upright_span_m(sigma_m: float) -> float:

@@ -24,13 +24,20 @@ class Beams:
     ----------
     mounting : Mounting
         Attitude in which the lidar is mounted.
+
+    Attributes
+    ----------
+    spacing_deg : float
+        Median angle between neighbouring beams; 0 if it is not known.
     """
 
     def __init__(self, mounting: Mounting) -> None:
         self._mounting = mounting
         self._upwards = 1.0 if mounting.up[2] >= 0 else -1.0
         self._seen = np.zeros(_BINS, np.bool_)
+        self._bins = np.empty(0, np.int64)
         self._frames = 0
+        self.spacing_deg = 0.0
 
     def elevation_deg(self, xyz: Floats) -> Floats:
         """Return the elevations of points of the levelled frame, shape (3, N), in the frame of the lidar, shape (N,).
@@ -45,13 +52,10 @@ class Beams:
         if self._frames < _FRAMES and xyz.size:
             self._frames += 1
             self._seen[_bins(self.elevation_deg(xyz))] = True
-
-    @property
-    def spacing_deg(self) -> float:
-        """Median angle between neighbouring beams; 0 if it is not known."""
-        steps = np.diff(np.flatnonzero(self._seen))
-        steps = steps[steps > 1]  # The points of one beam can be in several bins.
-        return float(np.median(steps)) * _BIN_DEG if len(steps) else 0.0
+            self._bins = np.flatnonzero(self._seen)
+            steps = np.diff(self._bins)
+            steps = steps[steps > 1]  # The points of one beam can be in several bins.
+            self.spacing_deg = float(np.median(steps)) * _BIN_DEG if len(steps) else 0.0
 
     def pass_between(self, low_deg: Floats, high_deg: Floats) -> NDArray[np.bool_]:
         """Return whether any beam passes between two elevations, shape (K,)."""
@@ -72,7 +76,7 @@ class Beams:
         -------
         (ndarray, shape (K,), float64), (ndarray, shape (K,), float64)
         """
-        seen = np.flatnonzero(self._seen)
+        seen = self._bins
         low, high = _bins(lowest_deg), _bins(highest_deg)
         # The points of one beam can be in two bins.
         below = np.concatenate(([-np.inf], seen))[np.searchsorted(seen, low - 1)]

@@ -49,6 +49,7 @@ class Sight:
         if self.water is None:
             return np.ones(len(positions), np.bool_)
         x, y = positions.T
-        level, distance = self.water.height(x, y), np.hypot(x, y)
-        top = level + np.maximum(top_m, self.min_top_m)
-        return self.beams.pass_between(np.degrees(np.arctan2(level, distance)), np.degrees(np.arctan2(top, distance)))
+        level = self.water.height(x, y)
+        tops = level + np.maximum(top_m, self.min_top_m)
+        low, high = (self.beams.elevation_deg(np.stack((x, y, z))) for z in (level, tops))
+        return self.beams.pass_between(low, high)
