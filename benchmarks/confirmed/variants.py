@@ -93,9 +93,8 @@ def _frame_alone(_: Tracker, track: Track, time_s: float) -> float:
 def _without_heights(*arguments: Any) -> Heights:
     """Measure brightness, and no heights."""
     heights = measure(*arguments)
-    nothing = np.zeros(len(heights.used), np.bool_)
-    bright = heights.used & (heights.brightness >= 1)
-    return replace(heights, high=nothing, upright=nothing, grows=nothing, bright=bright)
+    nothing = np.zeros_like(heights.high)
+    return replace(heights, high=nothing, upright=nothing, grows=nothing, bright=heights.brightness >= 1)
 
 
 def _equal_objects(*arguments: Any, **options: Any) -> list[DetectedObject]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.confirmation.beams import Beams
-from seaclutter_cli.filters.confirmation.heights import Heights, ZonedFrame, measure
+from seaclutter_cli.filters.confirmation.echoes import Echoes
+from seaclutter_cli.filters.confirmation.heights import Heights, measure
 from seaclutter_cli.filters.confirmation.objects import Clusters, DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmation.sight import Sight
@@ -38,8 +39,10 @@ class _Undecided:
 
     frame: Frame
     time_s: float
-    heights: Heights
+    zone: NDArray[np.uint8]
     reason: NDArray[np.uint8]
+    echoes: Echoes
+    grows: Mask
     objects: Sequence[DetectedObject]
     tracks: Sequence[Track]
     water: WaterState | None
@@ -130,77 +133,82 @@ class Confirmed(BaseFilter):
         """Return the reason of every point of a frame, without later frames."""
         return [*self.process(frame), *self.flush()][-1]
 
-    def _examine(self, raw: Frame, time_s: float) -> _Undecided:
+    def _examine(self, frame: Frame, time_s: float) -> _Undecided:
         """Find the objects of a frame and their tracks (steps 1 to 5)."""
-        zoned = ZonedFrame.of(raw, self._zones, self._thresholds, self._params)
-        frame = zoned.frame
-        points = frame.coordinates[:, zoned.used]
-        self._beams.add(points)
+        zone, reason = self._zones.divide(frame)
+        echoes = Echoes.of(frame, zone, reason, self._params)
+        self._beams.add(echoes.xyz)
         # 1. Water
-        water = self._water.step(points, time_s)
+        water = self._water.step(echoes.xyz, time_s)
         # 2. Band
-        heights = measure(zoned, water, self._params)
+        heights = measure(echoes, self._threshold(echoes), water, self._params)
         # 3. Candidates
-        candidates = heights.high | heights.upright | self._dense(frame, heights)
+        candidates = heights.high | heights.upright | self._dense(echoes, heights)
         # 4. Objects
-        far, near = candidates & (heights.zone > 0), candidates & (heights.zone == 0)
-        objects = find_objects(frame, far, heights, self._beams, self._params, near=False)
+        near = echoes.is_near
+        objects = find_objects(echoes, candidates & ~near, heights, self._beams, self._params, near=False)
         if self._tracker.approached(self._params.start_m, time_s):  # all else there is own ship
-            objects += find_objects(frame, near, heights, self._beams, self._params, near=True)
+            objects += find_objects(echoes, candidates & near, heights, self._beams, self._params, near=True)
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
         objects.sort(key=lambda one: tuple(one.center))
         found = self._tracker.associate(objects, time_s)
-        if weak := self._expected(frame, heights, self._tracker.expected(found, time_s)):
+        if weak := self._expected(echoes, heights, self._tracker.expected(found, time_s)):
             found = self._tracker.associate([*objects, *weak], time_s)
         since_s = self._undecided[0].time_s if self._undecided else time_s
         tracks = self._tracker.step(found, time_s, since_s, Sight(self._beams, water, self._params.min_rise_m))
         state = None if water is None else water.state
-        return _Undecided(raw, time_s, heights, self._reasons(heights, found.objects), found.objects, tracks, state)
+        reason[echoes.index] = self._reasons(reason[echoes.index], echoes, heights, found.objects)
+        return _Undecided(frame, time_s, zone, reason, echoes, heights.grows & ~near, found.objects, tracks, state)
 
-    def _dense(self, frame: Frame, heights: Heights) -> Mask:
+    def _threshold(self, echoes: Echoes) -> Floats:
+        """Return the intensity threshold of each echo, shape (M,); near points have that of the first range ring."""
+        threshold = self._zones.per_point(self._thresholds, echoes.zone)
+        threshold[echoes.is_near] = self._thresholds[0]
+        return threshold
+
+    def _dense(self, echoes: Echoes, heights: Heights) -> Mask:
         """Return the flat bright points in the band with enough other candidates within 2.5 % of their range.
 
         Seven are enough, or three where objects of twice the height at which points stand out are met by one beam only.
         """
-        dense = np.zeros(frame.size, np.bool_)
+        dense = np.zeros(echoes.size, np.bool_)
         among = np.flatnonzero(heights.high | heights.bright)
         asked = np.flatnonzero((heights.bright & ~heights.upright)[among])
         if not len(asked) or len(among) <= _MIN_IN_ONE_BEAM:
             return dense
-        points, chosen = np.ascontiguousarray(frame.coordinates[:, among].T), among[asked]
+        points, chosen = np.ascontiguousarray(echoes.xyz[:, among].T), among[asked]
         usual, fewer = nth_neighbor_distances(points, (_MIN_NEIGHBORS, _MIN_IN_ONE_BEAM), asked).T
-        distance = np.where(self._in_one_beam(frame, heights, chosen), fewer, usual)
-        dense[chosen[distance <= _RADIUS_RATIO * frame.range_m[chosen]]] = True
+        distance = np.where(self._in_one_beam(echoes, heights, chosen), fewer, usual)
+        dense[chosen[distance <= _RADIUS_RATIO * echoes.range_m[chosen]]] = True
         return dense
 
-    def _in_one_beam(self, frame: Frame, heights: Heights, points: NDArray[np.intp]) -> Mask:
+    def _in_one_beam(self, echoes: Echoes, heights: Heights, points: NDArray[np.intp]) -> Mask:
         """Return whether the next beam passes above objects of twice the height at which points stand out."""
-        elevation = self._beams.elevation_deg(frame.coordinates[:, points])
+        elevation = self._beams.elevation_deg(echoes.xyz[:, points])
         _, above = self._beams.gaps(elevation, elevation)
-        next_m = heights.height_m[points] + np.tan(np.radians(above)) * frame.range_m[points]
+        next_m = heights.height_m[points] + np.tan(np.radians(above)) * echoes.range_m[points]
         return np.asarray(next_m >= _ONE_BEAM_RISES * heights.rise_m[points])
 
-    def _expected(self, frame: Frame, heights: Heights, cells: Floats) -> list[DetectedObject]:
+    def _expected(self, echoes: Echoes, heights: Heights, cells: Floats) -> list[DetectedObject]:
         """Return objects of points below the thresholds around cells where well-known objects are expected."""
-        points = np.flatnonzero((heights.bright | heights.grows) & (heights.zone > 0))
+        points = np.flatnonzero((heights.bright | heights.grows) & ~echoes.is_near)
         if not len(cells) or not len(points):
             return []
-        _, distance = nearest(cells, frame.coordinates[:2, points].T)
-        among = np.zeros(frame.size, np.bool_)
+        _, distance = nearest(cells, echoes.xyz[:2, points].T)
+        among = np.zeros(echoes.size, np.bool_)
         among[points[distance <= _EXPECTED_M]] = True
-        clusters = Clusters.among(frame, among, self._beams, self._params)
-        return clusters.objects(frame, heights, np.zeros(len(clusters)), near=False)
+        clusters = Clusters.among(echoes, among, self._beams, self._params)
+        return clusters.objects(echoes, heights, np.zeros(len(clusters)), near=False)
 
-    def _reasons(self, heights: Heights, objects: Sequence[DetectedObject]) -> NDArray[np.uint8]:
-        """Return the reasons of all points if no object is confirmed."""
-        reason = heights.reason.copy()
-        low = heights.low & ~heights.high & (heights.zone > 0)
-        reason[heights.used & (heights.zone > 0)] = Reason.OUTLIER
-        reason[low] = Reason.LOW_INTENSITY if self._params.use_intensity else Reason.UNCONFIRMED
+    def _reasons(
+        self, by_zone: NDArray[np.uint8], echoes: Echoes, heights: Heights, objects: Sequence[DetectedObject]
+    ) -> NDArray[np.uint8]:
+        """Return the reasons of the echoes if no object is confirmed; near ones keep the reasons of their zone."""
+        low = Reason.LOW_INTENSITY if self._params.use_intensity else Reason.UNCONFIRMED
+        reason = np.where(heights.low & ~heights.high, np.uint8(low), np.uint8(Reason.OUTLIER))
         for one in objects:
-            if not one.near:
-                reason[one.points] = Reason.UNCONFIRMED
-        return reason
+            reason[one.points] = Reason.UNCONFIRMED
+        return np.where(echoes.is_near, by_zone, reason)
 
     def _decide(self, one: _Undecided) -> FilterResult:
         """Confirm the objects of a frame and let them grow (steps 5 and 6)."""
@@ -213,11 +221,11 @@ class Confirmed(BaseFilter):
             if track.from_outside:
                 confirmed.append(found.points)
         kept = np.concatenate(confirmed)
-        reason[kept] = Reason.KEPT
+        reason[one.echoes.index[kept]] = Reason.KEPT
         # 6. Growth
         if len(kept):
-            reason[self._grown(one, kept)] = Reason.KEPT
-        return FilterResult(one.frame, reason, self._rings(one.heights.zone, reason), water=one.water)
+            reason[one.echoes.index[self._grown(one, kept)]] = Reason.KEPT
+        return FilterResult(one.frame, reason, self._rings(one.zone, reason), water=one.water)
 
     def _rings(self, zone: NDArray[np.uint8], reason: NDArray[np.uint8]) -> Rings | None:
         """Return thresholds and counts of the range rings; unconfirmed points count as outliers."""
@@ -230,10 +238,10 @@ class Confirmed(BaseFilter):
 
     def _grown(self, one: _Undecided, kept: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the points above the water that are near enough to confirmed objects."""
-        frame, heights = one.frame, one.heights
-        others = np.flatnonzero(heights.grows & (heights.zone > 0) & (one.reason != Reason.KEPT))
+        echoes = one.echoes
+        others = np.flatnonzero(one.grows & (one.reason[echoes.index] != Reason.KEPT))
         if not len(others):
             return others
-        limit = self._params.growth_m + _GROWTH_RATIO * frame.range_m[others]
-        _, distance = nearest(frame.coordinates[:, kept].T, frame.coordinates[:, others].T)
+        limit = self._params.growth_m + _GROWTH_RATIO * echoes.range_m[others]
+        _, distance = nearest(echoes.xyz[:, kept].T, echoes.xyz[:, others].T)
         return np.asarray(others[distance <= limit])

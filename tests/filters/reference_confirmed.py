@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from seaclutter_cli.filters import confirmed
-from seaclutter_cli.filters.confirmation import heights
+from seaclutter_cli.filters.confirmation.echoes import OWN_SHIP_M
 from seaclutter_cli.frame import Frame, Reason
 from tests.filters.reference_objects import (
     Beams,
@@ -152,7 +152,7 @@ class ConfirmedObjects:
     def is_used(self, point: Point, ring: int | None) -> bool:
         """Return whether a point may belong to water or objects."""
         dropped = ring == len(self.params.initial_thresholds) and self.params.far == "drop"
-        return ring is not None and not dropped and point.range_m >= min(heights.OWN_SHIP_M, self.params.start_m)
+        return ring is not None and not dropped and point.range_m >= min(OWN_SHIP_M, self.params.start_m)
 
     def by_zone(self, point: Point, ring: int | None) -> int:
         """Return the reason that follows from the position of a point alone."""

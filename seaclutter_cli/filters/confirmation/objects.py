@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.clustering.euclidean import euclidean_clusters
 from seaclutter_cli.filters.confirmation.beams import Beams
+from seaclutter_cli.filters.confirmation.echoes import Echoes
 from seaclutter_cli.filters.confirmation.heights import Heights
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
-from seaclutter_cli.frame import Frame
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -32,7 +32,7 @@ class DetectedObject:
     Parameters
     ----------
     points : ndarray, shape (n,), int64
-        Indices of its points.
+        Indices of its points among the echoes of the frame.
     evidence : float
         Evidence of its shape: positive for a target, negative for water.
     cells : ndarray, shape (m, 2), float64
@@ -60,7 +60,7 @@ class Clusters:
     Parameters
     ----------
     points : ndarray, shape (n,), int64
-        Indices of the points, cluster by cluster.
+        Indices of the points among the echoes of the frame, cluster by cluster.
     start, count : ndarray, shape (K,), int64
         Index in ``points`` of a cluster's first point, and number of its points.
     """
@@ -70,15 +70,15 @@ class Clusters:
     count: NDArray[np.int64]
 
     @classmethod
-    def among(cls, frame: Frame, among: NDArray[np.bool_], beams: Beams, params: ConfirmedParams) -> "Clusters":
-        """Return the Euclidean clusters of some points of a frame.
+    def among(cls, echoes: Echoes, among: NDArray[np.bool_], beams: Beams, params: ConfirmedParams) -> "Clusters":
+        """Return the Euclidean clusters of some echoes.
 
         Where the beams are more than half of the tolerance apart, vertical distances are shortened to that, so that the
         echoes of several beams from one body stay together.
         """
         members = np.flatnonzero(among)
-        positions = frame.coordinates[:, members]
-        apart = np.tan(np.radians(beams.spacing_deg)) * frame.range_m[members]
+        positions = echoes.xyz[:, members]
+        apart = np.tan(np.radians(beams.spacing_deg)) * echoes.range_m[members]
         reach = params.cluster_tolerance_m / _BEAMS_IN_REACH
         positions[2] *= reach / np.maximum(apart, reach)
         labels = euclidean_clusters(positions, params.cluster_tolerance_m, params.min_cluster_points)
@@ -94,11 +94,11 @@ class Clusters:
         """Return the indices of the points of a cluster."""
         return self.points[self.start[k] : self.start[k] + self.count[k]]
 
-    def objects(self, frame: Frame, heights: Heights, evidence: Floats, *, near: bool) -> list[DetectedObject]:
+    def objects(self, echoes: Echoes, heights: Heights, evidence: Floats, *, near: bool) -> list[DetectedObject]:
         """Return the objects that the clusters are, sorted by their centres."""
         if not len(self):
             return []
-        xy = frame.coordinates[:2, self.points]
+        xy = echoes.xyz[:2, self.points]
         column, row = np.clip(np.floor(xy / _CELL_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
         cluster = np.repeat(np.arange(len(self)), self.count)
         key = (cluster * (2 * _MAX_CELL) + column) * (2 * _MAX_CELL) + row
@@ -134,23 +134,29 @@ class Clusters:
 
 
 def find_objects(
-    frame: Frame, candidates: NDArray[np.bool_], heights: Heights, beams: Beams, params: ConfirmedParams, *, near: bool
+    echoes: Echoes,
+    candidates: NDArray[np.bool_],
+    heights: Heights,
+    beams: Beams,
+    params: ConfirmedParams,
+    *,
+    near: bool,
 ) -> list[DetectedObject]:
     """Return the objects that candidate points form, with the evidence of their shapes."""
-    clusters = Clusters.among(frame, candidates, beams, params)
+    clusters = Clusters.among(echoes, candidates, beams, params)
     if not len(clusters):
         return []
-    evidence = _evidence(frame, clusters, heights, beams, params)
-    return clusters.objects(frame, heights, evidence, near=near)
+    evidence = _evidence(echoes, clusters, heights, beams, params)
+    return clusters.objects(echoes, heights, evidence, near=near)
 
 
-def _evidence(frame: Frame, clusters: Clusters, heights: Heights, beams: Beams, params: ConfirmedParams) -> Floats:
+def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams, params: ConfirmedParams) -> Floats:
     """Return the evidence of each cluster, shape (K,), from -0.5 (flat on the water) to 1 (upright)."""
     height = heights.height_m
     lowest, highest = clusters.least(height), clusters.greatest(height)
     (top,) = clusters.ranked(height, clusters.count - np.clip(clusters.count // 4, 1, 3))
     rise, wave = clusters.mean(heights.rise_m), clusters.mean(heights.wave_m)
-    below, above = _beside(frame, clusters, beams)
+    below, above = _beside(echoes, clusters, beams)
     extent = highest - lowest
     # What stands upright is no water: the slopes of waves take more than a column of 1 m. What is higher than any wave
     # is no water either. A body between the lowest point and the beam below is possible but not seen.
@@ -166,11 +172,11 @@ def _evidence(frame: Frame, clusters: Clusters, heights: Heights, beams: Beams, 
     return np.asarray((1 - hidden) * shape + hidden * bright)
 
 
-def _beside(frame: Frame, clusters: Clusters, beams: Beams) -> tuple[Floats, Floats]:
+def _beside(echoes: Echoes, clusters: Clusters, beams: Beams) -> tuple[Floats, Floats]:
     """Return how far below the lowest point and above the highest point of each cluster the next beams pass."""
-    elevation = np.zeros(frame.size)
-    elevation[clusters.points] = beams.elevation_deg(frame.coordinates[:, clusters.points])
+    elevation = np.zeros(echoes.size)
+    elevation[clusters.points] = beams.elevation_deg(echoes.xyz[:, clusters.points])
     lowest, highest = clusters.least(elevation), clusters.greatest(elevation)
-    distance = clusters.mean(frame.range_m)
+    distance = clusters.mean(echoes.range_m)
     below, above = (np.tan(np.radians(gap)) * distance for gap in beams.gaps(lowest, highest))
     return below, above
