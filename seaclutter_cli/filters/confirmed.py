@@ -63,13 +63,15 @@ class Confirmed(BaseFilter):
     1. *Water*: the surface and its deviation :math:`\sigma`, from the echoes of the water itself (`WaterTracker`).
     2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
     3. *Candidates*: points that stand out; points in columns with echoes at several heights; in the band, bright points
-       with enough candidates around them, as in the adaptive radius filter.
-    4. *Objects*: Euclidean clusters. Their shape is evidence from -0.5 (flat on the water) to 1 (upright, or higher
-       than any wave). Where the beams are too far apart to show the shape, persistent brightness is some evidence.
+       with enough candidates around them, as in the adaptive radius filter; fewer suffice where only one beam can
+       meet an object.
+    4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. Their shape is evidence
+       from -0.5 (flat on the water) to 1 (upright, or higher than any wave). Where the beams are too far apart to show
+       the shape, persistent brightness is some evidence.
     5. *Confirmation*: objects are followed over time. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes
-       independent of what it was, about a second, and is forgotten over ``memory_s``. An object that is expected but
-       not found may also consist of points that the thresholds reject.
+       independent of what it was, about a second, and is forgotten over ``memory_s``. An object is missed only where a
+       beam would have met it. If it is expected but not found, it may also consist of points that the thresholds reject.
     6. *Growth*: points above the water near a confirmed object return to it, so that hulls keep their shape.
 
     Confirmation over scans is the M-of-N logic of radar trackers with graded instead of binary detections, as in the
