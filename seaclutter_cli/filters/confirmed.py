@@ -71,7 +71,7 @@ class Confirmed(BaseFilter):
     5. *Confirmation*: objects are followed over time. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes
        independent of what it was, about a second, and is forgotten over ``memory_s``. An object is missed only where a
-       beam would have met it. If it is expected but not found, it may also consist of points that the thresholds reject.
+       beam would have met it. If it is expected but not found, it may also consist of points below the thresholds.
     6. *Growth*: points above the water near a confirmed object return to it, so that hulls keep their shape.
 
     Confirmation over scans is the M-of-N logic of radar trackers with graded instead of binary detections, as in the
