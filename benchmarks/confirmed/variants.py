@@ -102,9 +102,12 @@ def _equal_objects(*arguments: Any, **options: Any) -> list[DetectedObject]:
     return [replace(one, evidence=1.0) for one in find_objects(*arguments, **options)]
 
 
-def _above_plane(water: WaterSurface, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats]:
+_above = WaterSurface.above
+
+
+def _above_plane(water: WaterSurface, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
     """Measure heights above the mean plane, with the deviation of the water around it."""
-    return z - water.plane.height(x, y), np.full(len(z), water.sigma_m)
+    return z - water.plane.height(x, y), np.full(len(z), water.sigma_m), _above(water, x, y, z)[2]
 
 
 @contextmanager

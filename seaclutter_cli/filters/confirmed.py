@@ -185,11 +185,11 @@ class Confirmed(BaseFilter):
         return dense
 
     def _in_one_beam(self, echoes: Echoes, heights: Heights, points: NDArray[np.intp]) -> Mask:
-        """Return whether the next beam passes above objects of twice the height at which points stand out."""
+        """Return whether objects of twice the height at which points stand out are met by one beam, and no water is."""
         elevation = self._beams.elevation_deg(echoes.xyz[:, points])
         _, above = self._beams.gaps(elevation, elevation)
         next_m = heights.height_m[points] + np.tan(np.radians(above)) * echoes.range_m[points]
-        return np.asarray(next_m >= _ONE_BEAM_RISES * heights.rise_m[points])
+        return np.asarray((next_m >= _ONE_BEAM_RISES * heights.rise_m[points]) & (heights.unseen[points] > 0))
 
     def _expected(self, echoes: Echoes, heights: Heights, cells: Floats) -> list[DetectedObject]:
         """Return objects of points below the thresholds around cells where well-known objects are expected."""

@@ -105,8 +105,10 @@ class WaterSurface:
     swell: Swell
     upright: NDArray[np.bool_]
 
-    def above(self, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats]:
-        """Return the height of points above the water and its standard deviation, both in metres.
+    def above(self, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the height of points above the water, its standard deviation, and how many echoes show the water.
+
+        Heights and deviations are in metres.
 
         Notes
         -----
@@ -116,7 +118,7 @@ class WaterSurface:
         swell, echoes = self.swell.at(GridCells.of(x, y))
         unknown = _SHRINKAGE / (echoes + _SHRINKAGE)
         deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + _RANGE_NOISE_M
-        return z - self.plane.height(x, y) - swell, deviation
+        return z - self.plane.height(x, y) - swell, deviation, echoes
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Return z of the water at given positions, in metres."""

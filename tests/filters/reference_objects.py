@@ -49,6 +49,7 @@ class Echo:
     grows: bool
     bright: bool
     low: bool
+    unseen: float
 
     @property
     def xyz(self) -> tuple[float, float, float]:
@@ -87,9 +88,9 @@ def bin_of(z: float, place: XY) -> int:
 
 def echo_of(number: int, point: Point, ring: int, water: Surface | None, params: Any, *, upright: bool) -> Echo:
     """Return a point with all that the water says of it; without water, every point is high."""
-    height, deviation = point.z + heights._UNSEEN_M, 0.0
+    height, deviation, shown = point.z + heights._UNSEEN_M, 0.0, 0.0
     if water is not None:
-        height, deviation = water.above(*point.xyz)
+        height, deviation, shown = water.above(*point.xyz)
     beyond = heights._RISE_PER_M * max(point.range_m - heights._RISE_FROM_M, 0)
     rise = max(params.min_rise_m, params.rise_sigmas * deviation) + beyond
     threshold = [*params.initial_thresholds, -math.inf][max(ring, 0)]
@@ -106,6 +107,7 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
         grows=height > max(params.growth_height_m, heights._GROWTH_SIGMAS * deviation),
         bright=reached and abs(height) <= rise,
         low=not reached,
+        unseen=min(max((heights._SHOWN - shown) / (heights._SHOWN - heights._OWN), 0.0), 1.0),
     )
 
 
@@ -118,7 +120,7 @@ def candidates_of(echoes: Sequence[Echo], lidar: "Beams") -> list[Echo]:
         if echo.bright:
             reach = confirmed._RADIUS_RATIO * echo.range_m
             above = math.tan(math.radians(lidar.gaps([echo])[1])) * echo.range_m
-            in_one_beam = echo.height + above >= confirmed._ONE_BEAM_RISES * echo.rise
+            in_one_beam = echo.unseen > 0 and echo.height + above >= confirmed._ONE_BEAM_RISES * echo.rise
             needed = confirmed._MIN_IN_ONE_BEAM if in_one_beam else confirmed._MIN_NEIGHBORS
             dense = (distances(echo.xyz, among) <= reach).sum() - 1 >= needed
         if echo.high or echo.upright or dense:
@@ -239,7 +241,7 @@ def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any)
     shape = min(max(share, 0.0), objects._MAX_SHARE) - objects._FLAT
     if shape >= 0:
         return shape
-    hidden = min(max((top + above) / rise - 1, 0.0), 1.0)
+    hidden = min(max((top + above) / rise - 1, 0.0), 1.0) * mean([echo.unseen for echo in echoes])
     return (1 - hidden) * shape + hidden * evidence_of_brightness(echoes, params)
 
 

@@ -36,12 +36,12 @@ class Surface:
     swell: "Swell"
     upright: list[bool]
 
-    def above(self, x: float, y: float, z: float) -> tuple[float, float]:
-        """Return the height of a point above the water and its standard deviation."""
+    def above(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+        """Return the height of a point above the water, its standard deviation, and how many echoes show the water."""
         swell, echoes = self.swell.at(x, y)
         unknown = surface._SHRINKAGE / (echoes + surface._SHRINKAGE)
         deviation = self.sigma * math.sqrt(surface._ROUGHNESS**2 + unknown) + surface._RANGE_NOISE_M
-        return self.plane.height_of(x, y, z) - swell, deviation
+        return self.plane.height_of(x, y, z) - swell, deviation, echoes
 
     def level(self, x: float, y: float) -> float:
         """Return z of the water at a position."""

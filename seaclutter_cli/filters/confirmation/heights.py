@@ -17,6 +17,7 @@ _RISE_FROM_M = 30.0
 _WAVE_SIGMAS = 6.0
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
+_OWN, _SHOWN = 4.0, 12.0
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ class Heights:
         echoes at several heights; is high enough to return to a confirmed object.
     brightness : ndarray, float64
         Intensity divided by the threshold; 0 without thresholds.
+    unseen : ndarray, float64
+        1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
     sigma_m : float
         Standard deviation of the water; 0 without water.
     """
@@ -45,6 +48,7 @@ class Heights:
     upright: Mask
     grows: Mask
     brightness: Floats
+    unseen: Floats
     sigma_m: float
 
 
@@ -64,10 +68,10 @@ def measure(echoes: Echoes, threshold: Floats, water: WaterSurface | None, param
     """
     x, y, z = echoes.xyz
     if water is None:
-        height, deviation, sigma = z + _UNSEEN_M, np.zeros(echoes.size), 0.0
-        upright = np.zeros(echoes.size, np.bool_)
+        height, deviation, shown = z + _UNSEEN_M, np.zeros(echoes.size), np.zeros(echoes.size)
+        sigma, upright = 0.0, np.zeros(echoes.size, np.bool_)
     else:
-        height, deviation = water.above(x, y, z)
+        height, deviation, shown = water.above(x, y, z)
         sigma, upright = water.sigma_m, water.upright
     beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
     rise = np.maximum(params.min_rise_m, params.rise_sigmas * deviation) + beyond
@@ -82,6 +86,7 @@ def measure(echoes: Echoes, threshold: Floats, water: WaterSurface | None, param
         upright,
         height > np.maximum(params.growth_height_m, _GROWTH_SIGMAS * deviation),
         brightness,
+        np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1),
         sigma,
     )
 

@@ -164,8 +164,9 @@ def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams
     stands = upright * extent / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
     possible = _POSSIBLE * np.minimum(top, extent + below)
     shape = np.clip(np.maximum(stands, np.maximum(top - wave, possible) / rise), 0, _MAX_SHARE) - _FLAT
-    # Where the next beam passes above all but tall bodies, a flat cluster is no evidence, and brightness decides.
-    hidden = np.where(shape < 0, np.clip((top + above) / rise - 1, 0, 1), 0.0)
+    # Where the next beam passes above all but tall bodies, a flat cluster is no evidence, and brightness decides;
+    # unless the water has echoes all around, since it is bright at times.
+    hidden = np.where(shape < 0, np.clip((top + above) / rise - 1, 0, 1), 0.0) * clusters.mean(heights.unseen)
     (brightness,) = clusters.ranked(heights.brightness, clusters.count // 2)
     octaves = np.clip(np.log2(np.maximum(brightness, 1)) / _BRIGHT_OCTAVES, 0, 1)
     bright = np.where(brightness >= 1, _BRIGHT_EVIDENCE * (_DIM_SHARE + (1 - _DIM_SHARE) * octaves), 0.0)
