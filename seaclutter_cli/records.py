@@ -4,12 +4,30 @@ Times are integer nanoseconds. Data of type ``Buffer`` are views where possible:
 its decompressed chunk.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 from seaclutter_cli.text import count, printable
 
 Buffer = bytes | memoryview
+
+
+class Stored(Protocol):
+    """Data in a file that are read piece by piece."""
+
+    def __len__(self) -> int:
+        """Return the number of bytes."""
+        ...
+
+    def __bytes__(self) -> bytes:
+        """Return all of the data."""
+        ...
+
+    def pieces(self) -> Iterator[Buffer]:
+        """Yield the data in order."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +69,14 @@ class Attachment:
     create_time_ns: int
     name: str
     media_type: str
-    data: Buffer
+    data: Buffer | Stored
+
+    def pieces(self) -> Iterator[Buffer]:
+        """Yield the data in order."""
+        if isinstance(self.data, bytes | memoryview):
+            yield self.data
+        else:
+            yield from self.data.pieces()
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
 
-BASE = {"text", "errors", "records", "cloud", "frame", "truth", "interfaces"}
+BASE = {"text", "errors", "limits", "records", "cloud", "frame", "truth", "interfaces"}
 CORE = (
     BASE
     | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "water"}
@@ -20,6 +20,7 @@ ALLOWED = {
     "text": set(),
     "errors": set(),
     "records": {"text"},
+    "limits": {"errors"},
     "cloud": {"text", "errors", "records"},
     "frame": {"text", "errors", "records", "cloud"},
     "truth": {"errors"},

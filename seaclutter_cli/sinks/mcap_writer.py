@@ -117,9 +117,13 @@ class McapWriter:
         for text in (attachment.name, attachment.media_type):
             head += _prefixed(text)
         head += struct.pack("<Q", len(attachment.data))
-        crc = zlib.crc32(attachment.data, zlib.crc32(head))
+        crc = zlib.crc32(head)
         offset, size = self._offset, len(head) + len(attachment.data) + 4
-        self._write(struct.pack("<BQ", Opcode.ATTACHMENT, size), head, attachment.data, struct.pack("<I", crc))
+        self._write(struct.pack("<BQ", Opcode.ATTACHMENT, size), head)
+        for piece in attachment.pieces():
+            crc = zlib.crc32(piece, crc)
+            self._write(piece)
+        self._write(struct.pack("<I", crc))
         entry = mcap_records.AttachmentIndex(
             offset=offset,
             length=self._offset - offset,

@@ -1,5 +1,7 @@
 """NumPy ``.npy`` files: one row per point, or a structured array."""
 
+import os
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -8,24 +10,28 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.sources.frame_files.guard import reading
+from seaclutter_cli.sources.frame_files.guard import check_size, reading
 from seaclutter_cli.sources.frame_files.tables import column_names
 
 
 def read_npy(path: Path) -> Cloud:
     """Return the points of an array of shape (N, 3) or wider, or of a structured array of shape (N,).
 
-    Columns without names are x, y, z, intensity, ring, field_5 and so on; all keep their type. The file remains mapped
-    while the cloud exists.
+    Columns without names are x, y, z, intensity, ring, field_5 and so on; all keep their type.
 
     Raises
     ------
     CloudError
         If the file does not contain such an array, or is truncated.
     """
-    with reading("NPY"):
-        # Mapping checks the shape against the file size; reading would first allocate memory for it.
-        return from_array(_structured(np.lib.format.open_memmap(path, mode="r")))
+    with reading("NPY"), path.open("rb") as file:
+        version = np.lib.format.read_magic(file)
+        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read_header(file)
+        if not dtype.hasobject:
+            check_size(file.tell() + prod(shape) * dtype.itemsize, os.fstat(file.fileno()).st_size)
+        file.seek(0)
+        return from_array(_structured(np.lib.format.read_array(file, allow_pickle=False)))
 
 
 def _structured(array: NDArray[Any]) -> NDArray[Any]:

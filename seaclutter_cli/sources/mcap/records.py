@@ -6,20 +6,21 @@ The index at the end is not needed for this. A file with a missing or wrong inde
 import re
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from io import BytesIO
 from typing import NamedTuple, Self, TypeVar
 from zlib import crc32
 
-import lz4.frame
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
+from seaclutter_cli.limits import above, limits
 from seaclutter_cli.records import Buffer
+from seaclutter_cli.sources.shared import log_file
+from seaclutter_cli.sources.shared.log_file import Bytes
+from seaclutter_cli.sources.shared.unpacking import DECOMPRESSION_ERRORS, readable, unpacked
 from seaclutter_cli.text import count
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -29,11 +30,8 @@ MESSAGE = struct.Struct("<HIQQ")
 COMPRESSIONS = ("zstd", "lz4", "")
 
 _CANDIDATE = re.compile(rb"[\x01-\x0f](?=[\s\S]{5}\x00\x00\x00)")
-_WINDOW = 16 * 2**20
+_FIRST_WINDOW, _WINDOW = 64 * 2**10, 16 * 2**20
 _MAX_GROWTH = 256
-_MAX_UNPACKED = 2 * 2**30
-_PIECE = 2**16
-_DECOMPRESSION_ERRORS = (zstandard.ZstdError, RuntimeError, MemoryError, ValueError, EOFError)
 
 _SHORT, _LONG = struct.Struct("<I"), struct.Struct("<Q")
 _LAYOUTS: dict[int, tuple[int | struct.Struct, ...]] = {
@@ -98,13 +96,13 @@ class ChunkHeader:
     data_end: int
 
     @classmethod
-    def read(cls, data: Buffer, span: Span) -> Self:
+    def read(cls, data: Bytes[Buffer], span: Span) -> Self:
         """Return the header of a chunk found by `walk`; `BrokenRecordError` if its sizes are inconsistent."""
         name_start = span.start + CHUNK.size + _SHORT.size
         if name_start > len(data):
             raise BrokenRecordError("it is truncated")
-        start_ns, end_ns, size, crc = CHUNK.unpack_from(data, span.start)
-        name_end = name_start + _SHORT.unpack_from(data, name_start - _SHORT.size)[0]
+        start_ns, end_ns, size, crc = log_file.unpack(CHUNK, data, span.start)
+        name_end = name_start + log_file.unpack(_SHORT, data, name_start - _SHORT.size)[0]
         name = bytes(data[name_start : min(name_end, name_start + 64)]).decode("utf-8", "replace")
         data_start = name_end + _LONG.size
         if data_start > span.end:
@@ -112,26 +110,24 @@ class ChunkHeader:
         return cls(start_ns, end_ns, size, crc, name, data_start, span.end)
 
 
-def walk(data: Buffer, report: Gap, at: int = 0, touched: Callable[[int], object] = lambda _: None) -> Iterator[Span]:
+def walk(data: Bytes[Buffer], report: Gap, at: int = 0) -> Iterator[Span]:
     """Yield the records from an offset on; damaged data is skipped.
 
     Parameters
     ----------
-    data : bytes or memoryview
+    data : Bytes
         A file, or the unpacked records of a chunk.
     report : callable
         Called for skipped data.
     at : int, optional
         Offset of the first record.
-    touched : callable, optional
-        Called with the number of bytes that were searched for a record.
     """
-    walker = _Walker(data, report, touched)
+    walker = _Walker(data, report)
     while not walker.is_end(at):
         span = walker.record(at)
         if span is None or not walker.is_plausible(span):
             span = walker.repair(at, span)
-        elif span.op != data[at]:
+        elif span.op != data[at : at + 1][0]:
             report(at, f"damaged opcode of this {name_of(span.op)}", 0)
         if span is None:
             following = walker.next_record(at + 1, len(data))
@@ -149,16 +145,15 @@ def walk(data: Buffer, report: Gap, at: int = 0, touched: Callable[[int], object
 class _Walker:
     """Search for records in data that may be damaged."""
 
-    def __init__(self, data: Buffer, report: Gap, touched: Callable[[int], object]) -> None:
+    def __init__(self, data: Bytes[Buffer], report: Gap) -> None:
         self._data = data
         self._report = report
-        self._touched = touched
         self.record = lru_cache(4)(partial(_record, data))
 
     def is_end(self, at: int) -> bool:
         """Return whether the records end at an offset."""
         rest = len(self._data) - at
-        return rest <= 0 or (rest == len(MAGIC) and self._data[at:] == MAGIC)
+        return rest <= 0 or (rest == len(MAGIC) and self._data[at : at + rest] == MAGIC)
 
     def is_boundary(self, at: int, depth: int = 2) -> bool:
         """Return whether the data ends at an offset, or a consistent record or ``depth`` possible records follow."""
@@ -183,7 +178,7 @@ class _Walker:
 
         Either the record or the data after it is damaged. It is the record if another one begins before its end.
         """
-        data, op = self._data, self._data[at]
+        data, op = self._data, self._data[at : at + 1][0]
         start = at + RECORD.size
         if op in _LARGE and not (span and span.consistent):
             end = _extent(data, op, start)
@@ -205,26 +200,29 @@ class _Walker:
 
     def next_record(self, start: int, stop: int, *, outside: bool = False) -> int:
         """Return the offset of the next record that ends at a boundary; with ``outside``, of a kind outside chunks."""
-        for at in range(start, stop, _WINDOW):
-            end = min(at + _WINDOW, stop)
-            self._touched(end - at)
-            for match in _CANDIDATE.finditer(self._data, at, min(end + RECORD.size, len(self._data))):
-                span = self.record(match.start())
-                if span is None or match.start() >= end or (outside and span.op in _INSIDE):
+        at, window = start, _FIRST_WINDOW
+        while at < stop:
+            end = min(at + window, stop)
+            searched = self._data[at : min(end + RECORD.size, len(self._data))]
+            for match in _CANDIDATE.finditer(searched):
+                found = at + match.start()
+                span = self.record(found)
+                if span is None or found >= end or (outside and span.op in _INSIDE):
                     continue
                 if span.op != match[0][0] or not (span.consistent or span.op == Opcode.MESSAGE):
                     continue
                 whole = span.end <= len(self._data) and self.is_boundary(span.end)
                 if whole or (span.consistent and span.op == Opcode.CHUNK):
-                    return match.start()
+                    return found
+            at, window = end, min(2 * window, _WINDOW)
         return stop
 
 
-def _record(data: Buffer, at: int) -> Span | None:
+def _record(data: Bytes[Buffer], at: int) -> Span | None:
     """Return the record at an offset; None if no record can be there."""
     if len(data) - at < RECORD.size:
         return None
-    op, size = RECORD.unpack_from(data, at)
+    op, size = log_file.unpack(RECORD, data, at)
     start = at + RECORD.size
     end = start + size
     extent = _extent(data, op, start)
@@ -240,17 +238,17 @@ def _record(data: Buffer, at: int) -> Span | None:
     return None if known and end - extent > _MAX_GROWTH else Span(op, at, start, end, False)
 
 
-def _is_valid_chunk(data: Buffer, span: Span) -> bool:
+def _is_valid_chunk(data: Bytes[Buffer], span: Span) -> bool:
     """Return whether a chunk can be unpacked, and is compressed or has a checksum."""
     try:
         header = ChunkHeader.read(data, span)
-        unpack(header, memoryview(data)[header.data_start : header.data_end])
+        unpack(header, data)
     except BrokenRecordError:
         return False
     return header.crc != 0 or header.compression != ""
 
 
-def _extent(data: Buffer, op: int, at: int, *, filled: bool = False) -> int:
+def _extent(data: Bytes[Buffer], op: int, at: int, *, filled: bool = False) -> int:
     """Return the end of a record's content according to the sizes inside it; `_ENDLESS` if it exceeds the data.
 
     With ``filled``, empty content gives `_ENDLESS` too: zeros would match every layout.
@@ -260,7 +258,7 @@ def _extent(data: Buffer, op: int, at: int, *, filled: bool = False) -> int:
         if isinstance(part, int):
             at += part
         elif at + part.size <= len(data):
-            size = part.unpack_from(data, at)[0]
+            size = log_file.unpack(part, data, at)[0]
             inside = size if part is _LONG else inside + size
             at += part.size + size
         else:
@@ -268,7 +266,7 @@ def _extent(data: Buffer, op: int, at: int, *, filled: bool = False) -> int:
     return at if inside or not filled else _ENDLESS
 
 
-def is_other(data: Buffer, span: Span) -> bool:
+def is_other(data: Bytes[Buffer], span: Span) -> bool:
     """Return whether a record exactly matches the layout of another kind of record."""
     kinds = (op for op, parts in _LAYOUTS.items() if op != span.op and not all(isinstance(part, int) for part in parts))
     return any(_extent(data, op, span.start) == span.end for op in kinds)
@@ -307,17 +305,24 @@ def parse(read: Callable[[ReadDataStream], R], content: Buffer) -> R:
         raise BrokenRecordError(str(error)) from error
 
 
-def unpack(header: ChunkHeader, packed: memoryview) -> Buffer:
+def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
     """Return the records of a chunk.
 
     Raises
     ------
     BrokenRecordError
-        If they cannot be decompressed, or have a wrong size or checksum.
+        If they cannot be decompressed, have a wrong size or checksum, or exceed the limit of a chunk.
     """
+    most = limits().chunk_bytes
+    if max(header.size, header.data_end - header.data_start) > most:
+        size = count(max(header.size, header.data_end - header.data_start), "byte")
+        raise BrokenRecordError(f"has {above(size, 'chunk_mib')}")
+    if header.compression not in COMPRESSIONS:
+        raise BrokenRecordError(f"cannot be decompressed (unknown compression {header.compression[:8]!r})")
+    packed = data[header.data_start : header.data_end]
     try:
-        records = _decompress(header, packed)
-    except _DECOMPRESSION_ERRORS as error:
+        records = unpacked(header.compression, packed, header.size)
+    except DECOMPRESSION_ERRORS as error:
         raise BrokenRecordError(f"cannot be decompressed ({error})") from error
     if len(records) != header.size:
         raise BrokenRecordError(f"does not have the declared size of {count(header.size, 'byte')}")
@@ -326,40 +331,10 @@ def unpack(header: ChunkHeader, packed: memoryview) -> Buffer:
     return records
 
 
-def _decompress(header: ChunkHeader, packed: memoryview) -> Buffer:
-    """Return the records, at most one byte more than the chunk declares."""
-    if header.compression == "":
-        return packed
-    if header.compression not in COMPRESSIONS:
-        raise ValueError(f"unknown compression {header.compression[:8]!r}")
-    if header.size > _MAX_UNPACKED:
-        raise ValueError(f"{header.size:,} bytes exceed the limit of {_MAX_UNPACKED:,}")
-    if header.compression == "zstd":
-        with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
-            return stream.read(header.size + 1)
-    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=header.size + 1))
-
-
-def salvage(header: ChunkHeader, packed: memoryview) -> Buffer:
+def salvage(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
     """Return the records at the beginning of a truncated or damaged chunk, as far as they can be decompressed."""
-    if header.compression == "":
-        return packed
-    records = bytearray()
-    with suppress(*_DECOMPRESSION_ERRORS):
-        for piece in _pieces(header, packed):
-            records += piece
-            if len(records) >= min(header.size, _MAX_UNPACKED):
-                break
-    return bytes(records)
-
-
-def _pieces(header: ChunkHeader, packed: memoryview) -> Iterator[bytes]:
-    if header.compression == "zstd":
-        with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
-            while piece := stream.read(_PIECE):
-                yield piece
-    elif header.compression == "lz4":
-        decompressor = lz4.frame.LZ4FrameDecompressor()
-        yield decompressor.decompress(packed, max_length=_PIECE)
-        while not (decompressor.eof or decompressor.needs_input):
-            yield decompressor.decompress(b"", max_length=_PIECE)
+    most = limits().chunk_bytes
+    packed = data[header.data_start : min(header.data_end, header.data_start + most, len(data))]
+    if header.compression not in COMPRESSIONS:
+        return b""
+    return readable(header.compression, packed, min(header.size, most))[0]

@@ -1,10 +1,10 @@
 """MCAP files: indexed or not, chunked or not, every compression, intact or damaged."""
 
-import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,7 +13,8 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record
+from seaclutter_cli.limits import above, limits
+from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sources.mcap.records import (
     COMPRESSIONS,
     MAGIC,
@@ -27,12 +28,14 @@ from seaclutter_cli.sources.mcap.records import (
     walk,
 )
 from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, McapSurvey, Trust, index_counts
-from seaclutter_cli.sources.shared.chunked import before, in_time_order, within
+from seaclutter_cli.sources.shared.chunked import before, in_time_order, most_waiting, within
 from seaclutter_cli.sources.shared.facts import NO_FACTS
-from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.sources.shared.log_file import FilePart, LogFile, LostDataError
 from seaclutter_cli.text import count
 
 R = TypeVar("R")
+
+_SMALL = 4 * 2**20
 
 
 class McapSource:
@@ -62,8 +65,7 @@ class McapSource:
         self.damage: list[Damage] = []
         self.warnings: list[str] = []
         self._reported: set[Damage] = set()
-        self._file = MappedFile(path)
-        self._view = self._file.view
+        self._file = LogFile(path)
         self._declared = Declarations(self._report)
         try:
             self._open()
@@ -72,7 +74,7 @@ class McapSource:
             raise
 
     def _open(self) -> None:
-        if self._view[: len(MAGIC)] != MAGIC:
+        if self._file[: len(MAGIC)] != MAGIC:
             if self.path.suffix.lower() != ".mcap":
                 raise InputError(f"{self.path}: not an MCAP file")
             self._report(0, "the file does not begin with the MCAP magic bytes", 0)
@@ -111,10 +113,10 @@ class McapSource:
         Chunks outside ``[start_ns, end_ns)`` are left out.
         """
         self._reported = set(self.damage)
-        yield from self._extras
+        yield from map(_loaded, self._extras)
         found = 0
         chunks = within(self._chunks, start_ns, end_ns, self._is_counted)
-        for message in in_time_order(chunks, self._unpack, self._load):
+        for message in in_time_order(chunks, self._unpack, self._load, most_waiting(len(self._file))):
             yield message
             found += 1
         if len(chunks) == len(self._chunks):
@@ -123,11 +125,11 @@ class McapSource:
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the number of messages per channel number that `records` leaves out before ``start_ns``."""
         left_out = before(self._chunks, start_ns, self._is_counted)
-        return sum((index_counts(self._view, chunk.offset + chunk.size) for chunk in left_out), Counter())
+        return sum((index_counts(self._file, chunk.offset + chunk.size) for chunk in left_out), Counter())
 
     def _is_counted(self, chunk: McapChunk) -> bool:
         """Return whether the message indexes of a chunk count all of its messages."""
-        counts = index_counts(self._view, chunk.offset + chunk.size)
+        counts = index_counts(self._file, chunk.offset + chunk.size)
         return chunk.header is not None and 0 < chunk.messages == counts.total()
 
     def close(self) -> None:
@@ -141,15 +143,15 @@ class McapSource:
     def _trust_in_tail(self, end: int) -> tuple[Trust, bool]:
         """Return the trust in the summary, and whether its stated offset is valid; report damage."""
         if not self._is_closed:
-            self._report(len(self._view), "the recording was not closed: the file has no footer", 0)
+            self._report(len(self._file), "the recording was not closed: the file has no footer", 0)
             return Trust.UNCHECKED, False
-        if self._view[end : end + len(MAGIC)] != MAGIC:
+        if self._file[end : end + len(MAGIC)] != MAGIC:
             self._report(end, "the file does not end with the MCAP magic bytes", 0)
         first, last = self._tail[0], self._tail[-1]
-        footer = parse(mcap_records.Footer.read, self._view[last.start : last.end])
+        footer = parse(mcap_records.Footer.read, self._file[last.start : last.end])
         has_valid_offset = footer.summary_start == (0 if len(self._tail) == 1 else first.offset)
         # The checksum covers the summary and the footer up to the checksum itself.
-        if footer.summary_crc == zlib.crc32(self._view[first.offset : last.end - 4]):
+        if footer.summary_crc == FilePart(self._file, first.offset, last.end - 4).crc32():
             trust = Trust.SUMMARY
         else:
             trust = Trust.UNCHECKED if has_valid_offset and not footer.summary_crc else Trust.BROKEN
@@ -163,7 +165,7 @@ class McapSource:
         for span in self._tail:
             if span.op == op:
                 try:
-                    records.append(parse(read, self._view[span.start : span.end]))
+                    records.append(parse(read, self._file[span.start : span.end]))
                 except BrokenRecordError as error:
                     self._report(span.offset, f"damaged {name_of(op)} ({error})", span.end - span.start)
         return records
@@ -244,14 +246,23 @@ class McapSource:
     def _load(self, chunk: McapChunk, unpacked: Callable[[], Buffer]) -> list[Message]:
         """Return the messages of a chunk in file order, and report its damage."""
         try:
-            records = unpacked()
+            return self._loaded(chunk, unpacked())
+        except LostDataError as error:
+            self._report(chunk.offset, error.problem, chunk.size, chunk.messages or None)
         except BrokenRecordError as error:
             self._report(chunk.offset, f"the chunk {error}", chunk.size, chunk.messages or None)
             self._salvage_declarations(chunk)
-            return []
+        return []
+
+    def _loaded(self, chunk: McapChunk, records: Buffer) -> list[Message]:
         gaps: list[int] = []
         undeclared = Counter[int]()
-        messages = list(self._messages(chunk, records, gaps, undeclared))
+        most = limits().chunk_messages
+        messages = list(islice(self._messages(chunk, records, gaps, undeclared), most + 1))
+        if len(messages) > most:
+            lost = max(chunk.messages - most, 0)
+            self._report(chunk.offset, f"the chunk has {above('more messages', 'chunk_messages')}", 0, lost or None)
+            return messages[:most]
         lost = max(chunk.messages - len(messages) - undeclared.total(), 0)
         if self._is_cut(chunk):
             missing = max(chunk.header.size - len(records), 0) if chunk.header else 0
@@ -275,21 +286,20 @@ class McapSource:
     def _salvage_declarations(self, chunk: McapChunk) -> None:
         """Add the channels of a damaged chunk: without a summary, the rest of the log depends on them."""
         if chunk.header is not None and not self._declares_channels:
-            records = memoryview(salvage(chunk.header, self._view[chunk.header.data_start : chunk.header.data_end]))
+            records = memoryview(salvage(chunk.header, self._file))
             for op, _, start, end, _ in walk(records, lambda *_: None):
                 self._declared.add(op, records[start:end], chunk.offset, Trust.BROKEN)
 
     def _unpack(self, chunk: McapChunk) -> Buffer:
-        """Return the records of a chunk; for an uncompressed one, a view of the file."""
-        header = chunk.header
-        self._file.touched(chunk.size)
-        if header is None:
-            return self._view[chunk.offset : chunk.offset + chunk.size]
-        packed = self._view[header.data_start : header.data_end]
-        return salvage(header, packed) if self._is_cut(chunk) else unpack(header, packed)
+        """Return the records of a chunk."""
+        if chunk.header is not None:
+            return salvage(chunk.header, self._file) if self._is_cut(chunk) else unpack(chunk.header, self._file)
+        if chunk.size > limits().chunk_bytes:
+            raise BrokenRecordError(f"has {above(count(chunk.size, 'byte'), 'chunk_mib')}")
+        return self._file[chunk.offset : chunk.offset + chunk.size]
 
     def _is_cut(self, chunk: McapChunk) -> bool:
-        return chunk.offset + chunk.size > len(self._view)
+        return chunk.offset + chunk.size > len(self._file)
 
     def _is_verified(self, chunk: McapChunk) -> bool:
         """Return whether a checksum has verified the content of an unpacked chunk."""
@@ -319,3 +329,10 @@ class McapSource:
         if damage not in self._reported:  # a chunk may be read more than once
             self._reported.add(damage)
             self.damage.append(damage)
+
+
+def _loaded(extra: Attachment | Metadata) -> Attachment | Metadata:
+    """Return an attachment of usual size with its data in memory, so that it outlives the source."""
+    if isinstance(extra, Attachment) and len(extra.data) <= _SMALL:
+        return replace(extra, data=bytes(extra.data))
+    return extra

@@ -1,7 +1,6 @@
 """Content of an MCAP file, found in one pass over its records without unpacking a chunk."""
 
 import struct
-import zlib
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ import numpy as np
 from mcap import records as mcap_records
 from mcap.opcode import Opcode
 
+from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
 from seaclutter_cli.sources.mcap.records import (
     MAGIC,
@@ -25,11 +25,11 @@ from seaclutter_cli.sources.mcap.records import (
     parse,
     walk,
 )
+from seaclutter_cli.sources.shared import log_file
 from seaclutter_cli.sources.shared.chunked import Chunk
-from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.sources.shared.log_file import Bytes, FilePart, LogFile
 
 _LOOSE_BYTES = 4 * 2**20
-_PIECE = 4 * 2**20
 _INDEX = struct.Struct("<HI")
 _END_OPS = (
     Opcode.SCHEMA,
@@ -51,16 +51,16 @@ class ReportDamage(Protocol):
         ...
 
 
-def index_counts(view: memoryview, at: int) -> Counter[int]:
+def index_counts(view: Bytes[Buffer], at: int) -> Counter[int]:
     """Return the number of messages per channel of a chunk that ends at an offset, from its message indexes."""
     counts = Counter[int]()
     while at + RECORD.size <= len(view):
-        op, size = RECORD.unpack_from(view, at)
+        op, size = log_file.unpack(RECORD, view, at)
         start = at + RECORD.size
         at = start + size
         if op != Opcode.MESSAGE_INDEX or at > len(view) or size < 6:
             break
-        channel, size = _INDEX.unpack_from(view, start)
+        channel, size = log_file.unpack(_INDEX, view, start)
         counts[channel] += size // 16
     return counts
 
@@ -113,9 +113,17 @@ class Declarations:
         self._channels: dict[int, Channel] = {}
         self._offsets: dict[int, int] = {}
         self._contradicted: set[tuple[int, int]] = set()
+        self._room = limits().message_bytes
 
     def add(self, op: int, content: Buffer, offset: int, trust: Trust) -> None:
         """Add a schema or channel; other records are ignored."""
+        number = int.from_bytes(content[:2], "little")
+        known = self._schemas if op == Opcode.SCHEMA else self._records
+        if op in (Opcode.SCHEMA, Opcode.CHANNEL) and number not in known:
+            self._room -= len(content) + CHANNEL_BYTES
+            if self._room < 0:
+                self._report(offset, f"{name_of(op)}s of {above('more bytes', 'message_mib')}", len(content))
+                return
         try:
             if op == Opcode.SCHEMA:
                 differs = _put(self._schemas, parse(mcap_records.Schema.read, content), trust)
@@ -127,7 +135,6 @@ class Declarations:
             self._report(offset, f"damaged {name_of(op)} ({error})", len(content))
             return
         self._channels = {}
-        number = int.from_bytes(content[:2], "little")
         if op == Opcode.CHANNEL:
             self._offsets.setdefault(number, offset)
         if differs and (op, number) not in self._contradicted:
@@ -180,7 +187,7 @@ class McapSurvey:
 
     Parameters
     ----------
-    file : MappedFile
+    file : LogFile
         The file.
     declarations : Declarations
         Receives the schemas and channels outside chunks, except those in the tail.
@@ -205,7 +212,7 @@ class McapSurvey:
         Offset at which the last record ends.
     """
 
-    def __init__(self, file: MappedFile, declarations: Declarations, report: ReportDamage) -> None:
+    def __init__(self, file: LogFile, declarations: Declarations, report: ReportDamage) -> None:
         self.profile = ""
         self.chunks: list[McapChunk] = []
         self.counts: Counter[int] = Counter()
@@ -214,7 +221,6 @@ class McapSurvey:
         self.tail: list[Span] = []
         self.end = len(MAGIC)
         self._file = file
-        self._view = file.view
         self._declarations = declarations
         self._report = report
         self._follows_chunk = self._follows_gap = self._follows_odd = False
@@ -222,25 +228,24 @@ class McapSurvey:
         self._run()
 
     def _run(self) -> None:
-        start = len(MAGIC) if self._view[: len(MAGIC)] == MAGIC else 0
-        for span in walk(self._view, self._gap, start, self._file.touched):
-            self._file.touched()
+        start = len(MAGIC) if self._file[: len(MAGIC)] == MAGIC else 0
+        for span in walk(self._file, self._gap, start):
             self.end = span.end
             self._take(span)
             is_closed = span.op == Opcode.FOOTER and bool(self.chunks or self.extras)
-            if is_closed and self._view[span.end : span.end + 2 * len(MAGIC)] == 2 * MAGIC:
-                self._gap(span.end, "", len(self._view) - span.end)  # another file
+            if is_closed and self._file[span.end : span.end + 2 * len(MAGIC)] == 2 * MAGIC:
+                self._gap(span.end, "", len(self._file) - span.end)  # another file
                 break
         self._report_orphans()
 
     def declare(self, spans: Sequence[Span], trust: Trust) -> None:
         """Add the schemas and channels among records of the file."""
         for span in spans:
-            self._declarations.add(span.op, self._view[span.start : span.end], span.offset, trust)
+            self._declarations.add(span.op, self._file[span.start : span.end], span.offset, trust)
 
     def _take(self, span: Span) -> None:
         is_out_of_place = span.op == Opcode.MESSAGE and (self._follows_chunk or self._follows_odd)
-        if is_out_of_place and is_other(self._view, span):
+        if is_out_of_place and is_other(self._file, span):
             self._report(span.offset, "damaged opcode of a record that is not needed", 0)
             return
         if span.op in _END_OPS:
@@ -264,49 +269,48 @@ class McapSurvey:
 
     def _chunk(self, span: Span) -> None:
         try:
-            header = ChunkHeader.read(self._view, span)
+            header = ChunkHeader.read(self._file, span)
         except BrokenRecordError as error:
             self._report(span.offset, f"damaged chunk ({error})", span.end - span.offset)
             self._follows_chunk = False
             return
-        self.chunks.append(McapChunk(span.offset, span.end - span.offset, header.start_ns, header.end_ns, header))
+        size, unpacked = span.end - span.offset, min(header.size, limits().chunk_bytes)
+        self.chunks.append(McapChunk(span.offset, size, header.start_ns, header.end_ns, header, unpacked=unpacked))
 
     def _extra(self, span: Span) -> None:
         """Add a record that describes the file as a whole, or an attachment."""
-        content = self._view[span.start : span.end]
+        start, end = span.start, span.end
         try:
             if span.op == Opcode.HEADER or span.offset == len(MAGIC):
-                self.profile = parse(mcap_records.Header.read, content).profile
+                self.profile = parse(mcap_records.Header.read, self._file[start:end]).profile
             elif span.op == Opcode.METADATA:
-                record = parse(mcap_records.Metadata.read, content)
+                record = parse(mcap_records.Metadata.read, self._file[start:end])
                 self.extras.append(Metadata(record.name, dict(record.metadata)))
             elif span.op == Opcode.ATTACHMENT:
-                self.extras.append(self._attachment(content))
+                self.extras.append(self._attachment(span))
         except BrokenRecordError as error:
-            self._report(span.offset, f"damaged {name_of(span.op)} ({error})", len(content))
+            self._report(span.offset, f"damaged {name_of(span.op)} ({error})", end - start)
 
-    def _attachment(self, content: memoryview) -> Attachment:
-        """Return an attachment without copying its data."""
-        crc = 0
-        for start in range(0, len(content) - 4, _PIECE):
-            piece = content[start : min(start + _PIECE, len(content) - 4)]
-            crc = zlib.crc32(piece, crc)
-            self._file.touched(len(piece))
-        if int.from_bytes(content[-4:], "little") not in (0, crc):
+    def _attachment(self, span: Span) -> Attachment:
+        """Return an attachment without reading its data into memory."""
+        file = self._file
+        stated = int.from_bytes(file[span.end - 4 : span.end], "little")
+        if stated not in (0, FilePart(file, span.start, span.end - 4).crc32()):
             raise BrokenRecordError("its checksum is wrong")
-        at = 16
+        log_time, create_time = (int.from_bytes(file[at : at + 8], "little") for at in (span.start, span.start + 8))
+        at = span.start + 16
         strings: list[str] = []
         for _ in range(2):
-            size = int.from_bytes(content[at : at + 4], "little")
-            strings.append(bytes(content[at + 4 : at + 4 + size]).decode("utf-8", "replace"))
+            size = int.from_bytes(file[at : at + 4], "little")
+            strings.append(bytes(file[at + 4 : at + 4 + size]).decode("utf-8", "replace"))
             at += 4 + size
-        size = int.from_bytes(content[at : at + 8], "little")
-        log_time, create_time = (int.from_bytes(content[i : i + 8], "little") for i in (0, 8))
-        return Attachment(log_time, create_time, strings[0], strings[1], content[at + 8 : at + 8 + size])
+        size = int.from_bytes(file[at : at + 8], "little")
+        data = FilePart(file, at + 8, min(at + 8 + size, span.end))
+        return Attachment(log_time, create_time, strings[0], strings[1], data)
 
     def _message_index(self, span: Span) -> None:
         """Count the messages of a channel in the previous chunk, and compare their times with the chunk's."""
-        content = self._view[span.start : span.end]
+        content = self._file[span.start : span.end]
         count = int.from_bytes(content[2:6], "little") // 16
         if not self._follows_chunk:
             self._orphans_at = self._orphans_at or span.offset
@@ -319,11 +323,10 @@ class McapSurvey:
 
     def _is_index(self, span: Span) -> bool:
         """Return whether a record contains valid times of messages in the last chunk."""
-        content = self._view[span.start : span.end]
+        content = self._file[span.start : span.end]
         size = int.from_bytes(content[2:6], "little")
         if size % 16 or not 0 < size <= len(content) - 6:
             return False
-        self._file.touched(len(content))
         times_ns = np.frombuffer(content, "<u8", size // 8, 6)[::2]
         chunk = self.chunks[-1]
         return chunk.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= chunk.end_ns
@@ -331,7 +334,7 @@ class McapSurvey:
     def _gap(self, offset: int, problem: str, lost_bytes: int) -> None:
         """Report damaged bytes; the chunk of an index after them is unknown."""
         is_behind = self.tail and self.tail[-1].op == Opcode.FOOTER and lost_bytes > len(MAGIC)
-        if is_behind and self._view[offset : offset + len(MAGIC)] == MAGIC:
+        if is_behind and self._file[offset : offset + len(MAGIC)] == MAGIC:
             problem, offset, lost_bytes = "bytes after the end of the recording", offset + 8, lost_bytes - len(MAGIC)
         self._report(offset, problem, lost_bytes)
         if self._follows_chunk:
@@ -350,7 +353,7 @@ class McapSurvey:
 
     def _loose_message(self, span: Span) -> None:
         """Add a message outside chunks to the run before it, or begin a run."""
-        channel, _, log_time, _ = MESSAGE.unpack_from(self._view, span.start)
+        channel, _, log_time, _ = log_file.unpack(MESSAGE, self._file, span.start)
         last = self.chunks[-1] if self.chunks else None
         if last and last.header is None and last.offset + last.size == span.offset and last.size < _LOOSE_BYTES:
             offset, start_ns, end_ns = (

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.records import Damage
 from seaclutter_cli.sources.pcap.magics import PCAPNG_MAGIC
 from seaclutter_cli.sources.pcap.records import BATCH, MAX_PACKET, Records
-from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.sources.shared.log_file import LogFile, unpack
 
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 _KINDS = (_SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET)
@@ -51,14 +51,14 @@ class PcapngReader:
 
     Parameters
     ----------
-    file : MappedFile
+    file : LogFile
         The capture.
     path : Path
         Path of the capture, for messages.
     """
 
-    def __init__(self, file: MappedFile, path: Path) -> None:
-        self._file, self._path, self._size = file, path, len(file.data)
+    def __init__(self, file: LogFile, path: Path) -> None:
+        self._file, self._path, self._size = file, path, len(file)
         self._interfaces: list[Interface] = []
         self._time_ns = 0
         self._use_order("<")
@@ -101,10 +101,11 @@ class PcapngReader:
 
     def _run(self, offset: int, length: int, row: Row, limit: int) -> NDArray[np.int64]:
         """Return the rows of packets of equal length and interface from a block on; ``row`` is the first row."""
-        word, data = np.dtype(self._order + "u4"), self._file.data
-        count = min(limit, (self._size - offset) // length)
-        words = np.ndarray((count, 6), word, data, offset, (length, 4)).astype(np.int64)
-        ends = np.ndarray((count,), word, data, offset + length - 4, (length,))
+        word = np.dtype(self._order + "u4")
+        count = min(limit, (self._size - offset) // length, max(_WINDOW // length, 1))
+        block = self._file[offset : offset + count * length]
+        words = np.ndarray((count, 6), word, block, strides=(length, 4)).astype(np.int64)
+        ends = np.ndarray((count,), word, block, length - 4, (length,))
         alike = (words[:, [0, 1, 2, 5]] == words[0, [0, 1, 2, 5]]).all(axis=1) & (ends == length)
         count = count if alike.all() else int(np.argmin(alike))
         ticks = words[:count, 3] << 32 | words[:count, 4]
@@ -116,31 +117,31 @@ class PcapngReader:
 
     def _read_block(self, offset: int) -> tuple[int, int]:
         """Return kind and length of the block at an offset; a length of 0 if it is not a valid block."""
-        data = self._file.data
+        data = self._file
         if offset + _MIN_BLOCK > self._size:
             return 0, 0
         if data[offset : offset + 4] == PCAPNG_MAGIC:
-            order = _ORDER.get(data[offset + 8 : offset + 12])
+            order = _ORDER.get(bytes(data[offset + 8 : offset + 12]))
             if order is None:
                 return 0, 0
             self._use_order(order)
-        kind, length = self._block.unpack_from(data, offset)
+        kind, length = unpack(self._block, data, offset)
         if not _MIN_BLOCK <= length <= _MAX_BLOCK or length % 4 or offset + length > self._size:
             return 0, 0
-        if self._length.unpack_from(data, offset + length - 4)[0] != length:
+        if unpack(self._length, data, offset + length - 4)[0] != length:
             return 0, 0
         return int(kind), int(length)
 
     def _read_packet(self, kind: int, offset: int, length: int) -> tuple[int, Row] | None:
         """Return link type and row of a block; None if it contains no valid packet."""
-        data, body, number = self._file.data, offset + 8, 0
+        data, body, number = self._file, offset + 8, 0
         room = length - _MIN_BLOCK
         if kind == _PACKET and room >= 20:
-            number, high, low, captured, _ = self._packet.unpack_from(data, body)
+            number, high, low, captured, _ = unpack(self._packet, data, body)
         elif kind == _OLD_PACKET and room >= 20:
-            number, _, high, low, captured, _ = self._old_packet.unpack_from(data, body)
+            number, _, high, low, captured, _ = unpack(self._old_packet, data, body)
         elif kind == _SIMPLE_PACKET and room >= 4 and self._interfaces:
-            captured, high, low = self._length.unpack_from(data, body)[0], None, 0
+            captured, high, low = unpack(self._length, data, body)[0], None, 0
             captured = min(captured, self._interfaces[0].snap or captured, room - 4)
         else:
             if kind == _SECTION:
@@ -158,12 +159,12 @@ class PcapngReader:
         return interface.link, (start, captured, self._time_ns)
 
     def _read_interface(self, body: int, room: int) -> Interface:
-        data = self._file.data
-        link, _, snap = struct.unpack_from(self._order + "HHI", data, body)
-        ticks, offset_s, at = 10**6, 0, body + 8
-        while at + 4 <= body + room:
+        data = self._file[body : body + room]
+        link, _, snap = struct.unpack_from(self._order + "HHI", data)
+        ticks, offset_s, at = 10**6, 0, 8
+        while at + 4 <= room:
             code, size = struct.unpack_from(self._order + "HH", data, at)
-            value = data[at + 4 : min(at + 4 + size, body + room)]
+            value = data[at + 4 : at + 4 + size]
             if code == _RESOLUTION and len(value) == 1:
                 ticks = 2 ** (value[0] & 0x7F) if value[0] & 0x80 else 10 ** value[0]
             elif code == _TIME_OFFSET and len(value) == 8:
@@ -188,10 +189,10 @@ class PcapngReader:
         word = np.dtype(self._order + "u4")
         for start in range(offset + 1, self._size - _MIN_BLOCK + 1, _WINDOW):
             count = min(_WINDOW, self._size - _MIN_BLOCK + 1 - start)
-            kinds, lengths = (np.ndarray((count,), word, self._file.data, start + 4 * n, (1,)) for n in range(2))
+            block = self._file[start : start + count + _MIN_BLOCK]
+            kinds, lengths = (np.ndarray((count,), word, block, 4 * n, (1,)) for n in range(2))
             is_block = np.isin(kinds, _KINDS) & (lengths >= _MIN_BLOCK) & (lengths <= _MAX_BLOCK) | (kinds == _SECTION)
             for candidate in (np.flatnonzero(is_block) + start).tolist():
                 if self._read_block(candidate)[1]:
                     return int(candidate)
-            self._file.touched(count)
         return self._size

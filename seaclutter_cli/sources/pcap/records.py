@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Damage
 from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS
-from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.sources.shared.log_file import LogFile, unpack
 
 BATCH = 1024
 MAX_PACKET = 262144
@@ -59,7 +59,7 @@ class PcapReader:
 
     Parameters
     ----------
-    file : MappedFile
+    file : LogFile
         The capture.
     path : Path
         Path of the capture, for messages.
@@ -70,15 +70,15 @@ class PcapReader:
         If the file is shorter than the header.
     """
 
-    def __init__(self, file: MappedFile, path: Path) -> None:
-        if len(file.data) < _HEADER_BYTES:
+    def __init__(self, file: LogFile, path: Path) -> None:
+        if len(file) < _HEADER_BYTES:
             raise InputError(f"{path}: the capture ends within its header")
-        order, self._tick_ns = PCAP_MAGICS[file.data[:4]]
-        self._file, self._path, self._size = file, path, len(file.data)
+        order, self._tick_ns = PCAP_MAGICS[bytes(file[:4])]
+        self._file, self._path, self._size = file, path, len(file)
         self._word = np.dtype(order + "u4")
         self._record = struct.Struct(order + "IIII")
         # The upper bits describe checksums.
-        self._link = int(struct.unpack_from(order + "I", file.data, 20)[0]) & 0xFFFF
+        self._link = int(struct.unpack(order + "I", file[20:24])[0]) & 0xFFFF
         self._time_ns: int | None = None
         self.damage: list[Damage] = []
 
@@ -110,10 +110,10 @@ class PcapReader:
 
     def _step(self, offset: int, limit: int) -> tuple[NDArray[np.int64], int]:
         """Return the rows of records from an offset on, read one by one, and the offset after them."""
-        data, unpack, size, ticks = self._file.data, self._record.unpack_from, self._size, 10**9 // self._tick_ns
+        data, layout, size, ticks = self._file, self._record, self._size, 10**9 // self._tick_ns
         rows: list[tuple[int, int, int]] = []
         while len(rows) < limit and offset + _RECORD_BYTES <= size:
-            seconds, fraction, length, original = unpack(data, offset)
+            seconds, fraction, length, original = unpack(layout, data, offset)
             end = offset + _RECORD_BYTES + length
             if end > size or length > MAX_PACKET or fraction >= ticks or not original:
                 break
@@ -123,12 +123,13 @@ class PcapReader:
 
     def _run(self, offset: int, limit: int) -> tuple[NDArray[np.int64], int]:
         """Return the rows of records of equal length from an offset on, and the offset after them."""
-        length = int(self._record.unpack_from(self._file.data, offset)[2])
+        length = int(unpack(self._record, self._file, offset)[2])
         size = _RECORD_BYTES + length
-        count = min(limit, (self._size - offset) // size)
+        count = min(limit, (self._size - offset) // size, max(_WINDOW // size, 1))
         if length > MAX_PACKET or not count:
             return np.empty((0, 3), np.int64), offset
-        words = np.ndarray((count, 4), self._word, self._file.data, offset, (size, 4)).astype(np.int64)
+        block = self._file[offset : offset + count * size]
+        words = np.ndarray((count, 4), self._word, block, strides=(size, 4)).astype(np.int64)
         bad = np.flatnonzero((words[:, 2] != length) | (words[:, 1] >= 10**9 // self._tick_ns) | (words[:, 3] == 0))
         words = words[: bad[0]] if len(bad) else words
         rows = np.empty((len(words), 3), np.int64)
@@ -147,7 +148,7 @@ class PcapReader:
     def _is_truncated(self, offset: int) -> bool:
         if offset + _RECORD_BYTES > self._size:
             return True
-        _, fraction, length, original = self._record.unpack_from(self._file.data, offset)
+        _, fraction, length, original = unpack(self._record, self._file, offset)
         return bool(length <= MAX_PACKET and fraction < 10**9 // self._tick_ns and original > 0)
 
     def _find(self, offset: int) -> int:
@@ -157,11 +158,11 @@ class PcapReader:
             for candidate in self._candidates(start, count):
                 if self._is_followed(candidate):
                     return candidate
-            self._file.touched(count)
         return self._size
 
     def _candidates(self, start: int, count: int) -> list[int]:
-        words = (np.ndarray((count,), self._word, self._file.data, start + 4 * n, (1,)) for n in range(4))
+        block = self._file[start : start + count + _RECORD_BYTES]
+        words = (np.ndarray((count,), self._word, block, 4 * n, (1,)) for n in range(4))
         seconds, fraction, length, original = words
         likely = (fraction < 10**9 // self._tick_ns) & (length <= MAX_PACKET) & (length <= original) & (length > 0)
         if self._time_ns is not None:
@@ -169,10 +170,10 @@ class PcapReader:
         return (np.flatnonzero(likely) + start).tolist()
 
     def _is_followed(self, offset: int) -> bool:
-        seconds, _, length, _ = self._record.unpack_from(self._file.data, offset)
+        seconds, _, length, _ = unpack(self._record, self._file, offset)
         end = int(offset + _RECORD_BYTES + length)
         if end + _RECORD_BYTES > self._size:
             return end == self._size
-        after, fraction, length, original = self._record.unpack_from(self._file.data, end)
+        after, fraction, length, original = unpack(self._record, self._file, end)
         likely = fraction < 10**9 // self._tick_ns and length <= MAX_PACKET and length <= original and original > 0
         return bool(likely and abs(after - seconds) <= DAY_NS // 10**9)

@@ -19,12 +19,13 @@ from seaclutter_cli.sources.pcap.pcapng import PcapngReader
 from seaclutter_cli.sources.pcap.records import PcapReader, RecordReader
 from seaclutter_cli.sources.pcap.sensors import CapturedSensor, CaptureSurvey, Kind, each_kind
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
-from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.text import count
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _MAX_WAITING = 16
 _SHOWN_FLOWS = 5
+_WINDOW = 4 * 2**20
 
 
 class CaptureSource:
@@ -52,7 +53,7 @@ class CaptureSource:
     def __init__(self, path: Path, options: DecoderOptions | None = None) -> None:
         self.name, self._path = path.stem, path
         self._options = options or DecoderOptions()
-        self._file = MappedFile(path)
+        self._file = LogFile(path, _WINDOW)
         self.damage: list[Damage] = []
         self.warnings: list[str] = []
         try:
@@ -72,19 +73,27 @@ class CaptureSource:
 
     @property
     def _kind(self) -> str:
-        return "PCAPNG" if self._file.data[:4] == PCAPNG_MAGIC else "PCAP"
+        return "PCAPNG" if self._file[:4] == PCAPNG_MAGIC else "PCAP"
 
     def _reader(self) -> RecordReader:
-        if self._file.data[:4] == PCAPNG_MAGIC:
+        if self._file[:4] == PCAPNG_MAGIC:
             return PcapngReader(self._file, self._path)
-        if self._file.data[:4] in PCAP_MAGICS:
+        if bytes(self._file[:4]) in PCAP_MAGICS:
             return PcapReader(self._file, self._path)
         raise InputError(f"{self._path}: not a packet capture: it does not begin with PCAP or PCAPNG magic bytes")
 
     def _datagrams(self, reader: RecordReader, udp: Udp) -> Iterator[Datagrams]:
         for records in reader.batches():
             yield udp.datagrams(records)
-            self._file.touched(int(records.offsets[-1] - records.offsets[0]))
+
+    def _packets(self, udp: Udp, kinds: Mapping[Kind, int]) -> Iterator[tuple[Datagrams, list[tuple[int, Packets]]]]:
+        """Yield datagrams and the packets of each sensor among them, up to data that can no longer be read."""
+        try:
+            for datagrams in self._datagrams(self._reader(), udp):
+                yield datagrams, list(_packets(datagrams, udp, kinds))
+        except LostDataError as error:
+            damage = Damage(self._path, None, f"{error.problem}; the frames after this are missing")
+            self.damage += [] if damage in self.damage else [damage]
 
     def _survey(self) -> CaptureSurvey:
         """Survey the whole capture: a sensor's calibration may be anywhere in it."""
@@ -161,8 +170,8 @@ class CaptureSource:
         flows = {flow: number for (flow, _), number in kinds.items()}
         merge = _Merge(self._channels)
         udp, cut = Udp(self._file), np.zeros(len(decoders), np.int64)
-        for datagrams in self._datagrams(self._reader(), udp):
-            for number, packets in _packets(datagrams, udp, kinds):
+        for datagrams, found in self._packets(udp, kinds):
+            for number, packets in found:
                 for frame in decoders[number].add(packets):
                     yield from merge.add(number, frame)
             if end_ns is not None and merge.latest_ns >= end_ns:
@@ -200,7 +209,7 @@ class CaptureSource:
                 self.damage.append(damage)
 
     def close(self) -> None:
-        """Unmap the file."""
+        """Close the file."""
         self._file.close()
 
 

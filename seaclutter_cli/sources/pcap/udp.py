@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.sources.pcap.fragments import Fragments
 from seaclutter_cli.sources.pcap.records import Records
-from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.sources.shared.log_file import LogFile
 
 _HEAD = 128
 _ETHERNET, _COOKED, _COOKED_2, _RAW = 1, 113, 276, (12, 14, 101, 228, 229)
@@ -61,7 +61,7 @@ class Udp:
 
     Parameters
     ----------
-    file : MappedFile
+    file : LogFile
         The capture.
 
     Notes
@@ -69,9 +69,8 @@ class Udp:
     State: known addresses, and incomplete datagrams. ``other`` counts records without a datagram.
     """
 
-    def __init__(self, file: MappedFile) -> None:
+    def __init__(self, file: LogFile) -> None:
         self._file = file
-        self._bytes = np.frombuffer(file.data, np.uint8)
         self._addresses: dict[bytes, int] = {}
         self._names: list[bytes] = []
         self.fragments = Fragments()
@@ -95,8 +94,10 @@ class Udp:
         return payloads
 
     def _gather(self, offsets: NDArray[np.int64], length: int) -> NDArray[np.uint8]:
-        count = len(self._bytes) - length + 1
-        return np.ndarray((count, length), np.uint8, self._file.data, strides=(1, 1))[offsets]
+        """Return the bytes at offsets, shape (P, L)."""
+        start, stop = int(offsets.min()), int(offsets.max()) + length
+        block = self._file[start:stop]
+        return np.ndarray((stop - start - length + 1, length), np.uint8, block, strides=(1, 1))[offsets - start]
 
     def datagrams(self, records: Records) -> Datagrams:
         """Return the datagrams in records."""
@@ -123,12 +124,12 @@ class Udp:
         """Return the first bytes of each record, shape (R, 128), padded with zeros after its end."""
         offsets = records.offsets
         heads = np.zeros((len(offsets), _HEAD), np.uint8)
-        inside = offsets + _HEAD <= len(self._bytes)
+        inside = offsets + _HEAD <= len(self._file)
         if inside.any():
             heads[inside] = self._gather(offsets[inside], _HEAD)
         for row in np.flatnonzero(~inside).tolist():
-            rest = self._bytes[offsets[row] :]
-            heads[row, : len(rest)] = rest
+            rest = self._file[int(offsets[row]) : len(self._file)]
+            heads[row, : len(rest)] = np.frombuffer(rest, np.uint8)
         short = np.flatnonzero(records.lengths < _HEAD)
         if len(short):
             heads[short] *= np.arange(_HEAD) < records.lengths[short, None]
@@ -220,7 +221,7 @@ class Udp:
         position = int.from_bytes(head[at + 6 : at + 8], "big")
         pair = int.from_bytes(head[at + 12 : at + 16], "big"), int.from_bytes(head[at + 16 : at + 20], "big")
         key = (*pair, int.from_bytes(head[at + 4 : at + 6], "big"))
-        piece = self._file.data[begin : begin + size]
+        piece = bytes(self._file[begin : begin + size])
         return self.fragments.add(key, (position & 0x1FFF) * 8, bool(position & 0x2000), piece) or b""
 
 

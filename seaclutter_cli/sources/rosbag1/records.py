@@ -10,11 +10,16 @@ from enum import IntEnum
 from struct import Struct
 from typing import NamedTuple
 
+from seaclutter_cli.records import Buffer
+from seaclutter_cli.sources.shared.log_file import Bytes, unpack
+
 MAGIC = b"#ROSBAG V2.0\n"
 U32 = Struct("<I")
 STAMP = Struct("<II")
 
 _MAX_HEADER = 4096
+_MAX_NAME = 32
+_FIRST_WINDOW, _WINDOW = 64 * 2**10, 16 * 2**20
 NANO = 1_000_000_000
 
 
@@ -97,20 +102,21 @@ def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
     return fields
 
 
-def read_record(view: memoryview, at: int) -> BagRecord | None:
+def read_record(view: Bytes[Buffer], at: int) -> BagRecord | None:
     """Return the record at an offset; None if there is no record. Its end may be beyond the view."""
-    if at + 46 <= len(view) and view[at] == 38:
+    head = view[at : at + 46]
+    if len(head) == 46 and head[0] == 38:
         for header, start, middle in _SHORTCUTS:
-            found_start, connection, found_middle, time, length = header.unpack_from(view, at)
+            found_start, connection, found_middle, time, length = header.unpack(head)
             if found_start == start and found_middle == middle:
                 return BagRecord(Op.MESSAGE, {b"conn": connection, b"time": time}, at, at + 46, at + 46 + length)
     return _read_any_record(view, at)
 
 
-def _read_any_record(view: memoryview, at: int) -> BagRecord | None:
+def _read_any_record(view: Bytes[Buffer], at: int) -> BagRecord | None:
     if at + 8 > len(view):
         return None
-    (size,) = U32.unpack_from(view, at)
+    (size,) = unpack(U32, view, at)
     data = at + 8 + size
     if size > _MAX_HEADER or data > len(view):
         return None
@@ -120,24 +126,27 @@ def _read_any_record(view: memoryview, at: int) -> BagRecord | None:
         name not in fields or (length is not None and len(fields[name]) != length) for name, length in required.items()
     ):
         return None
-    return BagRecord(op, fields, at, data, data + U32.unpack_from(view, data - 4)[0])
+    return BagRecord(op, fields, at, data, data + unpack(U32, view, data - 4)[0])
 
 
-def find_record(view: memoryview, at: int, ops: Collection[Op] = frozenset(Op)) -> int:
+def find_record(view: Bytes[Buffer], at: int, ops: Collection[Op] = frozenset(Op)) -> int:
     """Return the offset of the first record of some kinds at or after an offset; the view's length without one."""
-    for match in _NAME.finditer(view, at + 8):
-        record = read_record(view, match.start() - 8)
-        if record is not None and record.op in ops:
-            return record.start
+    at, window = at + 8, _FIRST_WINDOW
+    while at < len(view):
+        for match in _NAME.finditer(view[at : at + window + _MAX_NAME]):
+            record = read_record(view, at + match.start() - 8)
+            if record is not None and record.op in ops:
+                return record.start
+        at, window = at + window, min(2 * window, _WINDOW)
     return len(view)
 
 
-def walk(view: memoryview, at: int, gaps: list[tuple[int, int]]) -> Iterator[BagRecord]:
+def walk(view: Bytes[Buffer], at: int, gaps: list[tuple[int, int]]) -> Iterator[BagRecord]:
     """Yield the records from an offset on, one after another.
 
     Parameters
     ----------
-    view : memoryview
+    view : Bytes
         The file, or the content of a chunk.
     at : int
         Offset of the first record.
@@ -167,7 +176,7 @@ def walk(view: memoryview, at: int, gaps: list[tuple[int, int]]) -> Iterator[Bag
         at, record = record.end, following
 
 
-def _repair(view: memoryview, record: BagRecord) -> BagRecord | None:
+def _repair(view: Bytes[Buffer], record: BagRecord) -> BagRecord | None:
     """Return a record that ends at the start of the next one if it overlaps it; None if it is incomplete."""
     if record.op == Op.CHUNK:
         resumed = find_record(view, record.data, BETWEEN_CHUNKS)

@@ -6,13 +6,14 @@ from functools import partial
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
 from seaclutter_cli.records import Channel, Damage, Message, Record
 from seaclutter_cli.sources.rosbag1.chunks import read_index, unpack
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
 from seaclutter_cli.sources.rosbag1.survey import BagSurvey, channel_of
-from seaclutter_cli.sources.shared.chunked import Chunk, before, in_time_order, within
+from seaclutter_cli.sources.shared.chunked import Chunk, before, in_time_order, most_waiting, within
 from seaclutter_cli.sources.shared.facts import NO_FACTS
-from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.text import count
 
 _COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
@@ -48,8 +49,8 @@ class BagSource:
         self.warnings: list[str] = []
         self._reported: set[Damage] = set()
         self._path = path
-        self._file = MappedFile(path)
-        self._view = self._file.view
+        self._declared_bytes = 0
+        self._file = LogFile(path)
         try:
             self._read_survey()
         except BaseException:
@@ -57,10 +58,10 @@ class BagSource:
             raise
 
     def _read_survey(self) -> None:
-        start = bytes(self._view[: len(MAGIC)])
+        start = bytes(self._file[: len(MAGIC)])
         if start != MAGIC:
             raise InputError(f"{self._path}: {_describe(start)}")
-        survey = BagSurvey(self._view, self._file.touched)
+        survey = BagSurvey(self._file)
         if survey.header is not None and survey.header.fields.get(b"encryptor"):
             raise InputError(f"{self._path}: the bag is encrypted; decrypt it first (rosbag decrypt)")
         self.compression = _COMPRESSIONS.get(survey.compression) if survey.compression else None
@@ -88,7 +89,7 @@ class BagSource:
         """
         read = 0
         chunks = within(self._chunks, start_ns, end_ns, self._is_counted)
-        for message in in_time_order(chunks, self._unpack, self._load):
+        for message in in_time_order(chunks, self._unpack, self._load, most_waiting(len(self._file))):
             read += 1
             yield message
         if len(chunks) == len(self._chunks):
@@ -98,13 +99,13 @@ class BagSource:
         """Return the number of messages per connection that `records` leaves out before ``start_ns``."""
         counts = Counter[int]()
         for chunk in before(self._chunks, start_ns, self._is_counted):
-            index = read_index(self._view, chunk.offset + chunk.size)
+            index = read_index(self._file, chunk.offset + chunk.size)
             counts += index.counts if index else Counter()
         return counts
 
     def _is_counted(self, chunk: Chunk) -> bool:
         """Return whether an index counts the messages of a chunk."""
-        return read_index(self._view, chunk.offset + chunk.size) is not None
+        return read_index(self._file, chunk.offset + chunk.size) is not None
 
     def close(self) -> None:
         """Close the file."""
@@ -119,7 +120,8 @@ class BagSource:
             messages = self._read(Chunk(offset, size, *_ANY_TIME))
             if messages:
                 times = [message.log_time_ns for message in messages]
-                self._chunks.append(Chunk(offset, size, min(times), max(times)))
+                unpacked = survey.unpacked.get(offset, 0)
+                self._chunks.append(Chunk(offset, size, min(times), max(times), unpacked=unpacked))
                 self._counts.update(message.channel.id for message in messages)
 
     def _read(self, chunk: Chunk) -> list[Message]:
@@ -127,16 +129,25 @@ class BagSource:
 
     def _load(self, chunk: Chunk, unpacked: Callable[[], Content]) -> list[Message]:
         """Return the messages of a chunk, and report its damage."""
-        end = chunk.offset + chunk.size
-        content, size, problem = unpacked()
+        try:
+            return self._loaded(chunk, *unpacked())
+        except LostDataError as error:
+            self._report(chunk.offset, error.problem, chunk.size, None)
+            return []
+
+    def _loaded(self, chunk: Chunk, content: memoryview, size: int, problem: str | None) -> list[Message]:
         gaps: list[tuple[int, int]] = []
         messages, unknown = self._messages(content, gaps)
-        if problem is None and gaps:
+        most = limits().chunk_messages
+        if len(messages) > most:
+            del messages[most:]
+            problem = f"a chunk of {above('more messages', 'chunk_messages')}"
+        elif problem is None and gaps:
             problem = "damaged records in this chunk"
         elif problem is None and unknown:
             problem = "messages of an unknown connection"
         if problem is not None:
-            index = read_index(self._view, end)
+            index = read_index(self._file, chunk.offset + chunk.size)
             lost_bytes = max(size - len(content), 0) + sum(stop - start for start, stop in gaps)
             lost = index.counts.total() - len(messages) if index else unknown
             self._report(chunk.offset, problem, lost_bytes, lost if lost > 0 else None)
@@ -146,18 +157,25 @@ class BagSource:
 
     def _unpack(self, chunk: Chunk) -> Content:
         """Return the records of a chunk, their expected size, and a description of their damage, if any."""
-        self._file.touched(chunk.size)
-        view = self._view[: chunk.offset + chunk.size]
-        record = read_record(view, chunk.offset)
-        if record is None or record.op != Op.CHUNK:
-            return view[chunk.offset :], chunk.size, None
-        repaired = record.end != len(view)
-        content, problem = unpack(self._view, record._replace(end=len(view), repaired=repaired))
-        return content, record.number(b"size"), problem
+        end = chunk.offset + chunk.size
+        record = read_record(self._file, chunk.offset)
+        if record is None or record.op != Op.CHUNK or record.data > end:
+            start, op = chunk.offset, None
+        else:
+            start, op = record.data, record
+        if end - start > limits().chunk_bytes:
+            return memoryview(b""), end - start, f"a chunk of {above(count(end - start, 'byte'), 'chunk_mib')}"
+        data = self._file[start:end]
+        if op is None:
+            return data, chunk.size, None
+        whole = op._replace(end=end, repaired=op.end != end)
+        content, problem = unpack(data, whole, ends_bag=end == len(self._file))
+        return content, op.number(b"size"), problem
 
     def _messages(self, content: memoryview, gaps: list[tuple[int, int]]) -> tuple[list[Message], int]:
-        """Return the messages of a chunk, and the number of messages of unknown connections."""
-        messages = []
+        """Return the messages of a chunk, at most one above the limit, and the number of unknown messages."""
+        messages: list[Message] = []
+        most = limits().chunk_messages
         unknown = 0
         for record in walk(content, 0, gaps):
             if record.op == Op.MESSAGE:
@@ -167,8 +185,14 @@ class BagSource:
                     continue
                 time_ns = record.time_ns()
                 messages.append(Message(channel, time_ns, time_ns, 0, content[record.data : record.end]))
-            elif record.op == Op.CONNECTION:
-                self._channels.setdefault(record.number(b"conn"), channel_of(content, record))
+                if len(messages) > most:
+                    break
+            elif record.op == Op.CONNECTION and record.number(b"conn") not in self._channels:
+                self._declared_bytes += record.end - record.data + CHANNEL_BYTES
+                if self._declared_bytes > limits().message_bytes:
+                    gaps.append((record.start, record.end))
+                else:
+                    self._channels[record.number(b"conn")] = channel_of(content, record)
         return messages, unknown
 
     def _compare(self, read: int) -> None:

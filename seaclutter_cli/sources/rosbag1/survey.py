@@ -1,21 +1,22 @@
 """Content of a ROS 1 bag, found in one pass over its records without unpacking a chunk."""
 
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from struct import Struct
 
-from seaclutter_cli.records import Channel, Damage, Schema
+from seaclutter_cli.limits import limits
+from seaclutter_cli.records import Buffer, Channel, Damage, Schema
 from seaclutter_cli.sources.rosbag1.chunks import read_index
 from seaclutter_cli.sources.rosbag1.records import MAGIC, BagRecord, Op, parse_fields, walk
 from seaclutter_cli.sources.shared.chunked import Chunk
+from seaclutter_cli.sources.shared.log_file import Bytes
 from seaclutter_cli.text import count
 
 _COUNT = Struct("<II")
 _RUN_BYTES = 4 * 2**20
 
 
-def channel_of(view: memoryview, record: BagRecord) -> Channel:
+def channel_of(view: Bytes[Buffer], record: BagRecord) -> Channel:
     """Return the channel that a connection record describes."""
     entries = parse_fields(bytes(view[record.data : record.end])) or {}
     definition = entries.pop(b"message_definition", b"")
@@ -33,10 +34,8 @@ class BagSurvey:
 
     Parameters
     ----------
-    view : memoryview
+    view : Bytes
         The whole bag.
-    touched : callable
-        Called after every record.
 
     Attributes
     ----------
@@ -50,6 +49,8 @@ class BagSurvey:
         Chunks with known times by offset.
     untimed : dict
         Sizes by offset of the chunks whose times and counts are known only after unpacking.
+    unpacked : dict
+        Declared sizes by offset of the chunks after unpacking.
     first_use : dict
         Offsets of a chunk with messages of each connection, by connection id.
     counts : Counter
@@ -58,12 +59,13 @@ class BagSurvey:
         Number of messages in the index at the end of the bag; None if it is missing or incomplete.
     """
 
-    def __init__(self, view: memoryview, touched: Callable[[], None]) -> None:
+    def __init__(self, view: Bytes[Buffer]) -> None:
         self.header: BagRecord | None = None
         self.compression: bytes | None = None
         self.channels: dict[int, Channel] = {}
         self.chunks: dict[int, Chunk] = {}
         self.untimed: dict[int, int] = {}
+        self.unpacked: dict[int, int] = {}
         self.first_use: dict[int, int] = {}
         self.counts: Counter[int] = Counter()
         self.indexed: int | None = None
@@ -80,7 +82,6 @@ class BagSurvey:
             Op.CONNECTION: self._take_connection,
         }
         for record in walk(view, len(MAGIC), self._gaps):
-            touched()
             self._seen[record.op] += 1
             if record.op in take:
                 take[record.op](record)
@@ -97,12 +98,16 @@ class BagSurvey:
     def _take_chunk(self, record: BagRecord) -> None:
         self.compression = self.compression or record.fields[b"compression"]
         size = record.end - record.start
+        self.unpacked[record.start] = min(record.number(b"size"), limits().chunk_bytes)
         index = None if record.repaired else read_index(self._view, record.end)
         if index is None:
             self.untimed[record.start] = size
             return
-        self.chunks[record.start] = Chunk(record.start, size, index.start_ns, index.end_ns)
+        self.chunks[record.start] = self._chunk(record.start, size, index.start_ns, index.end_ns)
         self._count(record.start, index.counts)
+
+    def _chunk(self, offset: int, size: int, start_ns: int, end_ns: int) -> Chunk:
+        return Chunk(offset, size, start_ns, end_ns, unpacked=self.unpacked[offset])
 
     def _take_info(self, record: BagRecord) -> None:
         """Add or check the times of a chunk, and count its messages in case it is lost."""
@@ -114,7 +119,7 @@ class BagSurvey:
             counts[connection] += messages
         self._infos[offset] = counts.total()
         if offset in self.untimed and counts:
-            self.chunks[offset] = Chunk(offset, self.untimed.pop(offset), start_ns, end_ns)
+            self.chunks[offset] = self._chunk(offset, self.untimed.pop(offset), start_ns, end_ns)
             self._count(offset, counts)
         chunk = self.chunks.get(offset)
         if chunk is not None and (chunk.start_ns, chunk.end_ns) != (start_ns, end_ns):

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush, heapreplace
 from operator import attrgetter
 from typing import TypeVar
@@ -13,7 +13,11 @@ from seaclutter_cli.records import Message
 MAX_WAITING_BYTES = 256 * 2**20
 """Maximum bytes of waiting messages; above it, the earliest are yielded although earlier ones may follow."""
 
+MAX_AHEAD_BYTES = 32 * 2**20
+"""Maximum bytes that are unpacked ahead of the consumer, except for a single chunk."""
+
 _OBJECT_BYTES = 300
+_WAITING_LEAST, _WAITING_RATIO = 48 * 2**20, 8
 _NEVER = 2**64
 
 _log_time = attrgetter("log_time_ns")
@@ -21,12 +25,16 @@ _log_time = attrgetter("log_time_ns")
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """A part of a file that is read as a whole: offset, size, and log times of the first and last message."""
+    """A part of a file that is read as a whole: offset, size, and log times of the first and last message.
+
+    ``unpacked`` is its size in memory as far as declared; 0 if it is not compressed.
+    """
 
     offset: int
     size: int
     start_ns: int
     end_ns: int
+    unpacked: int = field(default=0, kw_only=True)
 
 
 C = TypeVar("C", bound=Chunk)
@@ -49,8 +57,16 @@ P = TypeVar("P")
 _UNPACKERS = 2
 
 
+def most_waiting(packed_bytes: int) -> int:
+    """Return the maximum bytes of waiting messages of a file; less for a small one, which cannot need it."""
+    return min(MAX_WAITING_BYTES, _WAITING_LEAST + _WAITING_RATIO * packed_bytes)
+
+
 def in_time_order(
-    chunks: Iterable[C], unpack: Callable[[C], P], load: Callable[[C, Callable[[], P]], list[Message]]
+    chunks: Iterable[C],
+    unpack: Callable[[C], P],
+    load: Callable[[C, Callable[[], P]], list[Message]],
+    most: int | None = None,
 ) -> Iterator[Message]:
     """Yield the messages of all chunks in log time order; messages of equal times in file order.
 
@@ -63,19 +79,22 @@ def in_time_order(
     load : callable
         Returns the messages of a chunk in file order. Its arguments are the chunk, and a function that returns the
         unpacked content or raises the error of unpacking. Runs in the caller's thread, one chunk after another.
+    most : int, optional
+        Maximum bytes of waiting messages; `MAX_WAITING_BYTES` if not given.
 
     Notes
     -----
-    Chunks rarely overlap in time with more than their neighbours. Where they do (a file regrouped by topic), at most
-    `MAX_WAITING_BYTES` wait; messages above this limit are yielded early.
+    Chunks rarely overlap in time with more than their neighbours. Where they do (a file regrouped by topic), messages
+    above the limit of waiting messages are yielded early.
     """
+    most = MAX_WAITING_BYTES if most is None else most
     waiting = _Waiting()
     for chunk, messages in _ahead(sorted(chunks, key=attrgetter("start_ns", "offset")), unpack, load):
         yield from waiting.before(chunk.start_ns)
         waiting.add(chunk, messages)
-        if waiting.size > MAX_WAITING_BYTES:
+        if waiting.size > most:
             waiting.compact()
-        while waiting.size > MAX_WAITING_BYTES:
+        while waiting.size > most:
             yield waiting.pop(compact=True)
     yield from waiting.before(_NEVER)
 
@@ -153,6 +172,9 @@ def _ahead(
         pending: deque[tuple[C, Future[P]]] = deque()
         try:
             for chunk in chunks:
+                while pending and _memory(chunk, *(other for other, _ in pending)) > MAX_AHEAD_BYTES:
+                    first, content = pending.popleft()
+                    yield first, load(first, content.result)
                 pending.append((chunk, pool.submit(unpack, chunk)))
                 if len(pending) > 2:
                     first, content = pending.popleft()
@@ -162,3 +184,7 @@ def _ahead(
                 yield first, load(first, content.result)
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _memory(*chunks: Chunk) -> int:
+    return sum(max(chunk.size, chunk.unpacked) for chunk in chunks)

@@ -15,7 +15,7 @@ from seaclutter_cli.sinks.pcap import Endpoints, ethernet_udp, pcap_header, pcap
 from seaclutter_cli.sources import open_source
 from seaclutter_cli.sources.pcap.pcapng import PcapngReader
 from seaclutter_cli.sources.pcap.records import PcapReader
-from seaclutter_cli.sources.shared.mapped import MappedFile
+from seaclutter_cli.sources.shared.log_file import LogFile
 from tests.sources.pcap import captures
 from tests.sources.pcap.captures import LINKS, START_NS, enhanced, frames, interface, ipv4, ipv6, pcap, section, udp
 
@@ -243,7 +243,7 @@ class TestDamage:
             whole = int(np.searchsorted(ends, size, "right")) - 1
             left = int(size - ends[whole])
             path.write_bytes(data[:size])
-            reader = (PcapReader if form == "pcap" else PcapngReader)(MappedFile(path), path)
+            reader = (PcapReader if form == "pcap" else PcapngReader)(LogFile(path), path)
             assert sum(len(records.offsets) for records in reader.batches()) == whole
             assert [item.lost_bytes for item in reader.damage] == ([left] if left else [])
             if size % 41 == 0:

@@ -246,7 +246,7 @@ def test_no_size_is_trusted(tmp_path):
 
 
 def test_decompression_bomb_takes_no_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("seaclutter_cli.sources.rosbag1.chunks.MAX_CHUNK_BYTES", 2**20)
+    monkeypatch.setenv("SEACLUTTER_MAX_CHUNK_MIB", "1")
     bomb = bz2.compress(bytes(2**26))
     items = [b"op=\x05", b"compression=bz2", b"size=" + struct.pack("<I", 2**26)]
     header = b"".join(struct.pack("<I", len(item)) + item for item in items)

@@ -1,0 +1,114 @@
+"""Limits of what a log may expand to, whatever it declares. They bound the memory and the time that a log can cost.
+
+A part of a log that exceeds a limit is damage: it is left out and reported. Real logs stay far below the defaults.
+"""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Self
+
+from seaclutter_cli.errors import UsageError
+
+CHANNEL_BYTES = 1024
+"""Memory of a channel or schema besides its text, approximately."""
+
+_PREFIX = "SEACLUTTER_MAX_"
+_MIB, _GIB = 2**20, 2**30
+_ALWAYS_BYTES = 16 * _MIB
+_UNITS = {
+    "chunk_mib": "MiB",
+    "chunk_messages": "messages",
+    "message_mib": "MiB",
+    "file_gib": "GiB",
+    "file_ratio": "times the size of the file",
+}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits that the environment can change: ``SEACLUTTER_MAX_`` and the name of a field in capitals.
+
+    Parameters
+    ----------
+    chunk_mib : int, optional
+        Size of an unpacked chunk in MiB, and of a packed one.
+    chunk_messages : int, optional
+        Number of messages in a chunk.
+    message_mib : int, optional
+        Size of an unpacked message in MiB; also of all declarations of topics and message types of a log.
+    file_gib : int, optional
+        Size in GiB of the unpacked content of a file that is compressed as a whole.
+    file_ratio : int, optional
+        Ratio of this size to that of the file; ratios of files that unpack to at most 16 MiB are not limited.
+
+    Examples
+    --------
+    >>> Limits.read({"SEACLUTTER_MAX_CHUNK_MIB": "500"}).chunk_bytes
+    524288000
+    """
+
+    chunk_mib: int = 96
+    chunk_messages: int = 250_000
+    message_mib: int = 64
+    file_gib: int = 64
+    file_ratio: int = 64
+
+    @classmethod
+    def read(cls, environment: Mapping[str, str]) -> Self:
+        """Return the limits that an environment sets, and the defaults of the others.
+
+        Raises
+        ------
+        UsageError
+            If a limit is not a positive whole number.
+        """
+        given = {}
+        for name in (field.name for field in fields(cls)):
+            text = environment.get(variable(name))
+            if text is not None:
+                if not (text.isascii() and text.isdigit() and len(text) <= 9 and int(text)):
+                    raise UsageError(f"{variable(name)}: expected a positive whole number, got {text[:20]!r}")
+                given[name] = int(text)
+        return cls(**given)
+
+    @property
+    def chunk_bytes(self) -> int:
+        """Limit of a chunk in bytes."""
+        return self.chunk_mib * _MIB
+
+    @property
+    def message_bytes(self) -> int:
+        """Limit of a message in bytes."""
+        return self.message_mib * _MIB
+
+    def file_bytes(self, packed: int) -> int:
+        """Return the limit in bytes of the content of a compressed file of ``packed`` bytes."""
+        return min(self.file_gib * _GIB, max(self.file_ratio * packed, _ALWAYS_BYTES))
+
+
+def variable(name: str) -> str:
+    """Return the name of the environment variable that changes a limit.
+
+    Examples
+    --------
+    >>> variable("chunk_mib")
+    'SEACLUTTER_MAX_CHUNK_MIB'
+    """
+    return _PREFIX + name.upper()
+
+
+def above(amount: str, name: str) -> str:
+    """Return a description of a part that exceeds a limit, for messages.
+
+    Examples
+    --------
+    >>> above("200,000,000 bytes", "chunk_mib")
+    '200,000,000 bytes, above the limit of 96 MiB (SEACLUTTER_MAX_CHUNK_MIB)'
+    """
+    return f"{amount}, above the limit of {getattr(limits(), name):,} {_UNITS[name]} ({variable(name)})"
+
+
+def limits() -> Limits:
+    """Return the limits that the environment of this process sets."""
+    return Limits.read(os.environ)

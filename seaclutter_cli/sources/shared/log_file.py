@@ -1,0 +1,152 @@
+"""Random access to log files that other programs may truncate or replace.
+
+Files are read, not mapped: touching a mapped page that no longer exists ends the process.
+"""
+
+import os
+import stat
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from struct import Struct
+from threading import Lock
+from typing import Any, Protocol, TypeVar
+
+from seaclutter_cli.errors import InputError
+
+_WINDOW = 16 * 2**10
+_PIECE = 2**20
+
+B_co = TypeVar("B_co", covariant=True, bound=bytes | memoryview)
+
+
+class LostDataError(InputError):
+    """A part of an open file can no longer be read."""
+
+    def __init__(self, path: Path, problem: str) -> None:
+        """Name the file and the problem."""
+        super().__init__(f"{path}: {problem}")
+        self.problem = problem
+
+
+class Bytes(Protocol[B_co]):
+    """Data that is read by slices without a step: a `LogFile`, bytes or a memoryview."""
+
+    def __len__(self) -> int:
+        """Return the number of bytes."""
+        ...
+
+    def __getitem__(self, part: slice, /) -> B_co:
+        """Return the bytes of a slice."""
+        ...
+
+
+def unpack(layout: Struct, data: Bytes[bytes | memoryview], at: int) -> tuple[Any, ...]:
+    """Return the values at an offset."""
+    return layout.unpack(data[at : at + layout.size])
+
+
+class LogFile:
+    """A regular file that is read by slices; its size is that at opening. Slices can be taken in any thread.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    window : int, optional
+        Number of bytes that are read at least, and kept until data elsewhere is read.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is empty.
+    """
+
+    def __init__(self, path: Path, window: int = _WINDOW) -> None:
+        self._path, self._least = path, window
+        self._lock = Lock()
+        try:
+            self._file = path.open("rb", buffering=0)
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror}") from error
+        status = os.fstat(self._file.fileno())
+        self._size = status.st_size
+        self._window = (0, memoryview(b""))
+        is_regular = stat.S_ISREG(status.st_mode)
+        if not (is_regular and self._size):
+            self._file.close()
+            problem = "the file is empty" if is_regular else "not a regular file; logs need random access"
+            raise InputError(f"{path}: {problem}")
+
+    def __len__(self) -> int:
+        """Return the size of the file when it was opened."""
+        return self._size
+
+    def __getitem__(self, part: slice) -> memoryview:
+        """Return a part of the file; `LostDataError` if it is no longer there."""
+        start, stop, _ = part.indices(self._size)
+        base, window = self._window
+        if not base <= start <= stop <= base + len(window):
+            base, window = start, self._read(start, min(max(stop, start + self._least), self._size), stop)
+            if stop - start <= self._least:
+                self._window = base, window
+        return window[start - base : max(stop, start) - base]
+
+    def _read(self, start: int, stop: int, needed: int) -> memoryview:
+        """Return the bytes from ``start`` to ``stop``, or at least to ``needed``."""
+        pieces = []
+        try:
+            while start < stop and (piece := self._read_at(start, stop - start)):
+                pieces.append(piece)
+                start += len(piece)
+        except OSError as error:
+            raise LostDataError(self._path, f"cannot be read ({error.strerror})") from error
+        if start < needed:
+            raise LostDataError(self._path, "the file was truncated while it was read")
+        return memoryview(pieces[0] if len(pieces) == 1 else b"".join(pieces))
+
+    def _read_at(self, start: int, size: int) -> bytes:
+        if hasattr(os, "pread"):
+            return os.pread(self._file.fileno(), size, start)
+        with self._lock:  # Windows
+            self._file.seek(start)
+            return self._file.read(size)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class FilePart:
+    """A part of a file that is read piece by piece, so that its size does not matter.
+
+    Parameters
+    ----------
+    file : Bytes
+        The file.
+    start, stop : int
+        Offsets in the file.
+    """
+
+    def __init__(self, file: Bytes[bytes | memoryview], start: int, stop: int) -> None:
+        self._file, self._start, self._stop = file, start, stop
+
+    def __len__(self) -> int:
+        """Return the number of bytes."""
+        return self._stop - self._start
+
+    def __bytes__(self) -> bytes:
+        """Return all of the data."""
+        return b"".join(self.pieces())
+
+    def pieces(self) -> Iterator[bytes | memoryview]:
+        """Yield the data in order."""
+        for at in range(self._start, self._stop, _PIECE):
+            yield self._file[at : min(at + _PIECE, self._stop)]
+
+    def crc32(self) -> int:
+        """Return the checksum of the data."""
+        crc = 0
+        for piece in self.pieces():
+            crc = zlib.crc32(piece, crc)
+        return crc
