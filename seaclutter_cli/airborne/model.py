@@ -10,6 +10,7 @@ import numpy as np
 
 from seaclutter_cli import __version__
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
+from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import ConfigError, InputError, MissingExtraError, RenamedKeyWarning
 
 _FORMAT = 1
@@ -91,7 +92,7 @@ def _checked(content: Any) -> ObjectModel:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RenamedKeyWarning)  # not written by the user
-            settings = parse_settings(json.loads(content["settings"]), "its settings")
+            settings = parse_settings(load_json(content["settings"]), "its settings")
     except ConfigError as error:
         raise ValueError(str(error)) from error
     names, forest = list(settings.features.names), content["forest"]
