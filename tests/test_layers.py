@@ -130,6 +130,15 @@ def test_only_commands_print_or_import_click(path):
     assert not calls & {"print", "sys.exit", "exit", "quit", "sys.stdout.write", "sys.stderr.write"}
 
 
+def test_only_the_printer_prints():
+    """Text from outside reaches the terminal in one place only, which escapes and cuts it."""
+    for path in (PACKAGE / "commands").rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        calls = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+        printing = {"print", "click.echo", "click.secho", "sys.stdout.write", "sys.stderr.write"}
+        assert path.name == "printer.py" or not calls & printing, path
+
+
 def test_only_documents_parse_yaml_and_json():
     """Files from outside go through the limits of one loader."""
     for path in FILES:
