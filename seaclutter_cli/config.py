@@ -12,6 +12,7 @@ from typing import Any
 
 import yaml
 
+from seaclutter_cli.documents import MAX_DEPTH
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS
@@ -20,7 +21,17 @@ from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.ring_params import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.validation import build, find_file, kind_of, merged, parse_yaml, plain, raise_problems, read_yaml
+from seaclutter_cli.validation import (
+    build,
+    find_file,
+    kind_of,
+    merged,
+    parse_value,
+    parse_yaml,
+    plain,
+    raise_problems,
+    read_yaml,
+)
 
 DEFAULT_METHOD = "joint"
 _SECTIONS = ("filter", "evaluation", "sensor")
@@ -190,12 +201,9 @@ def _parse_override(text: str) -> dict[str, Any]:
     """Return ``section.key=value`` as the section of a file; dots separate nested keys."""
     name, equals, value = text.partition("=")
     section, *keys = name.strip().split(".")
-    if not (equals and all(keys) and keys and section in _SECTIONS):
+    if not (equals and all(keys) and 0 < len(keys) <= MAX_DEPTH and section in _SECTIONS):
         raise ConfigError(f"--set {text}: write it as filter.KEY=VALUE or evaluation.KEY=VALUE")
-    try:
-        settings = yaml.safe_load(value)
-    except yaml.YAMLError as error:
-        raise ConfigError(f"--set {text}: the value is not valid YAML") from error
+    settings = parse_value(value, f"--set {text}")
     for key in reversed((section, *keys)):
         settings = {key: settings}
     return dict(settings)

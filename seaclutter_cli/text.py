@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+_CELL_CHARACTERS = 200
+
 
 def printable(text: str) -> str:
     r"""Return text as one printable line, with control characters escaped.
@@ -11,11 +13,25 @@ def printable(text: str) -> str:
     >>> print(printable("inten\nity, é"))
     inten\nity, é
     """
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+def shortened(text: str, limit: int) -> str:
+    """Return text of at most ``limit`` characters with an ellipsis in place of its middle.
+
+    Examples
+    --------
+    >>> shortened("/lidar/left/points", 9)
+    '/lid…ints'
+    """
+    end = (limit - 1) // 2
+    return text if len(text) <= limit else f"{text[: limit - 1 - end]}…{text[-end:]}"
+
+
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a table with a left-aligned first column and right-aligned other columns.
+    """Return a table with a left-aligned first column and right-aligned other columns; long cells are cut.
 
     Examples
     --------
@@ -24,7 +40,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     10-25 m    1200
     25-40 m       7
     """
-    cells = [[printable(str(cell)) for cell in row] for row in (head, *rows)]
+    cells = [[shortened(printable(str(cell)), _CELL_CHARACTERS) for cell in row] for row in (head, *rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(head))]
     lines = []
     for first, *rest in cells:

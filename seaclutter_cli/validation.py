@@ -8,10 +8,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
-import yaml
-
+from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
 from seaclutter_cli.text import count, printable
+
+_SHOWN_PROBLEMS = 100
 
 
 def builtin_files(folder: str = "") -> Mapping[str, Path]:
@@ -42,7 +43,8 @@ def find_file(name: str, folder: str, kind: str) -> Path:
 def read_yaml(path: Path, sections: Sequence[str]) -> dict[str, Any]:
     """Return the content of a file; raise `ConfigError` if it is not a YAML mapping."""
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as file:
+            text = file.read(MAX_YAML_CHARACTERS + 1)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or 'not UTF-8 text'})") from error
     return parse_yaml(text, str(path), sections)
@@ -51,11 +53,9 @@ def read_yaml(path: Path, sections: Sequence[str]) -> dict[str, Any]:
 def parse_yaml(text: str, where: str, sections: Sequence[str]) -> dict[str, Any]:
     """Return the content of a text; raise `ConfigError` that names ``where`` if it is not a YAML mapping."""
     try:
-        raw = yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - a SafeLoader
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1}" if mark else ""
-        raise ConfigError(f"{where}{line}: not valid YAML ({getattr(error, 'problem', None) or error})") from error
+        raw = load_yaml(text)
+    except DocumentError as error:
+        raise ConfigError(f"{where}: {error}") from error
     if raw is None:
         return {}
     if not isinstance(raw, dict):
@@ -63,15 +63,12 @@ def parse_yaml(text: str, where: str, sections: Sequence[str]) -> dict[str, Any]
     return raw
 
 
-class _StrictLoader(yaml.SafeLoader):
-    """Loader that rejects duplicate keys instead of using the last."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT002
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for index, key in enumerate(keys):
-            if key in keys[:index]:
-                raise yaml.constructor.ConstructorError(None, None, f"duplicate key {key!r}", node.start_mark)
-        return super().construct_mapping(node, deep)
+def parse_value(text: str, option: str) -> Any:
+    """Return the YAML value on the command line; raise `ConfigError` that names ``option`` if it is not valid."""
+    try:
+        return load_yaml(text)
+    except DocumentError as error:
+        raise ConfigError(f"{option}: {error}") from error
 
 
 def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, problems: list[str]) -> Any:
@@ -315,7 +312,7 @@ def _shown(value: Any) -> str:
         text = json.dumps(value, ensure_ascii=False, default=str)
     except (TypeError, ValueError):  # a key that JSON does not allow, or a circular reference
         text = repr(value)
-    text = printable(text)
+    text = printable(text[:61])
     return text if len(text) <= 60 else text[:57] + "..."
 
 
@@ -330,4 +327,5 @@ def raise_problems(where: str, problems: Sequence[str]) -> None:
     if len(problems) == 1:
         raise ConfigError(f"{where}: {problems[0]}")
     if problems:
-        raise ConfigError("\n  ".join((f"{where}: {len(problems)} problems", *problems)))
+        more = [f"and {len(problems) - _SHOWN_PROBLEMS} more"] if len(problems) > _SHOWN_PROBLEMS else []
+        raise ConfigError("\n  ".join((f"{where}: {len(problems)} problems", *problems[:_SHOWN_PROBLEMS], *more)))

@@ -126,7 +126,7 @@ def test_all_problems_are_reported_at_once(load, tmp_path):
         ("filter: {start_m: 1, start_m: 2}", "duplicate key 'start_m'"),
         ("filter: 3", "filter: must be a section with keys, got a number"),
         ("- 1", "must contain sections (filter, evaluation, sensor), got a list"),
-        ("a: [", "line 1: not valid YAML"),
+        ("a: [", "line 1, column 5: not valid YAML"),
     ],
 )
 def test_one_problem(load, text, message):

@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
 
-BASE = {"text", "errors", "limits", "records", "cloud", "frame", "truth", "interfaces"}
+BASE = {"text", "errors", "limits", "documents", "records", "cloud", "frame", "truth", "interfaces"}
 CORE = (
     BASE
     | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "water"}
@@ -19,13 +19,14 @@ CORE = (
 ALLOWED = {
     "text": set(),
     "errors": set(),
+    "documents": set(),
     "records": {"text"},
     "limits": {"errors"},
     "cloud": {"text", "errors", "records"},
     "frame": {"text", "errors", "records", "cloud"},
     "truth": {"errors"},
     "interfaces": BASE,
-    "validation": {"text", "errors"},
+    "validation": {"text", "errors", "documents"},
     "messages": BASE,
     "sensors": BASE,
     "sources": BASE | {"messages", "sensors"},
@@ -128,6 +129,27 @@ def test_only_commands_print_or_import_click(path):
     assert "click" not in {module.split(".")[0] for module in imported_modules(tree)}
     calls = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     assert not calls & {"print", "sys.exit", "exit", "quit", "sys.stdout.write", "sys.stderr.write"}
+
+
+def test_only_the_printer_prints():
+    """Text from outside reaches the terminal in one place only, which escapes and cuts it."""
+    for path in (PACKAGE / "commands").rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        calls = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+        printing = {"print", "click.echo", "click.secho", "sys.stdout.write", "sys.stderr.write"}
+        assert path.name == "printer.py" or not calls & printing, path
+
+
+def test_only_documents_parse_yaml_and_json():
+    """Files from outside go through the limits of one loader."""
+    for path in FILES:
+        calls = {
+            ast.unparse(node.func)
+            for node in ast.walk(ast.parse(path.read_text("utf-8")))
+            if isinstance(node, ast.Call)
+        }
+        parsing = calls & {"yaml.load", "yaml.safe_load", "yaml.parse", "yaml.compose", "json.load", "json.loads"}
+        assert part_of(path) == "documents" or not parsing, path
 
 
 def test_nothing_imports_the_commands():

@@ -127,7 +127,7 @@ def test_an_interrupted_run(tmp_path, long_log, name):
         process.send_signal(getattr(signal, name))
         _, stderr = process.communicate(timeout=20)
     assert process.returncode == 1
-    assert "Interrupted; the output of the unfinished recording was removed." in stderr
+    assert "Interrupted; incomplete output was removed." in stderr
     assert "Traceback" not in stderr
     assert names_in(folder) == []
 

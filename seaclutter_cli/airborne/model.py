@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli import __version__
+from seaclutter_cli.airborne.archive import check_size, reproducible
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
+from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import ConfigError, InputError, MissingExtraError, RenamedKeyWarning
 
 _FORMAT = 1
@@ -27,21 +30,22 @@ class ObjectModel:
         Settings of the training.
     forest : sklearn.ensemble.RandomForestClassifier
         The forest; its ``classes_`` are class codes.
+    warnings : tuple of str, optional
+        Warnings about the file of the model.
     """
 
     settings: TileSettings
     forest: Any
+    warnings: tuple[str, ...] = ()
 
     def to_bytes(self) -> bytes:
-        """Return the content of a model file: arrays and plain values, packed by skops.
+        """Return the content of a model file: arrays and plain values, packed by skops; the same for the same model.
 
         Raises
         ------
         MissingExtraError
             If skops is not installed.
         """
-        from zipfile import ZIP_DEFLATED
-
         content = {
             "format": _FORMAT,
             "version": __version__,
@@ -50,7 +54,7 @@ class ObjectModel:
             "classes": [int(code) for code in self.forest.classes_],
             "forest": self.forest,
         }
-        return bytes(_skops().dumps(content, compression=ZIP_DEFLATED, compresslevel=6))
+        return reproducible(_skops().dumps(content))
 
 
 def load_model(path: Path) -> ObjectModel:
@@ -72,9 +76,12 @@ def load_model(path: Path) -> ObjectModel:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     try:
+        check_size(data)
         foreign = sorted(set(io.get_untrusted_types(data=data)) - set(_TRUSTED))
-        content = None if foreign else io.loads(data, trusted=_TRUSTED)
-        model = None if foreign else _checked(content)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            content = None if foreign else io.loads(data, trusted=_TRUSTED)
+        model = None if foreign else _checked(content, _explain(caught))
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path}: not a seaclutter model ({text[:200]})") from error
@@ -83,7 +90,16 @@ def load_model(path: Path) -> ObjectModel:
     return model
 
 
-def _checked(content: Any) -> ObjectModel:
+def _explain(caught: Sequence[warnings.WarningMessage]) -> tuple[str, ...]:
+    """Return the warnings of libraries in the program's own words, each once; those about versions only."""
+    versions = {str(getattr(warning.message, "original_sklearn_version", "")) for warning in caught} - {""}
+    return tuple(
+        f"the model was trained with scikit-learn {version}, not the installed version; its results may differ"
+        for version in sorted(versions)
+    )
+
+
+def _checked(content: Any, notes: tuple[str, ...]) -> ObjectModel:
     from sklearn.ensemble import RandomForestClassifier
 
     if not isinstance(content, dict) or set(content) != _KEYS or content["format"] != _FORMAT:
@@ -91,7 +107,7 @@ def _checked(content: Any) -> ObjectModel:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RenamedKeyWarning)  # not written by the user
-            settings = parse_settings(json.loads(content["settings"]), "its settings")
+            settings = parse_settings(load_json(content["settings"]), "its settings")
     except ConfigError as error:
         raise ValueError(str(error)) from error
     names, forest = list(settings.features.names), content["forest"]
@@ -103,7 +119,7 @@ def _checked(content: Any) -> ObjectModel:
         raise ValueError("its forest has other classes")
     for tree in forest.estimators_:
         _check_tree(tree.tree_, len(names), len(content["classes"]))
-    return ObjectModel(settings, forest)
+    return ObjectModel(settings, forest, notes)
 
 
 def _check_tree(tree: Any, features: int, classes: int) -> None:

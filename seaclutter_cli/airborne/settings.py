@@ -5,14 +5,12 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from seaclutter_cli.airborne.features import FeatureParams
 from seaclutter_cli.airborne.forest import ForestParams
 from seaclutter_cli.airborne.objects import ObjectFindingParams
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.validation import build_sections, plain, raise_problems, read_yaml
+from seaclutter_cli.validation import build_sections, parse_value, plain, raise_problems, read_yaml
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,4 @@ def _parse_override(text: str) -> tuple[str, str, Any]:
     section, dot, key = name.strip().partition(".")
     if not (equals and dot and section in _kinds()):
         raise ConfigError(f"--set {text}: write it as SECTION.KEY=VALUE; sections are {', '.join(_kinds())}")
-    try:
-        return section, key, yaml.safe_load(value)
-    except yaml.YAMLError as error:
-        raise ConfigError(f"--set {text}: the value is not valid YAML") from error
+    return section, key, parse_value(value, f"--set {text}")

@@ -1,19 +1,21 @@
 """Command line. Each command is a module of this package, imported only when it is called, to keep help fast."""
 
 import io
-import os
 import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import click
 
 from seaclutter_cli import __version__
-from seaclutter_cli.commands.console import DEBUG, show_error, show_renamed
+from seaclutter_cli.commands.console import DEBUG, show_each_warning_once
 from seaclutter_cli.commands.interrupts import handle_interrupts
 from seaclutter_cli.commands.lazy import LazyGroup
+from seaclutter_cli.commands.printer import close_output, show, show_error, show_traceback
 from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
+from seaclutter_cli.text import printable
 
 COMMANDS: Mapping[str, str] = {
     "info": "Show the content of logs and the settings that a filter run needs.",
@@ -34,20 +36,40 @@ COMMANDS: Mapping[str, str] = {
 class _Program(LazyGroup):
     """Root group, which reports errors as one line and an exit status."""
 
+    def make_context(self, *arguments: Any, **options: Any) -> click.Context:
+        with _reported_errors():
+            return super().make_context(*arguments, **options)
+
     def invoke(self, ctx: click.Context) -> Any:
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("always", RenamedKeyWarning)
-                warnings.showwarning = show_renamed(warnings.showwarning)
-                return super().invoke(ctx)
-        except SeaclutterError as error:
-            if DEBUG in ctx.meta:
-                raise
-            show_error(error)
-            ctx.exit(error.exit_code)
-        except KeyboardInterrupt:
-            click.echo("\nInterrupted; the output of the unfinished recording was removed.", err=True)
-            ctx.exit(1)
+        with _reported_errors(), warnings.catch_warnings():
+            warnings.simplefilter("always", RenamedKeyWarning)
+            warnings.showwarning = show_each_warning_once()
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _reported_errors() -> Iterator[None]:
+    """Print errors as one line and exit; with ``--debug``, let them pass."""
+    try:
+        yield
+    except click.ClickException as error:
+        text = io.StringIO()
+        error.show(file=text)
+        message = error.format_message()
+        show(text.getvalue().rstrip("\n").replace(message, printable(message)), err=True)
+        raise click.exceptions.Exit(error.exit_code) from error
+    except BrokenPipeError:
+        raise
+    except (SeaclutterError, OSError) as error:
+        context = click.get_current_context(silent=True)
+        if context and DEBUG in context.meta:
+            raise
+        show_error(error)
+        raise click.exceptions.Exit(getattr(error, "exit_code", 1)) from error
+    except KeyboardInterrupt as interrupt:
+        removed = "; incomplete output was removed" if hasattr(interrupt, "__notes__") else ""
+        show(f"\nInterrupted{removed}.", err=True)
+        raise click.exceptions.Exit(1) from interrupt
 
 
 @click.group(
@@ -70,9 +92,10 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files and topics need not be valid text
+    sys.excepthook = show_traceback
     try:
         cli(windows_expand_args=False)  # the program expands globs itself, alike on all systems
     except BrokenPipeError:
-        # The reader of the pipe has closed it, as in `seaclutter info … | head`.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
+        sys.exit(1)  # the reader of the pipe has closed it, as in `seaclutter info … | head`
+    finally:
+        close_output()

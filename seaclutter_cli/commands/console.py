@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
+from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line
 from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
-from seaclutter_cli.text import printable
+from seaclutter_cli.text import printable, shortened
 
 if TYPE_CHECKING:
     from seaclutter_cli.records import Damage
@@ -22,6 +23,7 @@ DEBUG = "seaclutter.debug"
 
 _LINE_SECONDS = 10.0
 _SHOWN_DAMAGE = 10
+_TITLE_CHARACTERS = 60
 _FAILED, _DAMAGED = 1, 3
 
 
@@ -51,6 +53,7 @@ class Console:
         elif sys.stderr.isatty():
             from tqdm import tqdm
 
+            title = shortened(printable(title), _TITLE_CHARACTERS)
             with closing(tqdm(total=total, desc=title, unit=" frames", leave=False, dynamic_ncols=True)) as bar:
                 yield bar.update
         else:
@@ -59,20 +62,20 @@ class Console:
     def note(self, text: str, *, detail: bool = False) -> None:
         """Print a message about the course of the run."""
         if self.verbose if detail else not self.quiet:
-            click.echo(text, err=True)
+            show_line(text)
 
     def warn(self, text: str) -> None:
         """Print a warning."""
         if not self.quiet:
-            click.echo(f"Warning: {printable(text)}", err=True)
+            show_line(f"Warning: {text}")
 
     def damage(self, damage: "Sequence[Damage]") -> None:
         """Print the parts of the input that could not be used; all of them if verbose."""
         shown = len(damage) if self.verbose else _SHOWN_DAMAGE
         for item in damage[:shown]:
-            click.echo(f"Damaged: {item}", err=True)
+            show_line(f"Damaged: {item}")
         if len(damage) > shown:
-            click.echo(f"Damaged: {len(damage) - shown} more; use -v to list all", err=True)
+            show_line(f"Damaged: {len(damage) - shown} more; use -v to list all")
 
     def fail(self, error: SeaclutterError) -> None:
         """Print an error and continue; with ``--debug``, raise it."""
@@ -88,9 +91,9 @@ class Console:
     def show(self, result: Any) -> None:
         """Print data as JSON, or text unless it is empty."""
         if self.as_json:
-            click.echo(json.dumps(result, indent=2))
+            show_exactly(json.dumps(result, indent=2))
         elif result:
-            click.echo(result)
+            show(result)
 
 
 class _PlainProgress:
@@ -106,24 +109,18 @@ class _PlainProgress:
         self._count += 1
         if time.monotonic() >= self._next:
             self._next += _LINE_SECONDS
-            click.echo(f"{self._title}: frame {self._count:,}{self._of}", err=True)
+            show_line(f"{self._title}: frame {self._count:,}{self._of}")
 
 
-def show_renamed(show_others: Callable[..., None]) -> Callable[..., None]:
-    """Return a handler for Python's warnings that prints each renamed key once, and passes on all other warnings."""
+def show_each_warning_once() -> Callable[..., None]:
+    """Return a handler for Python's warnings, in place of `warnings.showwarning`."""
     shown: set[str] = set()
 
-    def show(message: Warning | str, category: type[Warning], *location: Any, **options: Any) -> None:
-        text = str(message)
-        if not issubclass(category, RenamedKeyWarning):
-            show_others(message, category, *location, **options)
-        elif text not in shown:
+    def show_warning(message: Warning | str, category: type[Warning], filename: str, line: int, *_: Any) -> None:
+        origin = "" if issubclass(category, RenamedKeyWarning) else f" ({category.__name__}, {filename}:{line})"
+        text = f"Warning: {message}{origin}"
+        if text not in shown:
             shown.add(text)
-            click.echo(f"Warning: {printable(text)}", err=True)
+            show_line(text)
 
-    return show
-
-
-def show_error(error: SeaclutterError) -> None:
-    """Print an error, with control characters escaped."""
-    click.echo("Error: " + "\n".join(printable(line) for line in str(error).split("\n")), err=True)
+    return show_warning

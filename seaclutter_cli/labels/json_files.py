@@ -1,11 +1,11 @@
 """Helpers for JSON files with labelled boxes."""
 
-import json
 import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.labels.boxes import Labelled, checked, truth_of
 from seaclutter_cli.labels.files import files_in, label_folder
@@ -46,15 +46,14 @@ def read_json(path: Path) -> Any:
     LabelError
         If the file is not valid JSON.
     """
-    content = path.read_bytes()
-    if not content.removeprefix(_BOM).strip():
+    with path.open("rb") as file:
+        content = file.read(MAX_JSON_BYTES + 1).removeprefix(_BOM)
+    if not content.strip():
         return None
     try:
-        return json.loads(content)
-    except json.JSONDecodeError as error:
-        raise LabelError(f"not valid JSON: {error.msg} in line {error.lineno}") from error
-    except (ValueError, RecursionError) as error:
-        raise LabelError("not valid JSON") from error
+        return load_json(content)
+    except DocumentError as error:
+        raise LabelError(str(error)) from error
 
 
 def truth_from(items: Iterable[Any], parse: Callable[[Any], Labelled]) -> Truth:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, WaterState
 from seaclutter_cli.messages.companion import companion_format
@@ -203,7 +204,7 @@ def read_diagnostics(data: Buffer, encoding: str, schema: str = PLAIN.name) -> D
     layout = WATER if schema.endswith(WATER.name) else PLAIN
     try:
         if encoding == "json":
-            found = json.loads(bytes(data))
+            found = load_json(bytes(data))
             stamp_ns = found["stamp"]["sec"] * _NANO + found["stamp"]["nsec"]
         else:
             store = _typestore()

@@ -14,6 +14,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from seaclutter_cli.cloud import Cloud, PointField
+from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.records import Buffer
 
@@ -157,7 +158,7 @@ class ProtobufPointCloud:
 
 
 # Raised for wrong types, missing keys, excessively large numbers and excessive nesting.
-_BAD_JSON = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
+_BAD_JSON = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 
 
 class JsonPointCloud:
@@ -172,7 +173,7 @@ class JsonPointCloud:
             If the bytes are not a valid PointCloud.
         """
         try:
-            message = json.loads(bytes(data))
+            message = load_json(bytes(data), max_bytes=len(data))  # a message is bounded by its log
             points = base64.b64decode(message.pop("data"), validate=True)
             fields = tuple(
                 PointField(str(field["name"]), int(field["offset"]), _field_type(int(field["type"]), field["name"]))

@@ -55,7 +55,7 @@ class FilterOutcome(Outcome):
         pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames else ""
         topics = [_as_text(topic, tally, self.edges, has_water=self.has_water) for topic, tally in self.topics.items()]
         last = f"{count(self.frames, 'frame')} in {self.seconds:.1f} s{pace}"
-        return "\n".join((f"{self.recording} -> {self.output}", *topics, last))
+        return "\n".join((printable(f"{self.recording} -> {self.output}"), *topics, last))
 
 
 def _as_dict(tally: TopicTally, edges: Sequence[float], *, has_water: bool) -> dict[str, Any]:

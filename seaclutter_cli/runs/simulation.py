@@ -11,7 +11,7 @@ from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.simulation.airborne.scene import TileScene
 from seaclutter_cli.simulation.marine.render import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene
-from seaclutter_cli.text import count, indented, table
+from seaclutter_cli.text import count, indented, printable, table
 from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
 
 _MAX_TARGETS = 12
@@ -108,7 +108,8 @@ class SimulationResult(Result):
         frames = self.tally.frames
         rows = [(name, f"{points / frames:,.0f}") for name, points in self._rows()]
         pace = f"{count(frames, 'frame')} in {self.seconds:.1f} s ({frames / self.seconds:.0f} frames/s)"
-        return f"{self.log}, {self.labels}\n{indented(table(('label', 'points per frame'), rows))}\n{pace}"
+        files = printable(f"{self.log}, {self.labels}")
+        return f"{files}\n{indented(table(('label', 'points per frame'), rows))}\n{pace}"
 
 
 @dataclass(frozen=True)
@@ -146,4 +147,5 @@ class TileSimulationResult(Result):
         """Return the result as human-readable text."""
         rows = [(name, objects, f"{points:,}") for name, objects, points in self._rows()]
         shown = table(("class", "objects", "points"), [("sea", "", f"{self.points[0]:,}"), *rows])
-        return f"{self.output}\n{indented(shown)}\n{count(self.points.total(), 'point')} in {self.seconds:.1f} s"
+        output = printable(str(self.output))
+        return f"{output}\n{indented(shown)}\n{count(self.points.total(), 'point')} in {self.seconds:.1f} s"

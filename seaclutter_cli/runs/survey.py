@@ -135,7 +135,7 @@ class Content(Outcome):
         began = ""
         if self.times_ns and self.times_ns[0] > _NANO * 86400 * 365:
             began = f", from {datetime.fromtimestamp(self.times_ns[0] / _NANO, UTC):%Y-%m-%d %H:%M:%S} UTC"
-        lines = [f"{self.path}: {self.format}, {self.duration_s:.1f} s{began}"]
+        lines = [printable(f"{self.path}: {self.format}, {self.duration_s:.1f} s{began}")]
         rows = {c.topic: (c.topic, self.messages[c.topic], c.schema.name if c.schema else "-") for c in self.channels}
         lines.append(table(("topic", "messages", "type"), list(rows.values())))
         lines += [_describe(topic, survey, self.facts.get(topic)) for topic, survey in self.clouds.items()]

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.runs.methods import ConfigOptions, Variant
@@ -78,9 +79,12 @@ def parse_sweep(text: str) -> Sweep:
     if not equals or not all(key.split(".")) or key.startswith(("evaluation.", "sensor.")):
         raise UsageError(f"--sweep {text}: write it as KEY=V1,V2,... or KEY=START:STOP:STEP, with a key of the filter")
     try:
-        values = _steps(given) if _RANGE.fullmatch(given) else yaml.safe_load(f"[{given}]")
-    except (yaml.YAMLError, ValueError) as error:
-        raise UsageError(f"--sweep {text}: the values are not valid YAML") from error
+        values = _steps(given) if _RANGE.fullmatch(given) else load_yaml(f"[{given}]")
+    except ValueError as error:
+        reason = error if isinstance(error, DocumentError) else "not a valid range"
+        raise UsageError(f"--sweep {text}: {reason}") from error
+    if not isinstance(values, list) or len(values) > _MAX_VARIANTS:
+        raise UsageError(f"--sweep {text}: must be a list of at most {_MAX_VARIANTS} values")
     unique = [value for number, value in enumerate(values) if value not in values[:number]]
     if not unique:
         raise UsageError(f"--sweep {text}: no values given")

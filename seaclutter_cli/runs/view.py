@@ -14,6 +14,7 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import check_outputs, inputs_of
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
 from seaclutter_cli.runs.replay import filter_or_replay
+from seaclutter_cli.text import printable
 from seaclutter_cli.viewing.stream import FrameStream, check_target, complete_file, require_rerun, viewer
 
 
@@ -127,4 +128,4 @@ class ViewResult(Result):
 
     def as_text(self) -> str:
         """Return the file and its size as text; empty for the viewer."""
-        return f"{self.target}: {self.target.stat().st_size / 1e6:.1f} MB" if self.target else ""
+        return printable(f"{self.target}: {self.target.stat().st_size / 1e6:.1f} MB") if self.target else ""

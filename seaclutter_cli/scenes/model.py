@@ -1,6 +1,5 @@
 """Trained scene classifiers as ONNX files, which contain no code and are not unpickled."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import MissingExtraError, ModelError
 from seaclutter_cli.scenes.image import IMAGE_SIZE
 from seaclutter_cli.text import printable
@@ -78,7 +78,7 @@ class SceneModel:
         if missing:
             raise self._error(f"its metadata lacks {' and '.join(missing)}")
         try:
-            classes, extent_m = json.loads(metadata[CLASSES_KEY]), float(metadata[EXTENT_KEY])
+            classes, extent_m = load_json(metadata[CLASSES_KEY]), float(metadata[EXTENT_KEY])
         except ValueError as error:
             raise self._error(f"its metadata cannot be read: {_first_line(error)}") from error
         names = classes if isinstance(classes, list) and all(isinstance(item, str) for item in classes) else []

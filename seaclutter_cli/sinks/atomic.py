@@ -74,6 +74,8 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         """Rename the file to its target, or remove it after an error."""
         if kind is not None:
             self._discard()
+            if isinstance(error, KeyboardInterrupt):
+                error.add_note(f"{self.path}: the incomplete file was removed")
             return
         try:
             self.stream.close()

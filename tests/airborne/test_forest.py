@@ -1,6 +1,11 @@
 """Split by tile and object, training, and model files."""
 
+import hashlib
 import io
+import os
+import subprocess
+import sys
+import warnings
 import zipfile
 from dataclasses import replace
 
@@ -12,6 +17,7 @@ from seaclutter_cli.airborne.forest import ForestParams, Samples, join, predict,
 from seaclutter_cli.airborne.model import ObjectModel, load_model
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.errors import InputError
+from tests.paths import ROOT
 
 PARAMS = ForestParams(trees=8, max_points_per_object=40)
 
@@ -148,3 +154,41 @@ def test_files_that_are_not_models(tmp_path, content):
         (tmp_path / "m").write_bytes(content)
     with pytest.raises(InputError, match=r"not a seaclutter model|cannot be read"):
         load_model(tmp_path / "m")
+
+
+def test_a_model_is_written_with_the_same_bytes_in_another_process():
+    """Neither addresses nor the time nor unused memory are part of a model file."""
+    code = "import hashlib; from tests.airborne.test_forest import model; data = model()[0].to_bytes()"
+    command = [sys.executable, "-c", f"{code}; print(hashlib.sha256(data).hexdigest())"]
+    environment = {**os.environ, "PYTHONHASHSEED": "7", "PYTHONMALLOC": "malloc"}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=True)
+    data = model()[0].to_bytes()
+    assert done.stdout.strip() == hashlib.sha256(data).hexdigest()
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        assert {member.date_time[0] for member in archive.infolist()} == {1980}
+
+
+def test_a_model_of_another_version_of_scikit_learn_is_loaded_with_one_warning(tmp_path):
+    one, data = model()
+    change = lambda text: text.replace(f'\\"{sklearn_version()}\\"', '\\"1.0.7\\"')
+    (tmp_path / "m").write_bytes(rewritten(one.to_bytes(), change))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        again = load_model(tmp_path / "m")
+    (text,) = again.warnings
+    assert "trained with scikit-learn 1.0.7" in text
+    np.testing.assert_array_equal(predict(again.forest, data.features), predict(one.forest, data.features))
+
+
+def sklearn_version():
+    return pytest.importorskip("sklearn").__version__
+
+
+def test_a_model_that_unpacks_to_much_more_is_refused(tmp_path):
+    one, _ = model()
+    (tmp_path / "m").write_bytes(rewritten(one.to_bytes(), lambda text: text + " " * 70_000_000))
+    with zipfile.ZipFile(tmp_path / "m") as archive, zipfile.ZipFile(tmp_path / "n", "w", zipfile.ZIP_DEFLATED) as new:
+        for name in archive.namelist():
+            new.writestr(name, archive.read(name))
+    with pytest.raises(InputError, match=r"not a seaclutter model.*unpack to"):
+        load_model(tmp_path / "n")

@@ -69,6 +69,7 @@ def test_training_again_gives_the_same_model(trained, tiles):
         for m in (trained[0], tiles / "again.skops")
     )
     assert one.stdout == other.stdout
+    assert trained[0].read_bytes() == (tiles / "again.skops").read_bytes()
 
 
 def test_predict_writes_points_objects_and_a_picture(trained, tiles, tmp_path):

@@ -32,7 +32,7 @@ def test_check_reports_every_file(tmp_path):
     assert result.exit_code == 2
     assert "good.yaml: valid, method joint" in result.stdout
     assert "colour" in result.stderr
-    assert "worse.yaml, line 1: not valid YAML" in result.stderr
+    assert "worse.yaml: line 1, column 10: not valid YAML" in result.stderr
 
 
 def test_sensors_lists_built_in_items():

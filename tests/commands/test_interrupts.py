@@ -4,8 +4,11 @@ import subprocess
 import sys
 
 import pytest
+from click.testing import CliRunner
 
-from tests.paths import ROOT
+from seaclutter_cli.commands import cli
+from seaclutter_cli.frame import Frame
+from tests.paths import ROOT, SAMPLE
 
 BEGIN = """
 import signal, sys, time
@@ -60,3 +63,19 @@ def test_an_ignored_interrupt_stays_ignored(tmp_path):
     begin = f"import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n{BEGIN}"
     done = run("signal.raise_signal(signal.SIGINT)\nprint('goes on')\nsys.exit()", tmp_path, begin)
     assert done.stdout == "goes on\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [("info LOG", "Interrupted."), ("filter LOG -o out.mcap", "Interrupted; incomplete output was")],
+)
+def test_only_removed_output_is_mentioned(tmp_path, monkeypatch, words, message):
+    def interrupt(self):
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Frame, "coordinates", property(interrupt))
+    result = CliRunner().invoke(cli, words.replace("LOG", str(SAMPLE)).split(" "))
+    assert result.exit_code == 1
+    assert f"\n{message}" in result.stderr
+    assert not list(tmp_path.iterdir())

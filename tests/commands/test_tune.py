@@ -79,7 +79,7 @@ def test_table_and_plots(trial, tmp_path):
         (["--sweep", "colour=1,2"], "unknown key; method joint has: start_m"),
         (["--sweep", "update_weight=2"], "filter.update_weight"),
         (["--sweep", "update_weight=[1"], "not valid YAML"),
-        (["--sweep", "update_weight=1:0:0.1"], "not valid YAML"),
+        (["--sweep", "update_weight=1:0:0.1"], "not a valid range"),
         (["--sweep", "update_weight="], "no values given"),
         (["--sweep", "update_weight=0.1", "--sweep", "update_weight=0.2"], "the same key is given twice"),
         (["--sweep", "max_neighbors=1:400:1", "--sweep", "std_ratio=0,1"], "800 combinations"),

@@ -150,9 +150,9 @@ def test_sustechpoints_as_published(tmp_path):
 
 NEGATIVE = boxes(("1", "ship", 0, 0, 0, 1, -2, 1, 0))
 BROKEN = {
-    "[": "not valid JSON: Expecting value in line 1",
-    "[" * 100_000: "not valid JSON",
-    "[" + "9" * 5000 + "]": "not valid JSON",
+    "[": "line 1, column 2: not valid JSON (Expecting value)",
+    "[" * 100_000: "more than 50 levels",
+    "[" + "9" * 5000 + "]": "a number of more than 100 characters",
     "3": "not a list of boxes",
     "[3]": "object 0: missing key 'psr'",
     '[{"psr": []}]': "object 0: missing key 'position'",

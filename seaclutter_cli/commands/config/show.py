@@ -6,6 +6,7 @@ import click
 
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import config_options, debug_option, grouped, json_option
+from seaclutter_cli.commands.printer import show_exactly
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.methods import ConfigOptions
@@ -17,4 +18,7 @@ if TYPE_CHECKING:
 def command(config: "ConfigOptions", console: Console) -> None:
     """Print the effective configuration, ready to save and edit."""
     effective = config.load()
-    console.show(effective.as_dict() if console.as_json else effective.to_yaml(comments=True).rstrip("\n"))
+    if console.as_json:
+        console.show(effective.as_dict())
+    else:
+        show_exactly(effective.to_yaml(comments=True).rstrip("\n"))

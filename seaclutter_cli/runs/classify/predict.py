@@ -101,7 +101,7 @@ def classify_tiles(
         check_target(options.plot_file)
         if len(paths) > 1:
             raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
-    model = _load(options)
+    model = _load(options, observer)
     result = PredictResult([], model.settings.objects.min_probability)
     files: dict[Path, bytes] = {}
     for path, target in zip(paths, targets, strict=True):
@@ -122,9 +122,11 @@ def classify_tiles(
     return result
 
 
-def _load(options: ClassifyTilesOptions) -> ObjectModel:
+def _load(options: ClassifyTilesOptions, observer: Observer) -> ObjectModel:
     """Return the model with the settings of the options; raise `UsageError` if they change its features."""
     model = load_model(options.model)
+    for text in model.warnings:
+        observer.warn(f"{options.model}: {text}")
     settings = options.settings.load(model.settings)
     if settings.features != model.settings.features:
         kept = ", ".join(f"{key}: {value}" for key, value in model.settings.as_dict()["features"].items())

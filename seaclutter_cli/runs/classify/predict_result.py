@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.classification import ClassifiedPoints
 from seaclutter_cli.airborne.objects import FoundObject
 from seaclutter_cli.runs.recordings import Result
-from seaclutter_cli.text import count, table
+from seaclutter_cli.text import count, printable, table
 
 DIMENSIONS = {
     "predicted_class": ("u1", "0 none, 1 ship ... 8 garbage"),
@@ -73,7 +73,8 @@ class TileObjects:
     def as_text(self, min_probability: float) -> str:
         """Return the objects in lines of at most 80 characters; positions are rounded to the metre."""
         counts = Counter(one.name for one in self.objects)
-        lines = [f"{self.name}: " + (", ".join(f"{many:,} {kind}" for kind, many in counts.items()) or "no objects")]
+        found = ", ".join(f"{many:,} {kind}" for kind, many in counts.items()) or "no objects"
+        lines = [f"{printable(self.name)}: {found}"]
         if self.objects:
             digits = len(str(len(self.objects)))
             head = (" " * digits + " class", "prob", "points", "x", "y", "length", "width", "height", "area")

@@ -19,7 +19,7 @@ from seaclutter_cli.runs.scene.table import confusion_table
 from seaclutter_cli.scenes.examples import Examples
 from seaclutter_cli.scenes.export import to_onnx
 from seaclutter_cli.scenes.training import Epoch, Trained, TrainingParams, check_torch, train
-from seaclutter_cli.text import count
+from seaclutter_cli.text import count, printable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,4 +188,5 @@ class SceneTraining(Result):
         frames = f"{count(len(examples), 'frame')} of {count(len(examples.recordings), 'recording')} ({parts})"
         precision = f"{best.train_precision:.3f} in training, {best.validation_precision:.3f} on validation"
         epoch = f"best epoch {trained.best + 1} of {len(trained.epochs)}: precision {precision}; test:"
-        return f"{self.output}: {' or '.join(examples.classes)}, from {frames}\n{epoch}\n{confusion}"
+        title = printable(f"{self.output}: {' or '.join(examples.classes)}, from {frames}")
+        return f"{title}\n{epoch}\n{confusion}"

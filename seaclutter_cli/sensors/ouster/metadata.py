@@ -1,6 +1,5 @@
 """Metadata of Ouster sensors: beams, frames and packets."""
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.documents import MAX_JSON_BYTES, load_json
 from seaclutter_cli.errors import InputError
 
 _LEGACY_COLUMNS = 16
@@ -92,12 +92,13 @@ def read_metadata(path: Path) -> OusterMetadata:
         If the file cannot be read or its metadata is incomplete.
     """
     try:
-        data = json.loads(path.read_bytes())
+        with path.open("rb") as file:
+            data = load_json(file.read(MAX_JSON_BYTES + 1))
         flat = dict(data)
         for part in _NESTED:
             flat.update(data.get(part, {}))
         return _metadata(flat)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else error
         raise InputError(f"{path}: not valid Ouster metadata: {reason}") from error
 

@@ -213,6 +213,6 @@ def _describe(start: bytes) -> str:
     if MAGIC.startswith(start):
         return "the bag is truncated in its first line"
     if start.startswith(b"#ROSBAG V"):
-        version = start[9:].strip().decode("utf-8", "replace")
+        version = start[9:].partition(b"\n")[0].strip().decode("utf-8", "replace")
         return f"bag version {version} is not supported; convert the bag to 2.0 first (rosbag reindex)"
     return "not a ROS 1 bag"

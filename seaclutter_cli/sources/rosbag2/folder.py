@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
-import yaml
-
+from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_yaml
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Damage
@@ -154,7 +153,8 @@ def _unnamed(folder: Path, named: list[Path]) -> list[Path]:
 
 def _read_text(path: Path) -> str:
     try:
-        return path.read_text("utf-8", "replace")
+        with path.open(encoding="utf-8", errors="replace") as file:
+            return file.read(MAX_YAML_CHARACTERS + 1)
     except OSError:
         return ""
 
@@ -165,9 +165,9 @@ def _read_metadata(folder: Path) -> tuple[_Metadata, list[Damage]]:
     if not path.is_file():
         return _Metadata(), []
     try:
-        document = yaml.safe_load(_read_text(path))
-    except (yaml.YAMLError, RecursionError, ValueError):
-        document = None
+        document = load_yaml(_read_text(path))
+    except DocumentError as error:
+        return _Metadata(), [Damage(path, None, f"{error}; the files are read in the order of their numbers")]
     info = document.get(_KEY) if isinstance(document, dict) else None
     info = info if isinstance(info, dict) else {}
     names = _list(info, "relative_file_paths", str)
@@ -191,4 +191,4 @@ def _list(mapping: Mapping[str, Any], key: str, kind: type) -> list[Any]:
 
 def _count(mapping: Mapping[str, Any]) -> int | None:
     count = mapping.get("message_count")
-    return count if isinstance(count, int) else None
+    return count if type(count) is int and count >= 0 else None

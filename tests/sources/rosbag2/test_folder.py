@@ -1,6 +1,7 @@
 """ROS 2 recordings of one or several files, in both storage formats."""
 
 import random
+import re
 import shutil
 import tempfile
 from pathlib import Path
@@ -8,16 +9,19 @@ from pathlib import Path
 import pytest
 import yaml
 import zstandard
+from click.testing import CliRunner
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Message
 from seaclutter_cli.sources.mcap.source import McapSource
 from seaclutter_cli.sources.rosbag1.source import BagSource
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
 from seaclutter_cli.sources.rosbag2.folder import SplitSource, is_rosbag2_folder, open_rosbag2, split_groups
+from tests.attacks import YAML_DOCUMENTS, YAML_VALUES
 from tests.paths import SHARED_DATA
 
 DATA = SHARED_DATA / "nebula"
@@ -26,6 +30,9 @@ START = 1_600_000_000 * 10**9
 CLOUD, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Imu"
 STORAGES = {".db3": StoragePlugin.SQLITE3, ".mcap": StoragePlugin.MCAP}
 TOPICS = (("/points", CLOUD), ("/imu", IMU))
+METADATA_ATTACKS = YAML_DOCUMENTS | {
+    name: f"rosbag2_bagfile_information: {{message_count: {value}}}" for name, value in YAML_VALUES.items()
+}
 
 
 class Opener:
@@ -209,6 +216,26 @@ def test_recording_with_invalid_metadata_is_read(tmp_path, suffix, text):
     assert messages_of(source) == written(range(22))
     (damage,) = source.damage
     assert damage.path == folder / "metadata.yaml"
+
+
+@pytest.mark.parametrize("text", METADATA_ATTACKS.values(), ids=METADATA_ATTACKS)
+def test_recording_with_hostile_metadata_is_read(tmp_path, text):
+    folder = write_split(tmp_path / "bag", ".mcap", [{"numbers": range(4)}])
+    (folder / "metadata.yaml").write_text(text)
+    source = open_rosbag2(folder, opener)
+    assert messages_of(source) == written(range(4))
+    (damage,) = source.damage
+    assert damage.path == folder / "metadata.yaml"
+
+
+def test_info_reads_a_recording_with_invalid_metadata(tmp_path):
+    folder = write_split(tmp_path / "bag", ".mcap", [{"numbers": range(4)}])
+    text = (folder / "metadata.yaml").read_text()
+    (folder / "metadata.yaml").write_text(re.sub("message_count: .*", "message_count: !!bool x", text))
+    result = CliRunner().invoke(cli, ["info", str(folder)])
+    assert result.exit_code == 3
+    assert re.search(r"metadata.yaml: line \d+, column \d+: not valid YAML", result.stderr)
+    assert "/points" in result.stdout
 
 
 def test_recording_without_metadata_is_read(tmp_path):
