@@ -105,17 +105,16 @@ class _Run:
     def __init__(self, messages: list[Message]) -> None:
         self.messages = sorted(messages, key=_log_time)
         self.messages.reverse()
-        self.size = sum(map(_size, messages))
-        self._loaded = len(messages)
+        self.size = self._loaded = sum(map(_size, messages))
 
     def compact(self) -> int:
-        """Release the chunk if at most half of its messages still wait; return the number of freed bytes."""
-        if 2 * len(self.messages) > self._loaded:
+        """Release the chunk if at most half of its bytes still wait; return the number of freed bytes."""
+        before, waiting = self.size, sum(map(_size, self.messages))
+        if 2 * waiting > self._loaded:
             return 0
-        before = self.size
         self.messages = [replace(message, data=bytes(message.data)) for message in self.messages]
-        self.size, self._loaded = sum(map(_size, self.messages)), len(self.messages)
-        return before - self.size
+        self.size = self._loaded = waiting
+        return before - waiting
 
 
 class _Waiting:
