@@ -100,12 +100,16 @@ def in_time_order(
 
 
 class _Run:
-    """Waiting messages of a chunk, the next one last; they keep the whole chunk in memory."""
+    """Waiting messages of a chunk, the next one last; they keep the whole chunk in memory until they are copied."""
 
     def __init__(self, messages: list[Message]) -> None:
         self.messages = sorted(messages, key=_log_time)
         self.messages.reverse()
-        self.size = self._loaded = sum(map(_size, messages))
+        self.size = sum(map(_size, messages))
+        data = messages[0].data
+        # A chunk may contain little besides its messages, or much that nobody needs.
+        self._loaded = max(self.size, memoryview(data.obj).nbytes if isinstance(data, memoryview) else 0)
+        self.compact()
 
     def compact(self) -> int:
         """Release the chunk if at most half of its bytes still wait; return the number of freed bytes."""
