@@ -48,9 +48,9 @@ class Limits:
     524288000
     """
 
-    chunk_mib: int = 96
-    chunk_messages: int = 250_000
-    message_mib: int = 64
+    chunk_mib: int = 80
+    chunk_messages: int = 150_000
+    message_mib: int = 48
     file_gib: int = 64
     file_ratio: int = 64
 
@@ -104,7 +104,7 @@ def above(amount: str, name: str) -> str:
     Examples
     --------
     >>> above("200,000,000 bytes", "chunk_mib")
-    '200,000,000 bytes, above the limit of 96 MiB (SEACLUTTER_MAX_CHUNK_MIB)'
+    '200,000,000 bytes, above the limit of 80 MiB (SEACLUTTER_MAX_CHUNK_MIB)'
     """
     return f"{amount}, above the limit of {getattr(limits(), name):,} {_UNITS[name]} ({variable(name)})"
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError, MissingExtraError
+from seaclutter_cli.limits import above, limits
 from seaclutter_cli.sources.frame_files.guard import check_size, reading
 from seaclutter_cli.sources.frame_files.las_records import read_records
 from seaclutter_cli.text import count
@@ -136,6 +137,8 @@ def _check_head(file: BinaryIO, size: int) -> None:
 def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:
     """Check the chunk table, the size of a point, and the layers of every chunk."""
     start, point_size = header.offset_to_point_data, header.point_format.size
+    if header.point_count * point_size > limits().file_bytes(size):
+        raise CloudError(f"the points have {above(count(header.point_count * point_size, 'byte'), 'file_ratio')}")
     table = _find_chunk_table(file, start, size)
     _, chunks = _unpack(file, table, "<II")
     if chunks > min(size, header.point_count):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
+from seaclutter_cli.limits import above, limits
 from seaclutter_cli.sources.frame_files.guard import check_size, reading
 from seaclutter_cli.sources.frame_files.tables import parse_rows
 from seaclutter_cli.text import count
@@ -100,6 +101,8 @@ def _decompress(body: memoryview, size: int) -> NDArray[np.uint8]:
     check_size(packed + 8, len(body))
     if unpacked != size or unpacked > packed * _MAX_RATIO:
         raise CloudError(f"the compressed points declare {count(unpacked, 'byte')}, the header {size:,}")
+    if unpacked > limits().file_bytes(packed):
+        raise CloudError(f"the points have {above(count(unpacked, 'byte'), 'file_ratio')}")
     # Read as single bytes: pypcd4 would misread fields of several values and headers of older versions.
     header = _BYTES_HEADER.format(size).encode()
     file: Any = io.BytesIO(b"".join((header, body)))

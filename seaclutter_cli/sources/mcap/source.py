@@ -36,6 +36,7 @@ from seaclutter_cli.text import count
 R = TypeVar("R")
 
 _SMALL = 4 * 2**20
+_MAX_SALVAGED = 20_000
 
 
 class McapSource:
@@ -113,7 +114,7 @@ class McapSource:
         Chunks outside ``[start_ns, end_ns)`` are left out.
         """
         self._reported = set(self.damage)
-        yield from map(_loaded, self._extras)
+        yield from map(_in_memory, self._extras)
         found = 0
         chunks = within(self._chunks, start_ns, end_ns, self._is_counted)
         for message in in_time_order(chunks, self._unpack, self._load, most_waiting(len(self._file))):
@@ -287,7 +288,7 @@ class McapSource:
         """Add the channels of a damaged chunk: without a summary, the rest of the log depends on them."""
         if chunk.header is not None and not self._declares_channels:
             records = memoryview(salvage(chunk.header, self._file))
-            for op, _, start, end, _ in walk(records, lambda *_: None):
+            for op, _, start, end, _ in islice(walk(records, lambda *_: None), _MAX_SALVAGED):
                 self._declared.add(op, records[start:end], chunk.offset, Trust.BROKEN)
 
     def _unpack(self, chunk: McapChunk) -> Buffer:
@@ -331,7 +332,7 @@ class McapSource:
             self.damage.append(damage)
 
 
-def _loaded(extra: Attachment | Metadata) -> Attachment | Metadata:
+def _in_memory(extra: Attachment | Metadata) -> Attachment | Metadata:
     """Return an attachment of usual size with its data in memory, so that it outlives the source."""
     if isinstance(extra, Attachment) and len(extra.data) <= _SMALL:
         return replace(extra, data=bytes(extra.data))

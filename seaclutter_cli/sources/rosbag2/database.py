@@ -12,14 +12,26 @@ from typing import Any
 
 import numpy as np
 
+from seaclutter_cli.limits import limits
 from seaclutter_cli.sources.rosbag2.salvage import BROKEN, find_rows
 
 Row = tuple[int, Any, Any, Any]
-"""Number, time in nanoseconds, topic and data of a message; in a damaged file, only the number has a known type."""
+"""Number, time in nanoseconds, topic and data of a message.
 
-_COLUMNS = "rowid, timestamp, topic_id, data FROM messages"
+Time and topic of a damaged row are None; its data are None, or their size if they are above the limit of a message.
+"""
+
+# Only whole numbers and data within the limit are loaded; larger data are represented by their size.
+_COLUMNS = (
+    "rowid, CASE typeof(timestamp) WHEN 'integer' THEN timestamp END, CASE typeof(topic_id) WHEN 'integer' THEN "
+    "topic_id END, CASE WHEN typeof(data) <> 'blob' THEN NULL WHEN length(data) > {most} THEN length(data) "
+    "ELSE data END FROM messages"
+)
 _ANY_TIME = 2**63 - 1
-_PROBE = "SELECT count(*) FROM sqlite_master"
+_PROBE = "SELECT name FROM sqlite_master LIMIT 1"
+_HANDLER_STEPS = 100_000
+_STEPS_LEAST, _STEPS_PER_BYTE = 10_000_000, 50
+_HEAP_LEAST, _HEAP_MORE = 192 * 2**20, 32 * 2**20
 
 
 def open_database(path: Path, stack: ExitStack) -> sqlite3.Connection:
@@ -50,9 +62,44 @@ def open_database(path: Path, stack: ExitStack) -> sqlite3.Connection:
     return _connect(folder / path.name, "mode=rw", stack)
 
 
+class _GuardedConnection(sqlite3.Connection):
+    """A connection that interrupts statements that take more steps than the size of an intact file explains.
+
+    Pages of a damaged file may refer to one another in circles.
+    """
+
+    def guard(self, size: int) -> None:
+        """Set the limits for a file of ``size`` bytes."""
+        self._most = (_STEPS_LEAST + _STEPS_PER_BYTE * size) // _HANDLER_STEPS
+        self._taken = 0
+        self.set_progress_handler(self._is_endless, _HANDLER_STEPS)
+        heap = max(_HEAP_LEAST, 2 * limits().message_bytes + _HEAP_MORE)
+        for setting in ("trusted_schema = OFF", "mmap_size = 0", f"hard_heap_limit = {heap}"):
+            super().execute(f"PRAGMA {setting}")
+
+    def execute(self, *arguments: Any) -> sqlite3.Cursor:
+        """Execute a statement, and count its steps."""
+        self._taken = 0
+        return super().execute(*arguments)
+
+    def _is_endless(self) -> bool:
+        self._taken += 1
+        return self._taken > self._most
+
+
+def has_table(database: sqlite3.Connection, name: str) -> bool:
+    """Return whether a table exists that only stores data: not a view, not virtual, without computed columns."""
+    query = "SELECT type, rootpage FROM sqlite_master WHERE name = ? COLLATE NOCASE AND type IN ('table', 'view')"
+    found = database.execute(query, (name,)).fetchmany(2)
+    is_stored = len(found) == 1 and found[0][0] == "table" and isinstance(found[0][1], int) and found[0][1] > 0
+    return is_stored and not any(row[6] for row in database.execute(f"PRAGMA table_xinfo({name})"))
+
+
 def _connect(path: Path, options: str, stack: ExitStack) -> sqlite3.Connection:
-    database = sqlite3.connect(f"{path.absolute().as_uri()}?{options}", uri=True, check_same_thread=False)
+    address = f"{path.absolute().as_uri()}?{options}"
+    database = sqlite3.connect(address, uri=True, check_same_thread=False, factory=_GuardedConnection)
     stack.callback(database.close)
+    database.guard(sum(file.stat().st_size for file in (path, path.with_name(path.name + "-wal")) if file.exists()))
     database.text_factory = lambda text: text.decode("utf-8", "replace")
     try:
         database.execute(_PROBE).fetchone()
@@ -102,7 +149,7 @@ def read_rows(
 
 def _in_time_order(database: sqlite3.Connection, bounds: tuple[int, int] | None) -> Iterator[Row]:
     inside, given = ("WHERE timestamp >= ? AND timestamp < ?", bounds) if bounds else ("", ())
-    query = f"SELECT {_COLUMNS} {inside} ORDER BY timestamp, rowid"
+    query = f"SELECT {_columns()} {inside} ORDER BY timestamp, rowid"
     if not any("TEMP B-TREE" in row[3] for row in database.execute(f"EXPLAIN QUERY PLAN {query}", given)):
         return database.execute(query, given)
     # Without an index of the times, sort the numbers only: sorting rows would copy all data to a temporary file.
@@ -111,7 +158,11 @@ def _in_time_order(database: sqlite3.Connection, bounds: tuple[int, int] | None)
 
 
 def _row(database: sqlite3.Connection, number: int) -> sqlite3.Cursor:
-    return database.execute(f"SELECT {_COLUMNS} WHERE rowid = ?", (number,))
+    return database.execute(f"SELECT {_columns()} WHERE rowid = ?", (number,))
+
+
+def _columns() -> str:
+    return _COLUMNS.format(most=limits().message_bytes)
 
 
 def _salvage(

@@ -1,5 +1,6 @@
 """ROS 2 recordings in sqlite3 files, of every schema version of rosbag2."""
 
+import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -7,10 +8,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, Record, Schema
-from seaclutter_cli.sources.rosbag2.compression import unpack_file, unpack_message
-from seaclutter_cli.sources.rosbag2.database import open_database, read_rows
+from seaclutter_cli.sources.rosbag2.compression import is_large, unpack_file, unpack_message
+from seaclutter_cli.sources.rosbag2.database import has_table, open_database, read_rows
 from seaclutter_cli.sources.rosbag2.salvage import BROKEN
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 
@@ -80,17 +82,21 @@ class Db3Source:
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield the messages with log times in ``[start_ns, end_ns)`` in log time order; can be called again."""
         del self.damage[self._at_opening :]
-        lost = 0
+        lost, large, most = 0, 0, limits().message_bytes
         try:
             for _, time_ns, topic, data in read_rows(self._db, self._report, start_ns, end_ns):
-                message = self._message(time_ns, topic, data)
-                if message is None:
-                    lost += 1
-                else:
+                message = self._message(time_ns, topic, data, most)
+                if message is not None:
                     yield message
+                elif is_large(data, most):
+                    large += 1
+                else:
+                    lost += 1
         finally:
             if lost:
                 self._report("messages that are damaged or of unknown topics", lost)
+            if large:
+                self._report(f"messages of {above('more bytes', 'message_mib')}", large)
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the number of messages per channel id before ``start_ns``; empty if damage prevents counting."""
@@ -110,12 +116,12 @@ class Db3Source:
         self.damage += [] if damage is None else [damage]
         return path
 
-    def _message(self, time_ns: Any, topic: Any, data: Any) -> Message | None:
-        """Return the message of a row; None if the row is not valid."""
+    def _message(self, time_ns: Any, topic: Any, data: Any, most: int) -> Message | None:
+        """Return the message of a row; None if the row is not valid, or its data have more than ``most`` bytes."""
         channel = self._channels.get(topic)
         if channel is None or not isinstance(time_ns, int) or time_ns < 0 or not isinstance(data, bytes):
             return None
-        unpacked = unpack_message(data)
+        unpacked = unpack_message(data, most)
         return None if unpacked is None else Message(channel, time_ns, time_ns, 0, unpacked)
 
     def _report(self, problem: str, lost_messages: int | None) -> None:
@@ -124,13 +130,13 @@ class Db3Source:
         self.damage.append(Damage(self._path, None, problem, lost_messages=lost_messages))
 
     def _read_channels(self) -> dict[int, Channel]:
-        columns = {row[1] for row in self._db.execute("PRAGMA table_info(topics)")}
-        if not columns or not self._db.execute("PRAGMA table_info(messages)").fetchall():
+        if not (has_table(self._db, "topics") and has_table(self._db, "messages")):
             raise InputError(f"{self._path}: not a ROS 2 recording: the database has no tables of topics and messages")
+        columns = {row[1] for row in self._db.execute("PRAGMA table_info(topics)")}
         extra = [column for column in _METADATA if column in columns]
         definitions = self._read_definitions()
         channels = {}
-        rows = self._db.execute(f"SELECT {', '.join(('rowid, name, type, serialization_format', *extra))} FROM topics")  # noqa: S608
+        rows = self._texts(f"SELECT {', '.join(('rowid, name, type, serialization_format', *extra))} FROM topics")  # noqa: S608
         for number, *texts in rows:
             topic, typename, encoding, *values = map(str, texts)
             schema = self._schema(topic, _full_name(typename), definitions)
@@ -141,11 +147,27 @@ class Db3Source:
     def _read_definitions(self) -> dict[str, Schema]:
         """Return the message definitions in the file; recorders store them since ROS 2 Iron."""
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY rowid"
+        if not has_table(self._db, "message_definitions"):
+            return {}
         try:
-            rows = self._db.execute(query).fetchall()
+            rows = self._texts(query)
         except BROKEN:
             return {}
         return {row[0]: Schema(row[0], row[1], row[2].encode()) for row in rows if all(map(_is_text, row))}
+
+    def _texts(self, query: str) -> list[tuple[Any, ...]]:
+        """Return the rows of a query, which must not exceed the limit of declarations."""
+        room, rows = limits().message_bytes, []
+        before = self._db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, room)
+        try:
+            for row in self._db.execute(query):
+                room -= CHANNEL_BYTES + sum(len(value) for value in row if isinstance(value, str | bytes))
+                if room < 0:
+                    raise sqlite3.DataError(f"topics and definitions of {above('more bytes', 'message_mib')}")
+                rows.append(row)
+        finally:
+            self._db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, before)
+        return rows
 
     def _schema(self, topic: str, typename: str, definitions: dict[str, Schema]) -> Schema:
         if typename in definitions:

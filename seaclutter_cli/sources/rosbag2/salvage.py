@@ -8,7 +8,7 @@ from contextlib import suppress
 BROKEN = (sqlite3.Error, MemoryError, OverflowError, UnicodeError)
 """Errors that sqlite3 raises on a damaged file."""
 
-_QUERY = "SELECT rowid, timestamp FROM messages NOT INDEXED"
+_QUERY = "SELECT rowid, CASE typeof(timestamp) WHEN 'integer' THEN timestamp END FROM messages NOT INDEXED"
 _MAX_MISSES = 100_000
 
 

@@ -100,22 +100,25 @@ def in_time_order(
 
 
 class _Run:
-    """Waiting messages of a chunk, the next one last; they keep the whole chunk in memory."""
+    """Waiting messages of a chunk, the next one last; they keep the whole chunk in memory until they are copied."""
 
     def __init__(self, messages: list[Message]) -> None:
         self.messages = sorted(messages, key=_log_time)
         self.messages.reverse()
         self.size = sum(map(_size, messages))
-        self._loaded = len(messages)
+        data = messages[0].data
+        # A chunk may contain little besides its messages, or much that nobody needs.
+        self._loaded = max(self.size, memoryview(data.obj).nbytes if isinstance(data, memoryview) else 0)
+        self.compact()
 
     def compact(self) -> int:
-        """Release the chunk if at most half of its messages still wait; return the number of freed bytes."""
-        if 2 * len(self.messages) > self._loaded:
+        """Release the chunk if at most half of its bytes still wait; return the number of freed bytes."""
+        before, waiting = self.size, sum(map(_size, self.messages))
+        if 2 * waiting > self._loaded:
             return 0
-        before = self.size
         self.messages = [replace(message, data=bytes(message.data)) for message in self.messages]
-        self.size, self._loaded = sum(map(_size, self.messages)), len(self.messages)
-        return before - self.size
+        self.size = self._loaded = waiting
+        return before - waiting
 
 
 class _Waiting:

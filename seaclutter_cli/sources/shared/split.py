@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.limits import limits
 from seaclutter_cli.records import Channel, Damage, Message, Record, SensorFacts
 from seaclutter_cli.sources.rosbag2.compression import unpack_file, unpack_message
 from seaclutter_cli.sources.shared.facts import NO_FACTS
@@ -63,6 +64,8 @@ class SplitSource:
         self._open_file = open_file
         self._expected = expected
         self._packed_messages = packed_messages
+        self._most = limits().message_bytes
+        self._packed_damage: dict[Path, Damage] = {}
         self._stack = ExitStack()
         self._current: tuple[Path, Source] | None = None
         self._merged: dict[tuple[Channel, int], Channel] = {}
@@ -139,6 +142,7 @@ class SplitSource:
                     read += 1
                     yield message
             finally:
+                self.damage += [self._packed_damage[file]] if file in self._packed_damage else []
                 self.damage += [replace(damage, path=file) for damage in source.damage]
                 if broken:
                     self.damage.append(Damage(file, None, "damaged compressed messages", lost_messages=broken))
@@ -158,7 +162,9 @@ class SplitSource:
         path = file
         if file.name.lower().endswith(".mcap.zstd"):
             folder = self._stack.enter_context(TemporaryDirectory(prefix="seaclutter-"))
-            path, _ = unpack_file(file, Path(folder))
+            path, damage = unpack_file(file, Path(folder))
+            if damage is not None:
+                self._packed_damage[file] = damage
         source = self._stack.enter_context(closing(self._open_file(path)))
         self._current = (file, source)
         return source
@@ -168,7 +174,7 @@ class SplitSource:
         channel = self._relabelled[file].get(message.channel.id) or self._relabel(file, message.channel)
         if channel.id == message.channel.id and not self._packed_messages:
             return message
-        data = unpack_message(message.data) if self._packed_messages else message.data
+        data = unpack_message(message.data, self._most) if self._packed_messages else message.data
         if data is None:
             return None
         return Message(channel, message.log_time_ns, message.publish_time_ns, message.sequence, data)
