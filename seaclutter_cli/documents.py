@@ -123,9 +123,12 @@ class _Loader(_Base):  # type: ignore[misc]
         if node.tag in (f"{_CORE}int", f"{_CORE}float") and len(node.value) > MAX_NUMBER_CHARACTERS:
             raise _error(f"a number of more than {MAX_NUMBER_CHARACTERS} characters", node)
         try:
-            return super().construct_object(node, deep)
+            value = super().construct_object(node, deep)
         except (ValueError, LookupError) as error:
             raise _wrong_type(node) from error
+        if type(value) is int and not -(2**63) <= value < 2**63:
+            raise _error("a whole number of more than 64 bits", node)
+        return value
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT002
         known: set[Any] = set()

@@ -26,6 +26,7 @@ YAML_VALUES = {
     "an alias of itself": "&a [*a]",
     "3,000 brackets": "[" * 3000 + "]" * 3000,
     "a long number": "9" * 5000,
+    "a number of 65 bits": "9223372036854775808",
     "a long hexadecimal number": "0x" + "f" * 5000,
     "a long number to base 60": "1:" * 3000 + "1",
     "a list as a key": "{[1]: 2}",

@@ -114,6 +114,8 @@ def test_all_problems_are_reported_at_once(load, tmp_path):
         ("filter: {ring_width_m: 20}", "initial_thresholds: expected 3 (10 to 70 m in range rings of 20 m), got 4"),
         ("filter: {start_m: 80}", "end_m (70) must be greater than start_m (80)"),
         ("filter: {ring_width_m: 0.001}", "gives 60000 range rings; the maximum is 250"),
+        ("filter: {ring_width_m: 1.0e-308}", "gives inf range rings; the maximum is 250"),
+        ("filter: {end_m: 1.0e+300}", "gives 6.66666666667e+298 range rings; the maximum is 250"),
         ("filter: {exclude_boxes: [[2, 1, 0, 1, 0, 1]]}", "box 1 has a minimum greater than its maximum"),
         ("filter: {exclude_boxes: [[1, 2, 3]]}", "exclude_boxes.0.3"),
         ("filter: {method: magic}", "unknown method 'magic'; allowed: joint"),

@@ -1,6 +1,7 @@
 """Command line. Each command is a module of this package, imported only when it is called, to keep help fast."""
 
 import io
+import logging
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
@@ -13,7 +14,7 @@ from seaclutter_cli import __version__
 from seaclutter_cli.commands.console import DEBUG, show_each_warning_once
 from seaclutter_cli.commands.interrupts import handle_interrupts
 from seaclutter_cli.commands.lazy import LazyGroup
-from seaclutter_cli.commands.printer import close_output, show, show_error, show_traceback
+from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
 from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
 from seaclutter_cli.text import printable
 
@@ -93,6 +94,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files and topics need not be valid text
     sys.excepthook = show_traceback
+    logging.getLogger().addHandler(LogHandler())
     try:
         cli(windows_expand_args=False)  # the program expands globs itself, alike on all systems
     except BrokenPipeError:

@@ -4,6 +4,7 @@ Names of files, topics and fields and the errors of libraries come from outside.
 receives printable text of bounded length; results as JSON or YAML are printed exactly, and their formats escape.
 """
 
+import logging
 import os
 import re
 import sys
@@ -41,6 +42,14 @@ def show_error(error: Exception) -> None:
 def show_traceback(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
     """Print an error that was not expected, in place of `sys.excepthook`."""
     show("".join(traceback.format_exception(kind, error, trace)).rstrip("\n"), err=True)
+
+
+class LogHandler(logging.Handler):
+    """Handler that prints what libraries log, in place of `logging.lastResort`."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a record as a warning."""
+        show_line(f"Warning: {record.getMessage()} ({record.name})")
 
 
 def show_exactly(text: str, *, err: bool = False) -> None:

@@ -66,10 +66,11 @@ def ring_edges(start_m: float, end_m: float, width_m: float) -> NDArray[np.float
     array([10., 25., 40., 50.])
     """
     # A quotient such as 3.0000000000000004 means three range rings plus a rounding error.
-    count = max(1, math.ceil((end_m - start_m) / width_m - 1e-9))
-    if count > MAX_RINGS:
-        raise ValueError(f"ring_width_m ({width_m:g}) gives {count} range rings; the maximum is {MAX_RINGS}")
-    return np.append(start_m + np.arange(count) * width_m, end_m)
+    rings = (end_m - start_m) / width_m - 1e-9
+    if rings > MAX_RINGS:
+        found = f"{np.ceil(rings):.12g} range rings"
+        raise ValueError(f"ring_width_m ({width_m:g}) gives {found}; the maximum is {MAX_RINGS}")
+    return np.append(start_m + np.arange(max(1, math.ceil(rings))) * width_m, end_m)
 
 
 class Zones:

@@ -1,6 +1,7 @@
 """The way out to the terminal: printable text of bounded length, one line for each error, whatever names contain."""
 
 import json
+import logging
 import os
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ from click.testing import CliRunner
 
 from seaclutter_cli.commands import COMMANDS, cli
 from seaclutter_cli.commands.console import Console
+from seaclutter_cli.commands.printer import LogHandler
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.simulation.marine.scene import builtin_scenes
 from tests.logs import cloud_log
@@ -228,3 +230,8 @@ def test_debug_shows_a_printable_traceback(folder):
     assert done.returncode == 1
     assert done.stderr.startswith("Traceback")
     assert all(line.isprintable() for line in done.stderr.split("\n"))
+
+
+def test_records_that_libraries_log_are_one_line(capsys):
+    LogHandler().handle(logging.LogRecord("library", logging.WARNING, "", 0, "text %s", ("\nLINE\x1b",), None))
+    assert capsys.readouterr().err == "Warning: text \\nLINE\\x1b (library)\n"

@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.hesai.clock import SensorClock
+from seaclutter_cli.sensors.ouster.frame_ids import FrameIdCheck
 from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, read_metadata
 from seaclutter_cli.sensors.ouster.packets import (
     PROFILES,
+    first_columns,
     frame_ids,
     is_data_packet,
     packet_layout,
@@ -42,7 +44,7 @@ class OusterDecoder:
 
     Notes
     -----
-    State: packets of the incomplete revolution, and the clock correction.
+    State: packets of the incomplete revolution, the last packet until its successor is known, and the clock correction.
     """
 
     def __init__(self, metadata: OusterMetadata) -> None:
@@ -59,6 +61,8 @@ class OusterDecoder:
         self._dtype = point_dtype(returns=returns == 2)
         self._clock = SensorClock()
         self._frame_id: int | None = None
+        self._frame_ids = FrameIdCheck(len(self._expected))
+        self._waiting: tuple[int, NDArray[np.uint8], NDArray[np.int64]] | None = None
         self._pending: list[tuple[NDArray[np.uint8], NDArray[np.int64]]] = []
         self._count = 0
         self._is_first = True
@@ -73,17 +77,31 @@ class OusterDecoder:
         valid = valid_packets(data, self._metadata.columns)
         self.facts.bad_packets += int((~valid).sum())
         useful = np.flatnonzero(valid & valid_columns(data).any(axis=1))
-        if len(useful) and self._frame_id is None:
-            self._check_serial(data[useful[0]])
-        ids = frame_ids(data)[useful]
-        for part in np.split(useful, np.flatnonzero(np.diff(ids)) + 1):
+        if len(useful):
+            if self._waiting is None:
+                self._check_serial(data[useful[0]])
+            yield from self._add_valid(packets, data, useful)
+
+    def _add_valid(self, packets: Packets, data: NDArray[np.void], rows: NDArray[np.intp]) -> Iterator[PacketFrame]:
+        """Add the packet that waited for its successor, and those in valid rows but the last, which waits."""
+        ids = frame_ids(data)[rows]
+        intact = self._frame_ids.add(ids, first_columns(data)[rows] // self._metadata.packet_columns)
+        self.facts.bad_packets += int((~intact).sum())
+        if self._waiting is not None:
+            if intact[0]:
+                yield from self._collect(*self._waiting)
+            intact = intact[1:]
+        kept = np.flatnonzero(intact)
+        for part in np.split(kept, np.flatnonzero(np.diff(ids[kept])) + 1):
             if len(part):
-                yield from self._collect(
-                    int(frame_ids(data[part[:1]])[0]), packets.payloads[part], packets.times_ns[part]
-                )
+                yield from self._collect(int(ids[part[0]]), packets.payloads[rows[part]], packets.times_ns[rows[part]])
+        self._waiting = int(ids[-1]), packets.payloads[rows[-1:]], packets.times_ns[rows[-1:]]
 
     def finish(self) -> Iterator[PacketFrame]:
-        """Yield the remaining points as a frame."""
+        """Yield the remaining points as frames."""
+        if self._waiting is not None:
+            yield from self._collect(*self._waiting)
+            self._waiting = None
         if self._pending:
             yield self._complete(is_last=True)
 
@@ -95,7 +113,8 @@ class OusterDecoder:
     ) -> Iterator[PacketFrame]:
         """Collect packets of one revolution, shape (P,); yield the previous revolution."""
         step = 0 if self._frame_id is None else (frame_id - self._frame_id + 0x8000) % 0x10000 - 0x8000
-        if step == -1:
+        if step == -1:  # late packets of the previous revolution
+            self.facts.bad_packets += len(payloads)
             return
         most = 2 * len(self._expected)
         if step and self._pending:
@@ -130,9 +149,7 @@ class OusterDecoder:
     def _count_lost(self, data: NDArray[np.void], *, is_last: bool) -> bool:
         """Count the lost packets of a revolution; return whether the recording begins or ends within it."""
         seen = np.zeros(len(self._expected), bool)
-        offset = valid_columns(data).argmax(axis=1)
-        ids = data["columns"]["id"][np.arange(len(data)), offset].astype(np.int64)
-        seen[(ids - offset) // self._metadata.packet_columns] = True
+        seen[first_columns(data) // self._metadata.packet_columns] = True
         missing = np.flatnonzero(self._expected & ~seen)
         first, last = np.flatnonzero(seen)[[0, -1]]
         before = missing < first if self._is_first else np.zeros(len(missing), bool)

@@ -95,6 +95,12 @@ def valid_columns(packets: NDArray[np.void]) -> NDArray[np.bool_]:
     return np.asarray(status == 0xFFFFFFFF if status.dtype.itemsize == 4 else status & 1 == 1)
 
 
+def first_columns(packets: NDArray[np.void]) -> NDArray[np.int64]:
+    """Return the id of the first column of each packet, shape (P,), according to its first valid column."""
+    at = valid_columns(packets).argmax(axis=1)
+    return np.asarray(packets["columns"]["id"][np.arange(len(packets)), at].astype(np.int64) - at)
+
+
 def valid_packets(packets: NDArray[np.void], columns: int) -> NDArray[np.bool_]:
     """Return which packets, shape (P,), are valid: consecutive column ids, measured within one second.
 

@@ -14,6 +14,9 @@ from seaclutter_cli.sources.pcap.records import BATCH, MAX_PACKET, Records
 from seaclutter_cli.sources.shared.log_file import LogFile, unpack
 
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
+_OTHER_KINDS = frozenset((*range(4, 12), 0xBAD, 0x40000BAD))
+"""Blocks without packets: names, statistics, decryption secrets, custom ones."""
+_LOCAL_KINDS = 0x80000000
 _KINDS = (_SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET)
 _ORDER = {bytes.fromhex("1a2b3c4d"): ">", bytes.fromhex("4d3c2b1a"): "<"}
 _RESOLUTION, _TIME_OFFSET = 9, 14
@@ -148,6 +151,8 @@ class PcapngReader:
                 self._interfaces = []
             elif kind == _INTERFACE and room >= 8:
                 self._interfaces.append(self._read_interface(body, room))
+            elif kind < _LOCAL_KINDS and kind not in _OTHER_KINDS:
+                self._note(offset, "a block of an unknown kind", length)
             return None
         start = body + (4 if kind == _SIMPLE_PACKET else 20)
         if number >= len(self._interfaces) or captured > min(MAX_PACKET, offset + length - 4 - start):

@@ -150,12 +150,18 @@ class CaptureSurvey:
             self._calibrated.add(sensor)
 
     def damaged_flows(self) -> list[Flow]:
-        """Return flows of few data packets; these are probably damaged packets of another flow."""
-        most: dict[tuple[str | None, int], int] = defaultdict(int)
+        """Return flows of few packets, which are probably damaged packets of other flows.
+
+        They look like data packets but have another address, or have the addresses but another length.
+        """
+        most: dict[tuple[str | None, int] | str, int] = defaultdict(int)
         for flow in self.flows.values():
-            most[flow.family, flow.length] = max(most[flow.family, flow.length], flow.count)
-        few = [flow for flow in self.flows.values() if flow.count < _FEW and flow.samples and not flow.calibrations]
-        return [flow for flow in few if flow.count * 100 < most[flow.family, flow.length]]
+            if flow.family is not None:
+                most[flow.family, flow.length] = max(most[flow.family, flow.length], flow.count)
+                most[flow.ends] = max(most[flow.ends], flow.count)
+        few = [flow for flow in self.flows.values() if flow.count < _FEW and not flow.calibrations]
+        like = [(flow, (flow.family, flow.length) if flow.samples else flow.ends) for flow in few]
+        return [flow for flow, key in like if flow.count * 100 < most[key]]
 
     def sensors(self) -> list[CapturedSensor]:
         """Return the sensors, sorted by address, port and family."""

@@ -24,6 +24,7 @@ from seaclutter_cli.text import count
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _MAX_WAITING = 16
+_LATEST_NS = (2**31 - 1) * 10**9
 _SHOWN_FLOWS = 5
 _WINDOW = 4 * 2**20
 
@@ -264,7 +265,7 @@ class _Merge:
         )
         frame, channel = self._waiting[number].popleft(), self._channels[number]
         self._sequence[number] += 1
-        stamp_ns = max(frame.stamp_ns, 0)
+        stamp_ns = min(max(frame.stamp_ns, 0), _LATEST_NS)  # beyond, the recorded time is damaged
         cloud = from_array(frame.points, stamp_ns=stamp_ns, height=frame.height)
         return Message(channel, stamp_ns, stamp_ns, self._sequence[number] - 1, CODECS[_TYPE, "cdr"].encode(cloud))
 

@@ -235,6 +235,28 @@ def test_lost_packets_are_counted_and_their_revolution_is_not_partial(write_meta
     assert [frame.partial for frame in frames] == [False] * 3
 
 
+@pytest.mark.parametrize("batch", [1, 3, 100])
+@pytest.mark.parametrize("frame_id", [6, 8, 300, 40_000])
+@pytest.mark.parametrize("profile", ["LEGACY", "RNG15_RFL8_NIR8"])
+def test_a_damaged_frame_id_loses_one_packet(write_metadata, profile, frame_id, batch):
+    """The revolution goes on after it, whatever the id."""
+    packets, path = make_packets(profile, frames=(6, 7, 8)), write_metadata(profile)
+    expected, _ = decode(without(packets, 5), path)
+    at = 10 if profile == "LEGACY" else 2
+    packets.payloads[5, at : at + 2] = np.frombuffer(struct.pack("<H", frame_id), np.uint8)
+    frames, facts = decode(packets, path, batch)
+    assert_same(frames, expected)
+    assert (facts.bad_packets, facts.lost_packets) == (1, 1)
+
+
+def test_late_packets_are_counted(write_metadata):
+    packets = make_packets(frames=(6, 7))
+    order = [0, 1, 4, 5, 2, 3, 6, 7]
+    frames, facts = decode(Packets(packets.times_ns[order], packets.payloads[order]), write_metadata())
+    assert len(frames) == 2
+    assert (facts.bad_packets, facts.lost_packets) == (2, 2)
+
+
 def test_lost_revolutions_are_counted(write_metadata):
     assert decode(make_packets(frames=(65534, 65535, 65538)), write_metadata())[1].lost_packets == 8
 

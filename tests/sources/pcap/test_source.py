@@ -230,6 +230,40 @@ class TestDamage:
         assert [(item.offset, item.lost_bytes) for item in source.damage] == [(at, 99)]
         assert sum(cloud.size for cloud in clouds["/points"]) == 75 * 12 * 32
 
+    @pytest.mark.parametrize("kind", [7 << 24 | 6, 12, 0x106])
+    def test_a_damaged_kind_in_pcapng(self, tmp_path, kind):
+        blocks = [enhanced(time // 1000, packet) for time, packet in frames(ROWS)]
+        head = section() + interface()
+        blocks[5] = struct.pack("<I", kind) + blocks[5][4:]
+        source, clouds = read(tmp_path / "log.pcapng", head + b"".join(blocks))
+        at = len(head) + sum(map(len, blocks[:5]))
+        assert [(item.offset, item.lost_bytes) for item in source.damage] == [(at, len(blocks[5]))]
+        assert sum(cloud.size for cloud in clouds["/points"]) == 74 * 12 * 32
+
+    @pytest.mark.parametrize("kind", [4, 5, 10, 0xBAD, 0x80000001])
+    def test_blocks_without_packets_in_pcapng_are_no_damage(self, tmp_path, kind):
+        blocks = [enhanced(time // 1000, packet) for time, packet in frames(ROWS)]
+        blocks.insert(5, struct.pack("<II8xI", kind, 20, 20))
+        source, _ = read(tmp_path / "log.pcapng", section() + interface() + b"".join(blocks))
+        assert source.damage == []
+
+    def test_a_damaged_length_of_a_datagram(self, tmp_path):
+        rows = captures.sensor_packets(300)
+        records = frames(rows)
+        at = records[50][1].index(struct.pack(">HHH", 6699, 6699, 1256))
+        packet = bytearray(records[50][1])
+        packet[at + 4 : at + 6] = struct.pack(">H", 1000)
+        records[50] = records[50][0], bytes(packet)
+        source, clouds = read(tmp_path / "log.pcap", pcap(records))
+        assert [item.lost_bytes for item in source.damage] == [992]
+        assert sum(cloud.size for cloud in clouds["/points"]) == 299 * 12 * 32
+
+    def test_a_time_beyond_those_of_messages(self, tmp_path):
+        rows = [(time + 3_000_000_000 * 10**9, data, port) for time, data, port in captures.sensor_packets(75)]
+        records = [(min(time, (2**32 - 1) * 10**9), packet) for time, packet in frames(rows)]
+        _, clouds = read(tmp_path / "log.pcap", pcap(records))
+        assert sum(cloud.size for cloud in clouds["/points"]) == 75 * 12 * 32
+
     @pytest.mark.parametrize("form", ["pcap", "pcapng"])
     def test_cut_at_every_byte_of_the_last_packets(self, tmp_path, form):
         records = frames(captures.sensor_packets(6))
