@@ -5,13 +5,14 @@ import os
 import sys
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import click
 
 from seaclutter_cli import __version__
 from seaclutter_cli.commands.console import DEBUG, show_error, show_renamed
-from seaclutter_cli.commands.interrupts import handle_interrupts
+from seaclutter_cli.commands.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
 
@@ -46,7 +47,9 @@ class _Program(LazyGroup):
             show_error(error)
             ctx.exit(error.exit_code)
         except KeyboardInterrupt:
-            click.echo("\nInterrupted; the output of the unfinished recording was removed.", err=True)
+            ignore_interrupts()
+            with suppress(OSError):  # a hang-up closes the terminal
+                click.echo("\nInterrupted; the output of the unfinished recording was removed.", err=True)
             ctx.exit(1)
 
 
@@ -66,13 +69,17 @@ def cli() -> None:
 
 def main() -> None:
     """Run the program."""
-    handle_interrupts()
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # names of files and topics need not be valid text
     try:
+        handle_interrupts()
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")  # names of files and topics need not be valid text
         cli(windows_expand_args=False)  # the program expands globs itself, alike on all systems
     except BrokenPipeError:
         # The reader of the pipe has closed it, as in `seaclutter info … | head`.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except KeyboardInterrupt:
+        sys.exit(1)
+    finally:
+        ignore_interrupts()
