@@ -1,5 +1,6 @@
 """Text output: printable names, tables, counts and percentages."""
 
+import os
 from collections.abc import Sequence
 
 
@@ -12,6 +13,17 @@ def printable(text: str) -> str:
     inten\nity, é
     """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def named_folder(path: str | os.PathLike[str]) -> bool:
+    """Return whether a path is written as that of a folder, with a slash at its end.
+
+    Examples
+    --------
+    >>> named_folder("filtered/"), named_folder("filtered.mcap")
+    (True, False)
+    """
+    return os.fspath(path).endswith((os.sep, "/"))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
