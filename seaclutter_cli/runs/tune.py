@@ -96,6 +96,8 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     result = TuningResult(options.sweeps, variants, comparison.outcomes)
     if may_appear(options.targets.values(), result.outcomes, observer):
         write_files(_files(result, history, options))
+        if options.output and not result.best:
+            observer.warn(f"{options.output}: not written, because no frame is labelled")
     return result
 
 
