@@ -1,5 +1,6 @@
 """Text output: printable names, tables, counts and percentages."""
 
+import os
 from collections.abc import Sequence
 
 _CELL_CHARACTERS = 200
@@ -28,6 +29,17 @@ def shortened(text: str, limit: int) -> str:
     """
     end = (limit - 1) // 2
     return text if len(text) <= limit else f"{text[: limit - 1 - end]}…{text[-end:]}"
+
+
+def named_folder(path: str | os.PathLike[str]) -> bool:
+    """Return whether a path is written as that of a folder, with a slash at its end.
+
+    Examples
+    --------
+    >>> named_folder("filtered/"), named_folder("filtered.mcap")
+    (True, False)
+    """
+    return os.fspath(path).endswith((os.sep, "/"))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

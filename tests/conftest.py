@@ -1,7 +1,10 @@
 """Settings for all tests."""
 
+import io
 import signal
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 # The same examples in every run, without a deadline, so that results do not depend on randomness or machine load.
@@ -14,3 +17,19 @@ settings.load_profile("same")
 # Background jobs of a shell ignore SIGINT, and so would the programs that tests start and interrupt.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def full_disk(monkeypatch):
+    """Let output files be on a full disk; without one, skip the test."""
+    if not Path("/dev/full").exists():
+        pytest.skip("there is no /dev/full")
+    from seaclutter_cli.sinks import atomic
+
+    class OnFullDisk(atomic._PartFile):
+        def __init__(self, part, target):
+            part.touch()
+            io.FileIO.__init__(self, "/dev/full", "wb")
+            self._target = target
+
+    monkeypatch.setattr(atomic, "_PartFile", OnFullDisk)

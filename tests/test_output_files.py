@@ -67,12 +67,11 @@ def test_a_disk_too_full_for_the_table(tmp_path, small_disk):
     assert not [name for name in names_in(tmp_path) if name.endswith(".part")]
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full")  # noqa: PTH110
+@pytest.mark.usefixtures("full_disk")
 def test_a_full_device(tmp_path, logs):
     log, folder = tmp_path / "log.mcap", tmp_path / "out"
     log.write_bytes(logs["zstd"])
     folder.mkdir()
-    (folder / f".out.mcap.{os.getpid()}.part").symlink_to("/dev/full")
     result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(folder / "out.mcap")])
     assert result.exit_code == 1
     assert result.stderr == f"Error: {folder / 'out.mcap'}: the disk is full; the incomplete file was removed\n"
@@ -111,7 +110,7 @@ def long_log(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_an_interrupted_run(tmp_path, long_log, name):
     folder = tmp_path / "out"

@@ -91,7 +91,7 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
         csv_file=path_or_none(csv_file),
         force=force,
     )
-    return filter_logs(logs, Path(output), options, run_observer(observer, keep_going=keep_going))
+    return filter_logs(logs, output, options, run_observer(observer, keep_going=keep_going))
 
 
 def calibrate(  # noqa: PLR0913 - each an option of its own

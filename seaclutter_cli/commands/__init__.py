@@ -5,14 +5,14 @@ import logging
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import click
 
 from seaclutter_cli import __version__
 from seaclutter_cli.commands.console import DEBUG, show_each_warning_once
-from seaclutter_cli.commands.interrupts import handle_interrupts
+from seaclutter_cli.commands.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
 from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
@@ -68,8 +68,10 @@ def _reported_errors() -> Iterator[None]:
         show_error(error)
         raise click.exceptions.Exit(getattr(error, "exit_code", 1)) from error
     except KeyboardInterrupt as interrupt:
+        ignore_interrupts()
         removed = "; incomplete output was removed" if hasattr(interrupt, "__notes__") else ""
-        show(f"\nInterrupted{removed}.", err=True)
+        with suppress(OSError):  # a hang-up closes the terminal
+            show(f"\nInterrupted{removed}.", err=True)
         raise click.exceptions.Exit(1) from interrupt
 
 
@@ -89,15 +91,18 @@ def cli() -> None:
 
 def main() -> None:
     """Run the program."""
-    handle_interrupts()
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # names of files and topics need not be valid text
     sys.excepthook = show_traceback
     logging.getLogger().addHandler(LogHandler())
     try:
+        handle_interrupts()
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")  # names of files and topics need not be valid text
         cli(windows_expand_args=False)  # the program expands globs itself, alike on all systems
     except BrokenPipeError:
         sys.exit(1)  # the reader of the pipe has closed it, as in `seaclutter info … | head`
+    except KeyboardInterrupt:
+        sys.exit(1)
     finally:
+        ignore_interrupts()
         close_output()

@@ -12,7 +12,7 @@ from seaclutter_cli.commands.options import (
     grouped,
     label_options,
     logs_argument,
-    path_option,
+    output_option,
     reading_options,
 )
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.calibrate import CalibrateOptions
 
 _OPTIONS = (
-    path_option("-o", "--output", metavar="CONFIG", required=True, help="Configuration file to write, for filter -c."),
+    output_option("-o", "--output", metavar="CONFIG", required=True, help="Configuration to write, for filter -c."),
     force_option,
     click.option(
         "--filter-rate",
@@ -35,7 +35,7 @@ _OPTIONS = (
         is_flag=True,
         help="Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES.",
     ),
-    path_option("--plot", "plot_file", help="Also plot clutter and thresholds over range (.png or .svg)."),
+    output_option("--plot", "plot_file", help="Also plot clutter and thresholds over range (.png or .svg)."),
     label_options(required=False),
     config_options,
     reading_options,

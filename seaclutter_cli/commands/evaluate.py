@@ -12,7 +12,7 @@ from seaclutter_cli.commands.options import (
     label_options,
     logs_argument,
     methods_options,
-    path_option,
+    output_option,
     reading_options,
 )
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 _OPTIONS = (
     label_options(required=True),
-    path_option(
+    output_option(
         "-o",
         "--output",
         "frames_file",
         metavar="FRAMES.csv",
         help="Write a table with a row for each frame and method.",
     ),
-    path_option("--summary", "summary_file", metavar="FILE.json", help="Write all results as JSON."),
+    output_option("--summary", "summary_file", metavar="FILE.json", help="Write all results as JSON."),
     force_option,
     methods_options,
     click.option(

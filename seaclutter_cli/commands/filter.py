@@ -1,6 +1,5 @@
 """``seaclutter filter``: filtered copies of logs."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -13,7 +12,8 @@ from seaclutter_cli.commands.options import (
     grouped,
     label_options,
     logs_argument,
-    path_option,
+    output_option,
+    output_or_folder_option,
     reading_options,
 )
 
@@ -50,7 +50,7 @@ _OPTIONS = (
     force_option,
     config_options,
     reading_options,
-    path_option("--csv", "csv_file", help="Also write a table with a row for each frame."),
+    output_option("--csv", "csv_file", help="Also write a table with a row for each frame."),
     grouped("written", "sinks:McapOptions", _WRITTEN),
     click.option("--with-scene", is_flag=True, help="Write boxes around clusters to /seaclutter/scene, for 3D panels."),
     label_options(required=False),
@@ -59,10 +59,10 @@ _OPTIONS = (
 
 @click.command(name="filter", short_help="Filter logs into drop-in MCAP files.")
 @logs_argument
-@path_option("-o", "--output", metavar="OUT", required=True, help="File for one recording, folder for several.")
+@output_or_folder_option("File for one recording; folder for several, or with a slash at its end.")
 @grouped("options", "runs.filter:FilterOptions", _OPTIONS)
 @console_options
-def command(logs: tuple[str, ...], output: Path, options: "FilterOptions", console: Console) -> None:
+def command(logs: tuple[str, ...], output: str, options: "FilterOptions", console: Console) -> None:
     """Filter each frame of LOGS and write filtered MCAP files.
 
     LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs. Every

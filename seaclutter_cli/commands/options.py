@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 import click
 
 from seaclutter_cli.commands.console import DEBUG
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.text import named_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 Option = Callable[[Any], Any]
@@ -54,6 +56,26 @@ def grouped(name: str, kind: str, options: Sequence[Option]) -> Option:
 def path_option(*names: str, metavar: str = "FILE", required: bool = False, help: str) -> Option:  # noqa: A002 - as in click
     """Return an option that takes a path."""
     return click.option(*names, type=click.Path(path_type=Path), metavar=metavar, required=required, help=help)
+
+
+class _OutputFile(click.Path):
+    """Path of a file to write."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if named_folder(value):
+            option = param.opts[0] if param else "the option"
+            raise UsageError(f"{value}: names a folder by the slash at its end; {option} takes a file")
+        return super().convert(value, param, ctx)
+
+
+def output_option(*names: str, metavar: str = "FILE", required: bool = False, help: str) -> Option:  # noqa: A002 - as in click
+    """Return an option that takes the path of a file to write."""
+    return click.option(*names, type=_OutputFile(path_type=Path), metavar=metavar, required=required, help=help)
+
+
+def output_or_folder_option(text: str) -> Option:
+    """Return the option for a file or a folder, as text: a slash at its end means a folder."""
+    return click.option("-o", "--output", type=click.Path(), metavar="OUT", required=True, help=text)
 
 
 def _remember_debug(context: click.Context, _: click.Parameter, value: bool) -> None:

@@ -12,6 +12,7 @@ from seaclutter_cli.commands.options import (
     label_options,
     logs_argument,
     methods_options,
+    output_option,
     path_option,
     reading_options,
 )
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.report import ReportOptions
 
 _OPTIONS = (
-    path_option(
+    output_option(
         "-o",
         "--output",
         metavar="REPORT.html",

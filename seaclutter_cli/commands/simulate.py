@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from seaclutter_cli.commands.console import Console
-from seaclutter_cli.commands.options import console_options, force_option, grouped, path_option
+from seaclutter_cli.commands.options import console_options, force_option, grouped, output_option
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.simulation import SimulateOptions
@@ -29,13 +29,13 @@ _OPTIONS = (
         help="Random seed; overrides the scene. 1 by default for a layout.",
     ),
     click.option("--lidar", metavar="NAME", help="Lidar model; overrides the scene."),
-    path_option("--scene-file", metavar="YAML", help="Save the scene as an editable file."),
+    output_option("--scene-file", metavar="YAML", help="Save the scene as an editable file."),
 )
 
 
 @click.command(name="simulate", short_help="Simulate a labelled lidar recording of a scene.")
 @click.argument("scene")
-@path_option("-o", "--output", metavar="LOG.mcap", required=True, help="Recording to write; .las or .laz for a tile.")
+@output_option("-o", "--output", metavar="LOG.mcap", required=True, help="Recording to write; .las or .laz for a tile.")
 @grouped("options", "runs.simulation:SimulateOptions", _OPTIONS)
 @console_options
 def command(scene: str, output: Path, options: "SimulateOptions", console: Console) -> None:

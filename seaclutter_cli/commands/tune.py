@@ -12,7 +12,7 @@ from seaclutter_cli.commands.options import (
     grouped,
     label_options,
     logs_argument,
-    path_option,
+    output_option,
     reading_options,
 )
 
@@ -38,10 +38,10 @@ _OPTIONS = (
         callback=_sweeps,
         help="Filter key and values to try: V1,V2,... or START:STOP:STEP. Repeatable, for all combinations.",
     ),
-    path_option("-o", "--output", metavar="CONFIG.yaml", help="Write the configuration with the best values."),
-    path_option("--csv", "csv_file", help="Write a table with a row for each combination."),
-    path_option("--plot", "curve_file", help="Plot the rates over the values of a single --sweep (.png or .svg)."),
-    path_option(
+    output_option("-o", "--output", metavar="CONFIG.yaml", help="Write the configuration with the best values."),
+    output_option("--csv", "csv_file", help="Write a table with a row for each combination."),
+    output_option("--plot", "curve_file", help="Plot the rates over the values of a single --sweep (.png or .svg)."),
+    output_option(
         "--plot-thresholds",
         "thresholds_file",
         help="Plot the threshold of a range ring over the frames for each combination and the ideal one (.png, .svg).",

@@ -11,7 +11,7 @@ from seaclutter_cli.commands.options import (
     grouped,
     label_options,
     logs_argument,
-    path_option,
+    output_option,
     reading_options,
 )
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.view import ViewOptions
 
 _OPTIONS = (
-    path_option(
+    output_option(
         "--save",
         "target",
         metavar="FILE.rrd",

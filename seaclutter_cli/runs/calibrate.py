@@ -23,7 +23,7 @@ from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, inputs_of, write_files
+from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import (
     Logs,
     ReadOptions,
@@ -100,7 +100,13 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
     recordings = expand(logs)
     if options.plot_file:
         check_target(options.plot_file)
-    check_outputs([options.output, options.plot_file], inputs_of(recordings), options.labels.paths, force=options.force)
+    prepare_outputs(
+        {"-o": options.output, "--plot": options.plot_file},
+        inputs_of(recordings, options.reading, options.config.file, [config]),
+        options.labels.paths,
+        force=options.force,
+        observer=observer,
+    )
     labels = options.labels.open(recordings)
     pass_ = _Pass(config, options, observer)
     for recording, own in zip(recordings, labels, strict=True):

@@ -18,7 +18,7 @@ from seaclutter_cli.runs.frame_table import FrameTable
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, inputs_of
+from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import (
     Logs,
     ReadOptions,
@@ -31,7 +31,7 @@ from seaclutter_cli.runs.recordings import (
 )
 from seaclutter_cli.runs.sensor_match import mismatches
 from seaclutter_cli.selection import cloud_channels, was_filtered
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import printable
 
@@ -87,15 +87,19 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
     overrides = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
     evaluator = Evaluator(options.methods.variants(*overrides), options.reading, observer)
     recordings = expand(logs)
-    targets = [options.frames_file, options.summary_file]
-    check_outputs(targets, inputs_of(recordings), options.labels.paths, force=options.force)
+    targets = {"-o": options.frames_file, "--summary": options.summary_file}
+    inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in evaluator.variants])
+    prepare_outputs(targets, inputs, options.labels.paths, force=options.force, observer=observer)
     labels = options.labels.open(recordings)
-    with ExitStack() as stack:
-        tables = [stack.enter_context(FrameTable(options.frames_file))] if options.frames_file else []
-        summary = stack.enter_context(AtomicFile(options.summary_file)) if options.summary_file else None
-        comparison = evaluator.compare(recordings, labels, tables=tables)
-        if summary:
-            summary.stream.write(json.dumps(comparison.as_dict(), indent=2).encode() + b"\n")
+    with OutputGroup() as files:
+        with ExitStack() as stack:
+            tables = [stack.enter_context(FrameTable(options.frames_file, files))] if options.frames_file else []
+            summary = stack.enter_context(AtomicFile(options.summary_file, files)) if options.summary_file else None
+            comparison = evaluator.compare(recordings, labels, tables=tables)
+            if summary:
+                summary.stream.write(json.dumps(comparison.as_dict(), indent=2).encode() + b"\n")
+        if not may_appear(targets.values(), comparison.outcomes, observer):
+            files.discard()
     return comparison
 
 

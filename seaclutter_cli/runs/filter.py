@@ -14,9 +14,10 @@ from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, inputs_of, plan_outputs
+from seaclutter_cli.runs.outputs import inputs_of, may_appear, plan_outputs, prepare_outputs
 from seaclutter_cli.runs.recordings import (
     Logs,
+    PathLike,
     ReadOptions,
     expand,
     expected_frames,
@@ -27,6 +28,7 @@ from seaclutter_cli.runs.recordings import (
 from seaclutter_cli.runs.sensor_match import mismatches
 from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import count, printable, share
 
@@ -64,15 +66,15 @@ class FilterOptions:
     force: bool = False
 
 
-def filter_logs(logs: Logs, output: Path, options: FilterOptions, observer: Observer = SILENT) -> FilterSummary:
+def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> FilterSummary:
     """Filter every recording into an MCAP file.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Files, folders or globs.
-    output : Path
-        File for one recording, folder for several.
+    output : path
+        File for one recording, folder for several or if it is a `str` that ends in a slash.
     options : FilterOptions
         Method, input and output files.
     observer : Observer, optional
@@ -88,12 +90,20 @@ def filter_logs(logs: Logs, output: Path, options: FilterOptions, observer: Obse
     if options.labels.paths and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
     targets = plan_outputs(recordings, output)
+    inputs = inputs_of(recordings, options.reading, options.config.file, [one.config])
+    outputs = {"-o": targets, "--csv": options.csv_file}
+    prepare_outputs(outputs, inputs, options.labels.paths, force=options.force, observer=observer)
     labels = options.labels.open(recordings)
-    check_outputs([*targets, options.csv_file], inputs_of(recordings), options.labels.paths, force=options.force)
-    with ExitStack() as stack:
-        tables = [stack.enter_context(one.table(options.csv_file))] if options.csv_file else []
-        chosen = zip(recordings, targets, labels, strict=True)
-        return FilterSummary([one.run(recording, target, tables, truth) for recording, target, truth in chosen])
+    with OutputGroup() as files:
+        with ExitStack() as stack:
+            # A single log appears together with the table. Of several, each appears when it is complete.
+            logs_written = stack.enter_context(OutputGroup(files)) if len(targets) == 1 else None
+            tables = [stack.enter_context(one.table(options.csv_file, files))] if options.csv_file else []
+            chosen = zip(recordings, targets, labels, strict=True)
+            outcomes = [one.run(*each, tables, logs_written) for each in chosen]
+        if not may_appear([options.csv_file], outcomes, observer):
+            files.discard()
+    return FilterSummary(outcomes)
 
 
 class RecordingFilter:
@@ -108,19 +118,24 @@ class RecordingFilter:
     """
 
     def __init__(self, options: FilterOptions, observer: Observer) -> None:
-        self._options, self._config, self._observer = options, options.config.load(), observer
+        self._options, self.config, self._observer = options, options.config.load(), observer
 
-    def table(self, path: Path) -> CsvSink:
+    def table(self, path: Path, group: OutputGroup | None = None) -> CsvSink:
         """Return a table for the frames of all recordings."""
-        return CsvSink(
-            path, len(self._config.ring_edges[1:]), scenes=self._config.has_scenes, water=self._config.has_water
-        )
+        config = self.config
+        rings = len(config.ring_edges[1:])
+        return CsvSink(path, rings, scenes=config.has_scenes, water=config.has_water, group=group)
 
     def run(
-        self, recording: Recording, target: Path, tables: Sequence[Sink] = (), labels: Labels | None = None
+        self,
+        recording: Recording,
+        target: Path,
+        labels: Labels | None = None,
+        tables: Sequence[Sink] = (),
+        group: OutputGroup | None = None,
     ) -> FilterOutcome:
-        """Filter a recording into a file; store an error in the outcome."""
-        config = self._config
+        """Filter a recording into a file, which appears with a group or by itself; store an error in the outcome."""
+        config = self.config
         outcome = FilterOutcome(
             recording=recording.name, output=target, edges=config.ring_edges, has_water=config.has_water
         )
@@ -128,28 +143,35 @@ class RecordingFilter:
             storing_errors(outcome, self._observer),
             opened(recording, self._options.reading, self._observer, outcome) as source,
         ):
-            self._stream(source, outcome, tables, labels)
+            self._stream(source, outcome, tables, labels, group)
         return outcome
 
-    def _stream(self, source: Source, outcome: FilterOutcome, tables: Sequence[Sink], labels: Labels | None) -> None:
+    def _stream(
+        self,
+        source: Source,
+        outcome: FilterOutcome,
+        tables: Sequence[Sink],
+        labels: Labels | None,
+        group: OutputGroup | None,
+    ) -> None:
         selection = self._options.reading.selection
         clouds = cloud_channels(source, selection.topics)
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose one with -t")
-        if self._config.method != "none" and was_filtered(source, selection.topics):
+        if self.config.method != "none" and was_filtered(source, selection.topics):
             self._observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
-        self._observer.note(f"{source.name}: {source.format}, method {self._config.method} on {named}", detail=True)
-        checks = {topic: checks_of(self._config) for topic in topics}
+        self._observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
+        checks = {topic: checks_of(self.config) for topic in topics}
         with (
             self._observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
-            McapSink(outcome.output, self._written(labels)) as sink,
+            McapSink(outcome.output, self._written(labels), group) as sink,
         ):
             on_result = self._result_callback(checks, step)
-            outcome.topics = run(source, self._config.make_filter, [sink, *tables], selection, on_result)
+            outcome.topics = run(source, self.config.make_filter, [sink, *tables], selection, on_result)
             require_frames(source, outcome.frames)
-        for text in mismatches(self._config.sensor, source):
+        for text in mismatches(self.config.sensor, source):
             self._observer.warn(text)
         for topic, tally in outcome.topics.items():
             unfit = [check.warning() for check in checks[topic]]
@@ -167,16 +189,16 @@ class RecordingFilter:
         return on_result
 
     def _written(self, labels: Labels | None) -> McapOptions:
-        written = replace(self._options.written, config=self._config.to_yaml(), water=self._config.has_water)
+        written = replace(self._options.written, config=self.config.to_yaml(), water=self.config.has_water)
         if not self._options.with_scene:
             return written
         from seaclutter_cli.reporting.scene import scene_maker
 
-        return replace(written, scene=scene_maker(self._config.evaluation, labels))
+        return replace(written, scene=scene_maker(self.config.evaluation, labels))
 
     def _no_water(self, tally: TopicTally) -> str | None:
         """Return a warning if nearly all frames of a topic are without the water that the method needs."""
-        if not (self._config.has_water and tally.points_in) or tally.water_frames > _FEW_WATER * tally.frames:
+        if not (self.config.has_water and tally.points_in) or tally.water_frames > _FEW_WATER * tally.frames:
             return None
         without = f"{tally.frames - tally.water_frames:,} of {count(tally.frames, 'frame')}"
         return f"no water seen in {without}; heights are then unknown, and every object that stays is kept"

@@ -12,7 +12,7 @@ from typing import Self
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 
 _COLUMNS = ("recording", "method", "frame", "stamp_ns", *ALARM_COLUMNS)
 _UNKNOWN = b"," * len(POINT_COLUMNS) + b"\n"
@@ -29,12 +29,14 @@ class FrameTable(AbstractContextManager["FrameTable"]):
     ----------
     path : Path
         The file; it is created when the context exits without an error.
+    group : OutputGroup, optional
+        Files that appear together with this one.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, group: OutputGroup | None = None) -> None:
         self._path = path
         with ExitStack() as stack:
-            self._file = stack.enter_context(AtomicFile(path))
+            self._file = stack.enter_context(AtomicFile(path, group))
             self._lines = stack.enter_context(tempfile.TemporaryFile())
             self._stack = stack.pop_all()
         self._complete = 0

@@ -1,20 +1,31 @@
-"""Paths of output files: planning, checking and writing."""
+"""Output files of a run: planning them, checking them against each other and the input, and writing them."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
+from seaclutter_cli.config import Config, ConfigSource
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.sinks.atomic import AtomicFile
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.recordings import Outcome, PathLike, ReadOptions
+from seaclutter_cli.runs.same_file import Identity, files_in, identity
+from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.sinks.parts import remove_stale
+from seaclutter_cli.sources import SOURCES, Recording
+from seaclutter_cli.text import count, named_folder
+
+Paths = Mapping[str, Path | Iterable[Path] | None]
+"""Paths by the option that gives them."""
 
 
-def is_folder(output: Path, outputs: int) -> bool:
+def is_folder(output: PathLike, outputs: int) -> bool:
     """Return whether a path denotes a folder for outputs and not a single output file."""
-    return outputs > 1 or output.is_dir() or str(output).endswith((os.sep, "/"))
+    return outputs > 1 or named_folder(output) or os.path.isdir(output)  # noqa: PTH112 - false if the name is too long
 
 
-def plan_outputs(recordings: Sequence[Recording], output: Path) -> list[Path]:
+def plan_outputs(recordings: Sequence[Recording], output: PathLike) -> list[Path]:
     """Return the output file of each recording: ``output`` itself for one, files in it for several.
 
     Raises
@@ -22,13 +33,14 @@ def plan_outputs(recordings: Sequence[Recording], output: Path) -> list[Path]:
     UsageError
         If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
     """
+    path = Path(output)
     if not is_folder(output, len(recordings)):
-        return [output]
-    if output.exists() and not output.is_dir():
-        raise UsageError(f"{output}: is a file, but {len(recordings)} recordings need a folder")
+        return [path]
+    if path.exists() and not path.is_dir():
+        raise UsageError(f"{path}: is a file, but {count(len(recordings), 'recording')} need a folder")
     targets: dict[Path, Recording] = {}
     for recording in recordings:
-        target = output / f"{recording.name}.mcap"
+        target = path / f"{recording.name}.mcap"
         if target in targets:
             first = targets[target].paths[0]
             raise UsageError(f"{first} and {recording.paths[0]} would both become {target}; filter them separately")
@@ -36,54 +48,170 @@ def plan_outputs(recordings: Sequence[Recording], output: Path) -> list[Path]:
     return list(targets)
 
 
-def inputs_of(recordings: Iterable[Recording]) -> list[Path]:
-    """Return the files and folders of recordings."""
-    return [path for recording in recordings for path in recording.paths]
-
-
-def check_outputs(
-    targets: Iterable[Path | None], inputs: Iterable[Path | None], labels: Iterable[Path] = (), *, force: bool
-) -> None:
-    """Check the paths of output files before anything is written.
+def inputs_of(
+    recordings: Iterable[Recording],
+    reading: ReadOptions | None = None,
+    file: ConfigSource | None = None,
+    configs: Iterable[Config] = (),
+) -> dict[str, list[Path]]:
+    """Return the files and folders that a run reads, by option.
 
     Parameters
     ----------
-    targets : iterable of Path or None
-        Files that a run writes; None for a file that is not requested.
-    inputs : iterable of Path or None
-        Files and folders that the run reads: recordings, configurations, models. New files in such folders are
-        refused, too.
-    labels : iterable of Path, optional
-        Files of labels, and folders whose files are labels.
+    recordings : iterable of Recording
+        Logs; metadata of a sensor beside a capture belongs to it.
+    reading : ReadOptions, optional
+        How they are read.
+    file : Path, mapping or Config, optional
+        Configuration.
+    configs : iterable of Config, optional
+        Effective configurations, which may name a model.
+    """
+    logs = [path for recording in recordings for path in recording.paths]
+    models = {getattr(config.filter, "scene_model", None) for config in configs}
+    return {
+        "LOGS": [*logs, *(beside for log in logs for beside in _metadata_beside(log))],
+        "--calibration": [reading.calibration] if reading and reading.calibration else [],
+        "-c": [file] if isinstance(file, Path) else [],
+        "filter.scene_model": [Path(model) for model in models if model],
+    }
+
+
+def _metadata_beside(log: Path) -> list[Path]:
+    if not log.name.lower().endswith(SOURCES["capture"].suffixes):
+        return []
+    files = (file for suffix in CALIBRATION_SUFFIXES.values() for file in log.parent.glob(f"*{suffix}"))
+    return [file for file in files if log.stem.startswith(file.stem) or file.stem.startswith(log.stem)]
+
+
+def prepare_outputs(
+    outputs: Paths,
+    inputs: Paths,
+    labels: Sequence[Path] = (),
+    *,
+    force: bool,
+    observer: Observer = SILENT,
+) -> None:
+    """Check the paths of output files before anything is read or written, and tidy their folders.
+
+    Incomplete files that killed runs left in these folders are removed.
+
+    Parameters
+    ----------
+    outputs : mapping of str to path, paths or None
+        Files that a run writes, by option; None for a file that is not requested.
+    inputs : mapping of str to path, paths or None
+        Files and folders that the run reads, by option: recordings, configurations, models. New files in such folders
+        are refused, too. Paths that do not exist are names of built-in files.
+    labels : sequence of Path, optional
+        Files of labels, and folders whose files are labels; new files in such folders are allowed.
     force : bool
         Whether existing files may be replaced.
+    observer : Observer, optional
+        Is told about removed files.
 
     Raises
     ------
     UsageError
-        If two targets are the same file, or a target is an input, is inside an input folder, is a folder, or exists
-        and may not be replaced.
+        If two outputs are the same file, or an output is an input, is inside an input folder, is a folder, is in a
+        folder whose parent does not exist, or exists and may not be replaced.
     """
-    read, labelled = ({path.resolve() for path in paths if path} for paths in (inputs, labels))
-    written: set[Path] = set()
+    targets = [_Target(path, option) for option, path in _flat(outputs)]
+    _check_distinct(targets)
+    read, labelled = _Inputs(_flat(inputs)), _Inputs(("--labels", path) for path in labels)
     for target in targets:
-        if target is None:
-            continue
-        file = target.resolve()
-        if file in written:
-            raise UsageError(f"{target}: is given for two outputs")
-        written.add(file)
-        parents = set(file.parents)
-        if file in read | labelled or read & parents or (labelled & parents and target.exists()):
-            raise UsageError(f"{target}: is part of the input; choose another output")
-        if target.is_dir():
-            raise UsageError(f"{target}: is a folder")
-        if target.exists() and not force:
-            raise UsageError(f"{target}: already exists; use --force to replace it")
+        if option := read.option_of(target, new=True) or labelled.option_of(target, new=False):
+            raise UsageError(
+                f"{target.path}: is part of the input, {option}; choose another output for {target.option}"
+            )
+    for target in targets:
+        _check_place(target, force=force)
+    _tidy({target.file.parent for target in targets}, observer)
 
 
-def write_files(files: Mapping[Path, bytes]) -> None:
-    """Write files, each completely or not at all; raise `OutputError` if one cannot be written."""
-    for path, data in files.items():
-        with AtomicFile(path) as file:
-            file.stream.write(data)
+def _flat(paths: Paths) -> Iterator[tuple[str, Path]]:
+    for option, given in paths.items():
+        if given is not None:
+            yield from ((option, path) for path in ([given] if isinstance(given, Path) else given))
+
+
+class _Target:
+    """An output file, and the option that gives it."""
+
+    def __init__(self, path: Path, option: str) -> None:
+        self.path, self.option = path, option
+        self.file = Path(os.path.realpath(path))
+        self.exists = os.path.lexists(self.file)
+        self.identity = identity(self.file)
+
+
+class _Inputs:
+    """Files and folders that a run reads."""
+
+    def __init__(self, paths: Iterable[tuple[str, Path]]) -> None:
+        existing = [(option, Path(os.path.realpath(path))) for option, path in paths]
+        self._paths = [(option, path) for option, path in existing if os.path.lexists(path)]
+        self._options = {identity(path): option for option, path in self._paths}
+
+    @cached_property
+    def _inside(self) -> dict[Identity, str]:
+        """Options by the files in folders, which may have links elsewhere."""
+        return {inner: option for option, path in self._paths for inner in files_in(path)}
+
+    def option_of(self, target: _Target, *, new: bool) -> str | None:
+        """Return the option of the input that an output would change; ``new``: also by a new file in a folder."""
+        found = self._options.get(target.identity)
+        if found is None and self._options and (target.exists or new):
+            found = next(filter(None, (self._options.get(identity(above)) for above in target.file.parents)), None)
+        return self._inside.get(target.identity) if found is None and target.exists else found
+
+
+def _check_distinct(targets: Sequence[_Target]) -> None:
+    """Check that no two outputs are the same file, and that none is the folder of another."""
+    first: dict[Identity, _Target] = {}
+    for target in targets:
+        other = first.setdefault(target.identity, target)
+        if other is not target:
+            raise UsageError(f"{target.path}: is given for two outputs, {other.option} and {target.option}")
+    for inner in targets:
+        outer = first.get(identity(inner.file.parent))
+        if outer and not outer.exists:
+            raise UsageError(f"{outer.path}: is given for a file, {outer.option}, and a folder, {inner.option}")
+
+
+def _check_place(target: _Target, *, force: bool) -> None:
+    path, folder = target.path, target.file.parent
+    if target.exists and target.file.is_dir():
+        raise UsageError(f"{path}: is a folder; {target.option} takes a file")
+    if target.exists and not force:
+        raise UsageError(f"{path}: already exists; use --force to replace it")
+    if not os.path.lexists(folder) and not os.path.lexists(folder.parent):
+        raise UsageError(f"{path}: there is no folder {path.parent.parent}; only the last folder of a path is created")
+
+
+def _tidy(folders: Iterable[Path], observer: Observer) -> None:
+    for folder in sorted(folders):
+        if removed := remove_stale(folder):
+            observer.note(f"{folder}: removed {count(removed, 'incomplete file')} of runs that were killed")
+
+
+def may_appear(targets: Iterable[Path | None], outcomes: Sequence[Outcome], observer: Observer) -> bool:
+    """Return whether output files about several recordings may appear, although some of these failed.
+
+    They may not if all failed, or if one of the files would replace a file of an earlier run; the observer is told.
+    """
+    failed = [outcome.recording for outcome in outcomes if outcome.error]
+    if not failed:
+        return True
+    earlier = [str(target) for target in targets if target and target.exists()]
+    if earlier and len(failed) < len(outcomes):
+        observer.warn(f"{', '.join(earlier)}: not replaced, because of the error in {', '.join(failed)}")
+    return not earlier and len(failed) < len(outcomes)
+
+
+def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None) -> None:
+    """Write files, which appear together, the first one last; raise `OutputError` if one cannot be written."""
+    with OutputGroup(group) as together:
+        for path, data in reversed(list(files.items())):
+            with AtomicFile(path, together) as file:
+                file.stream.write(data)

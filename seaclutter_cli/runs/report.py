@@ -16,7 +16,7 @@ from seaclutter_cli.runs.comparison import Comparison
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, inputs_of, write_files
+from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
 from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.text import count, printable
@@ -87,14 +87,16 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
         if options.figure_folder.exists() and not options.figure_folder.is_dir():
             raise UsageError(f"{options.figure_folder}: is a file; --figures takes a folder")
         check_target(options.figures[-1])
-    check_outputs([options.output, *options.figures], inputs_of(recordings), options.labels.paths, force=options.force)
+    targets: Paths = {"-o": options.output, "--figures": options.figures}
+    inputs = inputs_of(recordings, options.reading, options.methods.file)
+    prepare_outputs(targets, inputs, options.labels.paths, force=options.force, observer=observer)
     labels = options.labels.open(recordings)
     make = partial(_collector, options=options)
     comparison, collected = filter_or_replay(recordings, labels, options.methods, options.reading, observer, make)
     if missing := _missing(collected, options.picks):
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
     files: dict[Path, bytes] = {}
-    if not all(outcome.error for outcome in comparison.outcomes):
+    if may_appear([options.output, *options.figures], comparison.outcomes, observer):
         files[options.output] = _page(comparison, collected)
         if folder := options.figure_folder:
             figures = draw_figures(collected, options.figure_format)

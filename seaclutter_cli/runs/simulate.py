@@ -35,7 +35,7 @@ def simulate_scene(
     if output.suffix.lower() in TILE_SUFFIXES:
         from seaclutter_cli.runs.simulate_tile import simulate_tile
 
-        return simulate_tile(scene, output, options)
+        return simulate_tile(scene, output, options, observer)
     from seaclutter_cli.runs.simulate_recording import simulate_recording
 
     return simulate_recording(scene, output, options, observer)

@@ -5,7 +5,7 @@ from time import perf_counter
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs
+from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.runs.simulation import PointTally, SimulateOptions, SimulationResult
 from seaclutter_cli.simulation.airborne.scene import is_tile_scene
@@ -14,6 +14,7 @@ from seaclutter_cli.simulation.marine.formats import FORMATS
 from seaclutter_cli.simulation.marine.recording import record
 from seaclutter_cli.simulation.marine.render import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import save_scene
+from seaclutter_cli.sinks.atomic import OutputGroup
 
 
 def simulate_recording(
@@ -46,19 +47,19 @@ def simulate_recording(
     chosen = find_scene(name, options.seed).with_recording(frames=options.frames, lidar=options.lidar)
     _check_name(output, options.form)
     labels = output.with_suffix(".labels.csv")
-    inputs = [Path(name)] if Path(name).exists() else []
-    check_outputs([output, labels, options.scene_file], inputs, force=options.force)
-    if options.scene_file:
-        save_scene(chosen, options.scene_file)
+    targets = {"-o": output, "the labels of -o": labels, "--scene-file": options.scene_file}
+    prepare_outputs(targets, {"SCENE": Path(name)}, force=options.force, observer=observer)
     tally = PointTally()
     started = perf_counter()
-    with observer.progress(output.stem, chosen.recording.frames) as step:
+    with OutputGroup() as files, observer.progress(output.stem, chosen.recording.frames) as step:
+        if options.scene_file:
+            save_scene(chosen, options.scene_file, files)
 
         def on_frame(frame: SimulatedFrame) -> None:
             tally.add(frame)
             step()
 
-        record(chosen, output, labels, on_frame)
+        record(chosen, output, labels, on_frame, files)
     return SimulationResult(chosen, tally, output, labels, perf_counter() - started)
 
 

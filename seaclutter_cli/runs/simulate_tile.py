@@ -8,15 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.runs.outputs import check_outputs
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.runs.simulation import SimulateOptions, TileSimulationResult
 from seaclutter_cli.simulation.airborne.recording import record_tile
 from seaclutter_cli.simulation.airborne.scene import load_tile_scene
 from seaclutter_cli.simulation.marine.scene import write_scene
+from seaclutter_cli.sinks.atomic import OutputGroup
 
 
-def simulate_tile(scene: PathLike, output: Path, options: SimulateOptions | None = None) -> TileSimulationResult:
+def simulate_tile(
+    scene: PathLike, output: Path, options: SimulateOptions | None = None, observer: Observer = SILENT
+) -> TileSimulationResult:
     """Simulate a labelled airborne tile of a scene.
 
     Parameters
@@ -27,6 +31,8 @@ def simulate_tile(scene: PathLike, output: Path, options: SimulateOptions | None
         LAS or LAZ file.
     options : SimulateOptions, optional
         Values that replace those of the scene, and output options.
+    observer : Observer, optional
+        Receives notes.
 
     Raises
     ------
@@ -42,15 +48,16 @@ def simulate_tile(scene: PathLike, output: Path, options: SimulateOptions | None
                 f"--{option}: not available for tiles; set height, density and returns in the scene's section lidar"
             )
     chosen = load_tile_scene(name).with_tile(seed=options.seed)
-    inputs = [Path(name)] if Path(name).exists() else []
-    check_outputs([output, options.scene_file], inputs, force=options.force)
-    if options.scene_file:
-        write_scene(chosen.as_dict(), options.scene_file)
+    targets = {"-o": output, "--scene-file": options.scene_file}
+    prepare_outputs(targets, {"SCENE": Path(name)}, force=options.force, observer=observer)
     points: Counter[int] = Counter()
     started = perf_counter()
 
     def on_strip(echoes: NDArray[np.void]) -> None:
         points.update(dict(enumerate(np.bincount(echoes["object_class"]).tolist())))
 
-    record_tile(chosen, output, on_strip)
+    with OutputGroup() as files:
+        if options.scene_file:
+            write_scene(chosen.as_dict(), options.scene_file, files)
+        record_tile(chosen, output, on_strip, files)
     return TileSimulationResult(chosen, points, output, perf_counter() - started)

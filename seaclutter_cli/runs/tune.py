@@ -1,6 +1,6 @@
 """Tuning: every combination of parameter values over labelled recordings, in one pass."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from seaclutter_cli.runs.evaluate import Evaluator
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, inputs_of, write_files
+from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, expand
 from seaclutter_cli.runs.sweep import Sweep, grid
 from seaclutter_cli.runs.threshold_history import ThresholdHistory
@@ -57,9 +57,14 @@ class TuneOptions:
     force: bool = False
 
     @property
-    def targets(self) -> Sequence[Path | None]:
-        """Output files; None for a file that is not requested."""
-        return self.output, self.csv_file, self.curve_file, self.thresholds_file
+    def targets(self) -> Mapping[str, Path | None]:
+        """Output files by option; None for a file that is not requested."""
+        return {
+            "-o": self.output,
+            "--csv": self.csv_file,
+            "--plot": self.curve_file,
+            "--plot-thresholds": self.thresholds_file,
+        }
 
 
 def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> TuningResult:
@@ -81,14 +86,18 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     """
     variants = grid(options.sweeps, options.config)
     recordings = expand(logs)
-    check_outputs(options.targets, inputs_of(recordings), options.labels.paths, force=options.force)
+    inputs = inputs_of(recordings, options.reading, options.config.file, [one.config for one in variants])
+    prepare_outputs(options.targets, inputs, options.labels.paths, force=options.force, observer=observer)
     _check_plots(options, len(recordings))
     history = ThresholdHistory(variants, options.ring) if options.thresholds_file else None
     evaluator = Evaluator(variants, options.reading, observer)
     labels = options.labels.open(recordings)
     comparison = evaluator.compare(recordings, labels, listeners=[history] if history else [])
     result = TuningResult(options.sweeps, variants, comparison.outcomes)
-    write_files(_files(result, history, options))
+    if may_appear(options.targets.values(), result.outcomes, observer):
+        write_files(_files(result, history, options))
+        if options.output and not result.best:
+            observer.warn(f"{options.output}: not written, because no frame is labelled")
     return result
 
 

@@ -1,7 +1,7 @@
 """Recordings in the Rerun viewer: raw and filtered points, boxes, clusters and curves."""
 
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,12 @@ from seaclutter_cli.runs.comparison import Comparison
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, inputs_of
+from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
 from seaclutter_cli.runs.replay import filter_or_replay
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import printable
-from seaclutter_cli.viewing.stream import FrameStream, check_target, complete_file, require_rerun, viewer
+from seaclutter_cli.viewing.stream import FrameStream, check_target, require_rerun, viewer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,19 +83,31 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
     recordings = expand(logs)
     if options.target:
         check_target(options.target)
-    check_outputs([options.target], inputs_of(recordings), options.labels.paths, force=options.force)
+    inputs = inputs_of(recordings, options.reading, options.config.file)
+    prepare_outputs({"--save": options.target}, inputs, options.labels.paths, force=options.force, observer=observer)
     labels, methods = options.labels.open(recordings), options.config.as_methods()
-    with ExitStack() as stack:
+    with OutputGroup() as files, ExitStack() as stack:
 
         def open_stream(variants: Sequence[Variant]) -> FrameStream:
-            sink = stack.enter_context(complete_file(options.target) if options.target else viewer(options.port))
+            target = _complete_file(options.target, files) if options.target else viewer(options.port)
+            sink = stack.enter_context(target)
             return FrameStream(variants[0].config.evaluation, sink)
 
         comparison, stream = filter_or_replay(recordings, labels, methods, options.reading, observer, open_stream)
         stream.finish()
         if all(outcome.error for outcome in comparison.outcomes):
             raise InputError("nothing to show: no recording could be read")
+        stack.close()
+        if not may_appear([options.target], comparison.outcomes, observer):
+            files.discard()
     return ViewResult(comparison, options.target)
+
+
+@contextmanager
+def _complete_file(target: Path, group: OutputGroup) -> Iterator[Callable[[Any], None]]:
+    """Yield the sink of a `FrameStream` for a file, which appears under its name when it is complete."""
+    with AtomicFile(target, group) as file:
+        yield lambda recording: recording.save(file.part)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Output files that appear under their name only when they are complete."""
+"""Output files that appear under their names only when they are complete, alone or together with others."""
 
 import errno
 import io
@@ -10,13 +10,14 @@ from types import TracebackType
 from typing import Any, BinaryIO, Self, cast
 
 from seaclutter_cli.errors import OutputError
+from seaclutter_cli.sinks.parts import part_path, release
 
 
 class _PartFile(io.FileIO):
     """The incomplete file; its errors are `OutputError` and name the target."""
 
     def __init__(self, part: Path, target: Path) -> None:
-        super().__init__(part, "wb")
+        super().__init__(part, "xb")
         self._target = target
 
     def write(self, data: Any, /) -> int:
@@ -33,6 +34,8 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
     ----------
     path : Path
         Target; its folder is created if necessary. If it is a symbolic link, the file it refers to is replaced.
+    group : OutputGroup, optional
+        Files that appear together; this one is then renamed with them.
 
     Raises
     ------
@@ -40,27 +43,28 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         If the file cannot be created or written, for example because the disk is full.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, group: "OutputGroup | None" = None) -> None:
         self.path = path
+        self._group = group
         self._target = Path(os.path.realpath(path))
-        # Cut, since the target's name may already have the maximum length of the file system.
-        self._part = self._target.with_name(f".{self._target.name[-60:]}.{os.getpid()}.part")
+        self.part = part_path(self._target)
+        """The incomplete file, for libraries that write to a path."""
         # An interrupt may come before the context is entered; then the file is removed with this object, or at exit.
         opened: list[BinaryIO] = []
-        self._discard = weakref.finalize(self, _remove, self._part, opened)
+        self._remover = weakref.finalize(self, _remove, self.part, opened)
         try:
             self.stream = self._open()
             opened.append(self.stream)
         except BaseException:
-            self._discard()
+            self.discard()
             raise
 
     def _open(self) -> BinaryIO:
         try:
             if self._target.exists() and not self._target.is_file():
                 raise OutputError(f"{self.path}: not a regular file, cannot be replaced")
-            self._target.parent.mkdir(parents=True, exist_ok=True)
-            return cast("BinaryIO", io.BufferedWriter(_PartFile(self._part, self.path)))
+            self._target.parent.mkdir(exist_ok=True)
+            return cast("BinaryIO", io.BufferedWriter(_PartFile(self.part, self.path)))
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
 
@@ -71,21 +75,92 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Rename the file to its target, or remove it after an error."""
+        """Rename the file to its target, or leave that to its group; remove it after an error."""
         if kind is not None:
-            self._discard()
+            self.discard()
             if isinstance(error, KeyboardInterrupt):
                 error.add_note(f"{self.path}: the incomplete file was removed")
             return
         try:
             self.stream.close()
-            self._part.replace(self._target)
-            self._discard.detach()
+            if self._group is None:
+                self.publish()
+            else:
+                self._group.add(self)
         except BaseException as failure:
-            self._discard()
+            self.discard()
             if isinstance(failure, OSError):
                 raise OutputError(_explain(self.path, failure)) from failure
             raise
+
+    def check(self) -> None:
+        """Raise `OutputError` if the target can no longer be replaced."""
+        if self._target.is_dir() or not os.access(self._target.parent, os.W_OK):
+            raise OutputError(f"{self.path}: can no longer be written; the incomplete file was removed")
+
+    def publish(self) -> None:
+        """Rename the complete file to its target."""
+        try:
+            self.part.replace(self._target)
+        except OSError as error:
+            raise OutputError(_explain(self.path, error)) from error
+        self._remover.detach()
+        release(self.part)
+
+    def discard(self) -> None:
+        """Remove the incomplete file."""
+        self._remover()
+
+
+class OutputGroup(AbstractContextManager["OutputGroup"]):
+    """Files that appear under their names together, when all are complete, or not at all.
+
+    They are renamed in the order of their completion. A run completes its main output last; once that has appeared, all
+    others have.
+
+    Parameters
+    ----------
+    group : OutputGroup, optional
+        Larger group, which the files join when this one is complete.
+    """
+
+    def __init__(self, group: "OutputGroup | None" = None) -> None:
+        self._outer = group
+        self._files: list[AtomicFile] = []
+
+    def add(self, file: AtomicFile) -> None:
+        """Add a complete file."""
+        self._files.append(file)
+
+    def discard(self) -> None:
+        """Remove the files added so far."""
+        while self._files:
+            self._files.pop().discard()
+
+    def __enter__(self) -> Self:
+        """Return the group."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Rename all files to their targets, or remove them after an error."""
+        try:
+            if kind is None:
+                self._complete()
+        finally:
+            self.discard()
+
+    def _complete(self) -> None:
+        if self._outer is None:
+            for file in self._files:
+                file.check()
+        while self._files:
+            if self._outer is None:
+                self._files[0].publish()
+            else:
+                self._outer.add(self._files[0])
+            del self._files[0]
 
 
 def _remove(part: Path, opened: list[BinaryIO]) -> None:
@@ -94,6 +169,7 @@ def _remove(part: Path, opened: list[BinaryIO]) -> None:
             stream.close()
     with suppress(OSError):
         part.unlink(missing_ok=True)
+    release(part)
 
 
 def _explain(path: Path, error: OSError) -> str:

@@ -12,7 +12,7 @@ from typing import Self
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, WaterState
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 
 _REASONS = (Reason.INVALID, Reason.NEAR, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.FAR, Reason.EXCLUDED)
 _COLUMNS = (
@@ -39,14 +39,18 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         Whether the method distinguishes scenes; adds a column for the class of scene.
     water : bool, optional
         Whether the method estimates the water; adds a column for unconfirmed points and those of `WaterState`.
+    group : OutputGroup, optional
+        Files that appear together with this one.
 
     Notes
     -----
     The rows of a recording that fails midway are removed.
     """
 
-    def __init__(self, path: Path, rings: int, *, scenes: bool = False, water: bool = False) -> None:
-        self._file = AtomicFile(path)
+    def __init__(
+        self, path: Path, rings: int, *, scenes: bool = False, water: bool = False, group: OutputGroup | None = None
+    ) -> None:
+        self._file = AtomicFile(path, group)
         self._states, self._scenes, self._water = 2 * rings, scenes, water
         numbers = range(1, rings + 1)
         states = (*(f"threshold_{k}" for k in numbers), *(f"correction_{k}" for k in numbers))

@@ -10,7 +10,7 @@ from typing import Any, Self
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import MissingExtraError, OutputError
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 
 Column = NDArray[Any]
 ExtraDims = Mapping[str, tuple[str, str]]
@@ -52,6 +52,8 @@ class LasSink(AbstractContextManager["LasSink"]):
         Dimensions to add; existing dimensions of the same name are overwritten.
     whole : bool, optional
         Whether all points of the source are written; its extents and counts are then kept, even if they are wrong.
+    group : OutputGroup, optional
+        Files that appear together with this one.
 
     Raises
     ------
@@ -61,7 +63,15 @@ class LasSink(AbstractContextManager["LasSink"]):
         If the file cannot be written, or the source contains waveform packets, which would be lost.
     """
 
-    def __init__(self, path: Path, header: Any, extra: ExtraDims | None = None, *, whole: bool = True) -> None:
+    def __init__(
+        self,
+        path: Path,
+        header: Any,
+        extra: ExtraDims | None = None,
+        *,
+        whole: bool = True,
+        group: OutputGroup | None = None,
+    ) -> None:
         try:
             import laspy  # optional dependency
         except ImportError as error:
@@ -78,7 +88,7 @@ class LasSink(AbstractContextManager["LasSink"]):
             raise MissingExtraError("LAZ", "las")
         if self._header.global_encoding.waveform_data_packets_internal:
             raise OutputError(f"{path}: internal waveform packets cannot be copied; store them in a separate file")
-        self._file = AtomicFile(path)
+        self._file = AtomicFile(path, group)
         try:
             backend = laspy.LazBackend.LazrsParallel if packed else None
             self._writer = laspy.LasWriter(
@@ -137,10 +147,17 @@ def columns_at(columns: Mapping[str, Column], start: int, count: int) -> dict[st
     return {name: values[start : start + count] for name, values in columns.items()}
 
 
-def write_las(path: Path, header: Any, points: Iterable[Any], columns: Mapping[str, Column], extra: ExtraDims) -> None:
+def write_las(
+    path: Path,
+    header: Any,
+    points: Iterable[Any],
+    columns: Mapping[str, Column],
+    extra: ExtraDims,
+    group: OutputGroup | None = None,
+) -> None:
     """Write the points of a source chunk by chunk; each column has one value per point of the whole source."""
     start = 0
-    with LasSink(path, header, extra) as sink:
+    with LasSink(path, header, extra, group=group) as sink:
         for part in points:
             sink.write(part, columns_at(columns, start, len(part)))
             start += len(part)

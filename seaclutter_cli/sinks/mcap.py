@@ -17,7 +17,7 @@ from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
 from seaclutter_cli.messages.scene import TOPIC as SCENE_TOPIC
 from seaclutter_cli.messages.scene import SceneUpdate, scene_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.mcap_writer import McapWriter
 
 _NEW = -1
@@ -89,10 +89,12 @@ class McapSink(AbstractContextManager["McapSink"]):
         Target; the file appears when the context exits without an error.
     options : McapOptions
         Contents of the file.
+    group : OutputGroup, optional
+        Files that appear together with this one.
     """
 
-    def __init__(self, path: Path, options: McapOptions) -> None:
-        self._file = AtomicFile(path)
+    def __init__(self, path: Path, options: McapOptions, group: OutputGroup | None = None) -> None:
+        self._file = AtomicFile(path, group)
         self._options = options
         self._layout = WATER if options.water else PLAIN
         self._writer: McapWriter | None = None

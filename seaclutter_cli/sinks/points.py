@@ -13,7 +13,7 @@ from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.mcap_writer import McapWriter
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
@@ -34,7 +34,7 @@ def with_columns(cloud: Cloud, columns: Mapping[str, NDArray[Any]]) -> Cloud:
     return replace(from_array(out), stamp_ns=cloud.stamp_ns, frame_id=cloud.frame_id)
 
 
-def write_pcd(path: Path, cloud: Cloud) -> None:
+def write_pcd(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> None:
     """Write a binary PCD file.
 
     Raises
@@ -52,21 +52,21 @@ def write_pcd(path: Path, cloud: Cloud) -> None:
     lines = ["# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7"]
     lines += [f"{key} {' '.join(values)}" for key, values in rows.items()]
     lines += [f"WIDTH {cloud.size}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {cloud.size}", "DATA binary"]
-    _write(path, "\n".join(lines) + "\n", cloud)
+    _write(path, "\n".join(lines) + "\n", cloud, group)
 
 
-def write_ply(path: Path, cloud: Cloud) -> None:
+def write_ply(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> None:
     """Write a binary PLY file; each value of a field with several values becomes a property."""
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {cloud.size}"]
     for field in cloud.fields:
         names = [field.name] if field.count <= 1 else [f"{field.name}_{number}" for number in range(field.count)]
         lines += [f"property {_PLY_NAMES[field.type]} {name}" for name in names]
-    _write(path, "\n".join([*lines, "end_header"]) + "\n", cloud)
+    _write(path, "\n".join([*lines, "end_header"]) + "\n", cloud, group)
 
 
-def write_mcap(path: Path, cloud: Cloud) -> None:
+def write_mcap(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> None:
     """Write an MCAP file with one ROS 2 PointCloud2 message on ``/points``."""
-    with AtomicFile(path) as file:
+    with AtomicFile(path, group) as file:
         writer = McapWriter(file.stream, profile="ros2", library=f"seaclutter {__version__}", compression="zstd")
         try:
             writer.add_channel(Channel(1, "/points", "cdr", ros2_schema(_TYPE)))
@@ -77,13 +77,13 @@ def write_mcap(path: Path, cloud: Cloud) -> None:
             raise
 
 
-def _write(path: Path, header: str, cloud: Cloud) -> None:
-    with AtomicFile(path) as file:
+def _write(path: Path, header: str, cloud: Cloud, group: OutputGroup | None) -> None:
+    with AtomicFile(path, group) as file:
         file.stream.write(header.encode())
         file.stream.write(cloud.data)
 
 
-POINT_WRITERS: Mapping[str, Callable[[Path, Cloud], None]] = {
+POINT_WRITERS: Mapping[str, Callable[[Path, Cloud, OutputGroup | None], None]] = {
     ".pcd": write_pcd,
     ".ply": write_ply,
     ".mcap": write_mcap,

@@ -6,13 +6,12 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import MissingExtraError, OutputError, UsageError
+from seaclutter_cli.errors import MissingExtraError, UsageError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import FilterResult, Frame, Reason
@@ -167,25 +166,6 @@ def _blueprint(rerun: Any) -> Any:
         views.TimeSeriesView(origin="counts", name="Points per frame by reason"),
     )
     return views.Blueprint(views.Vertical(clouds, curves, row_shares=[7, 3]), collapse_panels=True)
-
-
-@contextmanager
-def complete_file(target: Path) -> Iterator[Callable[[Any], None]]:
-    """Yield the sink of a `FrameStream` for a file, which appears under its name when it is complete.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=target.parent, prefix=f".{target.name[-60:]}.") as folder:
-            part = Path(folder) / "part.rrd"
-            yield lambda recording: recording.save(part)
-            part.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from error
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """Interrupts end a run whatever Python is doing, and get lost nowhere."""
 
+import signal
 import subprocess
 import sys
 
@@ -9,6 +10,8 @@ from click.testing import CliRunner
 from seaclutter_cli.commands import cli
 from seaclutter_cli.frame import Frame
 from tests.paths import ROOT, SAMPLE
+
+NAMES = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 BEGIN = """
 import signal, sys, time
@@ -30,12 +33,12 @@ def run(body, folder, begin=BEGIN):
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("name", NAMES)
 def test_an_interrupt(tmp_path, name):
     assert run(f"signal.raise_signal(signal.{name})", tmp_path).stdout == "interrupted\n"
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("name", NAMES)
 def test_an_interrupt_waits_for_the_end_of_an_import(tmp_path, name):
     module = (
         f"import signal\ntry:\n    signal.raise_signal(signal.{name})\nexcept BaseException:\n    print('dropped')\n"
@@ -79,3 +82,68 @@ def test_only_removed_output_is_mentioned(tmp_path, monkeypatch, words, message)
     assert result.exit_code == 1
     assert f"\n{message}" in result.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_second_interrupt_during_the_cleaning_is_ignored(tmp_path):
+    body = """
+class Cleaning:
+    def __enter__(self): pass
+    def __exit__(self, *error):
+        for name in ("SIGTERM", "SIGINT", "SIGHUP"):
+            signal.raise_signal(getattr(signal, name, signal.SIGTERM))
+        try:
+            raise OSError
+        except OSError:
+            signal.raise_signal(signal.SIGTERM)
+        print("cleaned")
+with Cleaning():
+    try:
+        signal.raise_signal(signal.SIGTERM)
+    finally:
+        signal.raise_signal(signal.SIGTERM)
+"""
+    done = run(body, tmp_path)
+    assert (done.stdout, done.stderr) == ("cleaned\ninterrupted\n", "")
+
+
+def test_an_interrupt_after_one_that_was_dropped(tmp_path):
+    body = """
+try:
+    signal.raise_signal(signal.SIGINT)
+except BaseException:
+    print("dropped")
+signal.raise_signal(signal.SIGINT)
+"""
+    assert run(body, tmp_path).stdout == "dropped\ninterrupted\n"
+
+
+def test_files_are_completed_before_an_interrupt(tmp_path):
+    """All files of a run are renamed, or none, even if a signal comes in between."""
+    body = f"""
+from pathlib import Path
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+publish = AtomicFile.publish
+def interrupted(file):
+    signal.raise_signal(signal.SIGTERM)
+    publish(file)
+AtomicFile.publish = interrupted
+folder = Path({str(tmp_path)!r})
+with OutputGroup() as group:
+    for name in "abc":
+        with AtomicFile(folder / name, group): pass
+"""
+    assert run(body, tmp_path).stdout == "interrupted\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c"]
+
+
+def test_no_interrupt_after_the_end(tmp_path):
+    body = """
+from seaclutter_cli.commands.interrupts import ignore_interrupts
+ignore_interrupts()
+signal.raise_signal(signal.SIGTERM)
+signal.raise_signal(signal.SIGINT)
+print("goes on")
+sys.exit()
+"""
+    done = run(body, tmp_path)
+    assert (done.stdout, done.stderr) == ("goes on\n", "")

@@ -108,3 +108,13 @@ def test_a_missing_log(tmp_path):
     result = run("tune", tmp_path / "none.mcap", "--labels", tmp_path, "--sweep", "update_weight=1")
     assert result.exit_code in (1, 2)
     assert "none.mcap" in result.stderr
+
+
+def test_without_a_labelled_frame_there_is_no_best_configuration(trial, tmp_path):
+    out = tmp_path / "best.yaml"
+    labels = tmp_path / "first.csv"
+    labels.write_text("frame,track_id,class,x,y,z,length,width,height,yaw\n0,0,none,,,,,,,\n")
+    result = run("tune", trial, "--labels", labels, "--start", 0.5, "--sweep", "update_weight=0.2,1", "-o", out)
+    assert result.exit_code == 0, result.output
+    assert not out.exists()
+    assert f"{out}: not written, because no frame is labelled" in result.stderr

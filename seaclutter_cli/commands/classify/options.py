@@ -2,15 +2,11 @@
 
 import click
 
-from seaclutter_cli.commands.options import config_file_option, grouped, path_option, set_option
+from seaclutter_cli.commands.options import config_file_option, grouped, output_or_folder_option, set_option
 
 tiles_argument = click.argument("tiles", metavar="TILE...", nargs=-1, required=True)
-output_option = path_option(
-    "-o",
-    "--output",
-    metavar="OUT",
-    required=True,
-    help="Output file for one tile, folder for several: LAS, LAZ, PCD, PLY or MCAP.",
+tiles_output_option = output_or_folder_option(
+    "Output file for one tile; folder for several, or with a slash at its end: LAS, LAZ, PCD, PLY or MCAP."
 )
 settings_options = grouped(
     "settings",

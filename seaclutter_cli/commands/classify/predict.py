@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from seaclutter_cli.commands.classify.options import output_option, settings_options, tiles_argument
+from seaclutter_cli.commands.classify.options import settings_options, tiles_argument, tiles_output_option
 from seaclutter_cli.commands.console import Console
-from seaclutter_cli.commands.options import console_options, force_option, grouped, path_option
+from seaclutter_cli.commands.options import console_options, force_option, grouped, output_option
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.classify.predict import ClassifyTilesOptions
@@ -20,9 +20,9 @@ _OPTIONS = (
         metavar="MODEL",
         help="Model file from classify train.",
     ),
-    path_option("--csv", "csv_file", help="Also write a CSV table with a line for each object."),
-    path_option("--geojson", "geojson_file", help="Also write the boxes of the objects as GeoJSON."),
-    path_option("--plot", "plot_file", help="Draw a top view of the tile, as PNG or SVG."),
+    output_option("--csv", "csv_file", help="Also write a CSV table with a line for each object."),
+    output_option("--geojson", "geojson_file", help="Also write the boxes of the objects as GeoJSON."),
+    output_option("--plot", "plot_file", help="Draw a top view of the tile, as PNG or SVG."),
     force_option,
     settings_options,
 )
@@ -30,10 +30,10 @@ _OPTIONS = (
 
 @click.command(name="predict", short_help="Classify points and objects with a trained model.")
 @tiles_argument
-@output_option
+@tiles_output_option
 @grouped("options", "runs.classify.predict:ClassifyTilesOptions", _OPTIONS)
 @console_options
-def command(tiles: tuple[str, ...], output: Path, options: "ClassifyTilesOptions", console: Console) -> None:
+def command(tiles: tuple[str, ...], output: str, options: "ClassifyTilesOptions", console: Console) -> None:
     """Classify the non-sea points of each TILE with a trained model, and find the objects.
 
     Each point gets the additional dimensions predicted_class (0 for none, otherwise as in train), probability and

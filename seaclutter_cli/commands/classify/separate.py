@@ -1,11 +1,10 @@
 """``seaclutter classify separate``: separation of tiles into sea and non-sea points."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from seaclutter_cli.commands.classify.options import output_option, settings_options, tiles_argument
+from seaclutter_cli.commands.classify.options import settings_options, tiles_argument, tiles_output_option
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import console_options, force_option, grouped
 
@@ -21,10 +20,10 @@ _OPTIONS = (
 
 @click.command(name="separate", short_help="Separate tiles into sea and non-sea points.")
 @tiles_argument
-@output_option
+@tiles_output_option
 @grouped("options", "runs.classify.separate:SeparateTilesOptions", _OPTIONS)
 @console_options
-def command(tiles: tuple[str, ...], output: Path, options: "SeparateTilesOptions", console: Console) -> None:
+def command(tiles: tuple[str, ...], output: str, options: "SeparateTilesOptions", console: Console) -> None:
     """Separate each TILE into sea and non-sea points by morphological opening.
 
     Sea points get the ASPRS class 9 (water), all others 1. Everything else in a LAS or LAZ file is kept. TILE is a LAS
@@ -32,4 +31,4 @@ def command(tiles: tuple[str, ...], output: Path, options: "SeparateTilesOptions
     """
     from seaclutter_cli.runs.classify.separate import separate_tiles
 
-    console.finish(separate_tiles(tiles, output, options))
+    console.finish(separate_tiles(tiles, output, options, console))

@@ -6,13 +6,13 @@ import click
 
 from seaclutter_cli.commands.classify.options import settings_options, tiles_argument
 from seaclutter_cli.commands.console import Console
-from seaclutter_cli.commands.options import console_options, force_option, grouped, path_option
+from seaclutter_cli.commands.options import console_options, force_option, grouped, output_option
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.classify.train import TrainForestOptions
 
 _OPTIONS = (
-    path_option("-o", "--output", metavar="MODEL", required=True, help="Model file to write."),
+    output_option("-o", "--output", metavar="MODEL", required=True, help="Model file to write."),
     click.option(
         "--class-field",
         default="object_class",
@@ -27,7 +27,7 @@ _OPTIONS = (
         show_default=True,
         help="Field with object numbers; without it, clusters of a class are objects.",
     ),
-    path_option("--plot", "plot_file", help="Draw the confusion matrix, as PNG or SVG."),
+    output_option("--plot", "plot_file", help="Draw the confusion matrix, as PNG or SVG."),
     force_option,
     settings_options,
 )

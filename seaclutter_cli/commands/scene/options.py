@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from seaclutter_cli.commands.options import force_option, grouped, path_option
+from seaclutter_cli.commands.options import force_option, grouped, output_option
 
 labelled_logs = grouped(
     "logs",
@@ -49,7 +49,7 @@ classifier_options = grouped(
             show_default=True,
             help="Change the scene only after M consecutive classifications agree on another one.",
         ),
-        path_option("--csv", "csv_file", help="Write a CSV table with a line for each frame."),
+        output_option("--csv", "csv_file", help="Write a CSV table with a line for each frame."),
         force_option,
     ),
 )

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import click
 
 from seaclutter_cli.commands.console import Console
-from seaclutter_cli.commands.options import console_options, force_option, grouped, path_option, reading_options
+from seaclutter_cli.commands.options import console_options, force_option, grouped, output_option, reading_options
 from seaclutter_cli.commands.scene.options import labelled_logs
 
 if TYPE_CHECKING:
@@ -42,9 +42,9 @@ _TRAINING = (
     ),
 )
 _OPTIONS = (
-    path_option("-o", "--output", metavar="MODEL.onnx", required=True, help="Model file to write."),
+    output_option("-o", "--output", metavar="MODEL.onnx", required=True, help="Model file to write."),
     force_option,
-    path_option("--plot", "plot_file", help="Draw loss and precision over the epochs, as PNG or SVG."),
+    output_option("--plot", "plot_file", help="Draw loss and precision over the epochs, as PNG or SVG."),
     click.option(
         "--extent",
         "extent_m",

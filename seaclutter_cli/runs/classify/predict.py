@@ -25,6 +25,8 @@ from seaclutter_cli.runs.classify.tiles import (
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import write_files
+from seaclutter_cli.runs.recordings import PathLike
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
 
 
@@ -63,7 +65,7 @@ class ClassifyTilesOptions:
 
 
 def classify_tiles(
-    tiles: Sequence[str], output: Path, options: ClassifyTilesOptions, observer: Observer = SILENT
+    tiles: Sequence[str], output: PathLike, options: ClassifyTilesOptions, observer: Observer = SILENT
 ) -> PredictResult:
     """Classify the points of tiles, find their objects, and write both.
 
@@ -71,8 +73,8 @@ def classify_tiles(
     ----------
     tiles : sequence of str
         Files, folders or globs.
-    output : Path
-        File for one tile, folder for several.
+    output : path
+        File for one tile, folder for several or if it is a `str` that ends in a slash.
     options : ClassifyTilesOptions
         Model, settings and additional outputs.
     observer : Observer, optional
@@ -95,31 +97,38 @@ def classify_tiles(
     (161374, True)
     """
     paths = find_tiles(tiles)
-    other_outputs = [options.csv_file, options.geojson_file, options.plot_file]
-    targets = plan_tiles(paths, output, other_outputs, [options.model, options.settings.file], force=options.force)
+    others = {"--csv": options.csv_file, "--geojson": options.geojson_file, "--plot": options.plot_file}
+    inputs = {"--model": options.model, "-c": options.settings.file}
+    targets = plan_tiles(paths, output, others, inputs, force=options.force, observer=observer)
     if options.plot_file:
         check_target(options.plot_file)
         if len(paths) > 1:
             raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)
     result = PredictResult([], model.settings.objects.min_probability)
-    files: dict[Path, bytes] = {}
-    for path, target in zip(paths, targets, strict=True):
-        started, tile = perf_counter(), open_tile(path)
-        warn_without_intensity(tile, model.settings, observer)
-        with errors_of(path):
-            found = classify_points(TilePointReader(tile), model)
-        write_tile(tile, target, columns_of(found), DIMENSIONS)
-        if options.plot_file:
-            files[options.plot_file] = _picture(tile, found, options.plot_file.suffix)
-        result.tiles.append(TileObjects.of(path.stem, found, perf_counter() - started))
-    objects = [(tile.name, tile.objects) for tile in result.tiles]
-    if options.csv_file:
-        files[options.csv_file] = as_csv(objects).encode()
-    if options.geojson_file:
-        files[options.geojson_file] = as_geojson(objects).encode()
-    write_files(files)
+    # The tiles are the main output: completed first, they still appear after the tables.
+    with OutputGroup() as files, OutputGroup(files) as written:
+        for path, target in zip(paths, targets, strict=True):
+            started, tile = perf_counter(), open_tile(path)
+            warn_without_intensity(tile, model.settings, observer)
+            with errors_of(path):
+                found = classify_points(TilePointReader(tile), model)
+            write_tile(tile, target, columns_of(found), DIMENSIONS, written)
+            if options.plot_file:
+                write_files({options.plot_file: _picture(tile, found, options.plot_file.suffix)}, files)
+            result.tiles.append(TileObjects.of(path.stem, found, perf_counter() - started))
+        write_files(_tables(result, options), files)
     return result
+
+
+def _tables(result: PredictResult, options: ClassifyTilesOptions) -> dict[Path, bytes]:
+    objects = [(tile.name, tile.objects) for tile in result.tiles]
+    tables: dict[Path, bytes] = {}
+    if options.csv_file:
+        tables[options.csv_file] = as_csv(objects).encode()
+    if options.geojson_file:
+        tables[options.geojson_file] = as_geojson(objects).encode()
+    return tables
 
 
 def _load(options: ClassifyTilesOptions, observer: Observer) -> ObjectModel:

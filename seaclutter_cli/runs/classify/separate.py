@@ -11,7 +11,9 @@ import numpy as np
 from seaclutter_cli.airborne.separation import OTHER, WATER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, plan_tiles, write_tile
-from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.recordings import PathLike, Result
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile
 from seaclutter_cli.text import share, table
 
@@ -43,17 +45,21 @@ class SeparateTilesOptions:
     force: bool = False
 
 
-def separate_tiles(tiles: Sequence[str], output: Path, options: SeparateTilesOptions | None = None) -> "SeparateResult":
+def separate_tiles(
+    tiles: Sequence[str], output: PathLike, options: SeparateTilesOptions | None = None, observer: Observer = SILENT
+) -> "SeparateResult":
     """Separate tiles into sea and non-sea points, and write them with ASPRS classes.
 
     Parameters
     ----------
     tiles : sequence of str
         Files, folders or globs.
-    output : Path
-        File for one tile, folder for several.
+    output : path
+        File for one tile, folder for several or if it is a `str` that ends in a slash.
     options : SeparateTilesOptions, optional
         Settings and outputs.
+    observer : Observer, optional
+        Receives notes.
 
     Raises
     ------
@@ -70,12 +76,16 @@ def separate_tiles(tiles: Sequence[str], output: Path, options: SeparateTilesOpt
     options = options or SeparateTilesOptions()
     settings = options.settings.load()
     paths = find_tiles(tiles)
-    targets = plan_tiles(paths, output, inputs=[options.settings.file], force=options.force)
-    pairs = zip(paths, targets, strict=True)
-    return SeparateResult([_separate(*pair, settings.separation, with_height=options.with_height) for pair in pairs])
+    targets = plan_tiles(paths, output, {}, {"-c": options.settings.file}, force=options.force, observer=observer)
+    with OutputGroup() as files:
+        pairs = zip(paths, targets, strict=True)
+        separated = [_separate(*pair, settings.separation, files, with_height=options.with_height) for pair in pairs]
+    return SeparateResult(separated)
 
 
-def _separate(path: Path, target: Path, params: SeparationParams, *, with_height: bool) -> "SeparatedTile":
+def _separate(
+    path: Path, target: Path, params: SeparationParams, files: OutputGroup, *, with_height: bool
+) -> "SeparatedTile":
     started = perf_counter()
     tile = open_tile(path)
     with errors_of(path):
@@ -83,7 +93,7 @@ def _separate(path: Path, target: Path, params: SeparationParams, *, with_height
     columns: dict[str, Any] = {"classification": found.classification}
     if with_height:
         columns["height_above_sea"] = found.height_m
-    write_tile(tile, target, columns, HEIGHT if with_height else {})
+    write_tile(tile, target, columns, HEIGHT if with_height else {}, files)
     sea, other = (int(np.count_nonzero(found.classification == code)) for code in (WATER, OTHER))
     return SeparatedTile(path.stem, str(target), tile.size, sea, other, perf_counter() - started)
 

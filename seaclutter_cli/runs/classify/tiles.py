@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.settings import TileSettings, load_settings
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.outputs import check_outputs, is_folder
+from seaclutter_cli.runs.outputs import Paths, is_folder, prepare_outputs
+from seaclutter_cli.runs.recordings import PathLike
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, write_las
 from seaclutter_cli.sinks.points import POINT_WRITERS, with_columns
 from seaclutter_cli.sources.frame_files import FRAME_READERS
@@ -63,11 +65,12 @@ def warn_without_intensity(tile: LasTile | CloudTile, settings: TileSettings, ob
 
 def plan_tiles(
     tiles: Sequence[Path],
-    output: Path,
-    other_outputs: Sequence[Path | None] = (),
-    inputs: Sequence[Path | None] = (),
+    output: PathLike,
+    other_outputs: Paths,
+    inputs: Paths,
     *,
     force: bool,
+    observer: Observer,
 ) -> list[Path]:
     """Return the output file of each tile: ``output`` itself for one, files named after the tiles in it for several.
 
@@ -75,12 +78,14 @@ def plan_tiles(
     ----------
     tiles : sequence of Path
         Input tiles.
-    output : Path
-        File for one tile, folder for several.
-    other_outputs, inputs : sequence of Path or None, optional
-        Additional output and input files.
+    output : path
+        File for one tile, folder for several or if it is a `str` that ends in a slash.
+    other_outputs, inputs : mapping of str to path, paths or None
+        Additional output and input files by option.
     force : bool
         Whether existing files may be replaced.
+    observer : Observer
+        Is told about incomplete files of earlier runs that are removed.
 
     Raises
     ------
@@ -89,12 +94,12 @@ def plan_tiles(
         tile cannot be converted.
     """
     into_folder = is_folder(output, len(tiles))
-    targets = [output / tile.name for tile in tiles] if into_folder else [output]
+    targets = [Path(output) / tile.name for tile in tiles] if into_folder else [Path(output)]
     if into_folder:  # formats without a writer become PCD
         targets = [t if t.suffix.lower() in (*_LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
     if len(set(targets)) < len(targets):
         raise UsageError(f"{output}: two tiles have the same name; process them one by one")
-    check_outputs([*targets, *other_outputs], [*tiles, *inputs], force=force)
+    prepare_outputs({"-o": targets, **other_outputs}, {"TILE": tiles, **inputs}, force=force, observer=observer)
     for tile, target in zip(tiles, targets, strict=True):
         _check_format(tile, target)
     return targets
@@ -108,10 +113,16 @@ def _check_format(tile: Path, target: Path) -> None:
         raise UsageError(f"{target}: only LAS and LAZ tiles can become LAS or LAZ; use {', '.join(POINT_WRITERS)}")
 
 
-def write_tile(tile: LasTile | CloudTile, target: Path, columns: Mapping[str, NDArray[Any]], extra: ExtraDims) -> None:
+def write_tile(
+    tile: LasTile | CloudTile,
+    target: Path,
+    columns: Mapping[str, NDArray[Any]],
+    extra: ExtraDims,
+    group: OutputGroup | None = None,
+) -> None:
     """Write a tile with replaced or additional columns; everything else is kept."""
     if isinstance(tile, LasTile) and target.suffix.lower() in _LAS:
-        write_las(target, tile.header, tile.parts(), columns, extra)
+        write_las(target, tile.header, tile.parts(), columns, extra, group)
         return
     cloud = FRAME_READERS[tile.path.suffix.lower()](tile.path) if isinstance(tile, LasTile) else tile.cloud
-    POINT_WRITERS[target.suffix.lower()](target, with_columns(cloud, columns))
+    POINT_WRITERS[target.suffix.lower()](target, with_columns(cloud, columns), group)

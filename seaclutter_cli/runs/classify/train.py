@@ -19,7 +19,7 @@ from seaclutter_cli.plots.tiles import draw_confusion
 from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, warn_without_intensity
 from seaclutter_cli.runs.classify.train_result import TrainingReport
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, write_files
+from seaclutter_cli.runs.outputs import prepare_outputs, write_files
 from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile, read_columns
 from seaclutter_cli.truth import OBJECT_CLASSES
 
@@ -88,7 +88,9 @@ def train_forest(tiles: Sequence[str], options: TrainForestOptions, observer: Ob
     paths = find_tiles(tiles)
     if options.plot_file:
         check_target(options.plot_file)
-    check_outputs([options.output, options.plot_file], [*paths, options.settings.file], force=options.force)
+    targets = {"-o": options.output, "--plot": options.plot_file}
+    inputs = {"TILE": paths, "-c": options.settings.file}
+    prepare_outputs(targets, inputs, force=options.force, observer=observer)
     parts = [_samples(number, path, settings, options, observer) for number, path in enumerate(paths)]
     model, report = fit(join(parts), settings)
     files = {options.output: model.to_bytes()}

@@ -3,19 +3,21 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.runs.observer import SILENT, Observer, Step
-from seaclutter_cli.runs.outputs import check_outputs, inputs_of
+from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, ReadOptions, RecordingsResult, storing_errors
 from seaclutter_cli.runs.scene.logs import ClassifierOptions, LabelledLog, LabelledLogs, read_frames
 from seaclutter_cli.runs.scene.table import SceneTable, confusion_table
 from seaclutter_cli.scenes.model import SceneModel
 from seaclutter_cli.scenes.scores import SceneScores
 from seaclutter_cli.scenes.tracker import SceneTracker
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.text import count, table
 
 _MISCLASSIFIED = ("recording", "scene", "wrong", "frames")
@@ -57,14 +59,22 @@ def evaluate_scenes(
     """
     options, reading = options or ClassifierOptions(), reading or ReadOptions()
     labelled = logs.find()
-    check_outputs([options.csv_file], inputs_of(log.recording for log in labelled), force=options.force)
+    inputs: Paths = {**inputs_of((log.recording for log in labelled), reading), "--model": Path(options.model)}
+    prepare_outputs({"--csv": options.csv_file}, inputs, force=options.force, observer=observer)
     model = SceneModel(options.model)
     unknown = sorted({log.scene for log in labelled} - set(model.classes))
     if unknown:
         raise UsageError(f"{model.name}: unknown class {', '.join(unknown)}; the model has {', '.join(model.classes)}")
-    with SceneTable(options.csv_file, model.classes, truth=True) as lines, observer.progress("frames", None) as step:
-        evaluator = _Evaluator(model, options, reading, observer, lines)
-        return SceneEvaluation([evaluator.run(log, step) for log in labelled], model.classes)
+    with OutputGroup() as files:
+        with (
+            SceneTable(options.csv_file, model.classes, truth=True, group=files) as lines,
+            observer.progress("frames", None) as step,
+        ):
+            evaluator = _Evaluator(model, options, reading, observer, lines)
+            result = SceneEvaluation([evaluator.run(log, step) for log in labelled], model.classes)
+        if not may_appear([options.csv_file], result.outcomes, observer):
+            files.discard()
+    return result
 
 
 @dataclass(frozen=True)

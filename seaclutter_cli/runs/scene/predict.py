@@ -3,16 +3,18 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.runs.observer import SILENT, Observer, Step
-from seaclutter_cli.runs.outputs import check_outputs, inputs_of
+from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand, storing_errors
 from seaclutter_cli.runs.scene.logs import ClassifierOptions, read_frames
 from seaclutter_cli.runs.scene.table import SceneTable
 from seaclutter_cli.scenes.model import SceneModel
 from seaclutter_cli.scenes.tracker import SceneDecision, SceneTracker
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import share, table
 
@@ -52,11 +54,19 @@ def predict_scenes(
     """
     options, reading = options or ClassifierOptions(), reading or ReadOptions()
     recordings = expand(logs)
-    check_outputs([options.csv_file], inputs_of(recordings), force=options.force)
+    inputs: Paths = {**inputs_of(recordings, reading), "--model": Path(options.model)}
+    prepare_outputs({"--csv": options.csv_file}, inputs, force=options.force, observer=observer)
     model = SceneModel(options.model)
-    with SceneTable(options.csv_file, model.classes, truth=False) as lines, observer.progress("frames", None) as step:
-        predictor = _Predictor(model, options, reading, observer, lines)
-        return ScenePrediction([predictor.run(recording, step) for recording in recordings], model.classes)
+    with OutputGroup() as files:
+        with (
+            SceneTable(options.csv_file, model.classes, truth=False, group=files) as lines,
+            observer.progress("frames", None) as step,
+        ):
+            predictor = _Predictor(model, options, reading, observer, lines)
+            result = ScenePrediction([predictor.run(recording, step) for recording in recordings], model.classes)
+        if not may_appear([options.csv_file], result.outcomes, observer):
+            files.discard()
+    return result
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from types import TracebackType
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.scenes.scores import SceneScores
 from seaclutter_cli.scenes.tracker import SceneDecision
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import share, table
 
 
@@ -37,11 +37,15 @@ class SceneTable(AbstractContextManager["SceneTable"]):
         Classes of the model; each has a column with its probability in the latest classification.
     truth : bool
         Whether there is a column for the true scene.
+    group : OutputGroup, optional
+        Files that appear together with this one.
     """
 
-    def __init__(self, path: Path | None, classes: Sequence[str], *, truth: bool) -> None:
+    def __init__(
+        self, path: Path | None, classes: Sequence[str], *, truth: bool, group: OutputGroup | None = None
+    ) -> None:
         self._classes, self._truth = classes, truth
-        self._file: AtomicFile | None = AtomicFile(path) if path else None
+        self._file: AtomicFile | None = AtomicFile(path, group) if path else None
         columns = ("recording", "topic", "frame", "stamp_ns", *(["truth"] if truth else []), "scene", "decided")
         self._line((*columns, *(f"p_{name}" for name in classes)))
 

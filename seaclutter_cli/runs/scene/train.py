@@ -12,7 +12,7 @@ from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.training import draw_training
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, inputs_of, write_files
+from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import ReadOptions, Result
 from seaclutter_cli.runs.scene.logs import LabelledLog, LabelledLogs, read_frames
 from seaclutter_cli.runs.scene.table import confusion_table
@@ -88,8 +88,11 @@ def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Obser
     """
     check_torch()
     labelled = logs.find()
-    check_outputs(
-        [options.output, options.plot_file], inputs_of(log.recording for log in labelled), force=options.force
+    prepare_outputs(
+        {"-o": options.output, "--plot": options.plot_file},
+        inputs_of((log.recording for log in labelled), options.reading),
+        force=options.force,
+        observer=observer,
     )
     if options.output.suffix.lower() != ".onnx":
         raise UsageError(f"{options.output}: the name of a model file must end in .onnx")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.simulation.airborne.render import POINT, TileRenderer
 from seaclutter_cli.simulation.airborne.scene import TileScene
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import LasSink
 
 TRUTH = {"object_class": ("u1", "0 none, 1 ship ... 8 garbage"), "object_id": ("u2", "number of the object, 0 none")}
@@ -40,7 +41,12 @@ def simulate_strips(scene: TileScene) -> Iterator[NDArray[np.void]]:
             pool.shutdown(cancel_futures=True)
 
 
-def record_tile(scene: TileScene, path: Path, on_strip: Callable[[NDArray[np.void]], object] = lambda _: None) -> None:
+def record_tile(
+    scene: TileScene,
+    path: Path,
+    on_strip: Callable[[NDArray[np.void]], object] = lambda _: None,
+    group: OutputGroup | None = None,
+) -> None:
     """Write a scene to a LAS or LAZ file with point format 6.
 
     Parameters
@@ -51,6 +57,8 @@ def record_tile(scene: TileScene, path: Path, on_strip: Callable[[NDArray[np.voi
         The file; it appears when it is complete.
     on_strip : callable, optional
         Called with the echoes of each strip.
+    group : OutputGroup, optional
+        Files that appear together with this one.
 
     Raises
     ------
@@ -71,7 +79,7 @@ def record_tile(scene: TileScene, path: Path, on_strip: Callable[[NDArray[np.voi
     header.uuid = UUID(int=0)
     header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6; some readers check
     empty = laspy.ScaleAwarePointRecord.zeros(0, header=header)
-    with LasSink(path, header, TRUTH, whole=False) as sink:
+    with LasSink(path, header, TRUTH, whole=False, group=group) as sink:
         for points in simulate_strips(scene):
             sink.write(_record(laspy, empty, points), {name: points[name] for name in TRUTH})
             on_strip(points)

@@ -11,7 +11,7 @@ from pathlib import Path
 from seaclutter_cli.simulation.marine.formats import FORMATS, LogWriter
 from seaclutter_cli.simulation.marine.render import Renderer, SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 
 _COLUMNS = ("frame", "track_id", "class", "x", "y", "z", "length", "width", "height", "yaw")
 
@@ -33,7 +33,13 @@ def simulate_frames(scene: Scene) -> Iterator[SimulatedFrame]:
             pool.shutdown(cancel_futures=True)
 
 
-def record(scene: Scene, log: Path, labels: Path, on_frame: Callable[[SimulatedFrame], None] = lambda _: None) -> None:
+def record(
+    scene: Scene,
+    log: Path,
+    labels: Path,
+    on_frame: Callable[[SimulatedFrame], None] = lambda _: None,
+    group: OutputGroup | None = None,
+) -> None:
     """Write a scene to a file in one of `FORMATS`, chosen by its extension, and its labels as native CSV.
 
     Parameters
@@ -41,9 +47,11 @@ def record(scene: Scene, log: Path, labels: Path, on_frame: Callable[[SimulatedF
     scene : Scene
         The scene to record.
     log, labels : Path
-        The files; they appear when they are complete.
+        The files; they appear together when they are complete.
     on_frame : callable, optional
         Called with each frame.
+    group : OutputGroup, optional
+        Files that appear together with these.
 
     Raises
     ------
@@ -52,7 +60,11 @@ def record(scene: Scene, log: Path, labels: Path, on_frame: Callable[[SimulatedF
     UsageError
         If the format does not support the lidar.
     """
-    with AtomicFile(log) as log_file, AtomicFile(labels) as label_file:
+    with (
+        OutputGroup(group) as files,
+        AtomicFile(log, files) as log_file,
+        AtomicFile(labels, files) as label_file,
+    ):
         writer: LogWriter = FORMATS[log.suffix[1:]](scene, log_file.stream)
         try:
             label_file.stream.write((",".join(_COLUMNS) + "\n").encode())

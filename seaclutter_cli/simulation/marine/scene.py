@@ -14,7 +14,7 @@ from seaclutter_cli.simulation.lidar.noise import NoiseParams
 from seaclutter_cli.simulation.marine.motion import Track
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, terrain_name
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.validation import (
     as_lists,
     build_list,
@@ -219,7 +219,7 @@ def load_scene(name: str) -> Scene:
     return parse_scene(read_yaml(path, _SECTIONS), str(path))
 
 
-def save_scene(scene: Scene, path: Path) -> None:
+def save_scene(scene: Scene, path: Path, group: OutputGroup | None = None) -> None:
     """Write a scene to a file for `load_scene`, without default values and with one object per line.
 
     Raises
@@ -227,10 +227,10 @@ def save_scene(scene: Scene, path: Path) -> None:
     OutputError
         If the file cannot be written.
     """
-    write_scene(scene.as_dict(defaults=False), path)
+    write_scene(scene.as_dict(defaults=False), path, group)
 
 
-def write_scene(scene: Mapping[str, Any], path: Path) -> None:
+def write_scene(scene: Mapping[str, Any], path: Path, group: OutputGroup | None = None) -> None:
     """Write the content of a scene file with one object per line; raises `OutputError` on failure."""
     sections = dict(scene)
     objects = sections.pop("objects")
@@ -240,7 +240,7 @@ def write_scene(scene: Mapping[str, Any], path: Path) -> None:
     for item in objects:
         line = yaml.safe_dump(item, sort_keys=False, default_flow_style=True, width=10**6, allow_unicode=True)
         text += f"  - {line}"
-    with AtomicFile(path) as file:
+    with AtomicFile(path, group) as file:
         file.stream.write(text.encode())
 
 
