@@ -17,6 +17,7 @@ MAX_AHEAD_BYTES = 32 * 2**20
 """Maximum bytes that are unpacked ahead of the consumer, except for a single chunk."""
 
 _OBJECT_BYTES = 300
+_SMALL_BYTES = 16 * 2**10
 _WAITING_LEAST, _WAITING_RATIO = 48 * 2**20, 8
 _NEVER = 2**64
 
@@ -107,8 +108,9 @@ class _Run:
         self.messages.reverse()
         self.size = sum(map(_size, messages))
         data = messages[0].data
-        # A chunk may contain little besides its messages, or much that nobody needs.
-        self._loaded = max(self.size, memoryview(data.obj).nbytes if isinstance(data, memoryview) else 0)
+        # A large chunk may contain little besides data that nobody needs.
+        kept = memoryview(data.obj).nbytes if isinstance(data, memoryview) else 0
+        self._loaded = max(self.size, kept if kept > _SMALL_BYTES else 0)
         self.compact()
 
     def compact(self) -> int:
