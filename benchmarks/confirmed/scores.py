@@ -97,7 +97,7 @@ def _ideal(one: LabelledFrame) -> FilterResult:
 def matched(one: LabelledFrame, result: FilterResult) -> tuple[FrameTargets, NDArray[np.int64], Matches]:
     """Return the targets of a frame, the cluster of each point, and how they match."""
     targets = targets_of(one.frame, one.truth, EVALUATION)
-    finder = finder_of(one.frame, [result], EVALUATION)
+    finder = finder_of(one.frame, [result.keep], EVALUATION)
     clusters = finder.clusters(result.keep & one.frame.valid, EVALUATION.min_cluster_points)
     return targets, clusters, match_clusters(clusters, targets, EVALUATION)
 
