@@ -142,7 +142,7 @@ def appearances(verdicts: Sequence[Verdict]) -> Iterator[list[Verdict]]:
 
 
 def delays(verdicts: Sequence[Verdict]) -> list[float]:
-    """Return the time from each appearance of a target to its first confirmed detection; infinite if there is none."""
+    """Return the time from each appearance of a target to its first confirmed detection; infinite without one."""
     return [
         next((one.time_s - run[0].time_s for one in run if one.confirmed), np.inf)
         for run in appearances(verdicts)

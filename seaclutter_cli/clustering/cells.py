@@ -51,9 +51,9 @@ class Cells:
         return len(self.start)
 
     def pairs(self) -> Iterator[Indices | tuple[Indices, Indices]]:
-        """Yield all pairs of cells that are at most two apart on each axis, each once, in blocks of bounded size.
+        """Yield the pairs of cells that are at most two apart on each axis, each once, in blocks of bounded size.
 
-        Few cells are all paired, since a search would take longer.
+        Of few cells, all pairs are returned, since a search would take longer.
         """
         if len(self) <= _ALL_PAIRED:
             yield _all_pairs()[:, : len(self) * (len(self) - 1) // 2]
@@ -98,13 +98,11 @@ def cells_of(xyz: Points, tolerance_m: float) -> Cells:
     start = _changes(key[order])
     columns = column[order[start]]
     first = _changes(columns)
-    rank_of = np.zeros(len(columns), np.int64)
-    rank_of[first[1:]] = 1
     return Cells(
         order,
         start,
         _run_lengths(start, len(order)),
-        np.cumsum(rank_of),
+        np.repeat(np.arange(len(first)), _run_lengths(first, len(columns))),
         z[order[start]],
         columns[first],
         row,

@@ -67,7 +67,7 @@ class Confirmed(BaseFilter):
        meet an object.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. Their shape is evidence
        from -0.5 (flat on the water) to 1 (upright, or higher than any wave). Where the beams are too far apart to show
-       the shape, persistent brightness is some evidence.
+       the shape, persistent brightness is some evidence, unless echoes of the water are all around.
     5. *Confirmation*: objects are followed over time. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes
        independent of what it was, about a second, and is forgotten over ``memory_s``. An object is missed only where a
@@ -122,8 +122,8 @@ class Confirmed(BaseFilter):
 
     def _steady(self, time_s: float) -> float:
         """Return the time of a frame, or that of the frame before if the clock stepped back a little."""
-        stepped_back = self._time_s is not None and self._time_s - _MAX_STEP_BACK_S <= time_s < self._time_s
-        return self._time_s if self._time_s is not None and stepped_back else time_s
+        last_s = self._time_s
+        return last_s if last_s is not None and 0 < last_s - time_s <= _MAX_STEP_BACK_S else time_s
 
     def flush(self) -> list[FilterResult]:
         """Return the results of all frames that wait."""
@@ -151,8 +151,8 @@ class Confirmed(BaseFilter):
         objects = find_objects(echoes, candidates & ~near, heights, self._beams, self._params, near=False)
         if self._tracker.approached(self._params.start_m, time_s):  # all else there is own ship
             objects += find_objects(echoes, candidates & near, heights, self._beams, self._params, near=True)
+            objects.sort(key=lambda one: tuple(one.center))
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
-        objects.sort(key=lambda one: tuple(one.center))
         found = self._tracker.associate(objects, time_s)
         if weak := self._expected(echoes, heights, self._tracker.expected(found, time_s)):
             found = self._tracker.associate([*objects, *weak], time_s)

@@ -18,7 +18,7 @@ Distances = NDArray[np.float64]
 Search = Callable[[Points, int], tuple[NDArray[np.int64], Distances]]
 
 _BLOCK_DISTANCES = 1 << 21
-_FEW_POINTS, _FEW_DISTANCES = 4000, 20_000  # a second thread takes longer to wake
+_FEW_POINTS, _FEW_DISTANCES = 4000, 5000  # below, waking other threads takes longer
 _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 
 

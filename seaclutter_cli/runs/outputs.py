@@ -108,7 +108,7 @@ def prepare_outputs(
     force : bool
         Whether existing files may be replaced.
     observer : Observer, optional
-        Is told about removed files.
+        Receives a note about removed files.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def _tidy(folders: Iterable[Path], observer: Observer) -> None:
 def may_appear(targets: Iterable[Path | None], outcomes: Sequence[Outcome], observer: Observer) -> bool:
     """Return whether output files about several recordings may appear, although some of these failed.
 
-    They may not if all failed, or if one of the files would replace a file of an earlier run; the observer is told.
+    They may not if all failed, or if one of the files would replace a file of an earlier run, which gives a warning.
     """
     failed = [outcome.recording for outcome in outcomes if outcome.error]
     if not failed:

@@ -64,7 +64,7 @@ class Mounting:
 
     def tilt_deg(self, other: "Mounting") -> float:
         """Return the angle between the upward directions of two mountings, in degrees."""
-        return float(np.degrees(np.arccos(np.clip(self.up @ other.up, -1, 1))))
+        return angle_deg(self.up, other.up)
 
     def levelled(self, xyz: Floats) -> Floats:
         """Return points of the lidar in the levelled frame, shape (3, N); the same array if the mounting is level."""
@@ -73,6 +73,12 @@ class Mounting:
     def unlevelled(self, xyz: Floats) -> Floats:
         """Return points of the levelled frame in the frame of the lidar, shape (3, N)."""
         return xyz if self.is_level else _turned(self.rotation.T, xyz)
+
+
+def angle_deg(one: Floats, other: Floats) -> float:
+    """Return the angle between two directions, shape (3,), in degrees."""
+    cosine = one @ other / (np.linalg.norm(one) * np.linalg.norm(other))
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
 
 def _turned(rotation: Floats, xyz: Floats) -> Floats:

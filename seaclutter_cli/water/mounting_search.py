@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seaclutter_cli.water.mounting import Floats, Mounting
+from seaclutter_cli.water.mounting import Floats, Mounting, angle_deg
 from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, PolarCells, fit_plane
 
 TOLERANCE_DEG = 10.0
@@ -99,11 +99,11 @@ class MountingSearch:
         if not self._ups:
             return None
         mean = np.mean(self._ups, axis=0)
-        agreeing = [up for up in self._ups if _angle_deg(up, mean) <= _AGREEMENT_DEG]
+        agreeing = [up for up in self._ups if angle_deg(up, mean) <= _AGREEMENT_DEG]
         if len(agreeing) < _MIN_SHARE * len(self._times_s):
             return None
         up = np.mean(agreeing, axis=0)
-        tilt = _angle_deg(up, self._given.up)
+        tilt = angle_deg(up, self._given.up)
         heels = tilt < 90 and max(self._times_s) - min(self._times_s) < _MIN_SPAN_S
         if heels or tilt <= TOLERANCE_DEG:
             return None
@@ -118,7 +118,7 @@ class MountingSearch:
             fit = _fit(xyz, start)
             if fit is None:
                 continue
-            tilt = _angle_deg(fit.up, self._given.up)
+            tilt = angle_deg(fit.up, self._given.up)
             if tilt <= TOLERANCE_DEG:
                 level = max(level, fit.score)
             elif not _MAX_TILT_DEG < tilt < 180 - _MAX_TILT_DEG and (other is None or fit.score > other.score):
@@ -178,9 +178,3 @@ def _score(xyz: Floats, level_m: float) -> int:
     low, high = cells.lowest[2] - level_m, highest[cells.number]
     flat = (np.abs(low) < _FLAT_M) & (high < _TOP_M)
     return int(np.count_nonzero(flat) - _BELOW_WEIGHT * np.count_nonzero(low < -_BELOW_M))
-
-
-def _angle_deg(one: Floats, other: Floats) -> float:
-    """Return the angle between two directions in degrees."""
-    cosine = one @ other / (np.linalg.norm(one) * np.linalg.norm(other))
-    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))

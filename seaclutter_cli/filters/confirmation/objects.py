@@ -36,7 +36,7 @@ class DetectedObject:
     evidence : float
         Evidence of its shape: positive for a target, negative for water.
     cells : ndarray, shape (m, 2), float64
-        Horizontal position of one of its points in each cell of 0.5 m.
+        Mean horizontal position of its points in each cell of 0.5 m.
     center : ndarray, shape (2,), float64
         Mean horizontal position of its points.
     top_m : float

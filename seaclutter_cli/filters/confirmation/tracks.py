@@ -60,7 +60,7 @@ class Track:
         Horizontal velocity in the frame of the lidar in m/s; own ship's motion is part of it.
     top_m : float
         Height of its top above the water when it was last seen.
-    is_outside : bool
+    seen_outside : bool
         Whether it was ever seen beyond ``start_m``.
     from_outside : bool
         Whether it was confirmed beyond ``start_m``, so that it is not own ship when it comes nearer.
@@ -76,7 +76,7 @@ class Track:
     seen_s: float
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
     top_m: float = 0.0
-    is_outside: bool = False
+    seen_outside: bool = False
     from_outside: bool = False
     memory: float = 0.0
     history: deque[Evidence] = field(default_factory=deque)
@@ -109,7 +109,7 @@ class Track:
                 self.velocity = self.velocity + gain * (velocity - self.velocity)
         self.cells, self.center, self.seen_s = found.cells, found.center, time_s
         self.top_m = found.top_m
-        self.is_outside |= not found.near
+        self.seen_outside |= not found.near
 
 
 @dataclass(frozen=True)
@@ -148,15 +148,26 @@ class Tracker:
 
     def approached(self, start_m: float, time_s: float) -> bool:
         """Return whether a probable target seen beyond ``start_m`` can have parts nearer than that."""
-        coming = (track for track in self._tracks if track.is_outside and track.memory > 0)
+        coming = (track for track in self._tracks if track.seen_outside and track.memory > 0)
         return any(np.hypot(*track.expected(time_s).T).min() < start_m + _CONTACT_M for track in coming)
 
-    def associate(self, objects: Sequence[DetectedObject], time_s: float) -> "Association":
+    def associate(self, objects: Sequence[DetectedObject], time_s: float) -> Association:
         """Return how the objects of a frame fit the tracks."""
-        votes, covered = self._votes(objects, time_s)
-        return Association(objects, votes, covered)
+        votes = np.zeros((len(objects), len(self._tracks)), np.int64)
+        if not votes.size:
+            return Association(objects, votes, np.zeros(len(self._tracks), np.bool_))
+        expected, track_of = _expected_cells(self._tracks, time_s)
+        cells = np.concatenate([one.cells for one in objects])
+        object_of = np.repeat(np.arange(len(objects)), [len(one.cells) for one in objects])
+        interval = 0.0 if self._time_s is None else time_s - self._time_s
+        gate = np.array([track.gate_m(time_s, interval) for track in self._tracks])
+        index, distance = nearest(expected, cells)
+        reached = np.flatnonzero(distance <= gate[track_of[index]])
+        np.add.at(votes, (object_of[reached], track_of[index[reached]]), 1)
+        _, back = nearest(cells, expected)
+        return Association(objects, votes, _share(back <= gate[track_of], track_of) >= _COVERED)
 
-    def step(self, found: "Association", time_s: float, since_s: float, sight: Sight | None = None) -> list[Track]:
+    def step(self, found: Association, time_s: float, since_s: float, sight: Sight | None = None) -> list[Track]:
         """Return the track of each object of a frame; a new one where an object continues none.
 
         Parameters
@@ -194,7 +205,7 @@ class Tracker:
         self._tracks = unseen + result
         return result
 
-    def expected(self, found: "Association", time_s: float) -> Floats:
+    def expected(self, found: Association, time_s: float) -> Floats:
         """Return where objects with much evidence are expected but not found, shape (m, 2)."""
         missing = ~found.votes.any(axis=0) & ~found.covered
         cells = [
@@ -220,25 +231,6 @@ class Tracker:
         total = sum(item.evidence * item.step_s for item in around)
         return total / (sum(item.step_s for item in around) + _DOUBT_S) + before
 
-    def _votes(self, objects: Sequence[DetectedObject], time_s: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Return how many cells of each object each track expects, and of which tracks the objects cover most cells."""
-        votes = np.zeros((len(objects), len(self._tracks)), np.int64)
-        if not votes.size:
-            return votes, np.zeros(len(self._tracks), np.bool_)
-        sizes = np.array([len(track.cells) for track in self._tracks])
-        track_of = np.repeat(np.arange(len(sizes)), sizes)
-        object_of = np.repeat(np.arange(len(objects)), [len(one.cells) for one in objects])
-        expected = np.concatenate([track.expected(time_s) for track in self._tracks])
-        cells = np.concatenate([one.cells for one in objects])
-        interval = 0.0 if self._time_s is None else time_s - self._time_s
-        gate = np.array([track.gate_m(time_s, interval) for track in self._tracks])
-        index, distance = nearest(expected, cells)
-        reached = np.flatnonzero(distance <= gate[track_of[index]])
-        np.add.at(votes, (object_of[reached], track_of[index[reached]]), 1)
-        _, back = nearest(cells, expected)
-        covered = np.bincount(track_of, weights=back <= gate[track_of], minlength=len(sizes))
-        return votes, np.asarray(covered >= _COVERED * sizes)
-
     def _continued(self, track: Track, found: DetectedObject, time_s: float, *, is_first: bool) -> Track:
         if not is_first:
             return self._begun(found, time_s, track)
@@ -247,10 +239,10 @@ class Tracker:
         return track
 
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
-        track = Track(found.cells, found.center, time_s, time_s, top_m=found.top_m, is_outside=not found.near)
+        track = Track(found.cells, found.center, time_s, time_s, top_m=found.top_m, seen_outside=not found.near)
         if parent is not None:
             track.velocity = parent.velocity
-            track.is_outside |= parent.is_outside
+            track.seen_outside |= parent.seen_outside
             track.from_outside = parent.from_outside
         self._collect(track, time_s, found.evidence)
         return track
@@ -272,7 +264,8 @@ class Tracker:
         gained = (_MISS_MEMORY if evidence is None else evidence) * step / _DECORRELATION_S
         track.memory = float(np.clip(track.memory * np.exp(-step / self._params.memory_s) + gained, *_MEMORY_LIMITS))
         track.history.append(Evidence(time_s, _MISS if evidence is None else evidence, max(step, 1e-3), track.memory))
-        oldest = self._since_s - self._params.look_ahead_s - _MAX_STEP_S
+        reach = max(self._params.look_ahead_s, _NEIGHBOR_STEPS * _MAX_STEP_S)
+        oldest = self._since_s - reach - _MAX_STEP_S
         while len(track.history) > 1 and track.history[1].time_s < oldest:
             track.history.popleft()
 
@@ -281,11 +274,20 @@ def _in_sight(tracks: Sequence[Track], sight: Sight, time_s: float) -> list[Trac
     """Return the tracks of which beams would meet at least half of the cells."""
     if not tracks:
         return []
-    sizes = np.array([len(track.cells) for track in tracks])
-    cells = np.concatenate([track.expected(time_s) for track in tracks])
-    met = sight.meets(cells, np.repeat([track.top_m for track in tracks], sizes))
-    count = np.bincount(np.repeat(np.arange(len(sizes)), sizes), weights=met, minlength=len(sizes))
-    return [track for track, n, size in zip(tracks, count, sizes, strict=True) if n >= _IN_SIGHT * size]
+    cells, track_of = _expected_cells(tracks, time_s)
+    share = _share(sight.meets(cells, np.array([track.top_m for track in tracks])[track_of]), track_of)
+    return [track for track, met in zip(tracks, share >= _IN_SIGHT, strict=True) if met]
+
+
+def _expected_cells(tracks: Sequence[Track], time_s: float) -> tuple[Floats, NDArray[np.int64]]:
+    """Return where the cells of tracks are expected, shape (m, 2), and the number of the track of each, shape (m,)."""
+    track_of = np.repeat(np.arange(len(tracks)), [len(track.cells) for track in tracks])
+    return np.concatenate([track.expected(time_s) for track in tracks]), track_of
+
+
+def _share(mask: NDArray[np.bool_], track_of: NDArray[np.int64]) -> Floats:
+    """Return the share of the cells of each track for which a mask is true; every track has cells."""
+    return np.bincount(track_of, weights=mask) / np.bincount(track_of)
 
 
 def _by_track(votes: NDArray[np.int64]) -> dict[int, list[int]]:

@@ -85,7 +85,7 @@ def plan_tiles(
     force : bool
         Whether existing files may be replaced.
     observer : Observer
-        Is told about incomplete files of earlier runs that are removed.
+        Receives a note about incomplete files of earlier runs that are removed.
 
     Raises
     ------
