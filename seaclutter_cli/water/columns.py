@@ -43,6 +43,6 @@ def upright(x: Floats, y: Floats, height: Floats, span_m: float) -> NDArray[np.b
         np.not_equal(ordered[1:], ordered[:-1], out=is_first[1:])
         start = is_first.nonzero()[0]
         span = np.maximum.reduceat(values, start) - np.minimum.reduceat(values, start)
-        stands = (span >= span_m)[np.cumsum(is_first) - 1]
+        stands = np.repeat(span >= span_m, np.diff(start, append=len(order)))
         found[inside[order[stands]]] = True
     return found

@@ -68,19 +68,22 @@ class PolarCells:
     def of(cls, xyz: Floats) -> "PolarCells":
         """Return the cells of points between `NEAREST_M` and `FARTHEST_M`, shape (3, N)."""
         x, y, z = xyz
-        bearing = np.floor((np.arctan2(y, x) + np.pi) * (_BEARINGS / (2 * np.pi))).astype(np.int64) % _BEARINGS
-        ring = np.clip((np.hypot(x, y) - NEAREST_M) // _STEP_M, 0, _RINGS - 1).astype(np.int64)
-        cell = bearing * _RINGS + ring
+        bearing = ((np.arctan2(y, x) + np.pi) * (_BEARINGS / (2 * np.pi))).astype(np.int64)
+        bearing[bearing == _BEARINGS] = 0
+        ring = np.maximum((np.hypot(x, y) - NEAREST_M) / _STEP_M, 0).astype(np.int64)
+        cell = bearing * _RINGS + np.minimum(ring, _RINGS - 1)
         low = np.full(_BEARINGS * _RINGS, np.inf)
         np.minimum.at(low, cell, z)
-        at = np.flatnonzero(z == low[cell])
-        number, first = np.unique(cell[at], return_index=True)
-        return cls(cell, xyz[:, at[first]], number)
+        lowest = np.empty(len(low), np.int64)
+        at = np.flatnonzero(z == low[cell])[::-1]
+        lowest[cell[at]] = at  # the first of several
+        number = np.flatnonzero(low < np.inf)
+        return cls(cell, xyz[:, lowest[number]], number)
 
     @property
     def enough(self) -> bool:
         """Whether the cells can hold a plane."""
-        bearings = len(np.unique(self.number // _RINGS))
+        bearings = np.count_nonzero(np.bincount(self.number // _RINGS))
         return len(self.number) >= _MIN_CELLS and bearings >= _MIN_BEARINGS
 
 
@@ -95,24 +98,35 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
         return _reweighted(cells.lowest, start)
     levels = np.quantile(cells.lowest[2], _START_SHARES)
     fits = [_reweighted(cells.lowest, Plane(float(level), 0.0, 0.0)) for level in levels]
+    fits = [fit for fit in fits if fit[0].level_m < 0] or fits  # water is below the lidar
     needed = _SUPPORT * max(float(weight.sum()) for _, weight in fits)
     return min((fit for fit in fits if fit[1].sum() >= needed), key=lambda fit: fit[0].level_m)
 
 
 def _reweighted(points: Floats, plane: Plane) -> tuple[Plane, Floats]:
     x, y, z = points
-    design = np.stack((np.ones_like(x), x, y))
-    ridge = np.diag([1e-9, _TILT_RIDGE, _TILT_RIDGE])
+    products = np.stack((np.ones_like(x), x, y, z, x * x, x * y, y * y, x * z, y * z))
     weight = np.zeros_like(z)
     for scale in _SCALES_M:
         residual = z - plane.height(x, y)
         weight = np.maximum(1 - (residual / (3 * scale)) ** 2, 0) ** 2
         weight[residual > 0] *= _ABOVE
-        if weight.sum() < _MIN_BEARINGS:
+        sums = (products @ weight).tolist()
+        if sums[0] < _MIN_BEARINGS:
             break
-        normal = (design * weight) @ design.T + ridge
-        plane = Plane(*np.linalg.solve(normal, design @ (weight * z)).tolist())
+        plane = _least_squares(*sums)
     return plane, weight
+
+
+def _least_squares(  # one call of a solver for matrices takes longer than all else in a pass
+    n: float, x: float, y: float, z: float, xx: float, xy: float, yy: float, xz: float, yz: float
+) -> Plane:
+    """Return the plane of least squares from weighted sums of products, with a ridge on the slopes."""
+    xx, xy, yy = xx - x * x / n + _TILT_RIDGE, xy - x * y / n, yy - y * y / n + _TILT_RIDGE
+    xz, yz = xz - x * z / n, yz - y * z / n
+    determinant = xx * yy - xy * xy  # at least the square of the ridge
+    slope_x, slope_y = (yy * xz - xy * yz) / determinant, (xx * yz - xy * xz) / determinant
+    return Plane((z - slope_x * x - slope_y * y) / n, slope_x, slope_y)
 
 
 @dataclass(frozen=True)
@@ -164,6 +178,6 @@ class WaterEchoes:
 
 
 def _weighted_quantiles(values: Floats, weights: Floats, shares: Sequence[float]) -> list[float]:
-    order = np.argsort(values, kind="stable")
+    order = np.argsort(values)
     total = np.cumsum(weights[order])
     return [float(values[order[np.searchsorted(total, total[-1] * share)]]) for share in shares]

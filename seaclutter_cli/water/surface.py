@@ -27,20 +27,17 @@ class GridCells:
     Parameters
     ----------
     number : ndarray, shape (N,), int64
-        Number of the cell; 0 beyond the grid.
-    inside : ndarray, shape (N,), bool
-        Whether the position is on the grid.
+        Number of the cell; 6400 beyond the grid.
     """
 
     number: NDArray[np.int64]
-    inside: NDArray[np.bool_]
 
     @classmethod
     def of(cls, x: Floats, y: Floats) -> "GridCells":
         """Return the cells of positions in metres."""
         column, row = np.floor((x + _REACH_M) / _CELL_M), np.floor((y + _REACH_M) / _CELL_M)
         inside = (column >= 0) & (column < _CELLS) & (row >= 0) & (row < _CELLS)
-        return cls(np.where(inside, column * _CELLS + row, 0).astype(np.int64), inside)
+        return cls(np.where(inside, column * _CELLS + row, _CELLS**2).astype(np.int64))
 
 
 @dataclass(frozen=True)
@@ -49,8 +46,8 @@ class Swell:
 
     Parameters
     ----------
-    height_m, echoes : ndarray, shape (6400,), float64
-        Height and equivalent number of echoes of each grid cell.
+    height_m, echoes : ndarray, shape (6401,), float64
+        Height and equivalent number of echoes of each grid cell; 0 beyond the grid, in the last.
     """
 
     height_m: Floats
@@ -62,19 +59,21 @@ class Swell:
 
         It is a mean over 2.5 m, shrunk towards 0 where echoes are few.
         """
-        used = np.flatnonzero(echoes & cells.inside)
+        used = np.flatnonzero(echoes)
         cell = cells.number[used]
-        count = np.bincount(cell, minlength=_CELLS**2)
-        capped = np.minimum(count, float(_MAX_PER_CELL))
-        total = np.bincount(cell, weights=height[used], minlength=_CELLS**2) * (capped / np.maximum(count, 1))
+        count = np.bincount(cell, minlength=_CELLS**2 + 1)
+        grids = np.empty((2, _CELLS**2 + 1))
+        np.minimum(count, _MAX_PER_CELL, out=grids[0])
+        np.multiply(np.bincount(cell, weights=height[used], minlength=_CELLS**2 + 1), grids[0] / np.maximum(count, 1), out=grids[1])
         kernel = _smoothing()
-        weight, sums = ((kernel @ grid.reshape(_CELLS, _CELLS) @ kernel).reshape(-1) for grid in (capped, total))
+        grids[:, :-1] = (kernel @ grids[:, :-1].reshape(2, _CELLS, _CELLS) @ kernel).reshape(2, -1)
+        grids[:, -1] = 0
+        weight, sums = grids
         return cls(sums / (weight + _SHRINKAGE), weight)
 
     def at(self, cells: GridCells) -> tuple[Floats, Floats]:
         """Return height and number of echoes at positions; both are 0 beyond the grid."""
-        inside = cells.inside
-        return np.where(inside, self.height_m[cells.number], 0.0), np.where(inside, self.echoes[cells.number], 0.0)
+        return self.height_m[cells.number], self.echoes[cells.number]
 
 
 @cache

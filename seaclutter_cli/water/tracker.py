@@ -66,8 +66,7 @@ class WaterTracker:
         if self._plane is None:
             return None
         flat = np.flatnonzero(~stands)
-        x, y, z = x[flat], y[flat], z[flat]
-        swell = self._swell(x, y, z - self._plane.height(x, y))
+        swell = self._swell(GridCells.of(x[flat], y[flat]), (z - self._plane.height(x, y))[flat])
         return WaterSurface(self._plane, self._sigma_m, swell, stands)
 
     def _update(self, lowest: Plane, echoes: WaterEchoes, time_s: float) -> None:
@@ -86,9 +85,9 @@ class WaterTracker:
     def _known_sigma_m(self) -> float:
         return _START_SIGMA_M if self._plane is None else self._sigma_m
 
-    def _swell(self, x: Floats, y: Floats, height: Floats) -> Swell:
+    def _swell(self, cells: GridCells, height: Floats) -> Swell:
         """Return the swell through the echoes of the water among points, by their heights above the plane."""
-        cells, band = GridCells.of(x, y), _band(self._sigma_m)
+        band = _band(self._sigma_m)
         swell = Swell.of(cells, height, np.abs(height) <= band)
         return Swell.of(cells, height, np.abs(height - swell.at(cells)[0]) <= band)
 

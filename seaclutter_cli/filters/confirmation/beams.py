@@ -35,9 +35,8 @@ class Beams:
         self._mounting = mounting
         self._upwards = 1.0 if mounting.up[2] >= 0 else -1.0
         self._seen = np.zeros(_BINS, np.bool_)
-        self._bins = np.empty(0, np.int64)
         self._frames = 0
-        self.spacing_deg = 0.0
+        self._update()
 
     def elevation_deg(self, xyz: Floats) -> Floats:
         """Return the elevations of points of the levelled frame, shape (3, N), in the frame of the lidar, shape (N,).
@@ -52,15 +51,11 @@ class Beams:
         if self._frames < _FRAMES and xyz.size:
             self._frames += 1
             self._seen[_bins(self.elevation_deg(xyz))] = True
-            self._bins = np.flatnonzero(self._seen)
-            steps = np.diff(self._bins)
-            steps = steps[steps > 1]  # The points of one beam can be in several bins.
-            self.spacing_deg = float(np.median(steps)) * _BIN_DEG if len(steps) else 0.0
+            self._update()
 
     def pass_between(self, low_deg: Floats, high_deg: Floats) -> NDArray[np.bool_]:
         """Return whether any beam passes between two elevations, shape (K,)."""
-        count = np.concatenate(([0], np.cumsum(self._seen)))
-        return np.asarray(count[_bins(high_deg) + 1] > count[_bins(low_deg)])
+        return np.asarray(self._count[_bins(high_deg) + 1] > self._count[_bins(low_deg)])
 
     def gaps(self, lowest_deg: Floats, highest_deg: Floats) -> tuple[Floats, Floats]:
         """Return the angles from the lowest beams of bodies to the beams below, and from the highest to those above.
@@ -76,12 +71,20 @@ class Beams:
         -------
         (ndarray, shape (K,), float64), (ndarray, shape (K,), float64)
         """
-        seen = self._bins
-        low, high = _bins(lowest_deg), _bins(highest_deg)
+        return self._below_deg[_bins(lowest_deg)], self._above_deg[_bins(highest_deg)]
+
+    def _update(self) -> None:
+        """Derive the beams around each elevation, and their spacing, from the elevations seen so far."""
+        seen, every = np.flatnonzero(self._seen), np.arange(_BINS)
         # The points of one beam can be in two bins.
-        below = np.concatenate(([-np.inf], seen))[np.searchsorted(seen, low - 1)]
-        above = np.concatenate((seen, [np.inf]))[np.searchsorted(seen, high + 1, side="right")]
-        return np.minimum((low - below) * _BIN_DEG, _OPEN_DEG), np.minimum((above - high) * _BIN_DEG, _OPEN_DEG)
+        below = np.concatenate(([-np.inf], seen))[np.searchsorted(seen, every - 1)]
+        above = np.concatenate((seen, [np.inf]))[np.searchsorted(seen, every + 1, side="right")]
+        self._below_deg = np.minimum((every - below) * _BIN_DEG, _OPEN_DEG)
+        self._above_deg = np.minimum((above - every) * _BIN_DEG, _OPEN_DEG)
+        self._count = np.concatenate(([0], np.cumsum(self._seen)))
+        steps = np.diff(seen)
+        steps = steps[steps > 1]
+        self.spacing_deg = float(np.median(steps)) * _BIN_DEG if len(steps) else 0.0
 
 
 def _bins(elevation_deg: Floats) -> NDArray[np.int64]:

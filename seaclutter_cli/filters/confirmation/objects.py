@@ -102,15 +102,14 @@ class Clusters:
         column, row = np.clip(np.floor(xy / _CELL_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
         cluster = np.repeat(np.arange(len(self)), self.count)
         key = (cluster * (2 * _MAX_CELL) + column) * (2 * _MAX_CELL) + row
-        distinct, cell, count = np.unique(key, return_inverse=True, return_counts=True)
-        cells = np.stack([np.bincount(cell, weights=axis) / count for axis in xy], axis=1)
-        bounds = np.searchsorted(distinct, np.arange(len(self) + 1) * (2 * _MAX_CELL) ** 2)
-        center = np.stack([np.add.reduceat(axis, self.start) / self.count for axis in xy], axis=1)
-        top = self.greatest(heights.height_m)
+        order = np.argsort(key, kind="stable")
+        first = np.flatnonzero(np.diff(key[order], prepend=-1))
+        cells = (np.add.reduceat(xy[:, order], first, axis=1) / np.diff(first, append=len(key))).T
+        bounds = np.searchsorted(first, np.append(self.start, len(key))).tolist()
+        center = (np.add.reduceat(xy, self.start, axis=1) / self.count).T
+        top, shape = self.greatest(heights.height_m).tolist(), evidence.tolist()
         return [
-            DetectedObject(
-                self.members(k), float(evidence[k]), cells[bounds[k] : bounds[k + 1]], center[k], float(top[k]), near
-            )
+            DetectedObject(self.members(k), shape[k], cells[bounds[k] : bounds[k + 1]], center[k], top[k], near)
             for k in np.lexsort(center.T[::-1]).tolist()
         ]
 
@@ -129,7 +128,9 @@ class Clusters:
     def ranked(self, values: Floats, *ranks: NDArray[np.int64]) -> list[Floats]:
         """Return the points' values of given ranks in each cluster, shape (K,) each; rank 0 is the lowest."""
         ordered = values[self.points]
-        ordered = ordered[np.lexsort((ordered, np.repeat(np.arange(len(self)), self.count)))]
+        by_value = np.argsort(ordered)
+        cluster = np.repeat(np.arange(len(self), dtype=np.min_scalar_type(len(self))), self.count)
+        ordered = ordered[by_value[np.argsort(cluster[by_value], kind="stable")]]
         return [np.asarray(ordered[self.start + rank]) for rank in ranks]
 
 
@@ -167,6 +168,8 @@ def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams
     # Where the next beam passes above all but tall bodies, a flat cluster is no evidence, and brightness decides;
     # unless the water has echoes all around, since it is bright at times.
     hidden = np.where(shape < 0, np.clip((top + above) / rise - 1, 0, 1), 0.0) * clusters.mean(heights.unseen)
+    if not hidden.any():
+        return np.asarray(shape)
     (brightness,) = clusters.ranked(heights.brightness, clusters.count // 2)
     octaves = np.clip(np.log2(np.maximum(brightness, 1)) / _BRIGHT_OCTAVES, 0, 1)
     bright = np.where(brightness >= 1, _BRIGHT_EVIDENCE * (_DIM_SHARE + (1 - _DIM_SHARE) * octaves), 0.0)

@@ -51,5 +51,5 @@ class Sight:
         x, y = positions.T
         level = self.water.height(x, y)
         tops = level + np.maximum(top_m, self.min_top_m)
-        low, high = (self.beams.elevation_deg(np.stack((x, y, z))) for z in (level, tops))
+        low, high = (self.beams.elevation_deg(np.array((x, y, z))) for z in (level, tops))
         return self.beams.pass_between(low, high)

@@ -1,5 +1,6 @@
 """Tracks: objects followed from frame to frame, and the evidence that they collect."""
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ from seaclutter_cli.filters.neighbors import nearest
 Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
-_MEMORY_LIMITS = (-1.0, 3.0)
+_LEAST_MEMORY, _MOST_MEMORY = -1.0, 3.0
 _MISS, _MISS_MEMORY = -0.5, -0.3
 _DOUBT_S = 0.1
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
@@ -104,7 +105,7 @@ class Track:
         elapsed = time_s - self.seen_s
         if elapsed > 0:
             velocity = (found.center - self.center) / elapsed
-            if np.hypot(*velocity) < _MAX_SPEED_MS:
+            if math.hypot(*velocity) < _MAX_SPEED_MS:
                 gain = _NEW_GAIN if self.is_new else _GAIN
                 self.velocity = self.velocity + gain * (velocity - self.velocity)
         self.cells, self.center, self.seen_s = found.cells, found.center, time_s
@@ -148,8 +149,11 @@ class Tracker:
 
     def approached(self, start_m: float, time_s: float) -> bool:
         """Return whether a probable target seen beyond ``start_m`` can have parts nearer than that."""
-        coming = (track for track in self._tracks if track.seen_outside and track.memory > 0)
-        return any(np.hypot(*track.expected(time_s).T).min() < start_m + _CONTACT_M for track in coming)
+        coming = [track for track in self._tracks if track.seen_outside and track.memory > 0]
+        if not coming:
+            return False
+        cells, _ = _expected_cells(coming, time_s)
+        return bool(np.hypot(*cells.T).min() < start_m + _CONTACT_M)
 
     def associate(self, objects: Sequence[DetectedObject], time_s: float) -> Association:
         """Return how the objects of a frame fit the tracks."""
@@ -191,8 +195,7 @@ class Tracker:
         self._since_s, self._time_s = since_s, time_s
         tracks: list[Track | None] = [None] * len(objects)
         for t, candidates in _by_track(votes).items():
-            weight = [votes[k, t] * (1 + max(objects[k].evidence, 0.0)) for k in candidates]
-            first = candidates[int(np.argmax(weight))]
+            first = max(candidates, key=lambda k: votes[k, t] * (1 + max(objects[k].evidence, 0.0)))
             for k in sorted(candidates, key=lambda k: k != first):
                 tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
         result = [track or self._begun(one, time_s) for track, one in zip(tracks, objects, strict=True)]
@@ -262,7 +265,8 @@ class Tracker:
         """Add the evidence of a frame; None if the object was not found."""
         step = min(time_s - track.history[-1].time_s, _MAX_STEP_S) if track.history else _FIRST_STEP_S
         gained = (_MISS_MEMORY if evidence is None else evidence) * step / _DECORRELATION_S
-        track.memory = float(np.clip(track.memory * np.exp(-step / self._params.memory_s) + gained, *_MEMORY_LIMITS))
+        remembered = track.memory * math.exp(-step / self._params.memory_s)
+        track.memory = min(max(remembered + gained, _LEAST_MEMORY), _MOST_MEMORY)
         track.history.append(Evidence(time_s, _MISS if evidence is None else evidence, max(step, 1e-3), track.memory))
         reach = max(self._params.look_ahead_s, _NEIGHBOR_STEPS * _MAX_STEP_S)
         oldest = self._since_s - reach - _MAX_STEP_S
