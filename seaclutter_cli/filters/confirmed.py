@@ -16,7 +16,7 @@ from seaclutter_cli.filters.confirmation.objects import Clusters, DetectedObject
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmation.sight import Sight
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
-from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances
+from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.water import WaterTracker
@@ -178,10 +178,17 @@ class Confirmed(BaseFilter):
         asked = np.flatnonzero((heights.bright & ~heights.upright)[among])
         if not len(asked) or len(among) <= _MIN_IN_ONE_BEAM:
             return dense
-        points, chosen = np.ascontiguousarray(echoes.xyz[:, among].T), among[asked]
-        usual, fewer = nth_neighbor_distances(points, (_MIN_NEIGHBORS, _MIN_IN_ONE_BEAM), asked).T
-        distance = np.where(self._in_one_beam(echoes, heights, chosen), fewer, usual)
-        dense[chosen[distance <= _RADIUS_RATIO * echoes.range_m[chosen]]] = True
+        points, chosen = echoes.xyz[:, among], among[asked]
+        needed = np.where(self._in_one_beam(echoes, heights, chosen), _MIN_IN_ONE_BEAM, _MIN_NEIGHBORS)
+        radius = _RADIUS_RATIO * echoes.range_m[chosen]
+        counts = within(points, points[:, asked], radius)
+        if counts is not None:
+            enough = counts > needed  # the point itself is one of them
+        else:
+            ranks = (_MIN_IN_ONE_BEAM, _MIN_NEIGHBORS)
+            fewer, usual = nth_neighbor_distances(np.ascontiguousarray(points.T), ranks, asked).T
+            enough = np.where(needed == _MIN_IN_ONE_BEAM, fewer, usual) <= radius
+        dense[chosen[enough]] = True
         return dense
 
     def _in_one_beam(self, echoes: Echoes, heights: Heights, points: NDArray[np.intp]) -> Mask:
@@ -245,5 +252,6 @@ class Confirmed(BaseFilter):
         if not len(others):
             return others
         limit = self._params.growth_m + _GROWTH_RATIO * echoes.range_m[others]
-        _, distance = nearest(echoes.xyz[:, kept].T, echoes.xyz[:, others].T)
-        return np.asarray(others[distance <= limit])
+        near, far = echoes.xyz[:, kept], echoes.xyz[:, others]
+        counts = within(near, far, limit)
+        return np.asarray(others[counts > 0 if counts is not None else nearest(near.T, far.T)[1] <= limit])
