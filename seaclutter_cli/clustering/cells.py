@@ -50,10 +50,10 @@ class Cells:
     def __len__(self) -> int:
         return len(self.start)
 
-    def pairs(self) -> Iterator[Indices | tuple[Indices, Indices]]:
-        """Yield the pairs of cells that are at most two apart on each axis, each once, in blocks of bounded size.
+    def pairs(self) -> Iterator[Indices]:
+        """Yield the pairs of cells that are at most two apart on each axis, each once, in blocks of shape (2, n).
 
-        Of few cells, all pairs are returned, since a search would take longer.
+        The size of the blocks is bounded. Of few cells, all pairs are returned, since a search would take longer.
         """
         if len(self) <= _ALL_PAIRED:
             yield _all_pairs()[:, : len(self) * (len(self) - 1) // 2]
@@ -70,7 +70,7 @@ class Cells:
             found = np.zeros(len(a), np.int64)
             for step in range(2 * _REACH + 1):  # maximum number of cells in reach; faster than a second search
                 found += key[begin + step] <= low + _REACH
-            yield np.repeat(a, found), spans(begin, found)
+            yield np.stack((np.repeat(a, found), spans(begin, found)))
 
     def _columns_in_reach(self, first: Indices, last: Indices) -> Indices:
         """Return the pairs of columns whose heights are in reach, and columns of several cells with themselves."""
@@ -196,4 +196,4 @@ def _neighbors(columns: Indices, row: int) -> Indices:
         found = np.minimum(np.searchsorted(columns, sought), len(columns) - 1)
         found[columns[found] != sought] = -1
     hits = found >= 0
-    return np.stack((np.append(ranks, hits.nonzero()[1]), np.append(ranks, found[hits])))
+    return np.concatenate((np.stack((ranks, ranks)), np.stack((hits.nonzero()[1], found[hits]))), axis=1)

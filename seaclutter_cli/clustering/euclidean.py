@@ -8,6 +8,7 @@ from seaclutter_cli.clustering.cells import Indices, Points, blocks, cells_of, s
 Mask = NDArray[np.bool_]
 
 _BLOCK = 1 << 18
+_MANY_CELLS = 1 << 14
 
 
 def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indices:
@@ -36,7 +37,7 @@ def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indi
     array([0, 1, 1, 1, 0])
     """
     everything = np.ones(xyz.shape[1], np.bool_)
-    return ClusterFinder(xyz, everything, tolerance_m).clusters(everything, min_points)
+    return ClusterFinder(xyz, everything, tolerance_m, subsets=1).clusters(everything, min_points)
 
 
 class ClusterFinder:
@@ -55,9 +56,11 @@ class ClusterFinder:
         Whether a point is in any of the subsets; these points must have finite coordinates.
     tolerance_m : float
         As for `euclidean_clusters`.
+    subsets : int, optional
+        Number of the subsets, roughly. Of one, few pairs of cells need their bounding boxes compared.
     """
 
-    def __init__(self, xyz: Points, among: Mask, tolerance_m: float) -> None:
+    def __init__(self, xyz: Points, among: Mask, tolerance_m: float, *, subsets: int = 2) -> None:
         self._tolerance_m = tolerance_m
         members = np.flatnonzero(among)
         cells = cells_of(xyz[:, members], tolerance_m)
@@ -65,14 +68,10 @@ class ClusterFinder:
         self._xyz = xyz[:, self._order]
         self._cell = np.repeat(np.arange(len(cells)), cells.count)
         self._cells = len(cells)
-        low, high = (reduce.reduceat(self._xyz, cells.start, axis=1) for reduce in (np.minimum, np.maximum))
-        pairs = [np.empty((2, 0), np.int64)]
-        for own, other in cells.pairs():
-            above = low.take(own, axis=1) - high.take(other, axis=1)
-            below = low.take(other, axis=1) - high.take(own, axis=1)
-            near = np.flatnonzero(self._near(np.maximum(np.maximum(above, below), 0)))
-            pairs.append(np.stack((own[near], other[near])))
-        self._pairs = np.concatenate(pairs, axis=1)
+        self._compared = subsets > 1 or len(cells) > _MANY_CELLS
+        self._low, self._high = (reduce.reduceat(self._xyz, cells.start, axis=1) for reduce in (np.minimum, np.maximum))
+        pairs = (self._with_near_boxes(block) if self._compared else block for block in cells.pairs())
+        self._pairs = np.concatenate([np.empty((2, 0), np.int64), *pairs], axis=1)
 
     def clusters(self, keep: Mask, min_points: int) -> Indices:
         """Return the cluster of each point of a subset, as `euclidean_clusters` does; -1 for all other points.
@@ -105,13 +104,17 @@ class ClusterFinder:
     def _components(self, xyz: Points, count: Indices) -> Indices:
         """Return the component of each cell, given the points, shape (3, n), in cell order and their count per cell."""
         start = np.cumsum(count) - count
-        occupied = count > 0
-        own, other = pairs = self._pairs[:, occupied[self._pairs[0]] & occupied[self._pairs[1]]]
+        occupied, pairs = count > 0, self._pairs
+        if not occupied.all():
+            pairs = pairs[:, occupied[pairs[0]] & occupied[pairs[1]]]
+        own, other = pairs
         first = xyz.take(np.minimum(start, xyz.shape[1] - 1), axis=1)
         near = self._near(first.take(own, axis=1) - first.take(other, axis=1))
         component = _join(np.arange(len(count)), own[near], other[near])
         pairs = _in_different_components(component, pairs[:, np.flatnonzero(~near)])
         pairs = pairs[:, (count[pairs] > 1).any(axis=0)]
+        if not self._compared:
+            pairs = self._with_near_boxes(pairs)
         work = count[pairs].prod(axis=0)
         order = np.argsort(work)
         for block in blocks(work[order], _BLOCK):
@@ -119,6 +122,13 @@ class ClusterFinder:
             near = self._any_near(xyz, (start[own], count[own]), (start[other], count[other]))
             component = _join(component, own[near], other[near])
         return component
+
+    def _with_near_boxes(self, pairs: Indices) -> Indices:
+        """Return the pairs of cells whose bounding boxes are near."""
+        own, other = pairs
+        above = self._low.take(own, axis=1) - self._high.take(other, axis=1)
+        below = self._low.take(other, axis=1) - self._high.take(own, axis=1)
+        return pairs[:, np.flatnonzero(self._near(np.maximum(np.maximum(above, below), 0)))]
 
     def _any_near(self, xyz: Points, own: tuple[Indices, Indices], other: tuple[Indices, Indices]) -> Mask:
         """Return which pairs of cells, given by start and count, have near points: small pairs, or one of any size."""

@@ -84,7 +84,7 @@ class PolarCells:
     def enough(self) -> bool:
         """Whether the cells can hold a plane."""
         bearings = np.count_nonzero(np.bincount(self.number // _RINGS))
-        return len(self.number) >= _MIN_CELLS and bearings >= _MIN_BEARINGS
+        return bool(len(self.number) >= _MIN_CELLS and bearings >= _MIN_BEARINGS)
 
 
 def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
@@ -96,8 +96,9 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     """
     if start is not None:
         return _reweighted(cells.lowest, start)
-    levels = np.quantile(cells.lowest[2], _START_SHARES)
-    fits = [_reweighted(cells.lowest, Plane(float(level), 0.0, 0.0)) for level in levels]
+    ordered = np.sort(cells.lowest[2])
+    levels = [float(ordered[int(share * len(ordered))]) for share in _START_SHARES]
+    fits = [_reweighted(cells.lowest, Plane(level, 0.0, 0.0)) for level in levels]
     fits = [fit for fit in fits if fit[0].level_m < 0] or fits  # water is below the lidar
     needed = _SUPPORT * max(float(weight.sum()) for _, weight in fits)
     return min((fit for fit in fits if fit[1].sum() >= needed), key=lambda fit: fit[0].level_m)
@@ -114,14 +115,14 @@ def _reweighted(points: Floats, plane: Plane) -> tuple[Plane, Floats]:
         sums = (products @ weight).tolist()
         if sums[0] < _MIN_BEARINGS:
             break
-        plane = _least_squares(*sums)
+        plane = _least_squares(sums)
     return plane, weight
 
 
-def _least_squares(  # one call of a solver for matrices takes longer than all else in a pass
-    n: float, x: float, y: float, z: float, xx: float, xy: float, yy: float, xz: float, yz: float
-) -> Plane:
-    """Return the plane of least squares from weighted sums of products, with a ridge on the slopes."""
+def _least_squares(sums: Sequence[float]) -> Plane:
+    """Return the plane of least squares with a ridge on its slopes, from weighted sums of products of coordinates."""
+    # A solver for matrices takes longer than all else in a pass.
+    n, x, y, z, xx, xy, yy, xz, yz = sums
     xx, xy, yy = xx - x * x / n + _TILT_RIDGE, xy - x * y / n, yy - y * y / n + _TILT_RIDGE
     xz, yz = xz - x * z / n, yz - y * z / n
     determinant = xx * yy - xy * xy  # at least the square of the ridge

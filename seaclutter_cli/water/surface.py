@@ -64,7 +64,8 @@ class Swell:
         count = np.bincount(cell, minlength=_CELLS**2 + 1)
         grids = np.empty((2, _CELLS**2 + 1))
         np.minimum(count, _MAX_PER_CELL, out=grids[0])
-        np.multiply(np.bincount(cell, weights=height[used], minlength=_CELLS**2 + 1), grids[0] / np.maximum(count, 1), out=grids[1])
+        total = np.bincount(cell, weights=height[used], minlength=_CELLS**2 + 1)
+        np.multiply(total, grids[0] / np.maximum(count, 1), out=grids[1])
         kernel = _smoothing()
         grids[:, :-1] = (kernel @ grids[:, :-1].reshape(2, _CELLS, _CELLS) @ kernel).reshape(2, -1)
         grids[:, -1] = 0

@@ -74,7 +74,7 @@ class Track:
         step = tracks._FIRST_STEP_S
         if self.history:
             step = min(time_s - self.history[-1].time_s, tracks._MAX_STEP_S)
-        low, high = tracks._MEMORY_LIMITS
+        low, high = tracks._LEAST_MEMORY, tracks._MOST_MEMORY
         memory = self.memory * math.exp(-step / memory_s) + to_memory * step / tracks._DECORRELATION_S
         self.history.append(Entry(time_s, evidence, max(step, 1e-3), min(max(memory, low), high)))
 

@@ -101,7 +101,9 @@ class Water:
         if self.plane is not None:
             return reweighted(lowest, self.plane)
         heights = sorted(z for _, _, z in lowest.values())
-        fits = [reweighted(lowest, Plane(interpolated(heights, share), 0, 0)) for share in plane._START_SHARES]
+        levels = [heights[int(share * len(heights))] for share in plane._START_SHARES]
+        fits = [reweighted(lowest, Plane(level, 0, 0)) for level in levels]
+        fits = [one for one in fits if one[0].a < 0] or fits
         most = max(sum(weights.values()) for _, weights in fits)
         supported = [one for one in fits if sum(one[1].values()) >= plane._SUPPORT * most]
         return min(supported, key=lambda one: one[0].a)
@@ -123,14 +125,6 @@ def cell_of(x: float, y: float) -> tuple[int, int]:
 def band(sigma: float) -> float:
     """Return the height around the water within which echoes count as water."""
     return max(tracker._MIN_BAND_M, tracker._BAND_SIGMAS * sigma)
-
-
-def interpolated(ordered: Sequence[float], share: float) -> float:
-    """Return a quantile by linear interpolation."""
-    at = share * (len(ordered) - 1)
-    low = math.floor(at)
-    high = min(low + 1, len(ordered) - 1)
-    return ordered[low] + (at - low) * (ordered[high] - ordered[low])
 
 
 def reweighted(lowest: dict[tuple[int, int], XYZ], start: Plane) -> tuple[Plane, dict[tuple[int, int], float]]:

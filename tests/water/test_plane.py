@@ -1,0 +1,44 @@
+"""The mean plane of the water in single frames."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.water.plane import Plane, PolarCells, fit_plane
+
+
+def spread(rng, size, level_m, noise_m=0.05, slope=(0.0, 0.0)):
+    x, y = rng.uniform(-40, 40, (2, size))
+    return np.stack((x, y, level_m + slope[0] * x + slope[1] * y + rng.normal(0, noise_m, size)))
+
+
+@pytest.mark.parametrize("start", [None, Plane(-2.2, 0.0, 0.01)])
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.05, -0.08)])
+def test_the_plane_below_the_lidar(start, slope):
+    points = spread(np.random.default_rng(1), 4000, -2.5, noise_m=0.0, slope=slope)
+    plane, weight = fit_plane(PolarCells.of(points), start)
+    assert plane.level_m == pytest.approx(-2.5, abs=1e-3)
+    assert (plane.slope_x, plane.slope_y) == pytest.approx(slope, abs=2e-3)
+    assert weight.min() > 0.1
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.02])
+def test_a_bridge_overhead_does_not_hide_the_water(noise_m):
+    rng = np.random.default_rng(2)
+    bridge = spread(rng, 20_000, 5.0, noise_m)
+    water = spread(rng, 150, -2.5)
+    points = np.hstack((water, bridge[:, np.abs(bridge[1]) > 8]))
+    plane, _ = fit_plane(PolarCells.of(points), None)
+    assert plane.level_m == pytest.approx(-2.5, abs=0.1)
+
+
+def test_a_plane_overhead_is_returned_if_there_is_no_other():
+    plane, _ = fit_plane(PolarCells.of(spread(np.random.default_rng(3), 5000, 5.0)), None)
+    assert plane.level_m == pytest.approx(5.0, abs=0.1)
+
+
+def test_the_lowest_point_of_each_cell_is_the_first_of_equal_ones():
+    x = np.array([10.0, 10.1, 10.2, -20.0])
+    cells = PolarCells.of(np.stack((x, np.zeros(4), np.array([-1.0, -2.0, -2.0, -3.0]))))
+    np.testing.assert_array_equal(np.sort(cells.lowest[0]), [-20.0, 10.1])
+    assert len(cells.number) == 2
+    assert not cells.enough
