@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
 
-BASE = {"text", "errors", "limits", "documents", "records", "cloud", "frame", "truth", "interfaces"}
+BASE = {"text", "errors", "limits", "threads", "documents", "records", "cloud", "frame", "truth", "interfaces"}
 CORE = (
     BASE
     | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "water"}
@@ -22,6 +22,7 @@ ALLOWED = {
     "documents": set(),
     "records": {"text"},
     "limits": {"errors"},
+    "threads": {"errors"},
     "cloud": {"text", "errors", "records"},
     "frame": {"text", "errors", "records", "cloud"},
     "truth": {"errors"},

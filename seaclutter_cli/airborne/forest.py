@@ -9,8 +9,8 @@ import numpy as np
 from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.neighborhoods import threads
 from seaclutter_cli.errors import InputError, MissingExtraError
+from seaclutter_cli.threads import threads
 from seaclutter_cli.truth import OBJECT_CLASSES
 from seaclutter_cli.validation import renamed
 

@@ -1,6 +1,5 @@
 """Neighbours within a radius for blocks of points, from one k-d tree."""
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -9,6 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from seaclutter_cli.threads import threads
 
 Values = NDArray[np.float64]
 
@@ -105,13 +106,6 @@ class Neighborhoods:
         found = part.sparse_distance_matrix(self._tree, radius_m, output_type="ndarray")
         order = np.argsort(found["i"].astype(np.uint16), kind="stable")
         return PointBlock(points, found["i"][order], found["j"][order])
-
-
-def threads() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _tree(points: NDArray[np.float64]) -> Any:

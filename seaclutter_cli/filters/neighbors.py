@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.threads import threads
+
 # Otherwise idle OpenMP threads spin and take cores from the threads that read and compress.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 try:
@@ -227,11 +229,11 @@ def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDA
 def _searcher(points: Points) -> Search:
     """Return a function that finds the k nearest of ``points``, nearest first."""
     if _FastTree is not None:
-        fast = _FastTree(points, num_threads=_threads() if len(points) > _FEW_POINTS else 1)
+        fast = _FastTree(points, num_threads=threads() if len(points) > _FEW_POINTS else 1)
 
         def search(query: Points, k: int) -> tuple[NDArray[np.int64], Distances]:
-            threads = _threads() if len(query) * k > _FEW_DISTANCES else 1
-            index, squared = fast.batch_knn_search(query, k, num_threads=threads)
+            used = threads() if len(query) * k > _FEW_DISTANCES else 1
+            index, squared = fast.batch_knn_search(query, k, num_threads=used)
             return index.view(np.int64), np.sqrt(squared)
 
         return search
@@ -245,14 +247,7 @@ def scipy_searcher(points: Points) -> Search:
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
 
     def search(query: Points, k: int) -> tuple[NDArray[np.int64], Distances]:
-        distance, index = tree.query(query, np.arange(1, k + 1), workers=_threads())
+        distance, index = tree.query(query, np.arange(1, k + 1), workers=threads())
         return index, distance
 
     return search
-
-
-def _threads() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

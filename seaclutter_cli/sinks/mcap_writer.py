@@ -4,7 +4,6 @@ The writer of the ``mcap`` library compresses in the calling thread, which takes
 The output bytes do not depend on the number of threads.
 """
 
-import os
 import struct
 import zlib
 from collections import Counter, defaultdict, deque
@@ -21,12 +20,14 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
+from seaclutter_cli.threads import threads
 
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_SIZE = 1 << 20
 """Size in bytes at which a chunk is closed, as in other writers."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")
+_MAX_THREADS = 4
 _thread = local()
 
 
@@ -78,10 +79,10 @@ class McapWriter:
         self._offset = 0
         self._compression = compression
         self._chunk = _Chunk()
-        threads = min(4, os.cpu_count() or 1)
-        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="compress")
+        workers = min(_MAX_THREADS, threads())
+        self._pool = ThreadPoolExecutor(workers, thread_name_prefix="compress")
         self._pending: deque[tuple[_Chunk, Future[tuple[int, Buffer | bytearray]]]] = deque()
-        self._max_pending = threads + 1
+        self._max_pending = workers + 1
         self._schemas: dict[Schema, int] = {}
         self._channels: dict[int, tuple[Channel, int]] = {}
         self._counts: Counter[int] = Counter()

@@ -73,7 +73,7 @@ def test_training_is_the_same_each_time_and_for_any_number_of_threads(monkeypatc
     data = samples(2)
     found = []
     for threads in (1, 2, 3):
-        monkeypatch.setattr("seaclutter_cli.airborne.forest.threads", lambda count=threads: count)
+        monkeypatch.setenv("SEACLUTTER_THREADS", str(threads))
         monkeypatch.setattr("seaclutter_cli.airborne.forest._BLOCK", 100)
         found.append(predict(train(data, PARAMS), data.features).tobytes())
     assert found[0] == found[1] == found[2]

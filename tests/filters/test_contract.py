@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.filters import FILTERS, neighbors
+from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import Reason
 from tests.filters.frames import big_endian, frame_of, make_frame, organised, sea_frame, take
 
@@ -221,6 +221,6 @@ def test_number_of_threads_does_not_matter(name, monkeypatch):
     frames = sea(seed=4, count=2, size=20_000)
     found = []
     for threads in (1, 2, 3):
-        monkeypatch.setattr(neighbors, "_threads", lambda count=threads: count)
+        monkeypatch.setenv("SEACLUTTER_THREADS", str(threads))
         found.append(reasons(make(name), frames))
     assert found[0] == found[1] == found[2]

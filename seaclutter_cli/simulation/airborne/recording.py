@@ -1,6 +1,5 @@
 """Simulated tiles as LAS or LAZ files, with the truth of every point."""
 
-import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -17,6 +16,7 @@ from seaclutter_cli.simulation.airborne.render import POINT, TileRenderer
 from seaclutter_cli.simulation.airborne.scene import TileScene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import LasSink
+from seaclutter_cli.threads import threads
 
 TRUTH = {"object_class": ("u1", "0 none, 1 ship ... 8 garbage"), "object_id": ("u2", "number of the object, 0 none")}
 _SCALE_M = 0.001
@@ -27,13 +27,13 @@ _CREATION_DATE = date(2024, 1, 1)
 def simulate_strips(scene: TileScene) -> Iterator[NDArray[np.void]]:
     """Yield the echoes of a scene strip by strip, rendered in threads; the number of threads does not change them."""
     renderer = TileRenderer(scene)
-    threads = min(2, os.cpu_count() or 1)  # a strip takes a few hundred megabytes
+    workers = min(2, threads())  # a strip takes a few hundred megabytes
     pending: deque[Future[NDArray[np.void]]] = deque()
-    with ThreadPoolExecutor(threads, thread_name_prefix="simulate") as pool:
+    with ThreadPoolExecutor(workers, thread_name_prefix="simulate") as pool:
         try:
             for index in range(len(renderer.lines)):
                 pending.append(pool.submit(renderer.strip, index))
-                if len(pending) >= threads:
+                if len(pending) >= workers:
                     yield pending.popleft().result()
             while pending:
                 yield pending.popleft().result()

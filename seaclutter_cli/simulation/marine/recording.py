@@ -2,7 +2,6 @@
 
 import csv
 import io
-import os
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -12,20 +11,21 @@ from seaclutter_cli.simulation.marine.formats import FORMATS, LogWriter
 from seaclutter_cli.simulation.marine.render import Renderer, SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.threads import threads
 
 _COLUMNS = ("frame", "track_id", "class", "x", "y", "z", "length", "width", "height", "yaw")
 
 
 def simulate_frames(scene: Scene) -> Iterator[SimulatedFrame]:
     """Yield the frames of a scene in order, rendered on all cores; the number of cores does not change them."""
-    threads = os.cpu_count() or 1
+    workers = threads()
     renderer = Renderer(scene)
     pending: deque[Future[SimulatedFrame]] = deque()
-    with ThreadPoolExecutor(threads, thread_name_prefix="simulate") as pool:
+    with ThreadPoolExecutor(workers, thread_name_prefix="simulate") as pool:
         try:
             for index in range(scene.recording.frames):
                 pending.append(pool.submit(renderer.frame, index))
-                if len(pending) > threads:
+                if len(pending) > workers:
                     yield pending.popleft().result()
             while pending:
                 yield pending.popleft().result()

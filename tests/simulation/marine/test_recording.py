@@ -7,7 +7,6 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.simulation.marine import recording
 from seaclutter_cli.simulation.marine.formats import START_NS
 from seaclutter_cli.simulation.marine.recording import record, simulate_frames
 from seaclutter_cli.simulation.marine.scene import load_scene
@@ -52,7 +51,7 @@ def test_frames_without_targets_are_labelled_too(tmp_path):
 
 @pytest.mark.parametrize("threads", [1, 5])
 def test_the_bytes_do_not_depend_on_the_threads(made, tmp_path, monkeypatch, threads):
-    monkeypatch.setattr(recording.os, "cpu_count", lambda: threads)
+    monkeypatch.setenv("SEACLUTTER_THREADS", str(threads))
     record(load_scene("calm").with_recording(frames=3), tmp_path / "a.mcap", tmp_path / "a.labels.csv")
     for name in ("a.mcap", "a.labels.csv"):
         assert (tmp_path / name).read_bytes() == (made / name).read_bytes()
