@@ -23,6 +23,8 @@ ALLOWED = {
     "records": {"text"},
     "limits": {"errors"},
     "threads": {"errors"},
+    "interrupts": set(),
+    "jobs": {"errors", "interrupts", "threads"},
     "cloud": {"text", "errors", "records"},
     "frame": {"text", "errors", "records", "cloud"},
     "truth": {"errors"},
@@ -50,10 +52,10 @@ ALLOWED = {
     "plots": BASE | {"evaluation", "calibration", "reporting"},
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "runs": CORE
-    | {"airborne", "calibration", "config", "plots", "reporting", "scenes", "simulation", "survey", "validation"}
-    | {"viewing"},
+    | {"airborne", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "survey"}
+    | {"validation", "viewing"},
     "api": BASE | {"calibration", "config", "messages", "pipeline", "runs", "selection", "sinks", "validation"},
-    "commands": BASE | {"config", "runs", "sensors"},
+    "commands": BASE | {"config", "interrupts", "runs", "sensors"},
 }
 """Parts of the package and the other parts that each may import."""
 

@@ -12,10 +12,10 @@ import click
 
 from seaclutter_cli import __version__
 from seaclutter_cli.commands.console import DEBUG, show_each_warning_once
-from seaclutter_cli.commands.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
 from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
+from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.text import printable
 
 COMMANDS: Mapping[str, str] = {

@@ -15,7 +15,7 @@ NAMES = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, nam
 
 BEGIN = """
 import signal, sys, time
-from seaclutter_cli.commands.interrupts import handle_interrupts
+from seaclutter_cli.interrupts import handle_interrupts
 handle_interrupts()
 try:
 """
@@ -138,7 +138,7 @@ with OutputGroup() as group:
 
 def test_no_interrupt_after_the_end(tmp_path):
     body = """
-from seaclutter_cli.commands.interrupts import ignore_interrupts
+from seaclutter_cli.interrupts import ignore_interrupts
 ignore_interrupts()
 signal.raise_signal(signal.SIGTERM)
 signal.raise_signal(signal.SIGINT)

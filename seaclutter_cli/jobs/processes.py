@@ -1,0 +1,189 @@
+"""Tasks in several processes of this machine."""
+
+import multiprocessing as mp
+import os
+import signal
+import sys
+import traceback
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, suppress
+from multiprocessing.connection import Connection, wait
+from time import monotonic
+from typing import Any
+
+from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.interrupts import handle_interrupts
+from seaclutter_cli.jobs.engine import Lost, R, Report, Task
+from seaclutter_cli.threads import VARIABLE, cores
+
+_SHARE, _DONE, _ERROR, _DIED = "share", "done", "error", "died"
+_ATTEMPTS = 2
+_REPORT_S = 0.2
+_END_S = 10.0
+_PRELOADED = ["seaclutter_cli.runs.filter", "seaclutter_cli.runs.evaluate"]
+
+
+class Processes:
+    """Engine that runs tasks in processes of this machine, which share its cores.
+
+    A process that dies, for example because the system ran out of memory, costs its task one retry, and no other task
+    anything.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of processes.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        # A fork of a process with threads can hang; a server of forks has none, and imports only once.
+        method = "forkserver" if "forkserver" in mp.get_all_start_methods() and sys.platform == "linux" else "spawn"
+        self._context = mp.get_context(method)
+        if method == "forkserver":
+            self._context.set_forkserver_preload(_PRELOADED)
+
+    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Iterator[tuple[int, R | Lost]]:
+        """Run tasks, as `Engine.run` says."""
+        waiting, attempts = deque(range(len(tasks))), Counter[int]()
+        with _Crew(self._context, min(self._jobs, len(tasks))) as crew:
+            while waiting or crew.is_busy:
+                attempts.update(crew.give(waiting, tasks))
+                for number, kind, content in crew.answers(block=not (waiting and crew.has_room)):
+                    if kind == _SHARE:
+                        on_share(number, content)
+                    elif kind == _DONE:
+                        yield number, content
+                    elif kind == _ERROR:
+                        raise content
+                    elif attempts[number] < _ATTEMPTS:
+                        waiting.appendleft(number)
+                    else:
+                        yield number, Lost(f"its process {content}, {_ATTEMPTS} times")
+
+
+class _Crew(AbstractContextManager["_Crew"]):
+    """The processes of a run, started one by one as there is work for them."""
+
+    def __init__(self, context: Any, size: int) -> None:
+        self._context, self._size = context, size
+        self._workers: list[_Worker] = []
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether any process works."""
+        return any(worker.is_busy for worker in self._workers)
+
+    @property
+    def has_room(self) -> bool:
+        """Whether another process can be started."""
+        return len(self._workers) < self._size
+
+    def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
+        """Give waiting tasks to idle processes and return their numbers."""
+        if waiting and self.has_room:
+            self._workers.append(_Worker(self._context, max(1, cores() // self._size)))
+        given = []
+        for worker in self._workers:
+            if waiting and not worker.is_busy:
+                given.append(waiting.popleft())
+                worker.start(given[-1], tasks[given[-1]])
+        return given
+
+    def answers(self, *, block: bool) -> Iterator[tuple[int, str, Any]]:
+        """Yield number of the task, kind and content of what processes have sent; wait for one, or only look."""
+        busy = {worker.pipe: worker for worker in self._workers if worker.is_busy}
+        for pipe in wait(list(busy), None if block else 0):
+            worker = busy[pipe]
+            kind, content = worker.answer()
+            if kind == _DIED:
+                self._workers.remove(worker)
+            yield worker.number, kind, content
+
+    def __exit__(self, *_: object) -> None:
+        """Interrupt the tasks that run, and end all processes."""
+        for worker in self._workers:
+            worker.stop()
+        for worker in self._workers:
+            worker.end()
+
+
+class _Worker:
+    """A process that runs one task at a time."""
+
+    def __init__(self, context: Any, threads: int) -> None:
+        self.pipe, other = context.Pipe()
+        self._process = context.Process(target=_work, args=(other, threads), daemon=True)
+        self.number, self.is_busy = -1, False
+        self._process.start()
+        other.close()
+
+    def start(self, number: int, task: Task[Any]) -> None:
+        """Give the process a task; that it has died in the meantime is noticed when its answer is read."""
+        self.number, self.is_busy = number, True
+        with suppress(BrokenPipeError, ConnectionResetError):
+            self.pipe.send(task)
+
+    def answer(self) -> tuple[str, Any]:
+        """Return what the process has sent, or how it died."""
+        try:
+            kind, content = self.pipe.recv()
+        except (EOFError, OSError):
+            self.is_busy = False
+            return _DIED, self.end()
+        self.is_busy = kind == _SHARE
+        return kind, content
+
+    def stop(self) -> None:
+        """Ask the process to end; a task that runs is interrupted and removes its incomplete files."""
+        if self.is_busy:
+            self._process.terminate()
+        self.pipe.close()
+
+    def end(self) -> str:
+        """Wait for the end of the process and return how it ended."""
+        self._process.join(_END_S)
+        if self._process.exitcode is None:
+            self._process.kill()
+            self._process.join()
+        self.pipe.close()
+        code = self._process.exitcode or 0
+        if code >= 0:
+            return f"ended with status {code}"
+        name = signal.Signals(-code).name
+        return f"was killed ({name}), perhaps because memory ran out" if name == "SIGKILL" else f"ended by {name}"
+
+
+def _work(pipe: Connection, threads: int) -> None:
+    """Run the tasks that come from a pipe until it closes."""
+    handle_interrupts()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the first one ends the others
+    os.environ[VARIABLE] = str(threads)
+    with suppress(EOFError, OSError, KeyboardInterrupt):  # the first process closed the pipe, or is gone
+        while True:
+            pipe.send(_answer(pipe.recv(), _Reporter(pipe)))
+
+
+def _answer(task: Task[Any], report: Report) -> tuple[str, Any]:
+    try:
+        return _DONE, task(report)
+    except (BrokenPipeError, ConnectionResetError):
+        raise
+    except SeaclutterError as error:
+        return _ERROR, error
+    except Exception as error:  # noqa: BLE001 - raised again in the first process
+        error.add_note(traceback.format_exc())
+        return _ERROR, error
+
+
+class _Reporter:
+    """Sends the share of a task that is done, a few times a second."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe, self._next_s = pipe, 0.0
+
+    def __call__(self, share: float) -> None:
+        if monotonic() >= self._next_s:
+            self._next_s = monotonic() + _REPORT_S
+            self._pipe.send((_SHARE, share))

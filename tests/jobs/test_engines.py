@@ -1,0 +1,111 @@
+"""Engines: every task is done once, in any order, whatever happens to processes."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.jobs.engine import InTurn, Lost
+from seaclutter_cli.jobs.processes import Processes
+from seaclutter_cli.threads import cores
+from tests.jobs.work import Ask, Fail, Kill, Meet, Square, Wait
+
+ENGINES = {"in turn": InTurn(), "one process": Processes(1), "three processes": Processes(3)}
+
+
+@pytest.fixture(params=ENGINES.values(), ids=ENGINES.keys())
+def engine(request):
+    return request.param
+
+
+def test_results_by_number(engine):
+    done = dict(engine.run([Square(k) for k in range(7)], lambda *_: None))
+    assert done == {k: k * k for k in range(7)}
+
+
+def test_no_tasks(engine):
+    assert list(engine.run([], lambda *_: None)) == []
+
+
+def test_shares_are_reported(engine):
+    shares = []
+    list(engine.run([Square(1, wait_s=0.05), Square(2)], lambda *share: shares.append(share)))
+    assert (0, 0.5) in shares
+
+
+@pytest.mark.parametrize("error", [InputError, ZeroDivisionError])
+def test_an_error_ends_the_run(engine, error):
+    with pytest.raises(error, match="no such sea"):
+        list(engine.run([Square(1), Fail(error), *(Square(k) for k in range(50))], lambda *_: None))
+
+
+def test_tasks_run_at_the_same_time(tmp_path):
+    one, other = tmp_path / "one", tmp_path / "other"
+    tasks = [Meet(own=one, other=other), Meet(own=other, other=one)]
+    assert dict(Processes(2).run(tasks, lambda *_: None)) == {0: True, 1: True}
+
+
+def test_processes_share_the_cores():
+    done = [result for _, result in Processes(2).run([Ask()] * 4, lambda *_: None)]
+    assert {threads for threads, _ in done} == {max(1, cores() // 2)}
+    assert os.getpid() not in {pid for _, pid in done}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+class TestDeath:
+    def test_a_process_that_dies_costs_one_retry(self, tmp_path):
+        tasks = [Square(3), Kill(tmp_path, times=1), Square(4)]
+        assert dict(Processes(2).run(tasks, lambda *_: None)) == {0: 9, 1: "survived", 2: 16}
+
+    def test_a_task_that_kills_its_processes_is_lost_alone(self, tmp_path):
+        tasks = [Square(3), Kill(tmp_path, times=9), Square(4)]
+        done = dict(Processes(2).run(tasks, lambda *_: None))
+        assert isinstance(done[1], Lost)
+        assert "SIGKILL" in done[1].reason
+        assert "2 times" in done[1].reason
+        assert (done[0], done[2]) == (9, 16)
+        assert len(list(tmp_path.iterdir())) == 2
+
+    def test_closing_interrupts_what_runs(self, tmp_path):
+        started, ended = tmp_path / "started", tmp_path / "ended"
+        with closing(Processes(2).run([Wait(started, ended), Square(1, wait_s=0.3)], lambda *_: None)) as results:
+            while not started.exists():
+                assert next(results) == (1, 1)
+        assert ended.exists()
+
+    def test_processes_end_when_the_first_one_is_killed(self, tmp_path):
+        script = f"""
+import pathlib
+from seaclutter_cli.jobs.processes import Processes
+from tests.jobs.work import Ask, Square
+if __name__ == "__main__":
+    for _, result in Processes(1).run([Ask(), Square(1, wait_s=1.0), Square(2)], lambda *_: None):
+        pathlib.Path({str(tmp_path / "pid")!r}).write_text(str(result[1]))
+        input()
+"""
+        path = tmp_path / "script.py"
+        path.write_text(script)
+        environment = {**os.environ, "PYTHONPATH": str(Path.cwd())}
+        first = subprocess.Popen([sys.executable, path], stdin=subprocess.PIPE, env=environment)
+        try:
+            until = time.monotonic() + 30
+            while not (tmp_path / "pid").exists() and time.monotonic() < until:
+                time.sleep(0.05)
+            time.sleep(0.1)
+            worker = int((tmp_path / "pid").read_text())
+        finally:
+            first.send_signal(signal.SIGKILL)
+            first.wait()
+        while time.monotonic() < until:
+            try:
+                os.kill(worker, 0)
+            except ProcessLookupError:
+                return
+            time.sleep(0.1)
+        pytest.fail("the process is still there")
