@@ -77,6 +77,21 @@ def count(number: int, noun: str) -> str:
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
+def data_size(size: float) -> str:
+    """Return an amount of data in bytes with three digits and a decimal unit.
+
+    Examples
+    --------
+    >>> data_size(999), data_size(1_500_000), data_size(41e9)
+    ('999 B', '1.5 MB', '41 GB')
+    """
+    units = ("B", "kB", "MB", "GB", "TB", "PB")
+    step = 0
+    while size >= 999.5 and step < len(units) - 1:
+        size, step = size / 1000, step + 1
+    return f"{size:.3g} {units[step]}"
+
+
 def share(part: float, whole: float) -> str:
     """Return a percentage, or a dash if the whole is 0.
 

@@ -170,6 +170,6 @@ def test_one_broken_log_among_others(tmp_path, logs):
     result = CliRunner().invoke(cli, ["filter", *(str(tmp_path / f"{name}.mcap") for name in "abc"), "-o", str(out)])
     assert result.exit_code == 1
     assert f"Error: {tmp_path / 'b.mcap'}: no readable record in this MCAP file" in result.stderr
-    assert f"Damaged: {tmp_path / 'c.mcap'}: byte" in result.stderr
+    assert f"damaged: {tmp_path / 'c.mcap'}: byte" in result.stderr
     assert names_in(out) == ["a.mcap", "c.mcap"]
     assert len(read_whole(out / "a.mcap")["/points"]) == FRAMES

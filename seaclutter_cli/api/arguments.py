@@ -60,9 +60,9 @@ class Raising:
 
     inner: Observer
 
-    def progress(self, title: str, total: int | None) -> AbstractContextManager[Step]:
+    def progress(self, title: str, total: int | None, unit: str = "frame") -> AbstractContextManager[Step]:
         """Pass on progress."""
-        return self.inner.progress(title, total)
+        return self.inner.progress(title, total, unit)
 
     def note(self, text: str, *, detail: bool = False) -> None:
         """Pass on a note."""
@@ -79,6 +79,12 @@ class Raising:
     def fail(self, error: SeaclutterError) -> None:
         """Raise the error."""
         raise error
+
+    def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
+        """Pass on the end of a recording, or raise its error."""
+        if error:
+            raise error
+        self.inner.done(line, damage, error)
 
 
 def run_observer(observer: Observer, *, keep_going: bool) -> Observer:

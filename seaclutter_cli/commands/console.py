@@ -46,7 +46,7 @@ class Console:
     verbose: bool = False
 
     @contextmanager
-    def progress(self, title: str, total: int | None) -> Iterator[Callable[[], object]]:
+    def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Callable[[], object]]:
         """Show a progress bar on a terminal, otherwise a line every ten seconds; nothing if quiet."""
         if self.quiet:
             yield lambda: None
@@ -54,10 +54,11 @@ class Console:
             from tqdm import tqdm
 
             title = shortened(printable(title), _TITLE_CHARACTERS)
-            with closing(tqdm(total=total, desc=title, unit=" frames", leave=False, dynamic_ncols=True)) as bar:
+            plural = f" {unit}" if unit == "MiB" else f" {unit}s"
+            with closing(tqdm(total=total, desc=title, unit=plural, leave=False, dynamic_ncols=True)) as bar:
                 yield bar.update
         else:
-            yield _PlainProgress(title, total).step
+            yield _PlainProgress(title, total, unit).step
 
     def note(self, text: str, *, detail: bool = False) -> None:
         """Print a message about the course of the run."""
@@ -83,9 +84,20 @@ class Console:
             raise error
         show_error(error)
 
+    def done(self, line: str, damage: "Sequence[Damage]", error: SeaclutterError | None) -> None:
+        """Print the line about one of several recordings, and all of its damage if verbose."""
+        if error:
+            self.fail(error)
+        elif not self.quiet:
+            show_line(line)
+        if self.verbose:
+            self.damage(damage)
+
     def finish(self, result: "Result", text: str | None = None) -> NoReturn:
         """Print a result, or ``text`` in its place, and exit with the status of the result."""
-        self.show(result.as_dict() if self.as_json else result.as_text() if text is None else text)
+        if text is None:
+            text = "\n\n".join(filter(None, (result.details() if self.verbose else "", result.as_text())))
+        self.show(result.as_dict() if self.as_json else text)
         raise click.exceptions.Exit(_FAILED if result.failed else _DAMAGED if result.damaged else 0)
 
     def show(self, result: Any) -> None:
@@ -99,8 +111,8 @@ class Console:
 class _PlainProgress:
     """Progress as a line every ten seconds."""
 
-    def __init__(self, title: str, total: int | None) -> None:
-        self._title, self._of = title, f" of {total:,}" if total else ""
+    def __init__(self, title: str, total: int | None, unit: str) -> None:
+        self._title, self._of, self._unit = title, f" of {total:,}" if total else "", unit
         self._count = 0
         self._next = time.monotonic() + _LINE_SECONDS
 
@@ -109,7 +121,7 @@ class _PlainProgress:
         self._count += 1
         if time.monotonic() >= self._next:
             self._next += _LINE_SECONDS
-            show_line(f"{self._title}: frame {self._count:,}{self._of}")
+            show_line(f"{self._title}: {self._unit} {self._count:,}{self._of}")
 
 
 def show_each_warning_once() -> Callable[..., None]:

@@ -210,6 +210,31 @@ methods_options = grouped(
 """Options for methods to compare, and for their configurations; as ``methods``."""
 
 
+def _jobs(_: click.Context, parameter: click.Parameter, text: str | None) -> int | None:
+    if text is None or text == "auto":
+        return None
+    if not (text.isascii() and text.isdigit() and len(text) <= 4 and int(text)):
+        raise click.BadParameter("expected a positive whole number or auto", param=parameter)
+    return int(text)
+
+
+batch_options = grouped(
+    "batch",
+    "runs.batch:BatchOptions",
+    (
+        click.option(
+            "-j",
+            "--jobs",
+            metavar="N",
+            callback=_jobs,
+            help="Process N recordings at the same time; by default as many as there are cores and memory for.",
+        ),
+        click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
+    ),
+)
+"""Options for several recordings, as ``batch``."""
+
+
 def _ids(_: click.Context, parameter: click.Parameter, text: str | None) -> tuple[int, ...] | None:
     try:
         return None if text is None else tuple(int(number) for number in text.split(",") if number.strip())

@@ -1,6 +1,6 @@
 """Engines, which run tasks and yield their results."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
@@ -32,10 +32,14 @@ class Lost:
     reason: str
 
 
+Results = Generator[tuple[int, R | Lost], None, None]
+"""Numbers and results of tasks."""
+
+
 class Engine(Protocol):
     """A way to run tasks. Results do not depend on it."""
 
-    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Iterator[tuple[int, R | Lost]]:
+    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
         """Run tasks and yield the number and the result of each when it is done, in any order.
 
         Closing the iterator stops the tasks that run. An exception of a task is raised here and stops the others.
@@ -53,7 +57,7 @@ class Engine(Protocol):
 class InTurn:
     """Engine that runs tasks in this process, one after another."""
 
-    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Iterator[tuple[int, R | Lost]]:
+    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
         """Run tasks, as `Engine.run` says."""
         for number, task in enumerate(tasks):
             yield number, task(lambda share, number=number: on_share(number, share))  # type: ignore[misc]

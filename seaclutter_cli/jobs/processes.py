@@ -14,7 +14,7 @@ from typing import Any
 
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.interrupts import handle_interrupts
-from seaclutter_cli.jobs.engine import Lost, R, Report, Task
+from seaclutter_cli.jobs.engine import Lost, R, Report, Results, Task
 from seaclutter_cli.threads import VARIABLE, cores
 
 _SHARE, _DONE, _ERROR, _DIED = "share", "done", "error", "died"
@@ -44,7 +44,7 @@ class Processes:
         if method == "forkserver":
             self._context.set_forkserver_preload(_PRELOADED)
 
-    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Iterator[tuple[int, R | Lost]]:
+    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
         """Run tasks, as `Engine.run` says."""
         waiting, attempts = deque(range(len(tasks))), Counter[int]()
         with _Crew(self._context, min(self._jobs, len(tasks))) as crew:

@@ -1,17 +1,23 @@
 """Filtering of recordings into drop-in MCAP files."""
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
 
+from seaclutter_cli.config import Config
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.pipeline import TopicTally, run
-from seaclutter_cli.runs.checks import Check, checks_of
+from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch, size_of
+from seaclutter_cli.runs.checks import checks_of
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
-from seaclutter_cli.runs.labels import LabelSources
+from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, plan_outputs, prepare_outputs
@@ -64,6 +70,7 @@ class FilterOptions:
     labels: LabelSources = field(default_factory=LabelSources)
     csv_file: Path | None = None
     force: bool = False
+    batch: BatchOptions = field(default_factory=BatchOptions)
 
 
 def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> FilterSummary:
@@ -85,120 +92,173 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    one = RecordingFilter(options, observer)
+    started, config = perf_counter(), options.config.load()
     recordings = expand(logs)
     if options.labels.paths and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
     targets = plan_outputs(recordings, output)
-    inputs = inputs_of(recordings, options.reading, options.config.file, [one.config])
+    inputs = inputs_of(recordings, options.reading, options.config.file, [config])
     outputs = {"-o": targets, "--csv": options.csv_file}
     prepare_outputs(outputs, inputs, options.labels.paths, force=options.force, observer=observer)
-    labels = options.labels.open(recordings)
+    labels = options.labels.assign(recordings)
+    works = [FilterWork(options, config, *each) for each in zip(recordings, targets, labels, strict=True)]
     with OutputGroup() as files:
         with ExitStack() as stack:
             # A single log appears together with the table. Of several, each appears when it is complete.
-            logs_written = stack.enter_context(OutputGroup(files)) if len(targets) == 1 else None
-            tables = [stack.enter_context(one.table(options.csv_file, files))] if options.csv_file else []
-            chosen = zip(recordings, targets, labels, strict=True)
-            outcomes = [one.run(*each, tables, logs_written) for each in chosen]
+            log_written = stack.enter_context(OutputGroup(files)) if len(works) == 1 else None
+            table = stack.enter_context(frame_table(config, options.csv_file, files)) if options.csv_file else None
+            if len(works) == 1:
+                outcomes = [works[0].run(observer, table, log_written)]
+            else:
+                outcomes = run_batch(works, options.batch, observer, partial(_append, table))
         if not may_appear([options.csv_file], outcomes, observer):
             files.discard()
-    return FilterSummary(outcomes)
+    for outcome in outcomes:
+        outcome.bytes_out = 0 if outcome.error else size_of(outcome.output)
+    return FilterSummary(outcomes, perf_counter() - started)
 
 
-class RecordingFilter:
-    """Filter run over one recording after another, with the same options.
+def frame_table(config: Config, path: Path, group: OutputGroup | None = None) -> CsvSink:
+    """Return the table for the frames of recordings."""
+    rings = len(config.ring_edges[1:])
+    return CsvSink(path, rings, scenes=config.has_scenes, water=config.has_water, group=group)
+
+
+def _append(table: CsvSink | None, outcome: FilterOutcome) -> None:
+    """Append the rows of a recording to the table."""
+    if table and not outcome.error:
+        table.append(zlib.decompress(outcome.rows))
+    outcome.rows = b""
+
+
+@dataclass(frozen=True)
+class FilterWork(Work[FilterOutcome]):
+    """Filtering of one recording.
 
     Parameters
     ----------
     options : FilterOptions
         Method, input and output files.
-    observer : Observer
-        Receives progress and warnings.
+    config : Config
+        Effective configuration.
+    recording : Recording
+        The recording.
+    target : Path
+        Filtered file.
+    labels : LabelFile or None
+        Its labels.
     """
 
-    def __init__(self, options: FilterOptions, observer: Observer) -> None:
-        self._options, self.config, self._observer = options, options.config.load(), observer
+    options: FilterOptions
+    config: Config
+    recording: Recording
+    target: Path
+    labels: LabelFile | None = None
 
-    def table(self, path: Path, group: OutputGroup | None = None) -> CsvSink:
-        """Return a table for the frames of all recordings."""
-        config = self.config
-        rings = len(config.ring_edges[1:])
-        return CsvSink(path, rings, scenes=config.has_scenes, water=config.has_water, group=group)
+    def run(self, observer: Observer, table: CsvSink | None = None, group: OutputGroup | None = None) -> FilterOutcome:
+        """Filter the recording; store an error in the outcome.
 
-    def run(
-        self,
-        recording: Recording,
-        target: Path,
-        labels: Labels | None = None,
-        tables: Sequence[Sink] = (),
-        group: OutputGroup | None = None,
-    ) -> FilterOutcome:
-        """Filter a recording into a file, which appears with a group or by itself; store an error in the outcome."""
-        config = self.config
-        outcome = FilterOutcome(
-            recording=recording.name, output=target, edges=config.ring_edges, has_water=config.has_water
-        )
-        with (
-            storing_errors(outcome, self._observer),
-            opened(recording, self._options.reading, self._observer, outcome) as source,
-        ):
-            self._stream(source, outcome, tables, labels, group)
+        Parameters
+        ----------
+        observer : Observer
+            Receives progress and warnings.
+        table : CsvSink, optional
+            Table for the rows of the frames; by default they are stored in the outcome.
+        group : OutputGroup, optional
+            Files with which the filtered file appears; by default it appears by itself.
+        """
+        outcome = self.without_result(None)
+        with storing_errors(outcome, observer), ExitStack() as stack:
+            own = None if table or not self.options.csv_file else stack.enter_context(self._own_table())
+            source = stack.enter_context(opened(self.recording, self.options.reading, observer, outcome))
+            self._stream(source, outcome, observer, table or own, group)
+            if own:
+                outcome.rows = zlib.compress(own.rows())
         return outcome
+
+    @contextmanager
+    def _own_table(self) -> Iterator[CsvSink]:
+        """Return a table for the frames of this recording alone, which is removed at the end."""
+        with TemporaryDirectory(prefix="seaclutter-") as folder, frame_table(self.config, Path(folder, "t.csv")) as own:
+            yield own
+
+    def without_result(self, reason: str | None) -> FilterOutcome:
+        """Return an outcome without frames."""
+        return FilterOutcome(
+            recording=self.recording.name,
+            output=self.target,
+            edges=self.config.ring_edges,
+            has_water=self.config.has_water,
+            bytes_in=input_bytes(self.recording),
+            error=reason,
+        )
 
     def _stream(
         self,
         source: Source,
         outcome: FilterOutcome,
-        tables: Sequence[Sink],
-        labels: Labels | None,
+        observer: Observer,
+        table: CsvSink | None,
         group: OutputGroup | None,
     ) -> None:
-        selection = self._options.reading.selection
+        selection = self.options.reading.selection
         clouds = cloud_channels(source, selection.topics)
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
+        labels = self.labels.open() if self.labels else None
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose one with -t")
         if self.config.method != "none" and was_filtered(source, selection.topics):
-            self._observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
+            observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
-        self._observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
-        checks = {topic: checks_of(self.config) for topic in topics}
+        observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
+        fit = _FitWarnings(self.config, topics, observer)
         with (
-            self._observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
+            observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             McapSink(outcome.output, self._written(labels), group) as sink,
         ):
-            on_result = self._result_callback(checks, step)
-            outcome.topics = run(source, self.config.make_filter, [sink, *tables], selection, on_result)
+
+            def on_result(result: FilterResult) -> None:
+                step()
+                fit.add(result)
+
+            sinks: list[Sink] = [sink, table] if table else [sink]
+            outcome.topics = run(source, self.config.make_filter, sinks, selection, on_result)
             require_frames(source, outcome.frames)
         for text in mismatches(self.config.sensor, source):
-            self._observer.warn(text)
-        for topic, tally in outcome.topics.items():
-            unfit = [check.warning() for check in checks[topic]]
-            for warning in unfit if any(unfit) else [_nothing_left(tally) or self._no_water(tally)]:
-                self._warn(topic, warning)
-
-    def _result_callback(
-        self, checks: Mapping[str, Sequence[Check]], step: Callable[[], object]
-    ) -> Callable[[FilterResult], None]:
-        def on_result(result: FilterResult) -> None:
-            step()
-            for check in checks[result.frame.topic]:
-                self._warn(result.frame.topic, check.add(result))
-
-        return on_result
+            observer.warn(text)
+        fit.finish(outcome.topics)
 
     def _written(self, labels: Labels | None) -> McapOptions:
-        written = replace(self._options.written, config=self.config.to_yaml(), water=self.config.has_water)
-        if not self._options.with_scene:
+        written = replace(self.options.written, config=self.config.to_yaml(), water=self.config.has_water)
+        if not self.options.with_scene:
             return written
         from seaclutter_cli.reporting.scene import scene_maker
 
         return replace(written, scene=scene_maker(self.config.evaluation, labels))
 
+
+class _FitWarnings:
+    """Warnings about settings that do not fit the frames of a recording."""
+
+    def __init__(self, config: Config, topics: Sequence[str], observer: Observer) -> None:
+        self._config, self._observer = config, observer
+        self._checks = {topic: checks_of(config) for topic in topics}
+
+    def add(self, result: FilterResult) -> None:
+        """Check a frame."""
+        for check in self._checks[result.frame.topic]:
+            self._warn(result.frame.topic, check.add(result))
+
+    def finish(self, tallies: Mapping[str, TopicTally]) -> None:
+        """Check the sums over all frames."""
+        for topic, tally in tallies.items():
+            unfit = [check.warning() for check in self._checks[topic]]
+            for warning in unfit if any(unfit) else [_nothing_left(tally) or self._no_water(tally)]:
+                self._warn(topic, warning)
+
     def _no_water(self, tally: TopicTally) -> str | None:
         """Return a warning if nearly all frames of a topic are without the water that the method needs."""
-        if not (self.config.has_water and tally.points_in) or tally.water_frames > _FEW_WATER * tally.frames:
+        if not (self._config.has_water and tally.points_in) or tally.water_frames > _FEW_WATER * tally.frames:
             return None
         without = f"{tally.frames - tally.water_frames:,} of {count(tally.frames, 'frame')}"
         return f"no water seen in {without}; heights are then unknown, and every object that stays is kept"

@@ -7,8 +7,8 @@ from typing import Any
 
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.pipeline import TopicTally
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
-from seaclutter_cli.text import count, indented, printable, share, table
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, statuses
+from seaclutter_cli.text import count, data_size, indented, printable, share, table
 
 
 @dataclass(kw_only=True)
@@ -25,17 +25,39 @@ class FilterOutcome(Outcome):
         Whether the method estimates the water.
     topics : mapping of str to TopicTally
         Sums over the frames of each cloud topic.
+    bytes_in, bytes_out : int
+        Sizes of the recording and of the filtered file.
+    rows : bytes
+        Compressed rows of the table of frames, on their way from another process.
     """
 
     output: Path
     edges: Sequence[float]
     has_water: bool = False
     topics: Mapping[str, TopicTally] = field(default_factory=dict)
+    bytes_in: int = 0
+    bytes_out: int = 0
+    rows: bytes = field(default=b"", repr=False)
 
     @property
     def frames(self) -> int:
         """Number of frames of all topics."""
         return sum(tally.frames for tally in self.topics.values())
+
+    @property
+    def points_in(self) -> int:
+        """Number of points of all topics."""
+        return sum(tally.points_in for tally in self.topics.values())
+
+    @property
+    def points_out(self) -> int:
+        """Number of points kept."""
+        return sum(int(tally.counts[Reason.KEPT]) for tally in self.topics.values())
+
+    def figures(self) -> str:
+        """Return frames, share of the points kept, and duration, for a line about the outcome."""
+        kept = f"{share(self.points_out, self.points_in)} of the points kept"
+        return f"{count(self.frames, 'frame')}, {kept}, {self.seconds:.1f} s -> {printable(str(self.output))}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""
@@ -135,14 +157,26 @@ class FilterSummary(RecordingsResult):
     ----------
     outcomes : sequence of FilterOutcome
         Outcome of each recording.
+    seconds : float
+        Duration of the run.
     """
 
     outcomes: Sequence[FilterOutcome]
+    seconds: float = 0.0
 
     def as_dict(self) -> list[dict[str, Any]]:
         """Return the outcomes as JSON-compatible data."""
         return [outcome.as_dict() for outcome in self.outcomes]
 
     def as_text(self) -> str:
+        """Return the outcome of one recording, or the totals of several, as human-readable text."""
+        return self.details() if len(self.outcomes) == 1 else self._totals()
+
+    def details(self) -> str:
         """Return the outcomes without an error as human-readable text."""
         return "\n\n".join(outcome.as_text() for outcome in self.outcomes if not outcome.error)
+
+    def _totals(self) -> str:
+        read, written = (sum(getattr(one, name) for one in self.outcomes) for name in ("bytes_in", "bytes_out"))
+        pace = f"; {data_size(read / self.seconds * 60)}/min" if self.seconds else ""
+        return f"{statuses(self.outcomes)}; {data_size(read)} in, {data_size(written)} out{pace}"

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels
@@ -10,6 +11,9 @@ from seaclutter_cli.sources import Recording
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
 from seaclutter_cli.text import count
+
+if TYPE_CHECKING:
+    from seaclutter_cli.labels import LabelOptions
 
 LABEL_SUFFIX = ".labels.csv"
 
@@ -30,6 +34,26 @@ class LabelSources:
     clutter_ids: tuple[int, ...] | None = None
     ignore_ids: tuple[int, ...] | None = None
 
+    def assign(self, recordings: Sequence[Recording]) -> list["LabelFile | None"]:
+        """Return the labels of each recording, not yet read; None for all recordings if there are no paths.
+
+        Raises
+        ------
+        UsageError
+            If labels cannot be assigned to the recordings, or some do not exist.
+        """
+        if not self.paths:
+            return [None] * len(recordings)
+        from seaclutter_cli.labels import LabelOptions  # not needed otherwise
+
+        defaults = LabelOptions()
+        chosen = LabelOptions(
+            clutter_ids=defaults.clutter_ids if self.clutter_ids is None else self.clutter_ids,
+            ignore_ids=defaults.ignore_ids if self.ignore_ids is None else self.ignore_ids,
+        )
+        found = zip(recordings, find_labels(recordings, self.paths), strict=True)
+        return [LabelFile(path, replace(chosen, by_sequence=_in_frame_folder(recording))) for recording, path in found]
+
     def open(self, recordings: Sequence[Recording]) -> list[Labels | None]:
         """Return the labels of each recording; None for all recordings if there are no paths.
 
@@ -40,19 +64,29 @@ class LabelSources:
         LabelError
             If labels cannot be read.
         """
-        if not self.paths:
-            return [None] * len(recordings)
-        from seaclutter_cli.labels import LabelOptions, open_labels  # not needed otherwise
+        return [None if file is None else file.open() for file in self.assign(recordings)]
 
-        defaults = LabelOptions()
-        chosen = LabelOptions(
-            clutter_ids=defaults.clutter_ids if self.clutter_ids is None else self.clutter_ids,
-            ignore_ids=defaults.ignore_ids if self.ignore_ids is None else self.ignore_ids,
-        )
-        found = zip(recordings, find_labels(recordings, self.paths), strict=True)
-        return [
-            open_labels(path, replace(chosen, by_sequence=_in_frame_folder(recording))) for recording, path in found
-        ]
+
+@dataclass(frozen=True)
+class LabelFile:
+    """Labels of one recording.
+
+    Parameters
+    ----------
+    path : Path
+        File or folder.
+    options : LabelOptions
+        How they are read.
+    """
+
+    path: Path
+    options: "LabelOptions"
+
+    def open(self) -> Labels:
+        """Return the labels; raise `LabelError` if they cannot be read."""
+        from seaclutter_cli.labels import open_labels
+
+        return open_labels(self.path, self.options)
 
 
 def _in_frame_folder(recording: Recording) -> bool:

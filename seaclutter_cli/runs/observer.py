@@ -30,8 +30,11 @@ class Observer(Protocol):
     ! /points: no point can pass: ...
     """
 
-    def progress(self, title: str, total: int | None) -> AbstractContextManager[Step]:
-        """Start a progress display of ``total`` frames, if known; yield the function to call after each frame."""
+    def progress(self, title: str, total: int | None, unit: str = "frame") -> AbstractContextManager[Step]:
+        """Start a progress display of ``total`` frames, if known; yield the function to call after each frame.
+
+        Over several recordings, the unit is ``MiB`` of input.
+        """
         ...
 
     def note(self, text: str, *, detail: bool = False) -> None:
@@ -47,7 +50,11 @@ class Observer(Protocol):
         ...
 
     def fail(self, error: SeaclutterError) -> None:
-        """Receive the error that ended the work on one recording; the run continues with the others."""
+        """Receive the error that ended the work on a single recording."""
+        ...
+
+    def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
+        """Receive the end of one of several recordings: a line about it, its damage, and the error that ended it."""
         ...
 
 
@@ -55,7 +62,7 @@ class Silent:
     """Observer that shows nothing."""
 
     @contextmanager
-    def progress(self, title: str, total: int | None) -> Iterator[Step]:  # noqa: ARG002
+    def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Step]:  # noqa: ARG002
         """Yield a function that does nothing."""
         yield lambda: None
 
@@ -70,6 +77,9 @@ class Silent:
 
     def fail(self, error: SeaclutterError) -> None:
         """Ignore an error; results also contain it."""
+
+    def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
+        """Ignore the end of a recording; results also contain its outcome."""
 
 
 SILENT = Silent()
@@ -97,12 +107,12 @@ class LoggingObserver:
         self._logger = logger or logging.getLogger("seaclutter")
 
     @contextmanager
-    def progress(self, title: str, total: int | None) -> Iterator[Step]:
+    def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Step]:
         """Log the start and the number of frames at the end."""
         counted = itertools.count()
-        self._logger.info("%s: %s", title, "started" if total is None else f"started, {count(total, 'frame')} expected")
+        self._logger.info("%s: %s", title, "started" if total is None else f"started, {_amount(total, unit)} expected")
         yield lambda: next(counted)
-        self._logger.info("%s: %s", title, count(next(counted), "frame"))
+        self._logger.info("%s: %s", title, _amount(next(counted), unit))
 
     def note(self, text: str, *, detail: bool = False) -> None:
         """Log a note, or a detail for debugging."""
@@ -120,3 +130,15 @@ class LoggingObserver:
     def fail(self, error: SeaclutterError) -> None:
         """Log the error of one recording."""
         self._logger.error("%s", error)
+
+    def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
+        """Log the end of one of several recordings, with its damage or error."""
+        self.damage(damage)
+        if error:
+            self.fail(error)
+        else:
+            self._logger.info("%s", line)
+
+
+def _amount(number: int, unit: str) -> str:
+    return f"{number:,} MiB" if unit == "MiB" else count(number, unit)

@@ -2,6 +2,7 @@
 
 import os
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
@@ -16,6 +17,9 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources import Recording, find_recordings
+from seaclutter_cli.text import count, printable
+
+_STATUSES = ("done", "damaged", "failed")
 
 PathLike = str | os.PathLike[str]
 Logs = PathLike | Sequence[PathLike]
@@ -98,6 +102,23 @@ class Outcome:
     seconds: float = 0.0
     error: str | None = None
 
+    @property
+    def status(self) -> str:
+        """How the run over the recording ended: ``done``, ``damaged`` or ``failed``."""
+        return "failed" if self.error else "damaged" if self.damage else "done"
+
+    def line(self) -> str:
+        """Return a line about the outcome, for runs over several recordings."""
+        if self.error:
+            return f"{printable(self.recording)}: failed: {self.error}"
+        more = f" and {count(len(self.damage) - 1, 'other part')}" if len(self.damage) > 1 else ""
+        damaged = f"; damaged: {self.damage[0]}{more}" if self.damage else ""
+        return f"{printable(self.recording)}: {self.figures()}{damaged}"
+
+    def figures(self) -> str:
+        """Return the main figures of the outcome, for a line about it."""
+        return f"{self.seconds:.1f} s"
+
 
 class Result(ABC):
     """Result of a run, as text and as data."""
@@ -120,6 +141,10 @@ class Result(ABC):
     def as_text(self) -> str:
         """Return the result as human-readable text; empty if there is nothing to report."""
 
+    def details(self) -> str:
+        """Return the details of several recordings as text, which verbose output shows first."""
+        return ""
+
 
 class RecordingsResult(Result):
     """Result of a run over several recordings."""
@@ -136,6 +161,18 @@ class RecordingsResult(Result):
     def damaged(self) -> bool:
         """Whether parts of any recording were damaged and left out."""
         return any(outcome.damage for outcome in self.outcomes)
+
+
+def statuses(outcomes: Sequence[Outcome]) -> str:
+    """Return how many recordings ended in each way.
+
+    Examples
+    --------
+    >>> statuses([Outcome(recording="a"), Outcome(recording="b", error="no such file")])
+    '1 done, 1 failed'
+    """
+    found = Counter(outcome.status for outcome in outcomes)
+    return ", ".join(f"{found[status]:,} {status}" for status in _STATUSES if found[status])
 
 
 def expand(logs: Logs) -> list[Recording]:

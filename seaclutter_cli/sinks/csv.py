@@ -57,7 +57,7 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         self._write_row(
             (*_COLUMNS, *states, *(["scene"] if scenes else []), *(["unconfirmed", *WATER_COLUMNS] if water else []))
         )
-        self._complete = self._file.stream.tell()
+        self._header = self._complete = self._file.stream.tell()
         self._recording = ""
 
     def __enter__(self) -> Self:
@@ -95,6 +95,18 @@ class CsvSink(AbstractContextManager["CsvSink"]):
     def end(self) -> None:
         """End a recording and keep its rows."""
         self._complete = self._file.stream.tell()
+
+    def rows(self) -> bytes:
+        """Return the rows of all complete recordings, without the header."""
+        self._discard_incomplete()
+        self._file.stream.flush()
+        return self._file.part.read_bytes()[self._header :]
+
+    def append(self, rows: bytes) -> None:
+        """Write the rows of a complete recording, from a table of its own without the header."""
+        self._discard_incomplete()
+        self._file.stream.write(rows)
+        self.end()
 
     def _write_row(self, values: Sequence[object]) -> None:
         text = io.StringIO()

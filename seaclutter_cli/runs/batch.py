@@ -1,0 +1,152 @@
+"""Work on several recordings, in this process or in several."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.jobs.budget import default_jobs
+from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
+from seaclutter_cli.jobs.processes import Processes
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.recordings import Outcome
+from seaclutter_cli.runs.relay import Relay
+from seaclutter_cli.sources import Recording
+from seaclutter_cli.text import count
+
+O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
+_MIB = 2**20
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchOptions:
+    """How several recordings are processed.
+
+    Parameters
+    ----------
+    jobs : int or None
+        Number of recordings to process at the same time, each in a process of its own; None: as many as there are
+        cores and memory for. Results do not depend on it.
+    fail_fast : bool
+        Stop after the first recording with an error.
+    """
+
+    jobs: int | None = 1
+    fail_fast: bool = False
+
+    def engine(self, recordings: int) -> Engine:
+        """Return the engine for a number of recordings."""
+        jobs = default_jobs(recordings) if self.jobs is None else self.jobs
+        return InTurn() if min(jobs, recordings) <= 1 else Processes(jobs)
+
+
+class Work(ABC, Generic[O]):
+    """Work on one recording: an object that pickle can copy, as its outcome."""
+
+    recording: Recording
+    """The recording."""
+
+    @abstractmethod
+    def run(self, observer: Observer) -> O:
+        """Do the work; an error of the recording is stored in the outcome."""
+
+    @abstractmethod
+    def without_result(self, reason: str) -> O:
+        """Return the outcome of work that did not come to an end."""
+
+
+@dataclass(frozen=True)
+class _Task(Generic[O]):
+    """Work with an observer whose messages travel with the outcome."""
+
+    work: Work[O]
+
+    def __call__(self, report: Report) -> tuple[O, Relay]:
+        relay = Relay(report)
+        outcome = self.work.run(relay)
+        relay.report = _no_report
+        return outcome, relay
+
+
+def run_batch(
+    works: Sequence[Work[O]],
+    options: BatchOptions,
+    observer: Observer,
+    in_order: Callable[[O], object] = lambda _: None,
+) -> list[O]:
+    """Do the work on several recordings and return the outcomes in the order of the recordings.
+
+    Parameters
+    ----------
+    works : sequence of Work
+        Work on each recording.
+    options : BatchOptions
+        Number of processes, and what to do after an error.
+    observer : Observer
+        Receives messages and the end of each recording as they come, and the progress of all together.
+    in_order : callable, optional
+        Receives each outcome as soon as those of all recordings before are known.
+    """
+    outcomes: list[O | None] = [None] * len(works)
+    passed = 0
+    engine = options.engine(len(works))
+    with _progress(works, observer) as on_share, closing(engine.run([_Task(w) for w in works], on_share)) as results:
+        for number, result in results:
+            work, error = works[number], None
+            if isinstance(result, Lost):
+                outcome = work.without_result(f"{work.recording.paths[0]}: {result.reason}")
+                error = SeaclutterError(str(outcome.error))
+            else:
+                outcome, relay = result
+                relay.repeat(work.recording.name, observer)
+                error = relay.error
+            on_share(number, 1.0)
+            outcomes[number] = outcome
+            observer.done(outcome.line(), outcome.damage, error)
+            while passed < len(works) and (known := outcomes[passed]) is not None:
+                in_order(known)
+                passed += 1
+            if error and options.fail_fast:
+                break
+    return [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
+
+
+@contextmanager
+def _progress(works: Sequence[Work[O]], observer: Observer) -> Iterator[Callable[[int, float], None]]:
+    """Show the progress over all recordings in MiB of input; yield the function that receives shares."""
+    sizes = [max(input_bytes(work.recording), 1) / _MIB for work in works]
+    shares = [0.0] * len(works)
+    shown = 0
+    with observer.progress(count(len(works), "recording"), round(sum(sizes)), unit="MiB") as step:
+
+        def on_share(number: int, share: float) -> None:
+            nonlocal shown
+            shares[number] = share
+            done = sum(size * part for size, part in zip(sizes, shares, strict=True))
+            while shown < int(done):
+                step()
+                shown += 1
+
+        yield on_share
+
+
+def input_bytes(recording: Recording) -> int:
+    """Return the size of the files of a recording in bytes; 0 for those that cannot be read."""
+    return sum(size_of(path) for path in recording.paths)
+
+
+def size_of(path: Path) -> int:
+    """Return the size of a file, or of the files in a folder, in bytes; 0 if it cannot be read."""
+    try:
+        if path.is_dir():
+            return sum(child.stat().st_size for child in path.iterdir() if child.is_file())
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def _no_report(_: float) -> None:
+    """Ignore a share."""

@@ -1,0 +1,171 @@
+"""Several recordings in one run: results do not depend on the number of processes."""
+
+import json
+import os
+import re
+import signal
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import seaclutter
+from seaclutter_cli.commands import cli
+from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
+from seaclutter_cli.runs.observer import Silent
+from seaclutter_cli.runs.recordings import Outcome
+from seaclutter_cli.sources import Recording
+from tests.logs import cloud_log
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """Return a folder with recordings of different lengths, one damaged and one that cannot be read."""
+    folder = tmp_path_factory.mktemp("trial")
+    for name, frames in (("a", 9), ("b", 2), ("d", 5)):
+        cloud_log(folder / f"{name}.mcap", frames=frames, points=500)
+    data = (folder / "a.mcap").read_bytes()
+    (folder / "c.mcap").write_bytes(data[: len(data) * 2 // 3])
+    (folder / "e.mcap").write_bytes(b"no log")
+    return folder
+
+
+def filtered(logs, folder, *options):
+    out = folder / "out"
+    line = ["filter", str(logs), "-o", f"{out}/", "--csv", str(folder / "frames.csv"), "--json", *options]
+    result = CliRunner().invoke(cli, line)
+    files = {path.name: path.read_bytes() for path in sorted(out.iterdir())} if out.exists() else {}
+    table = folder / "frames.csv"
+    return result, files, table.read_bytes() if table.exists() else None
+
+
+def untimed(text):
+    """Return JSON without what depends on time and place."""
+    return re.sub(r'"(seconds|filter_ms)": [\d.]+|"output": "[^"]*"', "", text)
+
+
+@pytest.mark.parametrize("method", ["joint", "confirmed"])
+def test_results_do_not_depend_on_the_number_of_processes(logs, tmp_path, method):
+    runs = []
+    for jobs in ("1", "2", "5"):
+        folder = tmp_path / jobs
+        folder.mkdir()
+        runs.append(filtered(logs, folder, "-m", method, "-j", jobs))
+    (first, files, table), *others = runs
+    assert first.exit_code == 1
+    assert sorted(files) == ["a.mcap", "b.mcap", "c.mcap", "d.mcap"]
+    assert [row["recording"] for row in json.loads(first.stdout)] == ["a", "b", "c", "d", "e"]
+    recordings = [line.split(b",")[0] for line in table.splitlines()[1:]]
+    assert recordings == sorted(recordings)
+    assert set(recordings) == {b"a", b"b", b"c", b"d"}
+    for result, same_files, same_table in others:
+        assert result.exit_code == 1
+        assert same_files == files
+        assert same_table == table
+        assert untimed(result.stdout) == untimed(first.stdout)
+        assert sorted(named(result.stderr)) == sorted(named(first.stderr))
+
+
+def named(text):
+    """Return the lines about recordings without durations and paths of outputs."""
+    return [re.sub(r"[\d.]+ s -> \S+", "", line) for line in text.splitlines()]
+
+
+def test_a_line_for_each_recording_and_the_totals(logs, tmp_path):
+    result = CliRunner().invoke(cli, ["filter", str(logs), "-o", f"{tmp_path}/", "-j", "2"])
+    assert result.stdout.startswith("3 done, 1 damaged, 1 failed; ")
+    assert len(result.stdout.splitlines()) == 1
+    lines = sorted(result.stderr.splitlines())
+    assert len(lines) == 5
+    assert re.fullmatch(r"a: 9 frames, \S+ % of the points kept, [\d.]+ s -> .*/a\.mcap", lines[1])
+    assert "; damaged: " in lines[3]
+    assert lines[0].startswith("Error: ")
+
+
+def test_details_of_each_recording_if_verbose(logs, tmp_path):
+    result = CliRunner().invoke(cli, ["filter", str(logs), "-o", f"{tmp_path}/", "-j", "2", "-v"])
+    assert result.stdout.count("range ring") == 4
+    assert "Damaged: " in result.stderr
+
+
+def test_quiet_shows_errors_and_totals_only(logs, tmp_path):
+    result = CliRunner().invoke(cli, ["filter", str(logs), "-o", f"{tmp_path}/", "-j", "2", "-q"])
+    assert len(result.stdout.splitlines()) == 1
+    assert [line.split(":")[0] for line in result.stderr.splitlines()] == ["Error"]
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_fail_fast_stops_after_an_error(logs, tmp_path, jobs):
+    line = ["filter", str(logs / "e.mcap"), *(str(logs / f"{name}.mcap") for name in "adb" * 1)]
+    result = CliRunner().invoke(cli, [*line, "-o", f"{tmp_path}/", "-j", jobs, "--fail-fast", "--json"])
+    assert result.exit_code == 1
+    assert "not processed" in [row["error"] for row in json.loads(result.stdout)]
+    assert not list(tmp_path.glob(".*.part"))
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "two", "1.5", ""])
+def test_a_wrong_number_of_jobs(logs, tmp_path, text):
+    result = CliRunner().invoke(cli, ["filter", str(logs), "-o", f"{tmp_path}/", "-j", text])
+    assert result.exit_code == 2
+    assert "expected a positive whole number or auto" in result.stderr
+
+
+def test_the_api_raises_the_error_of_a_recording(logs, tmp_path):
+    with pytest.raises(seaclutter.InputError, match="no readable record"):
+        seaclutter.filter_log(logs, f"{tmp_path}/")
+
+
+class Receiver(Silent):
+    """Observer that counts."""
+
+    def __init__(self):
+        self.lines, self.errors, self.warnings = [], [], []
+
+    def warn(self, text):
+        self.warnings.append(text)
+
+    def done(self, line, damage, error):
+        self.lines.append(line)
+        self.errors.append(error)
+
+
+@dataclass(frozen=True)
+class Step(Work[Outcome]):
+    recording: Recording
+    kills: bool = False
+
+    def run(self, observer):
+        observer.warn(f"/points: careful in {os.getpid()}")
+        with observer.progress("x", 4) as step:
+            for _ in range(4):
+                step()
+        if self.kills:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return Outcome(recording=self.recording.name)
+
+    def without_result(self, reason):
+        return Outcome(recording=self.recording.name, error=reason)
+
+
+def works(count, kills=()):
+    return [Step(Recording((Path(f"r{k}"),)), k in kills) for k in range(count)]
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_outcomes_come_in_order(jobs):
+    passed, receiver = [], Receiver()
+    outcomes = run_batch(works(6), BatchOptions(jobs=jobs), receiver, lambda one: passed.append(one.recording))
+    assert [one.recording for one in outcomes] == passed == [f"r{k}" for k in range(6)]
+    assert sorted(line.split(":")[0] for line in receiver.lines) == passed
+    assert sorted(text.split(": ")[0] for text in receiver.warnings) == passed
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+def test_a_recording_that_kills_its_process_fails_alone():
+    receiver = Receiver()
+    outcomes = run_batch(works(5, kills={1}), BatchOptions(jobs=2), receiver)
+    assert [one.error is None for one in outcomes] == [True, False, True, True, True]
+    assert "killed (SIGKILL), perhaps because memory ran out, 2 times" in outcomes[1].error
+    assert sum(error is not None for error in receiver.errors) == 1
