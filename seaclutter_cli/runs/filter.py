@@ -94,7 +94,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     outputs = {"-o": targets, "--csv": options.csv_file}
     prepare_outputs(outputs, inputs, options.labels.paths, force=options.force, observer=observer)
     labels = options.labels.open(recordings)
-    with OutputGroup() as files:
+    with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             # A single log appears together with the table. Of several, each appears when it is complete.
             logs_written = stack.enter_context(OutputGroup(files)) if len(targets) == 1 else None
@@ -142,8 +142,9 @@ class RecordingFilter:
         with (
             storing_errors(outcome, self._observer),
             opened(recording, self._options.reading, self._observer, outcome) as source,
+            OutputGroup(group, replace=self._options.force) as written,
         ):
-            self._stream(source, outcome, tables, labels, group)
+            self._stream(source, outcome, tables, labels, written)
         return outcome
 
     def _stream(
@@ -152,7 +153,7 @@ class RecordingFilter:
         outcome: FilterOutcome,
         tables: Sequence[Sink],
         labels: Labels | None,
-        group: OutputGroup | None,
+        group: OutputGroup,
     ) -> None:
         selection = self._options.reading.selection
         clouds = cloud_channels(source, selection.topics)

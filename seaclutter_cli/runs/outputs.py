@@ -209,9 +209,9 @@ def may_appear(targets: Iterable[Path | None], outcomes: Sequence[Outcome], obse
     return not earlier and len(failed) < len(outcomes)
 
 
-def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None) -> None:
-    """Write files, which appear together, the first one last; raise `OutputError` if one cannot be written."""
-    with OutputGroup(group) as together:
+def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None, *, replace: bool = True) -> None:
+    """Write files, which appear together, the first one last; `OutputGroup` describes the parameters and errors."""
+    with OutputGroup(group, replace=replace) as together:
         for path, data in reversed(list(files.items())):
             with AtomicFile(path, together) as file:
                 file.stream.write(data)

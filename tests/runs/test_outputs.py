@@ -221,10 +221,10 @@ def test_outputs_appear_together_and_the_main_one_last(folder, line, outputs, mo
     waiting, appeared = [], []
     publish = AtomicFile.publish
 
-    def record(file):
+    def record(file, *, replace):
         waiting.append({re.sub(r"^\.(.*)\.[^.]+\.part$", r"\1", path.name) for path in folder.glob(".*.part")})
         appeared.append(file.path.name)
-        publish(file)
+        publish(file, replace=replace)
 
     monkeypatch.setattr(AtomicFile, "publish", record)
     result = run(line)
