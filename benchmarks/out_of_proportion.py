@@ -1,7 +1,7 @@
 """Inputs whose cost could be out of proportion to their size: seconds and peak memory of each command.
 
-Run as ``python benchmarks/out_of_proportion.py FOLDER [WORD]`` on Linux or macOS; with ``WORD``, only cases that have it in
-their name run.
+Run as ``python benchmarks/out_of_proportion.py FOLDER [WORD]`` on Linux or macOS. With ``WORD``, only cases run that
+have it in their names.
 """
 
 import os

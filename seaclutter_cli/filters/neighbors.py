@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 # Otherwise idle OpenMP threads spin and take cores from the threads that read and compress.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+try:
     from small_gicp import KdTree as _FastTree
 except ImportError:  # no wheel for this platform
     _FastTree = None
@@ -216,7 +220,12 @@ def scipy_searcher(points: Points) -> Search:
 
 
 def _threads() -> int:
-    """Return the number of cores that this process may use."""
+    """Return the number of cores that this process may use; one if its memory is limited.
+
+    OpenMP ends the process if it cannot start a thread, which takes address space.
+    """
+    if resource is not None and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY:
+        return 1
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
