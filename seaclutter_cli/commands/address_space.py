@@ -1,11 +1,7 @@
 """Imports in a limited address space."""
 
-import mmap
 import sys
-from collections.abc import Mapping, Sequence
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
-from types import ModuleType
+from collections.abc import Mapping
 
 try:
     import resource
@@ -25,15 +21,15 @@ def check_imports() -> None:
         sys.meta_path.insert(0, _RoomFinder())
 
 
-class _RoomFinder(MetaPathFinder):
+class _RoomFinder:
     """Finder that finds nothing, and checks the address space instead."""
 
-    def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
+    def find_spec(self, name: str, *_: object) -> None:
         """Return None; raise `MemoryError` if there is no room for a package."""
-        del path, target
         if name in NEEDED_MB:
+            import mmap  # only needed here
+
             try:
                 mmap.mmap(-1, NEEDED_MB[name] * 2**20).close()
             except OSError as error:
                 raise MemoryError(f"no room for {name}") from error
-        return None
