@@ -78,13 +78,12 @@ def cloud(places: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.v
 def wide_tables(folder: Path) -> Iterator[Case]:
     """Write tables of points and of labels with a line of 200 MB, and with a million columns."""
     line = [b"1," * 500_000] * 200
-    names = (b",c%d" % number for number in range(1_000_000))
     rows = {"points": (b"x,y,z,intensity", b"30,1,2,9"), "labels": (HEADER.encode(), b"0,1,ship,30,0,0,4,4,4,0")}
     for kind, (head, row) in rows.items():
         for name, content in (
             ("long_line", [head, b"\n", row, b"\n", *line, b"\n"]),
             ("long_head", [*line, b"\n", row, b"\n"]),
-            ("columns", chain([head], names, [b"\n", row], [b",1"] * 1_000_000, [b"\n"])),
+            ("columns", chain([head], column_names(), [b"\n", row], [b",1"] * 1_000_000, [b"\n"])),
             ("one_cell", [head, b"\n", row, *[b"1" * 1_000_000] * 200, b"\n"]),
         ):
             path = folder / f"{kind}_{name}.csv"
@@ -92,6 +91,10 @@ def wide_tables(folder: Path) -> Iterator[Case]:
                 file.writelines(content)
             yield path, [["info", path], filtering(path)] if kind == "points" else [evaluation(folder, SEA, path)]
             path.unlink()
+
+
+def column_names() -> Iterator[bytes]:
+    return (b",c%d" % number for number in range(1_000_000))
 
 
 def many_labels(folder: Path) -> Iterator[Case]:

@@ -14,6 +14,7 @@ from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.parts import remove_stale
 from seaclutter_cli.sources import SOURCES, Recording
+from seaclutter_cli.sources.frame_files.stamps import times_beside
 from seaclutter_cli.text import count, named_folder
 
 Paths = Mapping[str, Path | Iterable[Path] | None]
@@ -54,7 +55,7 @@ def inputs_of(
     file: ConfigSource | None = None,
     configs: Iterable[Config] = (),
 ) -> dict[str, list[Path]]:
-    """Return the files and folders that a run reads, by option.
+    """Return the files and folders that a run reads, by option, also those beside a log.
 
     Parameters
     ----------
@@ -78,6 +79,8 @@ def inputs_of(
 
 
 def _metadata_beside(log: Path) -> list[Path]:
+    if times := times_beside(log if log.is_dir() else log.parent):
+        return [times]
     if not log.name.lower().endswith(SOURCES["capture"].suffixes):
         return []
     files = (file for suffix in CALIBRATION_SUFFIXES.values() for file in log.parent.glob(f"*{suffix}"))
