@@ -39,10 +39,16 @@ def noisy_tiles(folder: Path) -> Iterator[Case]:
     tile = folder / "tile.las"
     laspy.read(TILE).write(tile)
     data = tile.read_bytes()
-    for percent, size in ((20, 12_000), (50, 12_000), (95, 12_000), (99, 6_000)):
+    for percent in (20, 50, 95):
         at = len(data) * percent // 100
         path = folder / f"noise_at_{percent}.las"
-        path.write_bytes(data[:at] + random.Random(percent).randbytes(size) + data[at:])
+        path.write_bytes(data[:at] + random.Random(percent).randbytes(12_000) + data[at:])
+    whole = laspy.read(tile)
+    for points, outliers in ((161_374, 400), (30_000, 180)):
+        some = laspy.LasData(whole.header, whole.points[:points].copy())
+        some.x[:outliers] += np.arange(outliers) * 1000
+        some.write(folder / f"outliers_{outliers}.las")
+    for path in sorted(folder.glob("[no]*_*.las")):
         separate = ["classify", "separate", path, "-o", folder / "out.las", "--force"]
         yield path, [separate, ["info", path], [*filtering(path), "-m", "sea_surface"]]
 
