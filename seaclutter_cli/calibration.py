@@ -290,9 +290,9 @@ class ClutterSelector:
 def _marked(truth: Truth, xyz: NDArray[np.float64], chosen: NDArray[np.intp], margin_m: float) -> NDArray[np.bool_]:
     """Return whether each chosen point belongs to a target or an ignored area."""
     positions = xyz[:, chosen]
-    marked = truth.ignored.contains(positions, margin_m).any(axis=0)
+    marked = truth.ignored.covers(positions, margin_m)
     if truth.targets is not None:
-        marked |= truth.targets.contains(positions, margin_m).any(axis=0)
+        marked |= truth.targets.covers(positions, margin_m)
     if truth.points is not None:
         marked |= truth.points[chosen] != CLUTTER
     return np.asarray(marked)

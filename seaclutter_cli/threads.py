@@ -2,6 +2,11 @@
 
 import os
 
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
 from seaclutter_cli.errors import UsageError
 
 VARIABLE = "SEACLUTTER_THREADS"
@@ -11,8 +16,8 @@ VARIABLE = "SEACLUTTER_THREADS"
 def threads() -> int:
     """Return the number of threads that may compute at the same time: the cores of this process, or less.
 
-    The environment variable ``SEACLUTTER_THREADS`` sets it. Processes that work beside each other share the cores by
-    this variable.
+    It is one where the address space is limited: each thread takes some, and OpenMP ends the process if it cannot start
+    one. The environment variable ``SEACLUTTER_THREADS`` sets it, so that processes beside each other share the cores.
 
     Raises
     ------
@@ -24,6 +29,8 @@ def threads() -> int:
         if not (given.isascii() and given.isdigit() and len(given) <= 4 and int(given)):
             raise UsageError(f"{VARIABLE}: expected a positive whole number, got {given[:20]!r}")
         return int(given)
+    if resource is not None and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY:
+        return 1
     return cores()
 
 

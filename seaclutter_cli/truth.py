@@ -1,5 +1,6 @@
 """Ground truth of a frame: boxes of targets, areas to ignore, and labels of points."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 
 CLUTTER = 0
 IGNORED = 65535
+_ROUNDING = 1e-9
 
 OBJECT_CLASSES = (
     "ship",
@@ -68,14 +70,28 @@ class Boxes:
         >>> boxes.contains(np.array([[0.0, 0.9], [0.9, 0], [0, 0]]), 0)
         array([[ True, False]])
         """
-        inside = np.empty((len(self), xyz.shape[1]), np.bool_)
+        inside = np.zeros((len(self), xyz.shape[1]), np.bool_)
+        for row, members in zip(inside, self.members(xyz, margin_m), strict=True):
+            row[members] = True
+        return inside
+
+    def covers(self, xyz: NDArray[np.float64], margin_m: float) -> NDArray[np.bool_]:
+        """Return which points are inside any box, shape (N,); arguments as for `contains`."""
+        covered = np.zeros(xyz.shape[1], np.bool_)
+        for members in self.members(xyz, margin_m):
+            covered[members] = True
+        return covered
+
+    def members(self, xyz: NDArray[np.float64], margin_m: float) -> Iterator[NDArray[np.int64]]:
+        """Yield the indices of the points inside each box; arguments as for `contains`."""
         halves = self.sizes / 2 + margin_m
-        for row, (center, half, yaw) in enumerate(zip(self.centers, halves, self.yaws, strict=True)):
-            x, y, z = xyz - center[:, None]
+        for center, half, yaw in zip(self.centers, halves, self.yaws, strict=True):
+            reach = np.hypot(half[0], half[1]) * (1 + _ROUNDING)
+            near = np.flatnonzero(np.abs(xyz[0] - center[0]) <= reach)
+            x, y, z = xyz[:, near] - center[:, None]
             along = np.abs(np.cos(yaw) * x + np.sin(yaw) * y) <= half[0]
             across = np.abs(np.cos(yaw) * y - np.sin(yaw) * x) <= half[1]
-            inside[row] = along & across & (np.abs(z) <= half[2])
-        return inside
+            yield near[along & across & (np.abs(z) <= half[2])]
 
 
 @dataclass(frozen=True)

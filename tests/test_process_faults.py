@@ -35,7 +35,8 @@ def start(folder, *arguments, environment=None, before=None):
 def finish(process, timeout=60):
     """Return the exit status and the standard error of a run."""
     _, stderr = process.communicate(timeout=timeout)
-    assert "Traceback" not in stderr, stderr
+    # Before the program begins, Python itself prints a traceback after an interrupt.
+    assert "Traceback" not in stderr or "__main__.py" not in stderr, stderr
     return process.returncode, stderr
 
 
@@ -149,6 +150,16 @@ def test_two_runs_to_one_output(tmp_path, expected):
     assert content(tmp_path) == expected[0]
 
 
+def test_two_runs_to_one_output_that_may_not_be_replaced(tmp_path, expected):
+    runs = [start(tmp_path, *FILTER[:-1]) for _ in range(2)]
+    (first, first_error), (second, second_error) = map(finish, runs)
+    assert 0 in (first, second)
+    assert first + second in (1, 2), "the other one is refused at its end, or at its start if it is late"
+    refusal = first_error + second_error
+    assert "appeared while this run was writing it" in refusal or "already exists" in refusal
+    assert content(tmp_path) == expected[0]
+
+
 ON_SMALL_DISK = """
 mount -t tmpfs -o size=64k tmpfs disk && head -c {filled}k /dev/zero > disk/filling || exit 99
 "$@"
@@ -210,13 +221,31 @@ def test_a_folder_that_may_not_be_written(tmp_path):
     assert content(tmp_path) == {"x.csv": b"precious"}
 
 
-@pytest.mark.parametrize("command", [FILTER, EVALUATE], ids=["filter", "evaluate"])
-def test_400_megabytes_of_address_space(tmp_path, command):
-    """Threads of numerical libraries take address space for each core, and are limited to one."""
-    limited = ("sh", "-c", 'ulimit -v 409600 && exec "$@"', "sh")
-    threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
-    status, stderr = run(tmp_path, *command, before=limited, environment=threads)
-    assert (status, stderr) == (0, "")
+LITTLE_MEMORY = "Error: not enough memory; close other programs, or raise the limit of this process (ulimit -v)\n"
+
+
+def in_address_space(folder, megabytes, *command):
+    """Run in a small address space, with as many threads of numerical libraries as they like."""
+    limited = ("sh", "-c", f'ulimit -v {megabytes * 1024} && exec "$@"', "sh")
+    threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"))
+    return run(folder, *command, before=limited, environment=threads)
+
+
+def test_400_megabytes_of_address_space(tmp_path):
+    assert in_address_space(tmp_path, 400, *EVALUATE) == (0, "")
+    assert sorted(content(tmp_path)) == ["x.csv", "x.json"]
+
+
+@pytest.mark.parametrize("megabytes", [300, 200, 160, 110])
+@pytest.mark.parametrize(
+    "command", [FILTER, EVALUATE, (*EVALUATE, "--clustering", "dbscan")], ids=["filter", "evaluate", "dbscan"]
+)
+def test_little_address_space(tmp_path, megabytes, command):
+    """A run succeeds, or says what it lacks; the stacks of its threads take more on machines with more cores."""
+    status, stderr = in_address_space(tmp_path, megabytes, *command)
+    assert (status, stderr) in [(0, ""), (1, LITTLE_MEMORY)]
+    assert len(content(tmp_path)) == (0 if status else 2)
+    assert status or megabytes > 110
 
 
 def test_without_a_home(tmp_path, expected):

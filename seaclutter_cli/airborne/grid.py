@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.text import count
 
 Cells = NDArray[np.float64]
 
@@ -14,6 +15,8 @@ BLOCK = 1 << _BITS
 """Number of cells along each side of a block."""
 MAX_BLOCKS = 800
 """Maximum number of blocks, 400 MB."""
+FREE_BLOCKS, POINTS_PER_BLOCK = 128, 500
+"""Number of blocks of any grid, 64 MB, and of points that allow one more block: few points never need much memory."""
 
 _FARTHEST = 2.0**38
 _FEW = 1 << 22
@@ -23,7 +26,8 @@ class ElevationGrid:
     """Sparse horizontal grid with the lowest elevation of each cell.
 
     Cells are square and aligned to multiples of their width. They are stored in blocks of 256 by 256, and only blocks
-    with points exist: an outlying point far away costs one block.
+    with points exist: an outlying point far away costs one block. Points may be in up to 800 blocks, and in no more
+    than 128 and one for each 500 points.
 
     Parameters
     ----------
@@ -43,6 +47,7 @@ class ElevationGrid:
         self._slots: dict[tuple[int, int], int] = {}
         self._lowest = np.full((0, BLOCK, BLOCK), np.inf)
         self._extent = np.array([[2**62, -(2**62)]] * 2)
+        self._points = 0
 
     @property
     def lowest(self) -> Cells:
@@ -62,6 +67,7 @@ class ElevationGrid:
         InputError
             If the points are too scattered for a grid in memory.
         """
+        self._points += xyz.shape[1]
         if xyz.shape[1]:
             cell = self._flat(xyz[0], xyz[1], grow=True)
             np.minimum.at(self._lowest.reshape(-1), cell, xyz[2])
@@ -117,11 +123,13 @@ class ElevationGrid:
         for key in block:
             self._slots.setdefault(key, len(self._slots))
         needed = len(self._slots)
-        if needed > MAX_BLOCKS:
+        most = min(MAX_BLOCKS, FREE_BLOCKS + self._points // POINTS_PER_BLOCK)
+        if needed > most:
             side = BLOCK * self.cell_m
             raise InputError(
-                f"points are scattered over more than {MAX_BLOCKS} squares of {side:g} m, too many for a grid"
-                f" of {self.cell_m:g} m cells in memory; cut the tile, or choose a larger cell_m"
+                f"{count(self._points, 'point')} are scattered over more than {most} squares of {side:g} m, too many"
+                f" for a grid of {self.cell_m:g} m cells in memory; remove outlying points, cut the tile, or choose a"
+                " larger cell_m"
             )
         if needed > len(self._lowest):
             more = min(MAX_BLOCKS, max(needed, 3 * len(self._lowest) // 2))

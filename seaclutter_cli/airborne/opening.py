@@ -119,11 +119,20 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     return out
 
 
+def _around_values(cells: Cells, inside: tuple[slice, slice], reach: int) -> tuple[slice, ...]:
+    """Return the part of ``inside`` that is at most ``reach`` cells from the rectangle around all values."""
+    known = np.isfinite(cells[inside])
+    rows = (np.flatnonzero(known.any(axis=1 - axis)) + part.start for axis, part in enumerate(inside))
+    ends = ((int(row[0]) - reach, int(row[-1]) + reach + 1) for row in rows)
+    return tuple(slice(max(a, p.start), min(b, p.stop)) for (a, b), p in zip(ends, inside, strict=True))
+
+
 def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None) -> Cells:
     """Return the opened surface of a grid, shape (S, 256, 256); minus infinity where unknown.
 
     ``lowest`` replaces the elevations of the grid. The grid ends at its outermost points. Empty cells are `filled` from
-    up to a window's width away. The result does not depend on the division into blocks.
+    up to a window's width away. The result does not depend on the division into blocks. Cells beyond the reach of any
+    value are not computed, so scattered points take little time.
     """
     half = half_window(window_m, grid.cell_m)
     reach = 2 * half + 1
@@ -131,6 +140,7 @@ def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None)
     out = np.full(grid.lowest.shape, -np.inf)
     for slot, cells, inside in grid.padded(grid.lowest if lowest is None else lowest, halo):
         part = np.full(cells.shape, -np.inf)
-        part[inside] = opened(filled(cells[inside], reach), half)
+        near = _around_values(cells, inside, halo)
+        part[near] = opened(filled(cells[near], reach), half)
         out[slot] = part[halo : halo + BLOCK, halo : halo + BLOCK]
     return out

@@ -1,5 +1,6 @@
 """Sea surface of tiles and frames by morphological opening."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -7,12 +8,20 @@ import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
+from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.opening import open_grid, without_pits
 from seaclutter_cli.errors import InputError
 
 MAX_WINDOW_CELLS = 1000
 _PIT = 2.0
+_ALL, _FIRST, _LAST = slice(None), slice(0, 1), slice(-1, None)
+_EDGES = {
+    (1, 0): ((-1, _ALL), (0, _ALL)),
+    (0, 1): ((_ALL, -1), (_ALL, 0)),
+    (1, 1): ((-1, _LAST), (0, _FIRST)),
+    (1, -1): ((-1, _FIRST), (0, _LAST)),
+}
+"""Edge or corner of a block, and of the block that is these steps away along x and y, where they touch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,50 +131,73 @@ class SeaSurfaceModel:
 
     def _land_cells(self, level: float, island_m: float) -> NDArray[np.bool_]:
         """Return a mask of the land cells, shape (S, 256, 256)."""
-        lowest, above = self._grid.lowest, level + self.params.height_m
-        land = (self._opened > above) | (np.isfinite(lowest) & (lowest > above))
-        opened = self._opened[land]
-        peak = np.where(np.isfinite(lowest[land]), lowest[land], opened)
-        high = (opened > above) & (np.maximum(opened, peak) > level + island_m)
+        above = level + self.params.height_m
+        land, high = (np.zeros(self._opened.shape, np.bool_) for _ in range(2))
+        for slot, (lowest, opened) in enumerate(zip(self._grid.lowest, self._opened, strict=True)):
+            known = np.isfinite(lowest)
+            land[slot] = (opened > above) | (known & (lowest > above))
+            high[slot] = (opened > above) & (np.where(known, np.maximum(opened, lowest), opened) > level + island_m)
         if not high.any():
-            return np.zeros_like(land)
-        slot, i, j = np.nonzero(land)
-        corners = np.empty((len(self._grid.blocks), 2), np.int64)
-        for key, number in self._grid.blocks.items():
-            corners[number] = key
-        column, row = corners[slot, 0] * BLOCK + i, corners[slot, 1] * BLOCK + j
-        part = joined_cells(column, row)
-        islands = np.zeros(part.max(initial=-1) + 1, np.bool_)
-        islands[part[high]] = True
-        land[land] = islands[part]
+            return high
+        number, group = joined_cells(land, self._grid.blocks)
+        islands = np.zeros(len(group), np.bool_)
+        islands[group[number[high]]] = True
+        for slot, inside in enumerate(number):
+            land[slot] = islands[group[inside]]
         return land
 
 
-def joined_cells(column: NDArray[np.int64], row: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the index of the group of touching cells of each of M distinct cells, shape (M,).
+def joined_cells(
+    mask: NDArray[np.bool_], blocks: Mapping[tuple[int, int], int]
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the groups of cells that touch each other, by side or corner, also across blocks.
+
+    Parameters
+    ----------
+    mask : ndarray, shape (S, B, B), bool
+        The cells, in S blocks.
+    blocks : mapping of (int, int) to int
+        Index of each block, by its block number along x and y.
+
+    Returns
+    -------
+    (ndarray, shape (S, B, B), int32), (ndarray, shape (P,), int32)
+        Part of each cell, 0 outside the mask, and the group of each part.
 
     Examples
     --------
-    >>> joined_cells(np.array([0, 1, 5]), np.array([0, 1, 5]))
-    array([0, 0, 1])
+    >>> part, group = joined_cells(np.eye(3, dtype=bool)[None], {(0, 0): 0})
+    >>> group[part[0]]
+    array([[1, 0, 0],
+           [0, 1, 0],
+           [0, 0, 1]], dtype=int32)
     """
-    from scipy.sparse import coo_array  # slow to import, not needed without islands
+    from scipy import ndimage  # slow to import, not needed without islands
+    from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    if not len(column):
-        return np.empty(0, np.int64)
-    span = int(row.max() - row.min()) + 3
-    key = (column - column.min()) * span + (row - row.min()) + 1
-    order = np.argsort(key)
-    ordered = key[order]
-    pairs = [np.empty((2, 0), np.int64)]
-    for step in (1, span - 1, span, span + 1):
-        at = np.searchsorted(ordered, ordered + step).clip(max=len(key) - 1)
-        near = np.flatnonzero(ordered[at] == ordered + step)
-        pairs.append(np.stack((order[near], order[at[near]])))
-    one, other = np.concatenate(pairs, axis=1)
-    graph = coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(len(key), len(key)))
-    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+    part = np.zeros(mask.shape, np.int32)
+    parts = 1
+    for own, cells in zip(part, mask, strict=True):
+        found = ndimage.label(cells, np.ones((3, 3)), output=own)
+        own[cells] += parts - 1
+        parts += found
+    pairs = [np.zeros((2, 1), np.int32)]
+    for (column, row), slot in blocks.items():
+        for step, (edge, opposite) in _EDGES.items():
+            other = blocks.get((column + step[0], row + step[1]))
+            if other is not None:
+                pairs += _touching(part[slot][edge], part[other][opposite])
+    one, other_one = np.concatenate(pairs, axis=1)
+    graph = coo_array((np.ones(len(one), np.bool_), (one, other_one)), shape=(parts, parts))
+    return part, np.asarray(connected_components(graph, directed=False)[1], np.int32)
+
+
+def _touching(edge: NDArray[np.int32], opposite: NDArray[np.int32]) -> list[NDArray[np.int32]]:
+    """Return the pairs of parts, shape (2, n), that touch across the edge of two blocks."""
+    steps = ((edge, opposite), (edge[1:], opposite[:-1]), (edge[:-1], opposite[1:]))
+    found = [np.stack(pair) for pair in steps]
+    return [pairs[:, (pairs > 0).all(axis=0)] for pairs in found]
 
 
 def surface_of(xyz: NDArray[np.float64], params: SurfaceParams) -> SeaSurfaceModel:

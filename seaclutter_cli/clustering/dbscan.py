@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from seaclutter_cli.clustering.cells import Indices, Points
 from seaclutter_cli.clustering.euclidean import ClusterFinder, numbered
@@ -107,6 +106,8 @@ class DbscanFinder:
 
     def _nearest(self, among: Indices, query: Indices, count: int) -> tuple[NDArray[np.float64], Indices]:
         """Return distances and indices of the nearest points, both of shape (n, count); infinite where not near."""
+        from scipy.spatial import cKDTree  # slow to import, not needed by other clusters
+
         tree = cKDTree(self._xyz[:, among].T, balanced_tree=False, compact_nodes=False)
         reach = self._eps_m * (1 + _ROUNDING)
         distance, index = tree.query(self._xyz[:, query].T, np.arange(1, count + 1), distance_upper_bound=reach)

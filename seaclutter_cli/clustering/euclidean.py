@@ -9,6 +9,8 @@ Mask = NDArray[np.bool_]
 
 _BLOCK = 1 << 18
 _MANY_CELLS = 1 << 14
+_MANY_PAIRS = 1 << 22
+_ROUNDING = 1e-9
 
 
 def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indices:
@@ -46,7 +48,7 @@ class ClusterFinder:
     All points of a cell of a fine grid are connected (`Cells`), so only cells need to be joined. They are first joined
     by the distance of one point of each cell. Cells that remain in different components are then joined by the minimum
     distance between their points. Memory is proportional to the number of points at any density; so is time, except for
-    dense components that almost touch.
+    dense components that almost touch, which take a search tree.
 
     Parameters
     ----------
@@ -143,9 +145,21 @@ class ClusterFinder:
     def _any_near_in_pair(self, own: Points, other: Points) -> bool:
         """Return whether any point of one set is near a point of the other, both of shape (3, n)."""
         own, other = self._in_reach(own, other), self._in_reach(other, own)
+        if own.shape[1] * other.shape[1] > _MANY_PAIRS:
+            return self._any_near_of_many(own, other)
         step = max(1, _BLOCK // max(1, other.shape[1]))
         parts = (own[:, start : start + step] for start in range(0, own.shape[1], step))
         return any(self._near(part[:, :, None] - other[:, None, :]).any() for part in parts)
+
+    def _any_near_of_many(self, own: Points, other: Points) -> bool:
+        """Return the same in less than quadratic time; only the nearest of the others to each point counts."""
+        from scipy.spatial import cKDTree  # slow to import, rarely needed
+
+        tree = cKDTree(other.T, balanced_tree=False, compact_nodes=False)
+        reach = self._tolerance_m * (1 + _ROUNDING)
+        distance, nearest = tree.query(own.T, distance_upper_bound=reach)
+        found = np.isfinite(distance)
+        return bool(self._near(own[:, found] - other[:, nearest[found]]).any())
 
     def _in_reach(self, points: Points, others: Points) -> Points:
         """Return the points that are near the bounding box of others."""

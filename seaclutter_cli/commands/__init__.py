@@ -2,6 +2,7 @@
 
 import io
 import logging
+import os
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
@@ -11,6 +12,7 @@ from typing import Any
 import click
 
 from seaclutter_cli import __version__
+from seaclutter_cli.commands.address_space import check_imports
 from seaclutter_cli.commands.console import DEBUG, show_each_warning_once
 from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
@@ -32,6 +34,10 @@ COMMANDS: Mapping[str, str] = {
     "config": "Show and check configurations; list built-in sensors, methods and scenes.",
 }
 """Commands and their short help. To add a command, add a line here and a module of the same name."""
+
+
+_LITTLE_MEMORY = "not enough memory; close other programs, or raise the limit of this process (ulimit -v)"
+_SIGNS_OF_LITTLE_MEMORY = ("can't start new thread", "failed to map segment", "cannot allocate memory")
 
 
 class _Program(LazyGroup):
@@ -67,12 +73,23 @@ def _reported_errors() -> Iterator[None]:
             raise
         show_error(error)
         raise click.exceptions.Exit(getattr(error, "exit_code", 1)) from error
+    except (MemoryError, RuntimeError, ImportError) as error:
+        context = click.get_current_context(silent=True)
+        if not _lacks_memory(error) or (context and DEBUG in context.meta):
+            raise
+        show_error(SeaclutterError(_LITTLE_MEMORY))
+        raise click.exceptions.Exit(SeaclutterError.exit_code) from error
     except KeyboardInterrupt as interrupt:
         ignore_interrupts()
         removed = "; incomplete output was removed" if hasattr(interrupt, "__notes__") else ""
         with suppress(OSError):  # a hang-up closes the terminal
             show(f"\nInterrupted{removed}.", err=True)
         raise click.exceptions.Exit(1) from interrupt
+
+
+def _lacks_memory(error: BaseException) -> bool:
+    """Return whether an error is that of too little memory or address space: for data, a thread, or a library."""
+    return isinstance(error, MemoryError) or any(sign in str(error) for sign in _SIGNS_OF_LITTLE_MEMORY)
 
 
 @click.group(
@@ -91,6 +108,10 @@ def cli() -> None:
 
 def main() -> None:
     """Run the program."""
+    # OpenBLAS would start a thread for each core when numpy and scipy load it, and reserve memory for each. The program
+    # has threads of its own, and its matrices are small.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    check_imports()
     sys.excepthook = show_traceback
     logging.getLogger().addHandler(LogHandler())
     try:

@@ -9,11 +9,16 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.clustering.dbscan import DbscanFinder
 from seaclutter_cli.clustering.euclidean import ClusterFinder
+from seaclutter_cli.errors import LabelError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
+from seaclutter_cli.text import count, printable
+from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 
 Mask = NDArray[np.bool_]
+
+MAX_MEMBERS = 1 << 24
+"""Maximum number of points in the boxes of a frame, 128 MB; a point counts once for each box."""
 
 
 @dataclass(frozen=True)
@@ -71,11 +76,12 @@ def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTar
     labelled. Boxes of areas to ignore count in both cases.
     """
     margin, valid = params.box_margin_m, frame.valid
-    expected: Mask = np.asarray(truth.ignored.contains(frame.coordinates, margin).any(axis=0))
+    expected = truth.ignored.covers(frame.coordinates, margin)
     if truth.targets is not None:
-        inside = truth.targets.contains(frame.coordinates, margin)
-        members = [np.flatnonzero(row & valid) for row in inside]
-        expected |= inside.any(axis=0)
+        members = _in_boxes(frame, truth.targets, margin)
+        for inside in members:
+            expected[inside] = True
+        members = [inside[valid[inside]] for inside in members]
     elif truth.points is not None:
         members = _tracks(truth.points, valid)
         expected |= truth.points != CLUTTER
@@ -83,6 +89,20 @@ def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTar
         members = []
     visible = np.array([len(points) >= params.min_visible_points for points in members], np.bool_)
     return FrameTargets(members, expected, visible)
+
+
+def _in_boxes(frame: Frame, boxes: Boxes, margin_m: float) -> list[NDArray[np.int64]]:
+    """Return the points in each box; `LabelError` if so many boxes overlap that these would fill the memory."""
+    members, total = [], 0
+    for inside in boxes.members(frame.coordinates, margin_m):
+        members.append(inside)
+        total += len(inside)
+        if total > MAX_MEMBERS:
+            raise LabelError(
+                f"frame {frame.index} of {printable(frame.topic)}: its {len(boxes):,} labelled boxes overlap too much;"
+                f" together they contain more than {count(MAX_MEMBERS, 'point')}"
+            )
+    return members
 
 
 def _tracks(points: NDArray[np.int64], valid: Mask) -> list[NDArray[np.int64]]:
@@ -101,9 +121,9 @@ def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> NDArray
     if truth.points is not None:
         return truth.points
     found = np.full(frame.size, CLUTTER, np.int64)
-    found[truth.ignored.contains(frame.coordinates, params.box_margin_m).any(axis=0)] = IGNORED
+    found[truth.ignored.covers(frame.coordinates, params.box_margin_m)] = IGNORED
     if truth.targets is not None:
-        for number, inside in enumerate(truth.targets.contains(frame.coordinates, params.box_margin_m), 1):
+        for number, inside in enumerate(truth.targets.members(frame.coordinates, params.box_margin_m), 1):
             found[inside] = number
     return found
 

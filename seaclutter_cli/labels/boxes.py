@@ -10,6 +10,8 @@ from seaclutter_cli.text import printable
 from seaclutter_cli.truth import Boxes, Truth
 
 IGNORE = "ignore"
+MAX_OBJECTS = 10_000
+"""Maximum number of labelled objects and areas in a frame."""
 
 
 class Labelled(NamedTuple):
@@ -37,7 +39,15 @@ def checked(labelled: Labelled) -> Labelled:
 
 
 def truth_of(objects: Sequence[Labelled]) -> Truth:
-    """Return the truth of a frame: objects of class ``ignore`` are areas to ignore, all others are targets."""
+    """Return the truth of a frame: objects of class ``ignore`` are areas to ignore, all others are targets.
+
+    Raises
+    ------
+    LabelError
+        If there are more than `MAX_OBJECTS`.
+    """
+    if len(objects) > MAX_OBJECTS:
+        raise LabelError(f"{len(objects):,} labels in one frame, more than {MAX_OBJECTS:,}")
     ignored = [labelled for labelled in objects if labelled.kind.lower() == IGNORE]
     targets = [labelled for labelled in objects if labelled.kind.lower() != IGNORE]
     return Truth(_boxes(targets), _boxes(ignored))
@@ -56,9 +66,10 @@ def _boxes(objects: Sequence[Labelled]) -> Boxes:
 def _distinct(tracks: Sequence[str]) -> tuple[str, ...]:
     """Return unique tracks: objects with no track, or with one already used in the frame, get a new one."""
     names: dict[str, None] = {}
+    given = set(tracks)
     for number, track in enumerate(tracks):
         name = track or f"#{number}"
-        while name in names or (name != track and name in tracks):
+        while name in names or (name != track and name in given):
             name += f"#{number}"
         names[name] = None
     return tuple(names)

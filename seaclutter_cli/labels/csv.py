@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self, TextIO
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.labels.boxes import IGNORE, Labelled, checked, truth_of
+from seaclutter_cli.labels.boxes import IGNORE, MAX_OBJECTS, Labelled, checked, truth_of
 from seaclutter_cli.labels.in_cloud import point_labels
 from seaclutter_cli.labels.options import LabelOptions
 from seaclutter_cli.labels.stamps import StampMatcher
@@ -23,6 +23,8 @@ _KEYS = ("frame", "stamp_ns")
 _NONE = "none"
 _DISTINCTIVE = {*_KEYS, "track_id", "class", "length", "width", "height"}
 _HEAD_BYTES = 4096
+_LINE_CHARACTERS = 2**16
+_ROW_LINES = 100
 _WHOLE = re.compile(r"[0-9]{1,19}(\.0*)?", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
 
@@ -59,13 +61,15 @@ def open_csv(path: Path, options: LabelOptions) -> "CsvLabels":
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            first = file.readline()
+            lines = _Lines(file)
+            first = next(lines, "")
             names = _names(first)
-            reader = csv.reader(file, delimiter=_delimiter(first), strict=True)
             key = _check_header(path, names)
-            rows = list(_rows(path, names, key, reader))
+            rows = list(_rows(path, names, key, lines, _delimiter(first)))
     except OSError as error:
         raise LabelError(f"{path}: {error.strerror}") from error
+    except csv.Error as error:
+        raise LabelError(f"{path}: line 1: {error}") from error
     except UnicodeDecodeError as error:
         raise LabelError(f"{path}: not valid UTF-8 text") from error
     frames = _by_key(path, rows)
@@ -96,10 +100,33 @@ def _check_header(path: Path, names: Sequence[str]) -> str:
     return key
 
 
-def _rows(path: Path, names: Sequence[str], key: str, cells: Iterator[list[str]]) -> Iterator[_Row]:
+class _Lines:
+    """The lines of a file; `csv.Error` if one is long, or if many are in one row."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+        self.in_row = 0
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> str:
+        line = self._file.readline(_LINE_CHARACTERS + 1)
+        self.in_row += 1
+        if len(line) > _LINE_CHARACTERS:
+            raise csv.Error(f"more than {_LINE_CHARACTERS:,} characters")
+        if self.in_row > _ROW_LINES:
+            raise csv.Error("a quotation mark is not closed")
+        if not line:
+            raise StopIteration
+        return line
+
+
+def _rows(path: Path, names: Sequence[str], key: str, lines: _Lines, delimiter: str) -> Iterator[_Row]:
     line = 1
     try:
-        for line, row in enumerate(cells, 2):
+        for line, row in enumerate(csv.reader(lines, delimiter=delimiter, strict=True), 2):
+            lines.in_row = 0
             if any(cell.strip() for cell in row):
                 yield _row(names, key, [cell.strip() for cell in row], line)
     except csv.Error as error:
@@ -141,7 +168,10 @@ def _by_key(path: Path, rows: Sequence[_Row]) -> dict[int, list[_Row]]:
     frames: dict[int, list[_Row]] = {}
     first_lines: dict[tuple[int, str], int] = {}
     for row in rows:
-        frames.setdefault(row.key, []).append(row)
+        same = frames.setdefault(row.key, [])
+        same.append(row)
+        if len(same) > MAX_OBJECTS:
+            raise LabelError(f"{path}: line {row.line}: more than {MAX_OBJECTS:,} labels for the same frame")
         if row.labelled is None or not row.labelled.track or row.labelled.kind.lower() == IGNORE:
             continue
         first = first_lines.setdefault((row.key, row.labelled.track), row.line)

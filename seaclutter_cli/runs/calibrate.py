@@ -117,7 +117,7 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
     files = {options.output: result.config_text().encode()} if options.output else {}
     if options.plot_file:
         files[options.plot_file] = pass_.plot(result.found, options.plot_file.suffix)
-    write_files(files)
+    write_files(files, replace=options.force)
     return result
 
 

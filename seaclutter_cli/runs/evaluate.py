@@ -91,7 +91,7 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
     inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in evaluator.variants])
     prepare_outputs(targets, inputs, options.labels.paths, force=options.force, observer=observer)
     labels = options.labels.open(recordings)
-    with OutputGroup() as files:
+    with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             tables = [stack.enter_context(FrameTable(options.frames_file, files))] if options.frames_file else []
             summary = stack.enter_context(AtomicFile(options.summary_file, files)) if options.summary_file else None

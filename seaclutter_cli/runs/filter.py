@@ -102,7 +102,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     prepare_outputs(outputs, inputs, options.labels.paths, force=options.force, observer=observer)
     labels = options.labels.assign(recordings)
     works = [FilterWork(options, config, *each) for each in zip(recordings, targets, labels, strict=True)]
-    with OutputGroup() as files:
+    with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             # A single log appears together with the table. Of several, each appears when it is complete.
             log_written = stack.enter_context(OutputGroup(files)) if len(works) == 1 else None
@@ -171,7 +171,8 @@ class FilterWork(Work[FilterOutcome]):
         with storing_errors(outcome, observer), ExitStack() as stack:
             own = None if table or not self.options.csv_file else stack.enter_context(self._own_table())
             source = stack.enter_context(opened(self.recording, self.options.reading, observer, outcome))
-            self._stream(source, outcome, observer, table or own, group)
+            written = stack.enter_context(OutputGroup(group, replace=self.options.force))
+            self._stream(source, outcome, observer, table or own, written)
             if own:
                 outcome.rows = zlib.compress(own.rows())
         return outcome
@@ -199,7 +200,7 @@ class FilterWork(Work[FilterOutcome]):
         outcome: FilterOutcome,
         observer: Observer,
         table: CsvSink | None,
-        group: OutputGroup | None,
+        group: OutputGroup,
     ) -> None:
         selection = self.options.reading.selection
         clouds = cloud_channels(source, selection.topics)

@@ -14,6 +14,7 @@ from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.parts import remove_stale
 from seaclutter_cli.sources import SOURCES, Recording
+from seaclutter_cli.sources.frame_files.stamps import times_beside
 from seaclutter_cli.text import count, named_folder
 
 Paths = Mapping[str, Path | Iterable[Path] | None]
@@ -54,7 +55,7 @@ def inputs_of(
     file: ConfigSource | None = None,
     configs: Iterable[Config] = (),
 ) -> dict[str, list[Path]]:
-    """Return the files and folders that a run reads, by option.
+    """Return the files and folders that a run reads, by option, also those beside a log.
 
     Parameters
     ----------
@@ -78,6 +79,8 @@ def inputs_of(
 
 
 def _metadata_beside(log: Path) -> list[Path]:
+    if times := times_beside(log if log.is_dir() else log.parent):
+        return [times]
     if not log.name.lower().endswith(SOURCES["capture"].suffixes):
         return []
     files = (file for suffix in CALIBRATION_SUFFIXES.values() for file in log.parent.glob(f"*{suffix}"))
@@ -209,9 +212,9 @@ def may_appear(targets: Iterable[Path | None], outcomes: Sequence[Outcome], obse
     return not earlier and len(failed) < len(outcomes)
 
 
-def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None) -> None:
-    """Write files, which appear together, the first one last; raise `OutputError` if one cannot be written."""
-    with OutputGroup(group) as together:
+def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None, *, replace: bool = True) -> None:
+    """Write files, which appear together, the first one last; `OutputGroup` describes the parameters and errors."""
+    with OutputGroup(group, replace=replace) as together:
         for path, data in reversed(list(files.items())):
             with AtomicFile(path, together) as file:
                 file.stream.write(data)

@@ -101,7 +101,7 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
         if folder := options.figure_folder:
             figures = draw_figures(collected, options.figure_format)
             files |= {folder / name: content for name, content in figures.items()}
-    write_files(files)
+    write_files(files, replace=options.force)
     return ReportResult(comparison, collected, {path: len(content) for path, content in files.items()})
 
 

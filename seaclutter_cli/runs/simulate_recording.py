@@ -51,7 +51,7 @@ def simulate_recording(
     prepare_outputs(targets, {"SCENE": Path(name)}, force=options.force, observer=observer)
     tally = PointTally()
     started = perf_counter()
-    with OutputGroup() as files, observer.progress(output.stem, chosen.recording.frames) as step:
+    with OutputGroup(replace=options.force) as files, observer.progress(output.stem, chosen.recording.frames) as step:
         if options.scene_file:
             save_scene(chosen, options.scene_file, files)
 

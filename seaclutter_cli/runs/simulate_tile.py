@@ -56,7 +56,7 @@ def simulate_tile(
     def on_strip(echoes: NDArray[np.void]) -> None:
         points.update(dict(enumerate(np.bincount(echoes["object_class"]).tolist())))
 
-    with OutputGroup() as files:
+    with OutputGroup(replace=options.force) as files:
         if options.scene_file:
             write_scene(chosen.as_dict(), options.scene_file, files)
         record_tile(chosen, output, on_strip, files)

@@ -95,7 +95,7 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     comparison = evaluator.compare(recordings, labels, listeners=[history] if history else [])
     result = TuningResult(options.sweeps, variants, comparison.outcomes)
     if may_appear(options.targets.values(), result.outcomes, observer):
-        write_files(_files(result, history, options))
+        write_files(_files(result, history, options), replace=options.force)
         if options.output and not result.best:
             observer.warn(f"{options.output}: not written, because no frame is labelled")
     return result

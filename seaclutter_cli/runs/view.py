@@ -86,7 +86,7 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
     inputs = inputs_of(recordings, options.reading, options.config.file)
     prepare_outputs({"--save": options.target}, inputs, options.labels.paths, force=options.force, observer=observer)
     labels, methods = options.labels.open(recordings), options.config.as_methods()
-    with OutputGroup() as files, ExitStack() as stack:
+    with OutputGroup(replace=options.force) as files, ExitStack() as stack:
 
         def open_stream(variants: Sequence[Variant]) -> FrameStream:
             target = _complete_file(options.target, files) if options.target else viewer(options.port)

@@ -78,8 +78,7 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         """Rename the file to its target, or leave that to its group; remove it after an error."""
         if kind is not None:
             self.discard()
-            if isinstance(error, KeyboardInterrupt):
-                error.add_note(f"{self.path}: the incomplete file was removed")
+            _note_removal(error, self.path)
             return
         try:
             self.stream.close()
@@ -93,15 +92,22 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
                 raise OutputError(_explain(self.path, failure)) from failure
             raise
 
-    def check(self) -> None:
-        """Raise `OutputError` if the target can no longer be replaced."""
+    def check(self, *, replace: bool = True) -> None:
+        """Raise `OutputError` if the target can no longer be written, or exists and may not be replaced."""
         if self._target.is_dir() or not os.access(self._target.parent, os.W_OK):
             raise OutputError(f"{self.path}: can no longer be written; the incomplete file was removed")
+        if not replace and os.path.lexists(self._target):
+            raise OutputError(_appeared(self.path))
 
-    def publish(self) -> None:
-        """Rename the complete file to its target."""
+    def publish(self, *, replace: bool = True) -> None:
+        """Rename the complete file to its target; `OutputError` if that exists and may not be replaced."""
         try:
-            self.part.replace(self._target)
+            if replace:
+                self.part.replace(self._target)
+            else:
+                _rename_to_new(self.part, self._target)
+        except FileExistsError as error:
+            raise OutputError(_appeared(self.path)) from error
         except OSError as error:
             raise OutputError(_explain(self.path, error)) from error
         self._remover.detach()
@@ -121,11 +127,15 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
     Parameters
     ----------
     group : OutputGroup, optional
-        Larger group, which the files join when this one is complete.
+        Larger group, which the files join when this one is complete, and which replaces files or not.
+    replace : bool, optional
+        Whether existing files may be replaced. Otherwise those that appear while a group is written, from another run
+        for example, are an error at its end.
     """
 
-    def __init__(self, group: "OutputGroup | None" = None) -> None:
+    def __init__(self, group: "OutputGroup | None" = None, *, replace: bool = True) -> None:
         self._outer = group
+        self._replace = replace
         self._files: list[AtomicFile] = []
 
     def add(self, file: AtomicFile) -> None:
@@ -148,16 +158,18 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
         try:
             if kind is None:
                 self._complete()
+            elif self._files:
+                _note_removal(error, self._files[-1].path)
         finally:
             self.discard()
 
     def _complete(self) -> None:
         if self._outer is None:
             for file in self._files:
-                file.check()
+                file.check(replace=self._replace)
         while self._files:
             if self._outer is None:
-                self._files[0].publish()
+                self._files[0].publish(replace=self._replace)
             else:
                 self._outer.add(self._files[0])
             del self._files[0]
@@ -170,6 +182,32 @@ def _remove(part: Path, opened: list[BinaryIO]) -> None:
     with suppress(OSError):
         part.unlink(missing_ok=True)
     release(part)
+
+
+def _rename_to_new(part: Path, target: Path) -> None:
+    """Rename a file; `FileExistsError` if the target exists, also if it appears at the same moment."""
+    if os.name == "nt":  # there, renaming never replaces
+        part.rename(target)
+        return
+    try:
+        os.link(part, target)
+    except FileExistsError:
+        raise
+    except OSError:  # file systems without hard links
+        with target.open("xb"):
+            pass
+        part.replace(target)
+    else:
+        part.unlink()
+
+
+def _note_removal(error: BaseException | None, path: Path) -> None:
+    if isinstance(error, KeyboardInterrupt):
+        error.add_note(f"{path}: the incomplete file was removed")
+
+
+def _appeared(path: Path) -> str:
+    return f"{path}: appeared while this run was writing it; use --force to replace it; this run's file was removed"
 
 
 def _explain(path: Path, error: OSError) -> str:

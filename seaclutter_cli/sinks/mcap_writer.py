@@ -34,7 +34,10 @@ _thread = local()
 def _zstd(data: bytearray) -> bytes:
     if not hasattr(_thread, "zstd"):
         _thread.zstd = zstandard.ZstdCompressor()
-    return bytes(_thread.zstd.compress(data))
+    try:
+        return bytes(_thread.zstd.compress(data))
+    except zstandard.ZstdError as error:  # nothing else can fail
+        raise MemoryError(str(error)) from error
 
 
 COMPRESSIONS: dict[str, Callable[[bytearray], Buffer | bytearray]] = {

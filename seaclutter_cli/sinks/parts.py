@@ -3,7 +3,6 @@
 import os
 import platform
 import re
-import secrets
 from contextlib import suppress
 from pathlib import Path
 
@@ -20,7 +19,7 @@ def part_path(target: Path) -> Path:
 
     The name of the target is cut if the new name would be longer than file systems allow.
     """
-    random = secrets.token_hex(4)
+    random = os.urandom(4).hex()  # the module secrets takes long to import
     _IN_USE.add(random)
     end = f".{_host()}-{os.getpid()}-{random}.part"
     base = os.fsencode(target.name)[: _MAX_NAME_BYTES - 1 - len(end.encode())]

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from seaclutter_cli.airborne import grid as grids
+from seaclutter_cli.airborne import opening as openings
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.opening import filled, half_window, open_grid, opened
 from seaclutter_cli.errors import InputError
@@ -64,9 +65,10 @@ def test_the_result_does_not_depend_on_blocks(monkeypatch, bits):
     whole = ElevationGrid(1.0)
     whole.add(xyz)
     expected = open_grid(whole, 7.0).ravel()[whole.locate(*xyz[:2])]
-    for module in (grids, __import__("seaclutter_cli.airborne.opening", fromlist=["opening"])):
+    for module in (grids, openings):
         monkeypatch.setattr(module, "BLOCK", 1 << bits)
     monkeypatch.setattr(grids, "_BITS", bits)
+    monkeypatch.setattr(grids, "FREE_BLOCKS", 900)
     divided = ElevationGrid(1.0)
     for start in range(0, 900, 250):
         divided.add(xyz[:, start : start + 250])
@@ -82,6 +84,34 @@ def test_an_outlying_point_costs_one_block_and_many_are_refused():
     grid = ElevationGrid(1.0)
     grid.add(np.array([[0.0, 1e9, -1e300], [0, 1e9, 1e300], [0, 1, 2]]))
     assert len(grid.blocks) == 3
-    far = np.arange(1000) * 1e4
-    with pytest.raises(InputError, match="cut the tile, or choose a larger cell_m"):
+    far = np.arange(130) * 1e4
+    with pytest.raises(
+        InputError, match=r"133 points are scattered over more than 128 squares of 256 m.* cut the tile"
+    ):
         grid.add(np.stack((far, far, far)))
+
+
+def test_more_points_may_be_in_more_blocks():
+    grid = ElevationGrid(1.0)
+    far = np.repeat(np.arange(200) * 1e4, 200)
+    grid.add(np.stack((far, far, far)))
+    assert len(grid.blocks) == 200
+    with pytest.raises(InputError, match="more than 800 squares"):
+        grid.add(np.repeat(np.arange(1000) * 1e4, 500) * np.ones((3, 1)))
+
+
+def test_scattered_points_take_small_windows(monkeypatch):
+    sizes = []
+
+    def counted(lowest, half):
+        sizes.append(lowest.size)
+        return opened(lowest, half)
+
+    monkeypatch.setattr(openings, "opened", counted)
+    grid = ElevationGrid(1.0)
+    far = np.arange(50) * 1e4
+    grid.add(np.stack((far, -far, far % 7)))
+    surface = open_grid(grid, 4.0)
+    np.testing.assert_array_equal(surface.ravel()[grid.locate(far, -far)], far % 7)
+    assert len(sizes) == 50
+    assert max(sizes) <= (2 * 9 + 1) ** 2

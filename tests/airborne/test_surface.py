@@ -141,13 +141,23 @@ def test_parameters_that_do_not_fit():
         SeparationParams(island_m=0.2)
 
 
-def test_joined_cells_are_those_that_touch():
-    rng = np.random.default_rng(5)
+def test_joined_cells_are_those_that_touch_also_across_blocks():
     from scipy import ndimage
 
-    image = rng.random((40, 30)) < 0.3
+    image = np.random.default_rng(5).random((40, 30)) < 0.3
     labels, _ = ndimage.label(image, np.ones((3, 3)))
-    column, row = np.nonzero(image)
-    found = joined_cells(column - 7, row + 1000)
-    pairs = set(zip(found.tolist(), labels[image].tolist(), strict=True))
-    assert len(pairs) == len(set(found.tolist())) == len(set(labels[image].tolist()))
+    side = 5
+    blocks = {(i - 2, j + 1000): i * 6 + j for i in range(8) for j in range(6)}
+    part, group = joined_cells(image.reshape(8, side, 6, side).swapaxes(1, 2).reshape(-1, side, side), blocks)
+    found = group[part].reshape(8, 6, side, side).swapaxes(1, 2).reshape(image.shape)
+    pairs = set(zip(found.ravel().tolist(), labels.ravel().tolist(), strict=True))
+    assert len(pairs) == len(set(found.ravel().tolist())) == len(set(labels.ravel().tolist()))
+    np.testing.assert_array_equal(part > 0, image.reshape(8, side, 6, side).swapaxes(1, 2).reshape(-1, side, side))
+
+
+def test_an_island_across_blocks_is_one():
+    """Only its peak, in one block, is higher than ``island_m``."""
+    flat = plane(600, 40)
+    shore, peak = inside(flat, (200, 420), (0, 40)), inside(flat, (205, 240), (0, 40))
+    found = other(raised(raised(flat, shore, 1.5), peak, 3.0), SeparationParams())
+    np.testing.assert_array_equal(found, shore)

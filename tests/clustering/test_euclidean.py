@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from seaclutter_cli.clustering import cells
+from seaclutter_cli.clustering import cells, euclidean
 from seaclutter_cli.clustering.euclidean import ClusterFinder, euclidean_clusters
 
 TOLERANCES = st.sampled_from([1.5, 1.0, 0.1, 0.7, 1e-6, 1e6])
@@ -154,3 +154,40 @@ def test_memory_is_bounded_for_any_points(xyz, clusters):
     tracemalloc.stop()
     assert labels.max() + 1 == clusters
     assert peak < 150e6
+
+
+def balls(count, distance, seed=0):
+    """Return the points of two balls of 1 mm whose centres are at a distance along the diagonal."""
+    rng = np.random.default_rng(seed)
+    xyz = rng.normal(size=(3, 2 * count))
+    xyz *= 0.0005 * rng.random(2 * count) ** (1 / 3) / np.linalg.norm(xyz, axis=0)
+    xyz[:, count:] += distance / np.sqrt(3)
+    return xyz
+
+
+@given(distance=st.floats(1.499, 1.502), seed=st.integers(0, 1000))
+def test_dense_components_that_almost_touch_with_a_tree(distance, seed):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(euclidean, "_MANY_PAIRS", 1)
+        check(balls(20, distance, seed), 1.5, 1)
+
+
+@given(xyz=arrays(float, (3, 30), elements=st.integers(0, 4).map(float)))
+def test_distances_equal_to_the_tolerance_with_a_tree(xyz):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(euclidean, "_MANY_PAIRS", 1)
+        check(xyz, 2.0, 1)
+
+
+def test_dense_components_that_almost_touch_take_no_quadratic_work(monkeypatch):
+    compared = []
+    near = ClusterFinder._near
+
+    def counted(self, difference):
+        compared.append(difference[0].size)
+        return near(self, difference)
+
+    monkeypatch.setattr(ClusterFinder, "_near", counted)
+    count = 20_000
+    assert euclidean_clusters(balls(count, 1.5011), 1.5, 1).max() == 1
+    assert sum(compared) < 10 * count

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.errors import LabelError
+from seaclutter_cli.evaluation import EvaluationParams, matching
 from seaclutter_cli.evaluation.scores import score_frame
 from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 from tests.evaluation.scenes import boxes, frame_of, lump, result_of
@@ -146,3 +147,11 @@ def test_methods_of_one_frame_are_scored_as_each_alone():
     results = [result_of(frame, removed) for removed in ((), range(10, 24), range(30), range(0, 30, 2))]
     together = score_frame(frame, [*results, None], truth, PARAMS)
     assert together == [score_frame(frame, [result], truth, PARAMS)[0] for result in results] + [None]
+
+
+def test_boxes_that_overlap_without_end_are_an_error(monkeypatch):
+    monkeypatch.setattr(matching, "MAX_MEMBERS", 25)
+    frame = frame_of(lump(20))
+    assert alarms_of(frame, Truth(boxes(20.5, 20.6)))[0] == 2
+    with pytest.raises(LabelError, match="its 3 labelled boxes overlap too much; together they contain more than 25 p"):
+        alarms_of(frame, Truth(boxes(20.5, 20.6, 20.7)))

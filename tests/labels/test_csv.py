@@ -5,6 +5,7 @@ import pytest
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.labels import LABELS, open_labels
+from seaclutter_cli.labels.boxes import _distinct
 from tests.labels.frames import HEADER, PERIOD_NS, START_NS, XYZ, frame, put
 
 HEAD = ",".join(HEADER)
@@ -175,3 +176,39 @@ def test_uneven_frames_that_are_labelled_exactly(tmp_path):
 def test_the_tolerance_of_the_first_frame_is_25_ms(tmp_path):
     assert stamped(tmp_path, START_NS + 25_000_000).truth(frame(0)) is not None
     assert stamped(tmp_path, START_NS + 25_000_001).truth(frame(0)) is None
+
+
+def test_a_frame_has_a_limited_number_of_labels(tmp_path):
+    rows = [row(0, str(number)) for number in range(10_001)]
+    assert len(opened(tmp_path, *rows[:-1]).truth(frame()).targets) == 10_000
+    assert error_of(tmp_path, *rows) == "line 10002: more than 10,000 labels for the same frame"
+    opened(tmp_path, *rows[:-1], row(1))
+
+
+def test_targets_without_a_track_are_named_in_linear_time():
+    class Track(str):
+        __slots__ = ()
+        compared = 0
+
+        def __eq__(self, other):
+            Track.compared += 1
+            return str.__eq__(self, other)
+
+        __hash__ = str.__hash__
+
+    given = [Track("") for _ in range(1000)] + [Track(f"t{number}") for number in range(1000)]
+    assert len(set(_distinct(given))) == 2000
+    assert Track.compared < 20_000
+
+
+@pytest.mark.parametrize(
+    ("lines", "header", "problem"),
+    [
+        (["1," * 100_000], HEAD, "line 2: more than 65,536 characters"),
+        ([row(0), row(1, "t" * 70_000)], HEAD, "line 3: more than 65,536 characters"),
+        ([row(0)], HEAD + ",c" * 40_000, "line 1: more than 65,536 characters"),
+        ([row(0), '1,"a', *["b"] * 200], HEAD, "line 3: a quotation mark is not closed"),
+    ],
+)
+def test_lines_and_rows_of_limited_size(tmp_path, lines, header, problem):
+    assert error_of(tmp_path, *lines, header=header) == problem

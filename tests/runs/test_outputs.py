@@ -179,6 +179,26 @@ def test_an_output_that_is_an_input(folder, line, name, option, other):
     assert content(folder) == before
 
 
+@pytest.mark.parametrize(
+    ("frames", "times"),
+    [
+        ("velodyne", "times.txt"),
+        ("velodyne_points/data", "velodyne_points/timestamps.txt"),
+        ("point_clouds", "timestamp/000000.txt"),
+    ],
+)
+def test_times_beside_a_folder_of_frames_are_an_input(folder, frames, times):
+    (folder / frames).mkdir(parents=True)
+    (folder / frames / "000000.csv").write_text("x,y,z,intensity\n1,2,3,4\n")
+    (folder / times).parent.mkdir(exist_ok=True)
+    (folder / times).write_text("0\n")
+    for log in (frames, f"{frames}/000000.csv"):
+        result = run(f"filter {log} -o x.mcap --csv {times} --force")
+        assert result.exit_code == 2
+        assert f"{times}: is part of the input, LOGS" in result.stderr
+    assert (folder / times).read_text() == "0\n"
+
+
 def test_metadata_beside_a_capture_is_an_input(folder):
     (folder / "trial.pcap").write_bytes((SAMPLES / "rs-lidar-32.pcap").read_bytes())
     for name in ("trial.json", "trial_os.json"):
@@ -221,10 +241,10 @@ def test_outputs_appear_together_and_the_main_one_last(folder, line, outputs, mo
     waiting, appeared = [], []
     publish = AtomicFile.publish
 
-    def record(file):
+    def record(file, *, replace):
         waiting.append({re.sub(r"^\.(.*)\.[^.]+\.part$", r"\1", path.name) for path in folder.glob(".*.part")})
         appeared.append(file.path.name)
-        publish(file)
+        publish(file, replace=replace)
 
     monkeypatch.setattr(AtomicFile, "publish", record)
     result = run(line)

@@ -1,5 +1,7 @@
 """Groups of files: they appear together or not at all, the one that is completed last also last."""
 
+import errno
+import os
 from contextlib import ExitStack
 
 import pytest
@@ -26,9 +28,9 @@ def renamed(monkeypatch):
     order = []
     publish = AtomicFile.publish
 
-    def record(file):
+    def record(file, *, replace):
         order.append(file.path.name)
-        publish(file)
+        publish(file, replace=replace)
 
     monkeypatch.setattr(AtomicFile, "publish", record)
     return order
@@ -111,3 +113,49 @@ def test_a_target_that_becomes_a_folder_keeps_the_others_from_appearing(tmp_path
     with pytest.raises(OutputError, match="main: can no longer be written; the incomplete file was removed"):
         run()
     assert contents(tmp_path) == {"table": "old"}
+
+
+def interrupt(folder, group):
+    with group:
+        write(folder, ["main", "table"], group)
+        raise KeyboardInterrupt
+
+
+def test_an_interrupt_while_complete_files_wait_says_that_they_are_removed(tmp_path):
+    with pytest.raises(KeyboardInterrupt) as caught:
+        interrupt(tmp_path, OutputGroup())
+    assert caught.value.__notes__ == [f"{tmp_path / 'main'}: the incomplete file was removed"]
+    assert contents(tmp_path) == {}
+
+
+def test_files_that_appear_meanwhile_are_not_replaced(tmp_path):
+    group = OutputGroup(replace=False)
+
+    def run():
+        with group, OutputGroup(group) as inner:
+            write(tmp_path, ["main", "table"], inner)
+            (tmp_path / "main").write_text("other")
+
+    with pytest.raises(OutputError, match="main: appeared while this run was writing it; use --force"):
+        run()
+    assert contents(tmp_path) == {"main": "other"}
+
+
+@pytest.mark.parametrize("has_links", [True, False])
+def test_of_two_groups_that_appear_at_once_the_first_wins(tmp_path, monkeypatch, has_links):
+    def no_link(*_):
+        raise OSError(errno.EPERM, "no hard links")
+
+    monkeypatch.setattr(AtomicFile, "check", lambda _, **__: None)
+    if not has_links:
+        monkeypatch.setattr(os, "link", no_link)
+    with OutputGroup(replace=False) as first:
+        write(tmp_path, ["main", "table"], first, "first")
+
+    def second():
+        with OutputGroup(replace=False) as group:
+            write(tmp_path, ["main", "table"], group, "second")
+
+    with pytest.raises(OutputError, match="appeared while this run was writing it"):
+        second()
+    assert contents(tmp_path) == {"main": "first", "table": "first"}

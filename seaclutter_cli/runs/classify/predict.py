@@ -107,7 +107,7 @@ def classify_tiles(
     model = _load(options, observer)
     result = PredictResult([], model.settings.objects.min_probability)
     # The tiles are the main output: completed first, they still appear after the tables.
-    with OutputGroup() as files, OutputGroup(files) as written:
+    with OutputGroup(replace=options.force) as files, OutputGroup(files) as written:
         for path, target in zip(paths, targets, strict=True):
             started, tile = perf_counter(), open_tile(path)
             warn_without_intensity(tile, model.settings, observer)

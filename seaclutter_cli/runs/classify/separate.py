@@ -77,7 +77,7 @@ def separate_tiles(
     settings = options.settings.load()
     paths = find_tiles(tiles)
     targets = plan_tiles(paths, output, {}, {"-c": options.settings.file}, force=options.force, observer=observer)
-    with OutputGroup() as files:
+    with OutputGroup(replace=options.force) as files:
         pairs = zip(paths, targets, strict=True)
         separated = [_separate(*pair, settings.separation, files, with_height=options.with_height) for pair in pairs]
     return SeparateResult(separated)

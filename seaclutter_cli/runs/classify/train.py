@@ -96,7 +96,7 @@ def train_forest(tiles: Sequence[str], options: TrainForestOptions, observer: Ob
     files = {options.output: model.to_bytes()}
     if options.plot_file and report.tested:
         files[options.plot_file] = _picture(report, options.plot_file.suffix)
-    write_files(files)
+    write_files(files, replace=options.force)
     _warn_of_untested(report, options.plot_file, observer)
     return report
 

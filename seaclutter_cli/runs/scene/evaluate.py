@@ -65,7 +65,7 @@ def evaluate_scenes(
     unknown = sorted({log.scene for log in labelled} - set(model.classes))
     if unknown:
         raise UsageError(f"{model.name}: unknown class {', '.join(unknown)}; the model has {', '.join(model.classes)}")
-    with OutputGroup() as files:
+    with OutputGroup(replace=options.force) as files:
         with (
             SceneTable(options.csv_file, model.classes, truth=True, group=files) as lines,
             observer.progress("frames", None) as step,

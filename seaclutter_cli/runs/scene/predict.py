@@ -57,7 +57,7 @@ def predict_scenes(
     inputs: Paths = {**inputs_of(recordings, reading), "--model": Path(options.model)}
     prepare_outputs({"--csv": options.csv_file}, inputs, force=options.force, observer=observer)
     model = SceneModel(options.model)
-    with OutputGroup() as files:
+    with OutputGroup(replace=options.force) as files:
         with (
             SceneTable(options.csv_file, model.classes, truth=False, group=files) as lines,
             observer.progress("frames", None) as step,

@@ -104,7 +104,7 @@ def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Obser
     files = {options.output: to_onnx(trained.network, examples.classes, examples.extent_m)}
     if options.plot_file:
         files[options.plot_file] = _picture(trained, options.plot_file.suffix)
-    write_files(files)
+    write_files(files, replace=options.force)
     return SceneTraining(trained, examples, options.output, damage)
 
 

@@ -1,6 +1,8 @@
 """Points as lines of text: CSV with any usual separator, and the XYZ files of other tools."""
 
+import io
 import re
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +10,10 @@ import numpy as np
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.sources.frame_files.guard import reading
-from seaclutter_cli.sources.frame_files.tables import column_names, is_number, parse_rows
+from seaclutter_cli.sources.frame_files.tables import MAX_LINE_BYTES, check_lines, column_names, is_number, parse_rows
 
 _BOM = b"\xef\xbb\xbf"
-_MAX_HEAD = 2**16
+_MAX_HEAD_LINES = 1000
 
 
 def read_csv(path: Path) -> Cloud:
@@ -27,6 +29,7 @@ def read_csv(path: Path) -> Cloud:
     """
     with reading("CSV"):
         content = path.read_bytes().removeprefix(_BOM)
+        check_lines(content)
         names, delimiter, body, line = _head(content)
         if delimiter is not None:
             body, line = _fill_empty_cells(body, delimiter.encode()), line - 1
@@ -37,7 +40,7 @@ def read_csv(path: Path) -> Cloud:
 def is_point_table(path: Path) -> bool:
     """Return whether a text file starts like a table of points; tables of results and settings do not."""
     with path.open("rb") as file:
-        start = file.read(_MAX_HEAD).removeprefix(_BOM)
+        start = file.read(MAX_LINE_BYTES).removeprefix(_BOM)
     try:
         _head(start)
     except CloudError:
@@ -48,17 +51,17 @@ def is_point_table(path: Path) -> bool:
 def _head(content: bytes) -> tuple[tuple[str, ...], str | None, bytes, int]:
     """Return the column names, the separator, the lines of points, and the number of the first of these lines."""
     at = 0
-    for number, raw in enumerate(content.split(b"\n", 1000), 1):
+    for number, raw in enumerate(islice(io.BytesIO(content), _MAX_HEAD_LINES), 1):
         line = raw.decode("utf-8", "replace").strip()
         delimiter = next((mark for mark in ";,\t" if mark in line), None)
         cells = [cell.strip(" \"'") for cell in line.lstrip("#/ ").split(delimiter)]
         if {"x", "y", "z"} <= {cell.lower() for cell in cells}:
-            return _named(cells), delimiter, content[at + len(raw) + 1 :], number + 1
+            return _named(cells), delimiter, content[at + len(raw) :], number + 1
         if any(cells) and all(is_number(cell) for cell in cells if cell):
             return column_names(len(cells)), delimiter, content[at:], number
         if line and not line.startswith(("#", "//")):
             raise CloudError(f"line {number} contains neither numbers nor the column names x, y and z: {line[:60]!r}")
-        at += len(raw) + 1
+        at += len(raw)
     raise CloudError("the file contains no points and no column names")
 
 

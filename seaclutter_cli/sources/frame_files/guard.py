@@ -12,7 +12,7 @@ def reading(kind: str) -> Iterator[None]:
     """Convert the errors that a format's library raises on damaged bytes to a one-line `CloudError`."""
     try:
         yield
-    except (CloudError, MissingExtraError, FileNotFoundError, PermissionError, IsADirectoryError):
+    except (CloudError, MissingExtraError, MemoryError, FileNotFoundError, PermissionError, IsADirectoryError):
         raise
     except Exception as error:
         text = str(error) if " " in str(error) else repr(error)

@@ -72,21 +72,23 @@ def from_time_files(files: Sequence[Path]) -> list[int] | None:
     InputError
         If the times do not match the frames.
     """
-    folder = files[0].parent
-    if folder.name == "point_clouds" and (folder.parent / "timestamp").is_dir():
-        stamps = [_in_file(folder.parent / "timestamp" / f"{file.stem}.txt") for file in files]
-    elif folder.name in ("velodyne", "data") and (times := _times_file(folder.parent)) is not None:
-        stamps = _lines_for(files, times)
-    else:
+    times = times_beside(files[0].parent)
+    if times is None:
         return None
+    stamps = [_in_file(times / f"{file.stem}.txt") for file in files] if times.is_dir() else _lines_for(files, times)
     late = next((index for index in range(1, len(stamps)) if stamps[index] <= stamps[index - 1]), None)
     if late is not None:
         raise InputError(f"the time of frame {files[late].name} is not later than the previous time")
     return stamps
 
 
-def _times_file(folder: Path) -> Path | None:
-    return next((path for name in ("times.txt", "timestamps.txt") if (path := folder / name).is_file()), None)
+def times_beside(folder: Path) -> Path | None:
+    """Return the time file beside a folder of KITTI frames, or the folder of time files beside one of SeePerSea."""
+    if folder.name == "point_clouds" and (times := folder.parent / "timestamp").is_dir():
+        return times
+    if folder.name not in ("velodyne", "data"):
+        return None
+    return next((path for name in ("times.txt", "timestamps.txt") if (path := folder.parent / name).is_file()), None)
 
 
 def _in_file(path: Path) -> int:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.text import count
 
+MAX_LINE_BYTES = 1 << 16
+
 _COLUMNS = ("x", "y", "z", "intensity", "ring")
 
 
@@ -56,13 +58,15 @@ def parse_rows(
     Raises
     ------
     CloudError
-        If a line has the wrong number of values, or one that is not a number; the message gives the line.
+        If a line has the wrong number of values, or one that is not a number, or is longer than `MAX_LINE_BYTES`; the
+        message gives the line.
 
     Examples
     --------
     >>> parse_rows(b"1 2\n3 nan\n", np.dtype([("x", "f4"), ("y", "f4")]))["y"]
     array([ 2., nan], dtype=float32)
     """
+    check_lines(body, first_line)
     if not body.strip():
         return np.empty(0, dtype)
     try:
@@ -72,11 +76,30 @@ def parse_rows(
         raise CloudError(fault or " ".join(str(error).split())) from error
 
 
+def check_lines(body: bytes, first_line: int = 1) -> None:
+    r"""Raise `CloudError` if a line is longer than `MAX_LINE_BYTES`: libraries need a hundred times its size.
+
+    Examples
+    --------
+    >>> check_lines(b"1 2 3\n" + b"4 " * 100_000, first_line=7)
+    Traceback (most recent call last):
+    seaclutter_cli.errors.CloudError: line 8 is longer than 65,536 bytes
+    """
+    at = 0
+    while len(body) - at > MAX_LINE_BYTES:
+        # The last line that ends within the limit: a few steps for many lines.
+        end = body.rfind(b"\n", at, at + MAX_LINE_BYTES + 1)
+        if end < 0:
+            line = first_line + body.count(b"\n", 0, at)
+            raise CloudError(f"line {line} is longer than {MAX_LINE_BYTES:,} bytes")
+        at = end + 1
+
+
 def _first_fault(body: bytes, dtype: np.dtype[np.void], delimiter: str | None, first_line: int) -> str | None:
     """Return a message about the first invalid line; slow, and only called if there is one."""
     columns = sum(int(np.prod(dtype[name].shape, dtype=int)) for name in dtype.names or ())
-    for number, raw in enumerate(body.decode("latin-1").split("\n"), first_line):
-        line = raw.partition("#")[0].strip()
+    for number, raw in enumerate(io.BytesIO(body), first_line):
+        line = raw.decode("latin-1").partition("#")[0].strip()
         cells = line.split(delimiter) if line else []
         if line and len(cells) != columns:
             return f"line {number} has {count(len(cells), 'value')}, expected {columns}"

@@ -10,7 +10,7 @@ import zstandard
 
 from seaclutter_cli.records import Buffer
 
-DECOMPRESSION_ERRORS = (zstandard.ZstdError, RuntimeError, MemoryError, ValueError, EOFError, OSError)
+DECOMPRESSION_ERRORS = (zstandard.ZstdError, RuntimeError, ValueError, EOFError, OSError)
 """Errors that decompression raises on damaged data."""
 
 _PIECE = 2**20

@@ -205,3 +205,33 @@ def test_real_kitti():
     points = FRAME_READERS[".bin"](path).points
     np.testing.assert_array_equal(np.array(points.tolist()), np.fromfile(path, "<f4").reshape(-1, 4))
     assert 0 <= points["intensity"].min() <= points["intensity"].max() <= 255
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (b"x,y,z\n1,2,3\n" + b"1," * 40_000 + b"\n", 3),
+        (b"x,y,z\n1,2,3\n" + b"1," * 40_000, 3),
+        (b"x,y,z\n" + b"1,2,3\n" * 20_000 + b"1" * 70_000 + b"\n1,2,3\n", 20_002),
+        (b"x,y,z" + b",c" * 40_000 + b"\n" + b"1," * 1000, 1),
+        (b"1 " * 40_000, 1),
+        (b"#" * 70_000 + b"\n1 2 3\n", 1),
+    ],
+)
+def test_lines_of_text_are_limited(tmp_path, content, line):
+    with pytest.raises(CloudError, match=f"^line {line} is longer than 65,536 bytes$"):
+        read(tmp_path / "a.csv", content)
+
+
+def test_long_lines_and_faults_take_little_memory(tmp_path):
+    for content in (b"x,y,z\n" + b"1," * 2**22, b"x,y,z\n" + b"1,2,3\n" * 2**20 + b"1,2\n"):
+        tracemalloc.start()
+        with pytest.raises(CloudError):
+            read(tmp_path / "a.csv", content)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 60 * 2**20
+
+
+def test_a_line_of_the_greatest_length(tmp_path):
+    assert read(tmp_path / "a.csv", b"x,y,z\n1,2," + b"0" * 65_531 + b"3\n").points["z"].tolist() == [3]
