@@ -14,6 +14,9 @@ BLOCK = 1 << _BITS
 """Number of cells along each side of a block."""
 MAX_BLOCKS = 800
 """Maximum number of blocks, 400 MB."""
+SPARE_CELLS, CELLS_PER_POINT = 2**21, 16
+"""Maximum number of cells in blocks, whatever the points, and with each point: few scattered points must not fill the
+memory."""
 
 _FARTHEST = 2.0**38
 _FEW = 1 << 22
@@ -43,6 +46,7 @@ class ElevationGrid:
         self._slots: dict[tuple[int, int], int] = {}
         self._lowest = np.full((0, BLOCK, BLOCK), np.inf)
         self._extent = np.array([[2**62, -(2**62)]] * 2)
+        self._points = 0
 
     @property
     def lowest(self) -> Cells:
@@ -63,6 +67,7 @@ class ElevationGrid:
             If the points are too scattered for a grid in memory.
         """
         if xyz.shape[1]:
+            self._points += xyz.shape[1]
             cell = self._flat(xyz[0], xyz[1], grow=True)
             np.minimum.at(self._lowest.reshape(-1), cell, xyz[2])
 
@@ -117,10 +122,11 @@ class ElevationGrid:
         for key in block:
             self._slots.setdefault(key, len(self._slots))
         needed = len(self._slots)
-        if needed > MAX_BLOCKS:
+        most = min(MAX_BLOCKS, (SPARE_CELLS + CELLS_PER_POINT * self._points) // BLOCK**2)
+        if needed > most:
             side = BLOCK * self.cell_m
             raise InputError(
-                f"points are scattered over more than {MAX_BLOCKS} squares of {side:g} m, too many for a grid"
+                f"points are scattered over more than {most} squares of {side:g} m, too many for a grid"
                 f" of {self.cell_m:g} m cells in memory; cut the tile, or choose a larger cell_m"
             )
         if needed > len(self._lowest):

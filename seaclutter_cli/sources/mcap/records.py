@@ -16,7 +16,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from seaclutter_cli.limits import above, limits
+from seaclutter_cli.limits import above_in_file, limits
 from seaclutter_cli.records import Buffer
 from seaclutter_cli.sources.shared import log_file
 from seaclutter_cli.sources.shared.log_file import Bytes
@@ -313,10 +313,9 @@ def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
     BrokenRecordError
         If they cannot be decompressed, have a wrong size or checksum, or exceed the limit of a chunk.
     """
-    most = limits().chunk_bytes
-    if max(header.size, header.data_end - header.data_start) > most:
-        size = count(max(header.size, header.data_end - header.data_start), "byte")
-        raise BrokenRecordError(f"has {above(size, 'chunk_mib')}")
+    size = max(header.size, header.data_end - header.data_start)
+    if size > limits().chunk_bytes_of(len(data)):
+        raise BrokenRecordError(f"has {above_in_file(count(size, 'byte'), 'chunk', len(data))}")
     if header.compression not in COMPRESSIONS:
         raise BrokenRecordError(f"cannot be decompressed (unknown compression {header.compression[:8]!r})")
     packed = data[header.data_start : header.data_end]
@@ -333,7 +332,7 @@ def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
 
 def salvage(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
     """Return the records at the beginning of a truncated or damaged chunk, as far as they can be decompressed."""
-    most = limits().chunk_bytes
+    most = limits().chunk_bytes_of(len(data))
     packed = data[header.data_start : min(header.data_end, header.data_start + most, len(data))]
     if header.compression not in COMPRESSIONS:
         return b""
