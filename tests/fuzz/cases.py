@@ -1,6 +1,7 @@
 """Every failure that a campaign ever found, as a builder of a small input: files and the command line that failed."""
 
 import struct
+from functools import partial
 from random import Random
 
 from tests.fuzz import layers, seeds
@@ -34,6 +35,14 @@ def scattered_points():
     return files, FORMATS["tile las"].commands[0]
 
 
+def a_frame_without_labels():
+    """Return a log of which one frame has no labels; the error did not name the log."""
+    files = seeds.tree(partial(seeds.labelled, form="cloud"))
+    renamed = partial(layers.mcap_message, random=Random(1), change=lambda data: data.replace(b"label", b"labex"))
+    files["log.mcap"] = renamed(files["log.mcap"])
+    return files, FORMATS["labels in cloud"].commands[0]
+
+
 def coordinates_beyond_all_scales():
     """Return a tile whose scale is damaged; squares of its coordinates overflowed in the search for neighbours."""
     files = seeds.tree(seeds.labelled_tiles)
@@ -61,6 +70,7 @@ CASES = {
     "a description that is not ASCII": (description_that_is_not_ascii, 0, ""),
     "coordinates beyond all scales": (coordinates_beyond_all_scales, 1, "no points with finite coordinates"),
     "a tree without an attribute": (a_tree_without_an_attribute, 1, "not a seaclutter model"),
+    "a frame without labels": (a_frame_without_labels, 1, "log.mcap: frame "),
     "scattered points": (scattered_points, 1, "points are scattered over more than 32 squares"),
 }
 """Builder, exit status, and words of the error."""
