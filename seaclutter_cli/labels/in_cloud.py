@@ -69,8 +69,8 @@ class CloudLabels:
         if points is None:
             names = printable(", ".join(frame.cloud.dtype.names or ())) or "no fields"
             raise LabelError(
-                f"{self._path}: frame {frame.index} of {printable(frame.topic)}: no field {FIELD!r} with a whole number "
-                "per point (0 for clutter, 65535 for ignored, otherwise the track of the target); "
+                f"{self._path}: frame {frame.index} of {printable(frame.topic)}: no field {FIELD!r} with a whole "
+                "number per point (0 for clutter, 65535 for ignored, otherwise the track of the target); "
                 f"the cloud has {names}"
             )
         return Truth(None, points=points)
