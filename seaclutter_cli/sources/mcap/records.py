@@ -30,8 +30,11 @@ MESSAGE = struct.Struct("<HIQQ")
 COMPRESSIONS = ("zstd", "lz4", "")
 
 _CANDIDATE = re.compile(rb"[\x01-\x0f](?=[\s\S]{5}\x00\x00\x00)")
+_SMALL_CANDIDATE = re.compile(rb"[\x01-\x0f](?=[\s\S]{4}\x00\x00\x00\x00)")
+"""Beginnings of records in a file of any size, and in one of less than 4 GiB: coordinates look like the former."""
 _FIRST_WINDOW, _WINDOW = 64 * 2**10, 16 * 2**20
 _MAX_GROWTH = 256
+_LARGEST_CHUNK = 2**32
 
 _SHORT, _LONG = struct.Struct("<I"), struct.Struct("<Q")
 _LAYOUTS: dict[int, tuple[int | struct.Struct, ...]] = {
@@ -201,11 +204,15 @@ class _Walker:
     def next_record(self, start: int, stop: int, *, outside: bool = False) -> int:
         """Return the offset of the next record that ends at a boundary; with ``outside``, of a kind outside chunks."""
         at, window = start, _FIRST_WINDOW
+        pattern = _CANDIDATE if len(self._data) > _LARGEST_CHUNK else _SMALL_CANDIDATE
         while at < stop:
             end = min(at + window, stop)
             searched = self._data[at : min(end + RECORD.size, len(self._data))]
-            for match in _CANDIDATE.finditer(searched):
+            for match in pattern.finditer(searched):
                 found = at + match.start()
+                op, size = RECORD.unpack_from(searched, match.start())
+                if size > (_LARGEST_CHUNK if op == Opcode.CHUNK else len(self._data) - found):
+                    continue  # most candidates in damaged points: a check that costs little
                 span = self.record(found)
                 if span is None or found >= end or (outside and span.op in _INSIDE):
                     continue
