@@ -65,12 +65,19 @@ def a_tree_without_an_attribute():
     return files, FORMATS["model skops"].commands[0]
 
 
+def an_endless_ship():
+    """Return a scene of a tile with a ship of 2 million kilometres, whose simulation did not end."""
+    text = seeds.TILE_SCENE.replace("size_m: [16, 4.5, 6]", "size_m: [16, 4.5, 2147483647]")
+    return seeds.tree(partial(seeds.scene, text=text)), FORMATS["tile scene"].commands[0]
+
+
 CASES = {
     "metadata of a model that are not text": (metadata_that_is_not_text, 1, "its metadata are not valid text"),
     "a description that is not ASCII": (description_that_is_not_ascii, 0, ""),
     "coordinates beyond all scales": (coordinates_beyond_all_scales, 1, "no points with finite coordinates"),
     "a tree without an attribute": (a_tree_without_an_attribute, 1, "not a seaclutter model"),
     "a frame without labels": (a_frame_without_labels, 1, "log.mcap: frame "),
+    "an endless ship": (an_endless_ship, 2, "size_m"),
     "scattered points": (scattered_points, 1, "points are scattered over more than 32 squares"),
 }
 """Builder, exit status, and words of the error."""
