@@ -16,6 +16,8 @@ FIELD_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 """Types of point fields that every supported message encoding has, as numpy codes."""
 
 _MAX_POINT_BYTES = 10_000_000
+_MAX_SMALL_POINTS, _XYZ_BYTES = 2**20, 12
+"""Few bytes could be very many points, and each point costs memory: more than this must have room for coordinates."""
 _FALLBACK = {"b1": "u1", "f2": "f4", "i8": "f8", "u8": "f8"}
 
 
@@ -115,6 +117,8 @@ class Cloud:
                 f"a row of {count(self.row_step, 'byte')} cannot contain {count(self.width, 'point')} of "
                 f"{count(self.point_step, 'byte')}"
             )
+        if self.size > _MAX_SMALL_POINTS and self.point_step < _XYZ_BYTES:
+            raise CloudError(f"{count(self.size, 'point')} of {count(self.point_step, 'byte')} cannot have coordinates")
         needed = (self.height - 1) * self._pitch + self.width * self.point_step if self.size else 0
         if len(self.data) < needed:
             raise CloudError(f"the points occupy {count(needed, 'byte')}, but the message has {len(self.data):,}")

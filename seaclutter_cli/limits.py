@@ -6,7 +6,7 @@ A part of a log that exceeds a limit is damage: it is left out and reported. Rea
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Self
+from typing import Literal, Self
 
 from seaclutter_cli.errors import UsageError
 
@@ -16,6 +16,7 @@ CHANNEL_BYTES = 1024
 _PREFIX = "SEACLUTTER_MAX_"
 _MIB, _GIB = 2**20, 2**30
 _ALWAYS_BYTES = 16 * _MIB
+_CHUNK_SHARE, _MESSAGE_SHARE = 2, 4
 _UNITS = {
     "chunk_mib": "MiB",
     "chunk_messages": "messages",
@@ -40,7 +41,8 @@ class Limits:
     file_gib : int, optional
         Size in GiB of the unpacked content of a file that is compressed as a whole.
     file_ratio : int, optional
-        Ratio of this size to that of the file; ratios of files that unpack to at most 16 MiB are not limited.
+        Ratio of this size to that of the file; ratios of files that unpack to at most 16 MiB are not limited. A chunk
+        may have half of this ratio to its file, or 32 MiB; a message a quarter, or 16 MiB.
 
     Examples
     --------
@@ -82,6 +84,20 @@ class Limits:
         """Limit of a message in bytes."""
         return self.message_mib * _MIB
 
+    def chunk_bytes_of(self, file: int) -> int:
+        """Return the limit in bytes of a chunk of a file of ``file`` bytes; a small file has no large chunks."""
+        return min(self.chunk_bytes, max(self.file_ratio * file // _CHUNK_SHARE, 2 * _ALWAYS_BYTES))
+
+    def message_bytes_of(self, file: int) -> int:
+        """Return the limit in bytes of a message of a file of ``file`` bytes; a small file has no large messages.
+
+        Examples
+        --------
+        >>> [Limits().message_bytes_of(size) // 2**20 for size in (10_000, 2 * 2**20, 2**30)]
+        [16, 32, 48]
+        """
+        return min(self.message_bytes, max(self.file_ratio * file // _MESSAGE_SHARE, _ALWAYS_BYTES))
+
     def file_bytes(self, packed: int) -> int:
         """Return the limit in bytes of the content of a compressed file of ``packed`` bytes."""
         return min(self.file_gib * _GIB, max(self.file_ratio * packed, _ALWAYS_BYTES))
@@ -107,6 +123,23 @@ def above(amount: str, name: str) -> str:
     '200,000,000 bytes, above the limit of 80 MiB (SEACLUTTER_MAX_CHUNK_MIB)'
     """
     return f"{amount}, above the limit of {getattr(limits(), name):,} {_UNITS[name]} ({variable(name)})"
+
+
+def above_in_file(amount: str, part: Literal["chunk", "message"], file: int) -> str:
+    """Return a description of a chunk or message that exceeds the limit for a file of ``file`` bytes, for messages.
+
+    Examples
+    --------
+    >>> above_in_file("20,000,000 bytes", "message", 10_000)
+    '20,000,000 bytes, above the limit of 16 MiB in a file of 10,000 bytes (SEACLUTTER_MAX_FILE_RATIO)'
+    >>> above_in_file("90,000,000 bytes", "chunk", 10**9)
+    '90,000,000 bytes, above the limit of 80 MiB (SEACLUTTER_MAX_CHUNK_MIB)'
+    """
+    most = limits().chunk_bytes_of(file) if part == "chunk" else limits().message_bytes_of(file)
+    if most == (limits().chunk_bytes if part == "chunk" else limits().message_bytes):
+        return above(amount, f"{part}_mib")
+    size = f"{most // _MIB} MiB in a file of {file:,} bytes"
+    return f"{amount}, above the limit of {size} ({variable('file_ratio')})"
 
 
 def limits() -> Limits:

@@ -119,6 +119,8 @@ def _checked(content: Any, notes: tuple[str, ...]) -> ObjectModel:
         raise ValueError("its forest has other classes")
     for tree in forest.estimators_:
         _check_tree(tree.tree_, len(names), len(content["classes"]))
+    if forest.predict_proba(np.zeros((1, len(names)), np.float32)).shape != (1, len(content["classes"])):
+        raise ValueError("its forest does not predict its classes")
     return ObjectModel(settings, forest, notes)
 
 

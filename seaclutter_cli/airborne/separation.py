@@ -12,6 +12,7 @@ from seaclutter_cli.errors import InputError
 
 NEVER, OTHER, WATER = 0, 1, 9
 """ASPRS classes: never classified (points without finite coordinates), unclassified, water."""
+_FARTHEST_M = 1e12
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def separate(parts: Iterable[NDArray[np.float64]], params: SurfaceParams) -> Sep
     """
     grid = ElevationGrid(params.cell_m)
     for xyz in parts:
-        grid.add(xyz[:, np.isfinite(xyz).all(axis=0)])
+        grid.add(xyz[:, _located(xyz)])
     if not grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
     surface = SeaSurfaceModel(grid, params)
@@ -69,8 +70,13 @@ def separate(parts: Iterable[NDArray[np.float64]], params: SurfaceParams) -> Sep
     return Separation(classification, height, surface.cells)
 
 
+def _located(xyz: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether each point has usable coordinates: squares of far greater ones, which are damaged, overflow."""
+    return np.asarray((np.abs(xyz) < _FARTHEST_M).all(axis=0))
+
+
 def _classes(xyz: NDArray[np.float64], surface: SeaSurfaceModel) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    finite = np.asarray(np.isfinite(xyz).all(axis=0))
+    finite = _located(xyz)
     height = np.full(len(finite), np.nan)
     height[finite] = surface.height(xyz if finite.all() else xyz[:, finite])
     classes = np.where(height > surface.params.height_m, OTHER, WATER)

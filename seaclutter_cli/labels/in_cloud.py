@@ -31,8 +31,8 @@ def _is_log(path: Path) -> bool:
 
 def open_in_cloud(path: Path, options: LabelOptions) -> "CloudLabels":
     """Return labels that are read from the frames; the log itself is not opened again."""
-    del path, options
-    return CloudLabels()
+    del options
+    return CloudLabels(path)
 
 
 def point_labels(frame: Frame) -> NDArray[np.int64] | None:
@@ -52,7 +52,10 @@ def point_labels(frame: Frame) -> NDArray[np.int64] | None:
 
 
 class CloudLabels:
-    """Labels inside the clouds: 0 is clutter, 65535 is ignored or own ship, other values are track numbers."""
+    """Labels inside the clouds of a log: 0 is clutter, 65535 is ignored or own ship, other values are track numbers."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
 
     def truth(self, frame: Frame) -> Truth:
         """Return the truth of the frame's points.
@@ -66,8 +69,9 @@ class CloudLabels:
         if points is None:
             names = printable(", ".join(frame.cloud.dtype.names or ())) or "no fields"
             raise LabelError(
-                f"frame {frame.index} of {printable(frame.topic)}: no field {FIELD!r} with a whole number per point "
-                f"(0 for clutter, 65535 for ignored, otherwise the track of the target); the cloud has {names}"
+                f"{self._path}: frame {frame.index} of {printable(frame.topic)}: no field {FIELD!r} with a whole "
+                "number per point (0 for clutter, 65535 for ignored, otherwise the track of the target); "
+                f"the cloud has {names}"
             )
         return Truth(None, points=points)
 

@@ -73,7 +73,10 @@ class SceneModel:
         return str(inputs[0].name)
 
     def _check_metadata(self) -> tuple[tuple[str, ...], float]:
-        metadata = self._session.get_modelmeta().custom_metadata_map
+        try:
+            metadata = self._session.get_modelmeta().custom_metadata_map
+        except UnicodeDecodeError as error:
+            raise self._error("its metadata are not valid text") from error
         missing = [key for key in (CLASSES_KEY, EXTENT_KEY) if key not in metadata]
         if missing:
             raise self._error(f"its metadata lacks {' and '.join(missing)}")

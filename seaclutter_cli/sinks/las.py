@@ -92,7 +92,12 @@ class LasSink(AbstractContextManager["LasSink"]):
         try:
             backend = laspy.LazBackend.LazrsParallel if packed else None
             self._writer = laspy.LasWriter(
-                self._file.stream, self._header, do_compress=packed, laz_backend=backend, closefd=False
+                self._file.stream,
+                self._header,
+                do_compress=packed,
+                laz_backend=backend,
+                closefd=False,
+                encoding_errors="surrogateescape",  # descriptions should be ASCII, but need not be
             )
         except Exception as error:
             self._file.__exit__(type(error), error, None)

@@ -85,7 +85,7 @@ def test_a_cloud_without_labels(tmp_path, fields, value):
     points = np.zeros(3, XYZ + fields)
     for field in fields:
         points[field[0]] = value
-    with pytest.raises(LabelError, match=r"frame 4 of /points: no field 'label' .* has x, y, z") as caught:
+    with pytest.raises(LabelError, match=r"log.bag: frame 4 of /points: no field 'label' .* has x, y, z") as caught:
         open_labels(put(tmp_path / "log.bag", b"")).truth(frame(4, points))
     assert "\n" not in str(caught.value)
 

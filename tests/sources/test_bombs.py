@@ -1,5 +1,6 @@
 """Logs that expand to more than the limits are damage, and cost no memory."""
 
+import random
 import struct
 import tracemalloc
 
@@ -9,7 +10,21 @@ import zstandard
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Message
 from seaclutter_cli.sources import open_source
-from tests.sources.bombs import FILES, SIZE, channel, chunk, mcap, record, schema, write_db3
+from tests.sources.bombs import (
+    BAG_MESSAGE,
+    FILES,
+    MESSAGE,
+    SIZE,
+    bag,
+    bag_record,
+    channel,
+    chunk,
+    connection,
+    mcap,
+    record,
+    schema,
+    write_db3,
+)
 
 
 @pytest.fixture
@@ -59,12 +74,36 @@ def test_messages_up_to_the_limit_are_read(tmp_path, name):
     assert any("SEACLUTTER_MAX_CHUNK_MESSAGES" in item.problem for item in damage)
 
 
-def test_large_chunks_and_messages_of_real_logs_pass(tmp_path):
-    message = record(5, struct.pack("<HIQQ", 1, 0, 5, 5) + bytes(32 * 2**20))
-    path = tmp_path / "x.mcap"
-    path.write_bytes(mcap(chunk(schema() + channel() + message * 2)))
+@pytest.mark.parametrize("name", ["x.mcap", "x.bag"])
+def test_large_chunks_and_messages_of_real_logs_pass(tmp_path, name):
+    data, path = random.Random(1).randbytes(2**20) * 32, tmp_path / name
+    if name == "x.mcap":
+        message = record(5, struct.pack("<HIQQ", 1, 0, 5, 5) + data)
+        path.write_bytes(mcap(chunk(schema() + channel() + message * 2, b"lz4")))
+    else:
+        message = bag_record(data, b"op=\x02", b"conn=\0\0\0\0", b"time=" + bytes(8))
+        path.write_bytes(bag(b"lz4", connection(0) + message * 2))
+    assert path.stat().st_size > 60e6
     found, damage, _ = read(path)
-    assert (found, damage) == (2, [])
+    assert found == 2
+    assert not any("above the limit" in item.problem for item in damage)
+
+
+@pytest.mark.parametrize("name", ["x.mcap", "x.bag"])
+@pytest.mark.parametrize(("size", "found"), [(15 * 2**20, 2), (17 * 2**20, 1)])
+def test_a_small_file_has_no_large_messages(tmp_path, name, size, found):
+    path = tmp_path / name
+    if name == "x.mcap":
+        large = record(5, struct.pack("<HIQQ", 1, 0, 5, 5) + bytes(size - 22))
+        path.write_bytes(mcap(chunk(schema() + channel() + MESSAGE + large)))
+    else:
+        large = bag_record(bytes(size), b"op=\x02", b"conn=\0\0\0\0", b"time=" + bytes(8))
+        path.write_bytes(bag(b"lz4", connection(0) + BAG_MESSAGE + large))
+    read_messages, damage, _ = read(path)
+    assert read_messages == found
+    large = [item for item in damage if "above the limit of 16 MiB in a file of" in item.problem]
+    assert [item.lost_messages for item in large] == [1] * (2 - found)
+    assert all("SEACLUTTER_MAX_FILE_RATIO" in item.problem for item in large)
 
 
 @pytest.mark.usefixtures("_low_limits")

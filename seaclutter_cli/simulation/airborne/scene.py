@@ -138,7 +138,7 @@ class TileObjectParams:
     kind: str
     position_m: Annotated[tuple[float, ...], Len(2, 2)] | None = renamed(None, formerly="at_m")
     heading_deg: float | None = None
-    size_m: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3)] | None = None
+    size_m: Annotated[tuple[Annotated[float, Interval(gt=0, le=3000)], ...], Len(3, 3)] | None = None
     reflectivity: Annotated[float, Interval(ge=0, le=1)] | None = None
 
     def __post_init__(self) -> None:

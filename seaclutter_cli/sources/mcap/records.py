@@ -16,7 +16,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from seaclutter_cli.limits import above, limits
+from seaclutter_cli.limits import above_in_file, limits
 from seaclutter_cli.records import Buffer
 from seaclutter_cli.sources.shared import log_file
 from seaclutter_cli.sources.shared.log_file import Bytes
@@ -30,8 +30,11 @@ MESSAGE = struct.Struct("<HIQQ")
 COMPRESSIONS = ("zstd", "lz4", "")
 
 _CANDIDATE = re.compile(rb"[\x01-\x0f](?=[\s\S]{5}\x00\x00\x00)")
+_SMALL_CANDIDATE = re.compile(rb"[\x01-\x0f](?=[\s\S]{4}\x00\x00\x00\x00)")
+"""Beginnings of records in a file of any size, and in one of less than 4 GiB: coordinates look like the former."""
 _FIRST_WINDOW, _WINDOW = 64 * 2**10, 16 * 2**20
 _MAX_GROWTH = 256
+_LARGEST_CHUNK = 2**32
 
 _SHORT, _LONG = struct.Struct("<I"), struct.Struct("<Q")
 _LAYOUTS: dict[int, tuple[int | struct.Struct, ...]] = {
@@ -201,11 +204,15 @@ class _Walker:
     def next_record(self, start: int, stop: int, *, outside: bool = False) -> int:
         """Return the offset of the next record that ends at a boundary; with ``outside``, of a kind outside chunks."""
         at, window = start, _FIRST_WINDOW
+        pattern = _CANDIDATE if len(self._data) > _LARGEST_CHUNK else _SMALL_CANDIDATE
         while at < stop:
             end = min(at + window, stop)
             searched = self._data[at : min(end + RECORD.size, len(self._data))]
-            for match in _CANDIDATE.finditer(searched):
+            for match in pattern.finditer(searched):
                 found = at + match.start()
+                op, size = RECORD.unpack_from(searched, match.start())
+                if size > (_LARGEST_CHUNK if op == Opcode.CHUNK else len(self._data) - found):
+                    continue  # most candidates in damaged points: a check that costs little
                 span = self.record(found)
                 if span is None or found >= end or (outside and span.op in _INSIDE):
                     continue
@@ -313,10 +320,9 @@ def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
     BrokenRecordError
         If they cannot be decompressed, have a wrong size or checksum, or exceed the limit of a chunk.
     """
-    most = limits().chunk_bytes
-    if max(header.size, header.data_end - header.data_start) > most:
-        size = count(max(header.size, header.data_end - header.data_start), "byte")
-        raise BrokenRecordError(f"has {above(size, 'chunk_mib')}")
+    size = max(header.size, header.data_end - header.data_start)
+    if size > limits().chunk_bytes_of(len(data)):
+        raise BrokenRecordError(f"has {above_in_file(count(size, 'byte'), 'chunk', len(data))}")
     if header.compression not in COMPRESSIONS:
         raise BrokenRecordError(f"cannot be decompressed (unknown compression {header.compression[:8]!r})")
     packed = data[header.data_start : header.data_end]
@@ -333,7 +339,7 @@ def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
 
 def salvage(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
     """Return the records at the beginning of a truncated or damaged chunk, as far as they can be decompressed."""
-    most = limits().chunk_bytes
+    most = limits().chunk_bytes_of(len(data))
     packed = data[header.data_start : min(header.data_end, header.data_start + most, len(data))]
     if header.compression not in COMPRESSIONS:
         return b""

@@ -13,7 +13,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.limits import above, limits
+from seaclutter_cli.limits import above, above_in_file, limits
 from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sources.mcap.records import (
     COMPRESSIONS,
@@ -28,7 +28,7 @@ from seaclutter_cli.sources.mcap.records import (
     walk,
 )
 from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, McapSurvey, Trust, index_counts
-from seaclutter_cli.sources.shared.chunked import before, in_time_order, most_waiting, within
+from seaclutter_cli.sources.shared.chunked import before, fitting_messages, in_time_order, most_waiting, within
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 from seaclutter_cli.sources.shared.log_file import FilePart, LogFile, LostDataError
 from seaclutter_cli.text import count
@@ -263,7 +263,7 @@ class McapSource:
         if len(messages) > most:
             lost = max(chunk.messages - most, 0)
             self._report(chunk.offset, f"the chunk has {above('more messages', 'chunk_messages')}", 0, lost or None)
-            return messages[:most]
+            return self._fitting(chunk, messages[:most])
         lost = max(chunk.messages - len(messages) - undeclared.total(), 0)
         if self._is_cut(chunk):
             missing = max(chunk.header.size - len(records), 0) if chunk.header else 0
@@ -275,7 +275,15 @@ class McapSource:
             self._report(chunk.offset, problem, 0)
         if not chunk.suspect:
             self._check_messages(chunk, messages, undeclared)
-        return messages
+        return self._fitting(chunk, messages)
+
+    def _fitting(self, chunk: McapChunk, messages: list[Message]) -> list[Message]:
+        """Return the messages within the limit of a message, and report the others."""
+        fitting, large_bytes = fitting_messages(messages, len(self._file))
+        if large_bytes:
+            problem = f"messages of {above_in_file('more bytes', 'message', len(self._file))}"
+            self._report(chunk.offset, problem, large_bytes, len(messages) - len(fitting))
+        return fitting
 
     def _check_messages(self, chunk: McapChunk, messages: Sequence[Message], undeclared: Counter[int]) -> None:
         """Report messages of undeclared channels or wrong times, once all channels and times are known."""

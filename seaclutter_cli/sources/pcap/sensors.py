@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.sensors.families import PACKET_FAMILIES, SelfCalibrating
 from seaclutter_cli.sensors.packets import Packets
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
+from seaclutter_cli.sources.shared.log_file import LogFile
 from seaclutter_cli.text import count
 
 _TRIED_AT_ONCE, _TRIED = 4, 256
@@ -162,6 +163,16 @@ class CaptureSurvey:
         few = [flow for flow in self.flows.values() if flow.count < _FEW and not flow.calibrations]
         like = [(flow, (flow.family, flow.length) if flow.samples else flow.ends) for flow in few]
         return [flow for flow, key in like if flow.count * 100 < most[key]]
+
+    def headless(self, file: LogFile) -> list[tuple[Flow, int]]:
+        """Return flows of sensors, each with the number of packets like its own whose headers are damaged."""
+        like = {(flow.family, flow.length): flow for flow in self.flows.values() if flow.samples}
+        found = []
+        for (family, length), flow in like.items():
+            if length in self._udp.unread.shapes:  # not if it is sent in fragments
+                number = self._udp.unread.count(file, length, PACKET_FAMILIES[family or ""].recognises)
+                found += [(flow, number)] if number else []
+        return found
 
     def sensors(self) -> list[CapturedSensor]:
         """Return the sensors, sorted by address, port and family."""

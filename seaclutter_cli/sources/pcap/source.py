@@ -115,6 +115,9 @@ class CaptureSource:
             )
             for flow in survey.damaged_flows()
         ]
+        for flow, number in survey.headless(self._file):
+            problem = f"{count(number, 'packet')} like those from {flow.ends}, with damaged headers"
+            self.damage.append(Damage(self._path, None, problem, number * flow.length))
         if udp.fragments.lost:
             self.warnings.append(f"fragments of {count(udp.fragments.lost, 'datagram')} are missing")
         if not survey.sensors():

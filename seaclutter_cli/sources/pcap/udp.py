@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.sources.pcap.fragments import Fragments
+from seaclutter_cli.sources.pcap.headers import UnreadRecords
 from seaclutter_cli.sources.pcap.records import Records
 from seaclutter_cli.sources.shared.log_file import LogFile
 
@@ -66,7 +67,7 @@ class Udp:
 
     Notes
     -----
-    State: known addresses, and incomplete datagrams. ``other`` counts records without a datagram.
+    State: known addresses, and incomplete datagrams. ``other`` counts records without a datagram, ``unread`` has some.
     """
 
     def __init__(self, file: LogFile) -> None:
@@ -75,6 +76,7 @@ class Udp:
         self._names: list[bytes] = []
         self.fragments = Fragments()
         self.other = 0
+        self.unread = UnreadRecords()
 
     def ends(self, flow: int) -> tuple[str, int, int]:
         """Return the address of the sender, its port, and the port of the receiver."""
@@ -110,6 +112,8 @@ class Udp:
         flows = parsed.sources << 32 | ports
         good = (lengths >= 0) & (udp + 8 <= records.lengths[rows])
         whole = good & (udp + 8 + lengths <= records.lengths[rows])
+        payloads = np.stack((udp + 8, lengths))[:, whole]
+        self.unread.add(records, np.concatenate((rows, parsed.fragments)), rows[whole], payloads)
         found = Datagrams(
             flows[whole],
             records.times_ns[rows[whole]],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import chain
 from struct import Struct
 
-from seaclutter_cli.limits import above, limits
+from seaclutter_cli.limits import above_in_file, limits
 from seaclutter_cli.records import Buffer
 from seaclutter_cli.sources.rosbag1.records import NANO, BagRecord, Op, read_record
 from seaclutter_cli.sources.shared.chunked import MAX_AHEAD_BYTES
@@ -46,7 +46,7 @@ def read_index(view: Bytes[Buffer], at: int) -> ChunkIndex | None:
     return ChunkIndex(first[0] * NANO + first[1], last[0] * NANO + last[1], counts)
 
 
-def unpack(packed: memoryview, chunk: BagRecord, *, ends_bag: bool) -> tuple[memoryview, str | None]:
+def unpack(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes: int) -> tuple[memoryview, str | None]:
     """Return the readable content of a chunk, and a description of its damage; None if it is intact.
 
     Parameters
@@ -57,8 +57,10 @@ def unpack(packed: memoryview, chunk: BagRecord, *, ends_bag: bool) -> tuple[mem
         Its record.
     ends_bag : bool
         Whether the bag ends where the chunk ends.
+    bag_bytes : int
+        Size of the bag, on which the limit of a chunk depends.
     """
-    size, limit = chunk.number(b"size"), limits().chunk_bytes
+    size, limit = chunk.number(b"size"), limits().chunk_bytes_of(bag_bytes)
     most = min(limit, max(size, MAX_AHEAD_BYTES))
     compression = chunk.fields[b"compression"]
     if compression == b"none":
@@ -69,7 +71,9 @@ def unpack(packed: memoryview, chunk: BagRecord, *, ends_bag: bool) -> tuple[mem
     else:
         return memoryview(b""), f"a chunk with the unknown compression {compression.decode('utf-8', 'replace')!r}"
     if len(content) > limit or (len(content) == limit and not whole):
-        return memoryview(b""), f"a chunk of {above(count(max(size, len(content)), 'byte'), 'chunk_mib')}"
+        return memoryview(
+            b""
+        ), f"a chunk of {above_in_file(count(max(size, len(content)), 'byte'), 'chunk', bag_bytes)}"
     if not whole or len(content) != size:
         if chunk.repaired and ends_bag:
             return content, "the bag ends inside a chunk"

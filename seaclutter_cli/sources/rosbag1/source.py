@@ -6,12 +6,12 @@ from functools import partial
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
+from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
 from seaclutter_cli.records import Channel, Damage, Message, Record
 from seaclutter_cli.sources.rosbag1.chunks import read_index, unpack
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
 from seaclutter_cli.sources.rosbag1.survey import BagSurvey, channel_of
-from seaclutter_cli.sources.shared.chunked import Chunk, before, in_time_order, most_waiting, within
+from seaclutter_cli.sources.shared.chunked import Chunk, before, fitting_messages, in_time_order, most_waiting, within
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.text import count
@@ -153,7 +153,11 @@ class BagSource:
             self._report(chunk.offset, problem, lost_bytes, lost if lost > 0 else None)
         elif any(not chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
             self._report(chunk.offset, "messages of this chunk are outside the times in its index", 0, None)
-        return messages
+        fitting, large_bytes = fitting_messages(messages, len(self._file))
+        if large_bytes:
+            problem = f"messages of {above_in_file('more bytes', 'message', len(self._file))}"
+            self._report(chunk.offset, problem, large_bytes, len(messages) - len(fitting))
+        return fitting
 
     def _unpack(self, chunk: Chunk) -> Content:
         """Return the records of a chunk, their expected size, and a description of their damage, if any."""
@@ -169,7 +173,7 @@ class BagSource:
         if op is None:
             return data, chunk.size, None
         whole = op._replace(end=end, repaired=op.end != end)
-        content, problem = unpack(data, whole, ends_bag=end == len(self._file))
+        content, problem = unpack(data, whole, ends_bag=end == len(self._file), bag_bytes=len(self._file))
         return content, op.number(b"size"), problem
 
     def _messages(self, content: memoryview, gaps: list[tuple[int, int]]) -> tuple[list[Message], int]:

@@ -98,7 +98,7 @@ class BagSurvey:
     def _take_chunk(self, record: BagRecord) -> None:
         self.compression = self.compression or record.fields[b"compression"]
         size = record.end - record.start
-        self.unpacked[record.start] = min(record.number(b"size"), limits().chunk_bytes)
+        self.unpacked[record.start] = min(record.number(b"size"), limits().chunk_bytes_of(len(self._view)))
         index = None if record.repaired else read_index(self._view, record.end)
         if index is None:
             self.untimed[record.start] = size

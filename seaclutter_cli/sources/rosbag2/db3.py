@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
+from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, Record, Schema
 from seaclutter_cli.sources.rosbag2.compression import is_large, unpack_file, unpack_message
@@ -82,7 +82,8 @@ class Db3Source:
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield the messages with log times in ``[start_ns, end_ns)`` in log time order; can be called again."""
         del self.damage[self._at_opening :]
-        lost, large, most = 0, 0, limits().message_bytes
+        size = self._path.stat().st_size
+        lost, large, most = 0, 0, limits().message_bytes_of(size)
         try:
             for _, time_ns, topic, data in read_rows(self._db, self._report, start_ns, end_ns):
                 message = self._message(time_ns, topic, data, most)
@@ -96,7 +97,7 @@ class Db3Source:
             if lost:
                 self._report("messages that are damaged or of unknown topics", lost)
             if large:
-                self._report(f"messages of {above('more bytes', 'message_mib')}", large)
+                self._report(f"messages of {above_in_file('more bytes', 'message', size)}", large)
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the number of messages per channel id before ``start_ns``; empty if damage prevents counting."""

@@ -8,6 +8,7 @@ from heapq import heappop, heappush, heapreplace
 from operator import attrgetter
 from typing import TypeVar
 
+from seaclutter_cli.limits import limits
 from seaclutter_cli.records import Message
 
 MAX_WAITING_BYTES = 256 * 2**20
@@ -51,6 +52,13 @@ def within(chunks: Iterable[C], start_ns: int | None, end_ns: int | None, is_cou
     chosen = [chunk for chunk in chunks if end_ns is None or chunk.start_ns < end_ns]
     left_out = {chunk.offset for chunk in before(chosen, start_ns, is_counted)} if start_ns is not None else set()
     return [chunk for chunk in chosen if chunk.offset not in left_out]
+
+
+def fitting_messages(messages: list[Message], file_bytes: int) -> tuple[list[Message], int]:
+    """Return the messages within the limit of a message of a file, and the number of bytes of the others."""
+    most = limits().message_bytes_of(file_bytes)
+    large = [len(message.data) for message in messages if len(message.data) > most]
+    return [message for message in messages if len(message.data) <= most] if large else messages, sum(large)
 
 
 P = TypeVar("P")

@@ -5,12 +5,14 @@ import time
 from collections import Counter
 from functools import partial
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
 
 from seaclutter_cli.records import Message
+from seaclutter_cli.sources.mcap import records
 from seaclutter_cli.sources.mcap.source import McapSource
 from seaclutter_cli.sources.shared import chunked
 from seaclutter_cli.text import count
@@ -251,3 +253,14 @@ def test_any_bytes(tmp_path_factory, data, start):
     path = tmp_path_factory.mktemp("any") / "log.mcap"
     path.touch()
     read(path, start + data)
+
+
+def test_few_of_the_bytes_that_could_be_a_record_are_examined(monkeypatch):
+    """Coordinates look like records of terabytes; a search among them must not take minutes."""
+    examined = []
+    monkeypatch.setattr(records, "_record", lambda _, at: examined.append(at))
+    noise = np.random.default_rng(1).integers(0, 256, (20_000, 16), np.uint8)
+    noise[:, 3], noise[:, 9:12] = 5, 0
+    walker = records._Walker(noise.tobytes(), lambda *_: None)
+    assert walker.next_record(0, noise.size) == noise.size
+    assert len(examined) < 100

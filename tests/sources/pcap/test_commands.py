@@ -126,3 +126,33 @@ class TestMetadataNextToCapture:
             self.open(tmp_path, "other.json")
         with pytest.raises(InputError, match="--calibration"):
             self.open(tmp_path, "harbour.json", "harbour_3_1.json")
+
+
+def damaged(packet, offset, value):
+    return packet[:offset] + bytes((value,)) + packet[offset + 1 :]
+
+
+@pytest.mark.parametrize("link", ["ethernet", "ethernet, padded", "VLAN", "raw"])
+@pytest.mark.parametrize("place", ["version", "protocol", "sender's header length"])
+def test_packets_with_damaged_headers_are_damage(tmp_path, link, place):
+    number, _ = captures.LINKS[link]
+    packets = frames(ROWS, link)
+    network = packets[0][1].index(b"\x45\x00")
+    offset, value = {"version": (0, 0x05), "protocol": (9, 0x91), "sender's header length": (0, 0x41)}[place]
+    packets[20] = packets[20][0], damaged(packets[20][1], network + offset, value)
+    path = tmp_path / "log.pcap"
+    path.write_bytes(pcap(packets, link=number))
+    result = run("filter", path, "-o", tmp_path / "out.mcap", "--csv", tmp_path / "f.csv")
+    assert result.exit_code == 3
+    assert "1 packet like those from 192.168.1.200:6699 to port 6699, with damaged headers" in result.stderr
+    assert "left out: 1,248 bytes" in result.stderr
+
+
+def test_other_traffic_of_the_same_length_is_no_damage(tmp_path):
+    packets = frames(ROWS)
+    size = len(packets[0][1])
+    other = [(time + 1, bytes(12) + b"\x88\xcc" + bytes(size - 14)) for time, _ in packets[::7]]
+    tcp = [(time + 2, damaged(captures.ETHERNET + captures.ipv4(bytes(size - 34)), 23, 6)) for time, _ in packets[::9]]
+    path = tmp_path / "log.pcap"
+    path.write_bytes(pcap(sorted([*packets, *other, *tcp])))
+    assert run("filter", path, "-o", tmp_path / "out.mcap").exit_code == 0

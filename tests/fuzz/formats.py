@@ -1,0 +1,212 @@
+"""The formats of a campaign: an honest input of each, the commands that read it, and the mutations of its files."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from tests.fuzz import layers, seeds
+from tests.fuzz.mutate import BYTES, DOCUMENT, TEXT, cut, drop, flip, insert, overwrite
+
+Commands = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of input.
+
+    Parameters
+    ----------
+    write : callable
+        Writes an honest input into a folder.
+    commands : tuple of str
+        Command lines; ``IN`` and ``OUT`` are folders.
+    files : str
+        Glob of the files that are mutated; others are read as they are.
+    mutations : tuple of callable
+        Mutations of a file as it is.
+    layers : tuple of callable
+        Containers whose content is mutated too.
+    settings : bool
+        Whether the input is a configuration or scene, which may be refused with exit status 2.
+    guarded : tuple of callable
+        Mutations of the file as it is, after which a loss of frames or points must be reported.
+    """
+
+    write: Callable[[Path], object]
+    commands: Commands
+    files: str = "log*"
+    mutations: tuple[Callable[..., bytes], ...] = BYTES
+    layers: tuple[Callable[..., bytes], ...] = ()
+    settings: bool = False
+    guarded: tuple[Callable[..., bytes], ...] = ()
+
+
+def _log(name: str, *more: str) -> Commands:
+    write = f"filter IN/{name} -o OUT/out.mcap --csv OUT/frames.csv"
+    return (
+        f"{write} -m none",
+        f"{write} -m joint --with-removed --keep-raw --json",
+        f"{write} -m none",
+        f"info IN/{name} --json",
+        f"{write} -m confirmed --keep-organized --with-scene --json",
+        f"calibrate IN/{name} -o OUT/config.yaml",
+        *more,
+    )
+
+
+def _labels(*words: str) -> Commands:
+    log, path = words
+    write = f"evaluate IN/{log} --labels IN/{path} -o OUT/frames.csv --summary OUT/summary.json"
+    return (
+        f"{write} -m none",
+        f"{write} -m joint --json",
+        f"filter IN/{log} --labels IN/{path} -o OUT/out.mcap -m none --with-scene",
+    )
+
+
+_ANGLES = "--calibration IN/angles.csv --sensor RS-LiDAR-32"
+_MODEL = "-s filter.scene=auto -s filter.scene_model=IN/model.onnx"
+_TILE = (
+    "classify separate IN/tile{} -o OUT/out.las",
+    "classify separate IN/tile{} -o OUT/out.mcap --with-height --json",
+    "info IN/tile{} --json",
+)
+_CHECKED = (flip, cut, drop, insert, overwrite)
+_MCAP = {"commands": _log("log.mcap"), "layers": (layers.mcap_chunk, layers.mcap_message), "guarded": _CHECKED}
+_BAG = {"commands": _log("log.bag"), "layers": (layers.bag_chunk, layers.bag_message), "guarded": (cut, drop)}
+_FOLDER = {"commands": _log("log"), "files": "log/*"}
+_PACKETS = {"commands": _log("log.pcap"), "files": "log.pcap", "layers": (layers.packet,)}
+_TEXT_HEAD = {**_FOLDER, "mutations": (*BYTES, *TEXT)}
+
+FORMATS: dict[str, Format] = {
+    "mcap zstd": Format(seeds.mcap, **_MCAP),
+    "mcap lz4": Format(partial(seeds.mcap, layout="lz4"), **_MCAP),
+    "mcap none": Format(partial(seeds.mcap, layout="none"), **_MCAP),
+    "mcap unchunked": Format(partial(seeds.mcap, layout="unchunked"), commands=_log("log.mcap")),
+    "mcap bare": Format(partial(seeds.mcap, layout="bare"), commands=_log("log.mcap")),
+    "mcap ros1": Format(partial(seeds.mcap, kind="ros1"), **_MCAP),
+    "mcap protobuf": Format(partial(seeds.mcap, kind="protobuf"), **_MCAP),
+    "mcap json": Format(partial(seeds.mcap, kind="json"), **_MCAP),
+    "mcap packets": Format(seeds.mcap_packets, **_MCAP),
+    "bag": Format(seeds.bag, **_BAG),
+    "bag bz2": Format(partial(seeds.bag, compression="BZ2"), **_BAG),
+    "bag lz4": Format(partial(seeds.bag, compression="LZ4"), **_BAG),
+    "rosbag2 db3": Format(seeds.rosbag2, _log("log"), "log/*.db3", layers=(layers.sqlite_cell,)),
+    "rosbag2 message zstd": Format(
+        partial(seeds.rosbag2, mode="MESSAGE"), _log("log"), "log/*.db3", layers=(layers.sqlite_cell,)
+    ),
+    "rosbag2 file zstd": Format(
+        partial(seeds.rosbag2, mode="FILE"), _log("log"), "log/*.zstd", layers=(layers.zstd, layers.zstd)
+    ),
+    "rosbag2 mcap": Format(partial(seeds.rosbag2, plugin="MCAP"), _log("log"), "log/*.mcap"),
+    "rosbag2 metadata": Format(seeds.rosbag2, _log("log"), "log/metadata.yaml", DOCUMENT),
+    "pcap robosense": Format(seeds.robosense, **_PACKETS),
+    "pcap fragments": Format(partial(seeds.robosense, fragments=True), _log("log.pcap"), "log.pcap"),
+    "pcapng": Format(seeds.pcapng, _log("log.pcapng")),
+    "pcap hesai": Format(seeds.hesai_capture, **_PACKETS),
+    "pcap velodyne": Format(seeds.velodyne_capture, **_PACKETS),
+    "pcap ouster": Format(seeds.ouster_capture, **_PACKETS),
+    "pcap ouster legacy": Format(partial(seeds.ouster_capture, profile="LEGACY"), **_PACKETS),
+    "ouster metadata": Format(seeds.ouster_capture, _log("log.pcap"), "log.json", DOCUMENT),
+    "angles csv": Format(
+        seeds.with_angles,
+        (
+            f"filter IN/log.pcap -o OUT/out.mcap --csv OUT/frames.csv -m none {_ANGLES}",
+            f"info IN/log.pcap --json {_ANGLES}",
+        ),
+        "angles.csv",
+        TEXT,
+    ),
+    "pcd ascii": Format(seeds.pcd_ascii, **_TEXT_HEAD),
+    "pcd binary": Format(partial(seeds.frame_files, suffix=".pcd"), **_TEXT_HEAD),
+    "pcd compressed": Format(seeds.pcd_compressed, **_TEXT_HEAD),
+    "ply": Format(partial(seeds.frame_files, suffix=".ply"), **_TEXT_HEAD),
+    "ply ascii": Format(partial(seeds.frame_files, suffix=".ply", encoding="ascii"), **_TEXT_HEAD),
+    "las frames": Format(partial(seeds.frame_files, suffix=".las"), **_FOLDER),
+    "laz frames": Format(partial(seeds.frame_files, suffix=".laz"), **_FOLDER),
+    "kitti bin": Format(partial(seeds.frame_files, suffix=".bin"), **_FOLDER),
+    "npy": Format(partial(seeds.frame_files, suffix=".npy"), **_TEXT_HEAD),
+    "csv frames": Format(partial(seeds.frame_files, suffix=".csv"), **_TEXT_HEAD),
+    "labels csv": Format(
+        partial(seeds.labelled, form="csv"), _labels("log.mcap", "labels/log.labels.csv"), "labels/*.csv", TEXT
+    ),
+    "labels in cloud": Format(
+        partial(seeds.labelled, form="cloud"),
+        _labels("log.mcap", "log.mcap"),
+        layers=(layers.mcap_message, layers.mcap_message),
+    ),
+    "seepersea": Format(
+        partial(seeds.labelled, form="seepersea"), _labels("labels", "labels"), "labels/*/*.json", DOCUMENT
+    ),
+    "sustechpoints": Format(
+        partial(seeds.labelled, form="sustechpoints"), _labels("labels", "labels"), "labels/*/*.json", DOCUMENT
+    ),
+    "semantickitti": Format(
+        partial(seeds.labelled, form="semantickitti"), _labels("labels", "labels"), "labels/*/*.label"
+    ),
+    "config": Format(
+        seeds.config,
+        ("filter IN/log.mcap -c IN/config.yaml -o OUT/out.mcap", "config check IN/config.yaml"),
+        "config.yaml",
+        DOCUMENT,
+        settings=True,
+    ),
+    "config confirmed": Format(
+        seeds.confirmed_config,
+        (
+            "filter IN/log.mcap -c IN/config.yaml -o OUT/out.mcap",
+            "config check IN/config.yaml",
+            "calibrate IN/log.mcap -c IN/config.yaml -o OUT/config.yaml",
+        ),
+        "config.yaml",
+        DOCUMENT,
+        settings=True,
+    ),
+    "scene": Format(
+        seeds.scene,
+        ("simulate IN/scene.yaml -n 1 -o OUT/out.mcap", "simulate IN/scene.yaml -n 1 -o OUT/out.pcap --json"),
+        "scene.yaml",
+        DOCUMENT,
+        settings=True,
+    ),
+    "tile scene": Format(
+        partial(seeds.scene, text=seeds.TILE_SCENE),
+        ("simulate IN/scene.yaml -o OUT/out.las", "simulate IN/scene.yaml -o OUT/out.laz --json"),
+        "scene.yaml",
+        DOCUMENT,
+        settings=True,
+    ),
+    "settings": Format(
+        seeds.settings,
+        ("classify separate IN/tile.las -c IN/settings.yaml -o OUT/out.las",),
+        "settings.yaml",
+        DOCUMENT,
+        settings=True,
+    ),
+    "tile las": Format(seeds.tile, tuple(line.format(".las") for line in _TILE), "tile*"),
+    "tile laz": Format(partial(seeds.tile, suffix=".laz"), tuple(line.format(".laz") for line in _TILE), "tile*"),
+    "training tile": Format(
+        seeds.labelled_tiles,
+        ("classify train IN/tile.las -o OUT/model.skops -s forest.trees=3 -s forest.test_share=0.4",),
+        "tile.las",
+    ),
+    "model skops": Format(
+        seeds.forest,
+        (
+            "classify predict IN/tile.las --model IN/model.skops -o OUT/out.las --csv OUT/o.csv",
+            "classify predict IN/tile.las --model IN/model.skops -o OUT/out.las --geojson OUT/o.geojson --json",
+        ),
+        "model.skops",
+        layers=(layers.member, layers.member, layers.member),
+    ),
+    "model onnx": Format(
+        seeds.classifier,
+        (
+            "scene predict IN/log.mcap --model IN/model.onnx --csv OUT/scenes.csv",
+            "scene predict IN/log.mcap --model IN/model.onnx --json",
+            f"filter IN/log.mcap -o OUT/o.mcap -m adaptive_radius {_MODEL}",
+        ),
+        "model.onnx",
+    ),
+}
