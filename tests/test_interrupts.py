@@ -123,9 +123,9 @@ def test_files_are_completed_before_an_interrupt(tmp_path):
 from pathlib import Path
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 publish = AtomicFile.publish
-def interrupted(file):
+def interrupted(file, **options):
     signal.raise_signal(signal.SIGTERM)
-    publish(file)
+    publish(file, **options)
 AtomicFile.publish = interrupted
 folder = Path({str(tmp_path)!r})
 with OutputGroup() as group:
