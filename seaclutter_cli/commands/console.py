@@ -88,7 +88,7 @@ class Console:
         """Print the line about one of several recordings, and all of its damage if verbose."""
         if error:
             self.fail(error)
-        elif not self.quiet:
+        elif line and not self.quiet:
             show_line(line)
         if self.verbose:
             self.damage(damage)

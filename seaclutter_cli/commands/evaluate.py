@@ -6,6 +6,7 @@ import click
 
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import (
+    batch_options,
     console_options,
     force_option,
     grouped,
@@ -37,6 +38,7 @@ _OPTIONS = (
         help="Clustering algorithm; by default that of the configuration. With dbscan, also show its measures.",
     ),
     reading_options,
+    batch_options,
 )
 
 

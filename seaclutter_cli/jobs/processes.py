@@ -2,6 +2,7 @@
 
 import multiprocessing as mp
 import os
+import pickle
 import signal
 import sys
 import traceback
@@ -162,19 +163,20 @@ def _work(pipe: Connection, threads: int) -> None:
     os.environ[VARIABLE] = str(threads)
     with suppress(EOFError, OSError, KeyboardInterrupt):  # the first process closed the pipe, or is gone
         while True:
-            pipe.send(_answer(pipe.recv(), _Reporter(pipe)))
+            pipe.send_bytes(_answer(pipe.recv(), _Reporter(pipe)))
 
 
-def _answer(task: Task[Any], report: Report) -> tuple[str, Any]:
+def _answer(task: Task[Any], report: Report) -> bytes:
+    """Return the pickled answer to a task, its result or its error."""
     try:
-        return _DONE, task(report)
+        return pickle.dumps((_DONE, task(report)))
     except (BrokenPipeError, ConnectionResetError):
         raise
     except SeaclutterError as error:
-        return _ERROR, error
+        return pickle.dumps((_ERROR, error))
     except Exception as error:  # noqa: BLE001 - raised again in the first process
         error.add_note(traceback.format_exc())
-        return _ERROR, error
+        return pickle.dumps((_ERROR, error))
 
 
 class _Reporter:

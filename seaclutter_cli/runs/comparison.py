@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from seaclutter_cli.evaluation.scores import Summary
+from seaclutter_cli.runs.frame_table import PackedRows
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.text import count, table
@@ -23,14 +24,23 @@ class Evaluated(Outcome):
     ----------
     methods : mapping of str to Summary
         Sums over the frames for each variant.
+    rows : PackedRows or None
+        Rows of the table of frames, on their way from another process.
     """
 
     methods: Mapping[str, Summary] = field(default_factory=dict)
+    rows: PackedRows | None = field(default=None, repr=False)
 
     @property
     def frames(self) -> int:
         """Number of frames that at least one method could use, labelled or not."""
         return max((summary.frames + summary.unlabelled for summary in self.methods.values()), default=0)
+
+    def figures(self) -> str:
+        """Return frames and rates of the first method, for a line about the outcome."""
+        name, summary = next(iter(self.methods.items()))
+        rates = f"R_FP {_shown(summary.r_fp, 100, 2, ' %')}, R_FN {_shown(summary.r_fn, 100, 2, ' %')}"
+        return f"{count(summary.frames, 'labelled frame')}, {name}: {rates}, {self.seconds:.1f} s"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -12,10 +13,11 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.listener import FrameListener
+from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
 from seaclutter_cli.runs.checks import checks_of
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
-from seaclutter_cli.runs.frame_table import FrameTable
-from seaclutter_cli.runs.labels import LabelSources
+from seaclutter_cli.runs.frame_table import FrameRows, FrameTable
+from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs
@@ -56,6 +58,8 @@ class EvaluateOptions:
         File for all results (JSON).
     force : bool
         Replace existing files.
+    batch : BatchOptions
+        How several recordings are processed.
     """
 
     labels: LabelSources
@@ -65,6 +69,7 @@ class EvaluateOptions:
     frames_file: Path | None = None
     summary_file: Path | None = None
     force: bool = False
+    batch: BatchOptions = field(default_factory=BatchOptions)
 
 
 def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SILENT) -> Comparison:
@@ -85,22 +90,82 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
     overrides = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
-    evaluator = Evaluator(options.methods.variants(*overrides), options.reading, observer)
+    variants = options.methods.variants(*overrides)
     recordings = expand(logs)
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
-    inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in evaluator.variants])
+    inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in variants])
     prepare_outputs(targets, inputs, options.labels.paths, force=options.force, observer=observer)
-    labels = options.labels.open(recordings)
+    labels = options.labels.assign(recordings)
+    works = [EvaluateWork(options, variants, *each) for each in zip(recordings, labels, strict=True)]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
-            tables = [stack.enter_context(FrameTable(options.frames_file, files))] if options.frames_file else []
+            table = stack.enter_context(FrameTable(options.frames_file, files)) if options.frames_file else None
             summary = stack.enter_context(AtomicFile(options.summary_file, files)) if options.summary_file else None
-            comparison = evaluator.compare(recordings, labels, tables=tables)
+            if len(works) == 1:
+                outcomes = [works[0].run(observer, table)]
+            else:
+                outcomes = run_batch(works, options.batch, observer, partial(_append, table))
+            comparison = Comparison(variants, outcomes)
             if summary:
                 summary.stream.write(json.dumps(comparison.as_dict(), indent=2).encode() + b"\n")
         if not may_appear(targets.values(), comparison.outcomes, observer):
             files.discard()
     return comparison
+
+
+def _append(table: FrameRows | None, outcome: Evaluated) -> None:
+    """Append the rows of a recording to the table."""
+    if table and outcome.rows and not outcome.error:
+        table.append(outcome.rows)
+    outcome.rows = None
+
+
+@dataclass(frozen=True)
+class EvaluateWork(Work[Evaluated]):
+    """Evaluation of one recording.
+
+    Parameters
+    ----------
+    options : EvaluateOptions
+        Labels, input and output files.
+    variants : sequence of Variant
+        Methods to compare.
+    recording : Recording
+        The recording.
+    labels : LabelFile or None
+        Its labels.
+    """
+
+    options: EvaluateOptions
+    variants: Sequence[Variant]
+    recording: Recording
+    labels: LabelFile | None
+
+    def run(self, observer: Observer, table: FrameRows | None = None) -> Evaluated:
+        """Evaluate the recording; store an error in the outcome.
+
+        Parameters
+        ----------
+        observer : Observer
+            Receives progress and warnings.
+        table : FrameRows, optional
+            Table for the rows of the frames; by default they are stored in the outcome.
+        """
+        outcome = self.without_result(None)
+        evaluator = Evaluator(self.variants, self.options.reading, observer)
+        with storing_errors(outcome, observer):
+            labels = self.labels.open() if self.labels else None
+            if table or not self.options.frames_file:
+                return evaluator.run(self.recording, labels, [table] if table else [])
+            with FrameRows() as own:
+                outcome = evaluator.run(self.recording, labels, [own])
+                outcome.rows = own.packed()
+        return outcome
+
+    def without_result(self, reason: str | None) -> Evaluated:
+        """Return an outcome without frames."""
+        methods = {variant.name: Summary() for variant in self.variants}
+        return Evaluated(recording=self.recording.name, methods=methods, error=reason)
 
 
 @dataclass(frozen=True)
@@ -126,7 +191,7 @@ class Evaluator:
         recordings: Sequence[Recording],
         labels: Sequence[Labels | None],
         *,
-        tables: Sequence[FrameTable] = (),
+        tables: Sequence[FrameRows] = (),
         listeners: Sequence[FrameListener] = (),
     ) -> Comparison:
         """Evaluate the recordings one after another."""
@@ -137,7 +202,7 @@ class Evaluator:
         self,
         recording: Recording,
         labels: Labels | None,
-        tables: Sequence[FrameTable] = (),
+        tables: Sequence[FrameRows] = (),
         listeners: Sequence[FrameListener] = (),
     ) -> Evaluated:
         """Evaluate one recording; without labels, only count clusters."""
@@ -191,7 +256,7 @@ class _FrameScorer:
         evaluator: Evaluator,
         labels: Labels | None,
         outcome: Evaluated,
-        tables: Sequence[FrameTable],
+        tables: Sequence[FrameRows],
         listeners: Sequence[FrameListener],
     ) -> None:
         self._variants, self._observer = evaluator.variants, evaluator.observer

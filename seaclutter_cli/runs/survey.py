@@ -11,6 +11,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.pipeline import read
 from seaclutter_cli.records import Channel, Message, SensorFacts
+from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import (
     Logs,
@@ -20,9 +21,11 @@ from seaclutter_cli.runs.recordings import (
     expand,
     expected_frames,
     opened,
+    statuses,
     storing_errors,
 )
 from seaclutter_cli.selection import Selection
+from seaclutter_cli.sources import Recording
 from seaclutter_cli.survey import TopicSurvey
 from seaclutter_cli.text import printable, share, table
 
@@ -30,7 +33,12 @@ _NANO = 1_000_000_000
 _DEFAULT_THRESHOLD = 4
 
 
-def survey_logs(logs: Logs, reading: ReadOptions | None = None, observer: Observer = SILENT) -> "SurveyResult":
+def survey_logs(
+    logs: Logs,
+    reading: ReadOptions | None = None,
+    observer: Observer = SILENT,
+    batch: BatchOptions | None = None,
+) -> "SurveyResult":
     """Return the content of recordings; every selected frame is read.
 
     Parameters
@@ -41,20 +49,45 @@ def survey_logs(logs: Logs, reading: ReadOptions | None = None, observer: Observ
         Part of each recording to read, and how.
     observer : Observer, optional
         Receives progress and warnings.
+    batch : BatchOptions, optional
+        How several recordings are processed.
 
     Raises
     ------
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    reading = reading or ReadOptions()
-    contents = []
-    for recording in expand(logs):
-        content = Content(recording=recording.name, path=str(recording.paths[0]))
-        with storing_errors(content, observer), opened(recording, reading, observer, content) as source:
-            _read(source, content, reading.selection, observer)
-        contents.append(content)
-    return SurveyResult(contents)
+    works = [SurveyWork(reading or ReadOptions(), recording) for recording in expand(logs)]
+    if len(works) == 1:
+        return SurveyResult([works[0].run(observer)])
+    return SurveyResult(run_batch(works, batch or BatchOptions(), observer))
+
+
+@dataclass(frozen=True)
+class SurveyWork(Work["Content"]):
+    """Reading of one recording.
+
+    Parameters
+    ----------
+    reading : ReadOptions
+        Part of the recording to read, and how.
+    recording : Recording
+        The recording.
+    """
+
+    reading: ReadOptions
+    recording: Recording
+
+    def run(self, observer: Observer) -> "Content":
+        """Read the recording; store an error in the outcome."""
+        content = self.without_result(None)
+        with storing_errors(content, observer), opened(self.recording, self.reading, observer, content) as source:
+            _read(source, content, self.reading.selection, observer)
+        return content
+
+    def without_result(self, reason: str | None) -> "Content":
+        """Return an outcome without content."""
+        return Content(recording=self.recording.name, path=str(self.recording.paths[0]), error=reason)
 
 
 def _read(source: Source, content: "Content", selection: Selection, observer: Observer) -> None:
@@ -70,7 +103,7 @@ def _read(source: Source, content: "Content", selection: Selection, observer: Ob
             if frame is not None:
                 surveys[frame.topic].add(frame)
                 step()
-    content.facts = source.facts
+    content.facts = dict(source.facts)
 
 
 @dataclass(kw_only=True)
@@ -142,6 +175,19 @@ class Content(Outcome):
         lines += [printable(need) for need in self.needs()]
         return "\n".join(lines)
 
+    def line(self) -> str:
+        """Return the error, if any; the result has a table of the contents."""
+        return super().line() if self.error else ""
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return a row of cells for each cloud topic, or one without a topic."""
+        first = (self.recording, self.format, f"{self.duration_s:.1f}")
+        clouds = [
+            (topic, f"{survey.frames:,}", f"{survey.sizes()[1]:,.0f}", _sensor(survey, self.facts.get(topic)))
+            for topic, survey in self.clouds.items()
+        ]
+        return [(*first, *cells) for cells in clouds or [("-", "-", "-", "-")]]
+
     def needs(self) -> list[str]:
         """Return descriptions of the settings that a filter run needs, one line each."""
         needs = []
@@ -182,6 +228,14 @@ def _describe(topic: str, survey: TopicSurvey, facts: SensorFacts | None) -> str
     return "\n".join((printable(topic), *(_wrap(f"  {name:<10} {text}") for name, text in rows)))
 
 
+def _sensor(survey: TopicSurvey, facts: SensorFacts | None) -> str:
+    """Return the sensor of a topic in a few words."""
+    if facts:
+        return facts.model
+    first, *others = survey.sensors or ("-",)
+    return f"{first} or others" if others else first
+
+
 def _wrap(line: str) -> str:
     return textwrap.fill(
         printable(line), 79, subsequent_indent=" " * 13, break_on_hyphens=False, break_long_words=False
@@ -209,5 +263,14 @@ class SurveyResult(RecordingsResult):
         return [content.as_dict() for content in self.outcomes]
 
     def as_text(self) -> str:
+        """Return the content of one recording, or a table of several, as human-readable text."""
+        return self.details() if len(self.outcomes) == 1 else self._table()
+
+    def details(self) -> str:
         """Return the contents without an error as human-readable text."""
         return "\n\n".join(content.as_text() for content in self.outcomes if not content.error)
+
+    def _table(self) -> str:
+        rows = [row for content in self.outcomes if not content.error for row in content.rows()]
+        head = ("recording", "format", "seconds", "cloud topic", "frames", "median points", "sensor")
+        return "\n".join((*([table(head, rows)] if rows else []), statuses(self.outcomes)))

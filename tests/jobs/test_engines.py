@@ -14,7 +14,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.jobs.engine import InTurn, Lost
 from seaclutter_cli.jobs.processes import Processes
 from seaclutter_cli.threads import cores
-from tests.jobs.work import Ask, Fail, Kill, Meet, Square, Wait
+from tests.jobs.work import Ask, Fail, Kill, Meet, Square, Unsendable, Wait
 
 ENGINES = {"in turn": InTurn(), "one process": Processes(1), "three processes": Processes(3)}
 
@@ -49,6 +49,11 @@ def test_tasks_run_at_the_same_time(tmp_path):
     one, other = tmp_path / "one", tmp_path / "other"
     tasks = [Meet(own=one, other=other), Meet(own=other, other=one)]
     assert dict(Processes(2).run(tasks, lambda *_: None)) == {0: True, 1: True}
+
+
+def test_a_result_that_cannot_be_sent_is_an_error():
+    with pytest.raises(Exception, match="pickle"):
+        list(Processes(2).run([Square(1), Unsendable()], lambda *_: None))
 
 
 def test_processes_share_the_cores():

@@ -74,6 +74,14 @@ class Wait:
 
 
 @dataclass(frozen=True)
+class Unsendable:
+    """Return what pickle cannot copy."""
+
+    def __call__(self, report):
+        return lambda: None
+
+
+@dataclass(frozen=True)
 class Ask:
     """Return what a process was given."""
 

@@ -169,3 +169,76 @@ def test_a_recording_that_kills_its_process_fails_alone():
     assert [one.error is None for one in outcomes] == [True, False, True, True, True]
     assert "killed (SIGKILL), perhaps because memory ran out, 2 times" in outcomes[1].error
     assert sum(error is not None for error in receiver.errors) == 1
+
+
+@pytest.fixture(scope="module")
+def labelled(tmp_path_factory):
+    """Return a folder with labelled recordings, one of which has labels that cannot be read."""
+    folder = tmp_path_factory.mktemp("labelled")
+    for seed in (1, 2, 3):
+        line = [
+            "simulate",
+            "passing_speedboat",
+            "-o",
+            str(folder / f"s{seed}.mcap"),
+            "--seed",
+            str(seed),
+            "-n",
+            "6",
+            "-q",
+        ]
+        assert CliRunner().invoke(cli, line).exit_code == 0
+    return folder
+
+
+def test_evaluations_do_not_depend_on_the_number_of_processes(labelled, tmp_path):
+    found = []
+    for jobs in ("1", "2", "3"):
+        table, summary = tmp_path / f"{jobs}.csv", tmp_path / f"{jobs}.json"
+        line = ["evaluate", str(labelled), "--labels", str(labelled), "--compare", "paper", "-j", jobs]
+        result = CliRunner().invoke(cli, [*line, "-o", str(table), "--summary", str(summary)])
+        assert result.exit_code == 0, result.stderr
+        assert len(result.stderr.splitlines()) == 3
+        times = r'"(seconds|median|p99)": [\d.e-]+'
+        found.append((table.read_bytes(), re.sub(times, "", summary.read_text())))
+    assert found[0] == found[1] == found[2]
+    rows = found[0][0].splitlines()
+    assert len(rows) == 1 + 3 * 6 * 5
+    assert b"target_points_in" in rows[0]
+
+
+def test_labels_that_cannot_be_read_fail_their_recording_only(labelled, tmp_path):
+    for path in labelled.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / "s2.labels.csv").write_text("no labels\n")
+    line = ["evaluate", str(tmp_path), "--labels", str(tmp_path), "-j", "2", "--json"]
+    result = CliRunner().invoke(cli, line)
+    assert result.exit_code == 1
+    recordings = json.loads(result.stdout)["recordings"]
+    assert [row["error"] is None for row in recordings] == [True, False, True]
+    assert "s2.labels.csv" in recordings[1]["error"]
+
+
+def test_contents_of_several_recordings_are_a_table(logs):
+    result = CliRunner().invoke(cli, ["info", str(logs), "-j", "2"])
+    assert result.exit_code == 1
+    lines = result.stdout.splitlines()
+    assert [line.split()[0] for line in lines[:-1]] == ["recording", "a", "b", "c", "d"]
+    assert lines[-1] == "3 done, 1 damaged, 1 failed"
+    verbose = CliRunner().invoke(cli, ["info", str(logs), "-j", "2", "-v"]).stdout
+    assert verbose.count("median") == 1 + 4
+    assert verbose.endswith(result.stdout)
+
+
+@pytest.mark.parametrize("command", ["info", "filter"])
+def test_json_does_not_depend_on_the_number_of_processes(logs, tmp_path, command):
+    found = [
+        untimed(CliRunner().invoke(cli, [*words(command, logs, tmp_path / jobs), "--json", "-j", jobs]).stdout)
+        for jobs in ("1", "2")
+    ]
+    assert found[0] == found[1]
+    assert len(json.loads(CliRunner().invoke(cli, [*words(command, logs, tmp_path), "--json"]).stdout)) == 5
+
+
+def words(command, logs, folder):
+    return [command, str(logs), *(["-o", f"{folder}/", "--force"] if command == "filter" else [])]
