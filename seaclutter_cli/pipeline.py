@@ -150,6 +150,7 @@ def run(
     sinks: Sequence[Sink],
     selection: Selection,
     on_frame: Callable[[FilterResult], object] = lambda _: None,
+    tallies: dict[str, TopicTally] | None = None,
 ) -> dict[str, TopicTally]:
     """Filter a recording and return sums for each cloud topic; every topic has a filter of its own.
 
@@ -165,6 +166,8 @@ def run(
         Part to process; the rest does not reach the sinks.
     on_frame : callable, optional
         Called with the result of each frame.
+    tallies : dict of str to TopicTally, optional
+        Receives the sums while they grow; they are complete when sinks end.
 
     Returns
     -------
@@ -178,7 +181,8 @@ def run(
     """
     clouds = cloud_channels(source, selection.topics)
     filters = {channel.topic: make_filter() for channel in clouds}
-    tallies = {topic: TopicTally() for topic in filters}
+    tallies = {} if tallies is None else tallies
+    tallies.update((topic, TopicTally()) for topic in filters)
     _observe(source, selection, {topic: [method] for topic, method in filters.items()})
     for sink in sinks:
         sink.begin(source, clouds)

@@ -6,7 +6,6 @@ import click
 
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import (
-    batch_options,
     config_options,
     console_options,
     force_option,
@@ -16,6 +15,7 @@ from seaclutter_cli.commands.options import (
     output_option,
     output_or_folder_option,
     reading_options,
+    resumable_batch_options,
 )
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ _OPTIONS = (
     grouped("written", "sinks:McapOptions", _WRITTEN),
     click.option("--with-scene", is_flag=True, help="Write boxes around clusters to /seaclutter/scene, for 3D panels."),
     label_options(required=False),
-    batch_options,
+    resumable_batch_options,
 )
 
 

@@ -218,21 +218,27 @@ def _jobs(_: click.Context, parameter: click.Parameter, text: str | None) -> int
     return int(text)
 
 
-batch_options = grouped(
+_BATCH = (
+    click.option(
+        "-j",
+        "--jobs",
+        metavar="N",
+        callback=_jobs,
+        help="Process N recordings at the same time; by default as many as there are cores and memory for.",
+    ),
+    click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
+)
+batch_options = grouped("batch", "runs.batch:BatchOptions", _BATCH)
+"""Options for several recordings, as ``batch``."""
+resumable_batch_options = grouped(
     "batch",
     "runs.batch:BatchOptions",
     (
-        click.option(
-            "-j",
-            "--jobs",
-            metavar="N",
-            callback=_jobs,
-            help="Process N recordings at the same time; by default as many as there are cores and memory for.",
-        ),
-        click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
+        *_BATCH,
+        click.option("--resume", is_flag=True, help="Skip recordings whose output of the same run is complete."),
     ),
 )
-"""Options for several recordings, as ``batch``."""
+"""The same for runs that write an output for each recording."""
 
 
 def _ids(_: click.Context, parameter: click.Parameter, text: str | None) -> tuple[int, ...] | None:

@@ -32,10 +32,13 @@ class BatchOptions:
         cores and memory for. Results do not depend on it.
     fail_fast : bool
         Stop after the first recording with an error.
+    resume : bool
+        Skip recordings whose output of the same run is complete, and replace outputs of other runs.
     """
 
     jobs: int | None = 1
     fail_fast: bool = False
+    resume: bool = False
 
     def engine(self, recordings: int) -> Engine:
         """Return the engine for a number of recordings."""

@@ -1,7 +1,7 @@
 """Filtering of recordings into drop-in MCAP files."""
 
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -14,6 +14,7 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.pipeline import TopicTally, run
+from seaclutter_cli.records import Metadata
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch, size_of
 from seaclutter_cli.runs.checks import checks_of
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
@@ -31,6 +32,8 @@ from seaclutter_cli.runs.recordings import (
     require_frames,
     storing_errors,
 )
+from seaclutter_cli.runs.resume import identity_of, record_in
+from seaclutter_cli.runs.run_record import NAME, RunIdentity, from_entries, to_entries
 from seaclutter_cli.runs.sensor_match import mismatches
 from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
@@ -99,18 +102,24 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     targets = plan_outputs(recordings, output)
     inputs = inputs_of(recordings, options.reading, options.config.file, [config])
     outputs = {"-o": targets, "--csv": options.csv_file}
-    prepare_outputs(outputs, inputs, options.labels.paths, force=options.force, observer=observer)
+    batch = options.batch
+    if batch.resume and options.csv_file:
+        raise UsageError("--resume: there are no rows of frames for recordings that are skipped; leave out --csv")
+    prepare_outputs(outputs, inputs, options.labels.paths, force=options.force or batch.resume, observer=observer)
     labels = options.labels.assign(recordings)
     works = [FilterWork(options, config, *each) for each in zip(recordings, targets, labels, strict=True)]
-    with OutputGroup(replace=options.force) as files:
+    known = [_earlier(work, observer) if options.batch.resume else None for work in works]
+    works = [work for work, outcome in zip(works, known, strict=True) if outcome is None]
+    with OutputGroup(replace=options.force or batch.resume) as files:
         with ExitStack() as stack:
             # A single log appears together with the table. Of several, each appears when it is complete.
             log_written = stack.enter_context(OutputGroup(files)) if len(works) == 1 else None
             table = stack.enter_context(frame_table(config, options.csv_file, files)) if options.csv_file else None
             if len(works) == 1:
-                outcomes = [works[0].run(observer, table, log_written)]
+                done = iter([works[0].run(observer, table, log_written)])
             else:
-                outcomes = run_batch(works, options.batch, observer, partial(_append, table))
+                done = iter(run_batch(works, batch, observer, partial(_append, table)))
+            outcomes = [outcome or next(done) for outcome in known]
         if not may_appear([options.csv_file], outcomes, observer):
             files.discard()
     for outcome in outcomes:
@@ -122,6 +131,36 @@ def frame_table(config: Config, path: Path, group: OutputGroup | None = None) ->
     """Return the table for the frames of recordings."""
     rings = len(config.ring_edges[1:])
     return CsvSink(path, rings, scenes=config.has_scenes, water=config.has_water, group=group)
+
+
+def _earlier(work: "FilterWork", observer: Observer) -> FilterOutcome | None:
+    """Return the outcome of an earlier run whose output is complete; None if the recording must be filtered.
+
+    Raises
+    ------
+    UsageError
+        If there is a file that is not the output of a run, and may not be replaced.
+    """
+    try:
+        record = record_in(work.target)
+    except UsageError:
+        if work.options.force:
+            return None
+        raise
+    if record is None:
+        return None
+    difference = work.identity.difference(record)
+    outcome = work.without_result(None)
+    outcome.skipped = True
+    try:
+        outcome.topics, outcome.damage = from_entries(record, work.recording.paths)
+    except ValueError as error:
+        difference = difference or str(error)
+    if difference:
+        observer.note(f"{work.recording.name}: filtered again; the earlier output is of {difference}")
+        return None
+    observer.damage(outcome.damage)
+    return outcome
 
 
 def _append(table: CsvSink | None, outcome: FilterOutcome) -> None:
@@ -171,7 +210,7 @@ class FilterWork(Work[FilterOutcome]):
         with storing_errors(outcome, observer), ExitStack() as stack:
             own = None if table or not self.options.csv_file else stack.enter_context(self._own_table())
             source = stack.enter_context(opened(self.recording, self.options.reading, observer, outcome))
-            written = stack.enter_context(OutputGroup(group, replace=self.options.force))
+            written = stack.enter_context(OutputGroup(group, replace=self.options.force or self.options.batch.resume))
             self._stream(source, outcome, observer, table or own, written)
             if own:
                 outcome.rows = zlib.compress(own.rows())
@@ -215,7 +254,7 @@ class FilterWork(Work[FilterOutcome]):
         fit = _FitWarnings(self.config, topics, observer)
         with (
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
-            McapSink(outcome.output, self._written(labels), group) as sink,
+            McapSink(outcome.output, self._written(labels, partial(self._record, source, outcome)), group) as sink,
         ):
 
             def on_result(result: FilterResult) -> None:
@@ -223,14 +262,27 @@ class FilterWork(Work[FilterOutcome]):
                 fit.add(result)
 
             sinks: list[Sink] = [sink, table] if table else [sink]
-            outcome.topics = run(source, self.config.make_filter, sinks, selection, on_result)
+            run(source, self.config.make_filter, sinks, selection, on_result, outcome.topics)
             require_frames(source, outcome.frames)
         for text in mismatches(self.config.sensor, source):
             observer.warn(text)
         fit.finish(outcome.topics)
 
-    def _written(self, labels: Labels | None) -> McapOptions:
-        written = replace(self.options.written, config=self.config.to_yaml(), water=self.config.has_water)
+    @property
+    def identity(self) -> RunIdentity:
+        """What the filtered file depends on."""
+        options = self.options
+        return identity_of(
+            self.recording, self.config, options.reading, options.written, self.labels, with_scene=options.with_scene
+        )
+
+    def _record(self, source: Source, outcome: FilterOutcome) -> Metadata:
+        return Metadata(NAME, to_entries(self.identity, outcome.topics, source.damage))
+
+    def _written(self, labels: Labels | None, record: Callable[[], Metadata]) -> McapOptions:
+        written = replace(
+            self.options.written, config=self.config.to_yaml(), water=self.config.has_water, record=record
+        )
         if not self.options.with_scene:
             return written
         from seaclutter_cli.reporting.scene import scene_maker

@@ -23,7 +23,7 @@ class FilterOutcome(Outcome):
         Edges of the method's range rings in metres; empty for methods without range rings.
     has_water : bool
         Whether the method estimates the water.
-    topics : mapping of str to TopicTally
+    topics : dict of str to TopicTally
         Sums over the frames of each cloud topic.
     bytes_in, bytes_out : int
         Sizes of the recording and of the filtered file.
@@ -34,7 +34,7 @@ class FilterOutcome(Outcome):
     output: Path
     edges: Sequence[float]
     has_water: bool = False
-    topics: Mapping[str, TopicTally] = field(default_factory=dict)
+    topics: dict[str, TopicTally] = field(default_factory=dict)
     bytes_in: int = 0
     bytes_out: int = 0
     rows: bytes = field(default=b"", repr=False)
@@ -63,6 +63,7 @@ class FilterOutcome(Outcome):
         """Return the outcome as JSON-compatible data."""
         return {
             "recording": self.recording,
+            "status": self.status,
             "output": None if self.error else str(self.output),
             "error": self.error,
             "damage": [str(item) for item in self.damage],
@@ -74,9 +75,12 @@ class FilterOutcome(Outcome):
 
     def as_text(self) -> str:
         """Return the outcome as human-readable text."""
-        pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames else ""
+        if self.skipped:
+            last = f"{count(self.frames, 'frame')}; skipped, the output was complete"
+        else:
+            pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames else ""
+            last = f"{count(self.frames, 'frame')} in {self.seconds:.1f} s{pace}"
         topics = [_as_text(topic, tally, self.edges, has_water=self.has_water) for topic, tally in self.topics.items()]
-        last = f"{count(self.frames, 'frame')} in {self.seconds:.1f} s{pace}"
         return "\n".join((printable(f"{self.recording} -> {self.output}"), *topics, last))
 
 

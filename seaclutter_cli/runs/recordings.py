@@ -19,7 +19,7 @@ from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources import Recording, find_recordings
 from seaclutter_cli.text import count, printable
 
-_STATUSES = ("done", "damaged", "failed")
+_STATUSES = ("done", "damaged", "failed", "skipped")
 
 PathLike = str | os.PathLike[str]
 Logs = PathLike | Sequence[PathLike]
@@ -95,16 +95,21 @@ class Outcome:
         Duration of the run.
     error : str or None
         Reason why there is no result; None if there is one.
+    skipped : bool
+        Whether the result is that of an earlier run.
     """
 
     recording: str
     damage: list[Damage] = field(default_factory=list)
     seconds: float = 0.0
     error: str | None = None
+    skipped: bool = False
 
     @property
     def status(self) -> str:
-        """How the run over the recording ended: ``done``, ``damaged`` or ``failed``."""
+        """How the run over the recording ended: ``done``, ``damaged``, ``failed`` or ``skipped``."""
+        if self.skipped:
+            return "skipped"
         return "failed" if self.error else "damaged" if self.damage else "done"
 
     def line(self) -> str:

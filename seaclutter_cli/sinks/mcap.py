@@ -46,6 +46,8 @@ class McapOptions:
         Whether the method estimates the water, which adds level, attitude and wave height to the diagnostics.
     scene : callable, optional
         Function that returns the boxes of a filtered frame, which are written to ``/seaclutter/scene``.
+    record : callable, optional
+        Function that returns a metadata record about the run when all frames are written.
 
     Examples
     --------
@@ -65,6 +67,7 @@ class McapOptions:
     config: str = ""
     water: bool = False
     scene: Callable[[FilterResult], SceneUpdate] | None = None
+    record: Callable[[], Metadata] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +161,9 @@ class McapSink(AbstractContextManager["McapSink"]):
             self._put(outputs.scene, message, outputs.draw(self._options.scene(result)))
 
     def end(self) -> None:
-        """Write the summary."""
+        """Write the record of the run and the summary."""
+        if self._options.record is not None:
+            self._open_writer.add_metadata(self._options.record())
         self._open_writer.finish()
 
     def _filtered(self, codec: CloudCodec, result: FilterResult) -> Buffer:

@@ -1,0 +1,63 @@
+"""Going on where a run stopped: which recordings are already filtered."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+
+from seaclutter_cli.config import Config
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.runs.labels import LabelFile
+from seaclutter_cli.runs.recordings import ReadOptions
+from seaclutter_cli.runs.run_record import NAME, RunIdentity, digest_of, digest_of_paths
+from seaclutter_cli.sinks import McapOptions
+from seaclutter_cli.sources import Recording
+
+
+def identity_of(
+    recording: Recording,
+    config: Config,
+    reading: ReadOptions,
+    written: McapOptions,
+    labels: LabelFile | None,
+    *,
+    with_scene: bool,
+) -> RunIdentity:
+    """Return what the filtered file of a recording depends on."""
+    model = getattr(config.filter, "scene_model", None)
+    models = [Path(model)] if model and Path(model).is_file() else []
+    calibration = reading.calibration
+    options = {
+        "reading": {**asdict(reading), "calibration": digest_of_paths([calibration]) if calibration else None},
+        "written": {k: v for k, v in vars(written).items() if k not in ("config", "water", "scene", "record")},
+        "with_scene": with_scene,
+    }
+    label_parts = [digest_of_paths([labels.path]), asdict(labels.options)] if labels else []
+    return RunIdentity(
+        input=digest_of_paths(recording.paths),
+        config=digest_of([config.as_dict(), digest_of_paths(models)]),
+        options=digest_of(options),
+        labels=digest_of(label_parts),
+    )
+
+
+def record_in(output: Path) -> Mapping[str, str] | None:
+    """Return the record of the run that wrote a file; None if there is no file.
+
+    Raises
+    ------
+    UsageError
+        If the file is not a complete output of this program.
+    """
+    if not output.exists():
+        return None
+    try:
+        with output.open("rb") as stream:
+            found = [record for record in make_reader(stream).iter_metadata() if record.name == NAME]
+    except (McapError, OSError, ValueError, EOFError) as error:
+        raise UsageError(f"{output}: not a filtered log, not replaced ({error}); use --force to replace it") from error
+    if not found:
+        raise UsageError(f"{output}: without a record of its run, not replaced; use --force to replace it")
+    return found[-1].metadata

@@ -1,0 +1,154 @@
+"""The record of a run in its output, which tells a later run whether the output is its own."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seaclutter_cli import __version__
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.frame import Rings
+from seaclutter_cli.pipeline import TopicTally
+from seaclutter_cli.records import Damage
+
+NAME = "seaclutter.run"
+"""Name of the metadata record in a filtered MCAP file."""
+
+_MIB = 2**20
+_MAX_DIGESTS = 64
+_PARTS = {
+    "version": "another version of seaclutter",
+    "input": "another input",
+    "config": "another configuration",
+    "options": "other options",
+    "labels": "other labels",
+}
+
+
+@dataclass(frozen=True)
+class RunIdentity:
+    """What the bytes of an output depend on.
+
+    Parameters
+    ----------
+    input : str
+        Digest of the names, sizes, and first and last MiB of the files of the recording.
+    config, options, labels : str
+        Digests of the effective configuration with its models, of all other options, and of the labels.
+    version : str
+        Version of the program.
+    """
+
+    input: str
+    config: str
+    options: str
+    labels: str
+    version: str = __version__
+
+    def difference(self, other: Mapping[str, str]) -> str | None:
+        """Return how a record differs; None if it is of the same run."""
+        own = asdict(self)
+        return next((text for part, text in _PARTS.items() if other.get(part) != own[part]), None)
+
+
+def digest_of_paths(paths: Iterable[Path]) -> str:
+    """Return a digest of files by their names, sizes, and first and last MiB; of folders, by their files.
+
+    Of more than 64 files, names and sizes are enough.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+    """
+    digest = hashlib.sha256()
+    try:
+        found = [(path, name) for top in paths for path, name in _files(top)]
+        for path, name in found:
+            size = path.stat().st_size
+            digest.update(f"{name}\0{size}\0".encode(errors="surrogateescape"))
+            if len(found) <= _MAX_DIGESTS:
+                digest.update(_ends(path, size))
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be read ({error.strerror})") from error
+    return digest.hexdigest()
+
+
+def _files(top: Path) -> list[tuple[Path, str]]:
+    if not top.is_dir():
+        return [(top, top.name)]
+    return [(path, path.relative_to(top).as_posix()) for path in sorted(top.rglob("*")) if path.is_file()]
+
+
+def _ends(path: Path, size: int) -> bytes:
+    with path.open("rb") as file:
+        first = file.read(_MIB)
+        file.seek(max(size - _MIB, 0))
+        return hashlib.sha256(first + file.read(_MIB)).digest()
+
+
+def digest_of(value: Any) -> str:
+    """Return a digest of options: dataclasses, mappings, sequences, and files by their content."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def to_entries(identity: RunIdentity, topics: Mapping[str, TopicTally], damage: Iterable[Damage]) -> dict[str, str]:
+    """Return the entries of the metadata record of a run."""
+    outcome = {
+        "topics": {topic: _tally_to_json(tally) for topic, tally in topics.items()},
+        "damage": [{**asdict(item), "path": item.path.name} for item in damage],
+    }
+    return {**asdict(identity), "outcome": json.dumps(outcome, sort_keys=True)}
+
+
+def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dict[str, TopicTally], list[Damage]]:
+    """Return the sums over the frames of each topic, and the damage, that a record contains.
+
+    Parameters
+    ----------
+    entries : mapping of str to str
+        Entries of the record.
+    paths : iterable of Path
+        Files of the recording.
+
+    Raises
+    ------
+    ValueError
+        If the record is not complete.
+    """
+    by_name = {path.name: path for path in paths}
+    try:
+        outcome = json.loads(entries["outcome"])
+        topics = {topic: _tally_from_json(tally) for topic, tally in outcome["topics"].items()}
+        damage = [
+            Damage(**{**item, "path": by_name.get(item["path"], Path(item["path"]))}) for item in outcome["damage"]
+        ]
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"incomplete record: {error!r}") from error
+    return topics, damage
+
+
+def _tally_to_json(tally: TopicTally) -> dict[str, Any]:
+    rings = tally.rings
+    return {
+        "frames": tally.frames,
+        "points_in": tally.points_in,
+        "counts": tally.counts.tolist(),
+        "rings": None if rings is None else {item.name: getattr(rings, item.name).tolist() for item in fields(rings)},
+        "scenes": dict(sorted(tally.scenes.items())),
+        "water": tally.water.tolist(),
+        "water_frames": tally.water_frames,
+    }
+
+
+def _tally_from_json(stored: Mapping[str, Any]) -> TopicTally:
+    tally = TopicTally(frames=stored["frames"], points_in=stored["points_in"], water_frames=stored["water_frames"])
+    tally.counts, tally.water = np.array(stored["counts"], np.int64), np.array(stored["water"], np.float64)
+    tally.scenes.update(stored["scenes"])
+    if stored["rings"] is not None:
+        tally.rings = Rings(**{name: np.array(values) for name, values in stored["rings"].items()})
+    return tally

@@ -1,0 +1,171 @@
+"""Runs that go on where an earlier one stopped."""
+
+import json
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.commands import cli
+from seaclutter_cli.runs import run_record
+from tests.logs import cloud_log
+from tests.runs.test_batch import untimed
+
+
+@pytest.fixture
+def trial(tmp_path):
+    """Return a folder with logs, one of them damaged."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    for name, frames in (("a", 6), ("b", 3)):
+        cloud_log(logs / f"{name}.mcap", frames=frames, points=300)
+    data = (logs / "a.mcap").read_bytes()
+    (logs / "c.mcap").write_bytes(data[: len(data) * 2 // 3])
+    return tmp_path
+
+
+def run(folder, *options, logs="logs", out="out/"):
+    line = [
+        "filter",
+        str(folder / logs),
+        "-o",
+        f"{folder / out}{'/' if out.endswith('/') else ''}",
+        "-j",
+        "1",
+        *options,
+    ]
+    return CliRunner().invoke(cli, line)
+
+
+def files(folder):
+    return {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in sorted((folder / "out").iterdir())}
+
+
+def contents(folder):
+    return {name: data for name, (data, _) in files(folder).items()}
+
+
+def test_complete_recordings_are_skipped_and_their_outcomes_restored(trial):
+    first = run(trial, "--json")
+    before = files(trial)
+    again = run(trial, "--json", "--resume")
+    assert files(trial) == before
+    assert again.exit_code == first.exit_code == 3
+    assert "Damaged: " in again.stderr
+    status = {row["recording"]: row["status"] for row in json.loads(again.stdout)}
+    assert status == dict.fromkeys("abc", "skipped")
+    restored = untimed(again.stdout).replace('"skipped"', '"done"')
+    assert restored == untimed(first.stdout).replace('"damaged"', '"done"')
+
+
+@pytest.mark.parametrize("method", ["joint", "confirmed", "adaptive_radius", "none"])
+def test_sums_of_every_kind_are_restored(trial, method):
+    options = (
+        ("--json", "-m", method, "-s", "filter.scene=open") if method == "adaptive_radius" else ("--json", "-m", method)
+    )
+    first, again = run(trial, *options), run(trial, *options, "--resume")
+    assert untimed(again.stdout).replace('"skipped"', '"done"') == untimed(first.stdout).replace('"damaged"', '"done"')
+
+
+def test_missing_recordings_are_filtered(trial):
+    run(trial)
+    before = files(trial)
+    (trial / "out" / "b.mcap").unlink()
+    result = run(trial, "--resume")
+    assert result.stdout.startswith("1 done, 2 skipped; ")
+    after = files(trial)
+    assert {name: data for name, (data, _) in after.items()} == {name: data for name, (data, _) in before.items()}
+    assert [name for name in after if after[name][1] != before[name][1]] == ["b.mcap"]
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["-s", "filter.start_m=12"], "another configuration"),
+        (["-m", "sor"], "another configuration"),
+        (["-n", "2"], "other options"),
+        (["--keep-raw"], "other options"),
+        (["--compression", "lz4"], "other options"),
+        (["-t", "/points"], "other options"),
+    ],
+)
+def test_other_settings_filter_again(trial, options, reason):
+    run(trial)
+    result = run(trial, "--resume", *options)
+    lines = [line for line in result.stderr.splitlines() if "filtered again" in line]
+    assert lines == [f"{name}: filtered again; the earlier output is of {reason}" for name in "abc"]
+    resumed = contents(trial)
+    shutil.rmtree(trial / "out")
+    run(trial, *options)
+    assert contents(trial) == resumed
+
+
+def test_another_input_is_filtered_again(trial):
+    run(trial)
+    cloud_log(trial / "logs" / "b.mcap", frames=4, points=300)
+    result = run(trial, "--resume")
+    assert "b: filtered again; the earlier output is of another input" in result.stderr
+    assert result.stdout.startswith("1 done, 2 skipped; ")
+
+
+def test_another_version_is_filtered_again(trial, monkeypatch):
+    monkeypatch.setattr(run_record.RunIdentity.__init__, "__defaults__", ("0.0.1",))
+    run(trial)
+    monkeypatch.undo()
+    result = run(trial, "--resume")
+    assert result.stderr.count("filtered again; the earlier output is of another version of seaclutter") == 3
+
+
+@pytest.mark.parametrize("content", [b"", b"something else", "raw"])
+def test_a_file_that_is_no_output_is_not_replaced(trial, content):
+    (trial / "out").mkdir()
+    data = (trial / "logs" / "a.mcap").read_bytes() if content == "raw" else content
+    (trial / "out" / "b.mcap").write_bytes(data)
+    result = run(trial, "--resume")
+    assert result.exit_code == 2
+    assert "b.mcap: " in result.stderr
+    assert "not replaced" in result.stderr
+    assert contents(trial) == {"b.mcap": data}
+    assert run(trial, "--resume", "--force").exit_code == 3
+    assert len(contents(trial)) == 3
+
+
+def test_one_recording(trial):
+    line = ["filter", str(trial / "logs" / "a.mcap"), "-o", str(trial / "a.mcap"), "--resume"]
+    assert "frames/s" in CliRunner().invoke(cli, line).stdout
+    again = CliRunner().invoke(cli, line)
+    assert again.exit_code == 0
+    assert "6 frames; skipped, the output was complete" in again.stdout
+
+
+def test_a_table_of_frames_is_refused(trial):
+    result = run(trial, "--resume", "--csv", str(trial / "t.csv"))
+    assert result.exit_code == 2
+    assert "--csv" in result.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+@pytest.mark.parametrize("moments", [2, pytest.param(40, marks=pytest.mark.slow)])
+def test_a_killed_run_goes_on(trial, moments):
+    for name in "defgh":
+        cloud_log(trial / "logs" / f"{name}.mcap", frames=20, points=2000)
+    assert run(trial).exit_code == 3
+    expected = contents(trial)
+    command = [sys.executable, "-m", "seaclutter_cli", "filter", str(trial / "logs"), "-o", f"{trial / 'out'}/", "-q"]
+    rng = random.Random(5)
+    for _ in range(moments):
+        shutil.rmtree(trial / "out")
+        process = subprocess.Popen(
+            [*command, "-j", "2", "--resume"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        time.sleep(rng.uniform(0.5, 4.0))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        result = run(trial, "--resume")
+        assert result.exit_code == 3
+        assert {name: data for name, data in contents(trial).items() if not name.startswith(".")} == expected
