@@ -1,11 +1,14 @@
 """Console output: results on standard output; progress, warnings and errors on standard error."""
 
 import json
+import logging
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
@@ -15,6 +18,7 @@ from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
 from seaclutter_cli.text import printable, shortened
 
 if TYPE_CHECKING:
+    from seaclutter_cli.commands.log_file import LogFile
     from seaclutter_cli.records import Damage
     from seaclutter_cli.runs.recordings import Result
 
@@ -39,11 +43,30 @@ class Console:
         Show no progress and no warnings.
     verbose : bool
         Show details.
+    log_file : Path or None
+        File to which messages are appended, all details included.
     """
 
     as_json: bool = False
     quiet: bool = False
     verbose: bool = False
+    log_file: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Open the log file, so that an error comes before the run."""
+        _ = self._log
+
+    @cached_property
+    def _log(self) -> "LogFile | None":
+        if self.log_file is None:
+            return None
+        from seaclutter_cli.commands.log_file import LogFile
+
+        return LogFile(self.log_file)
+
+    def _record(self, text: str, level: int = logging.INFO) -> None:
+        if self._log:
+            self._log.add(text, level)
 
     @contextmanager
     def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Callable[[], object]]:
@@ -62,16 +85,20 @@ class Console:
 
     def note(self, text: str, *, detail: bool = False) -> None:
         """Print a message about the course of the run."""
+        self._record(text)
         if self.verbose if detail else not self.quiet:
             show_line(text)
 
     def warn(self, text: str) -> None:
         """Print a warning."""
+        self._record(text, logging.WARNING)
         if not self.quiet:
             show_line(f"Warning: {text}")
 
     def damage(self, damage: "Sequence[Damage]") -> None:
         """Print the parts of the input that could not be used; all of them if verbose."""
+        for item in damage:
+            self._record(f"damaged: {item}", logging.WARNING)
         shown = len(damage) if self.verbose else _SHOWN_DAMAGE
         for item in damage[:shown]:
             show_line(f"Damaged: {item}")
@@ -80,6 +107,7 @@ class Console:
 
     def fail(self, error: SeaclutterError) -> None:
         """Print an error and continue; with ``--debug``, raise it."""
+        self._record(str(error), logging.ERROR)
         if DEBUG in click.get_current_context().meta:
             raise error
         show_error(error)
@@ -88,8 +116,10 @@ class Console:
         """Print the line about one of several recordings, and all of its damage if verbose."""
         if error:
             self.fail(error)
-        elif line and not self.quiet:
-            show_line(line)
+        elif line:
+            self._record(line)
+            if not self.quiet:
+                show_line(line)
         if self.verbose:
             self.damage(damage)
 

@@ -6,12 +6,12 @@ import click
 
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import (
-    batch_options,
     console_options,
     force_option,
     grouped,
     label_options,
     logs_argument,
+    manifest_batch_options,
     methods_options,
     output_option,
     reading_options,
@@ -38,7 +38,7 @@ _OPTIONS = (
         help="Clustering algorithm; by default that of the configuration. With dbscan, also show its measures.",
     ),
     reading_options,
-    batch_options,
+    manifest_batch_options,
 )
 
 

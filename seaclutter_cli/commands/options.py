@@ -98,6 +98,7 @@ logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=Tru
 _TALK = (
     click.option("-q", "--quiet", is_flag=True, help="Show no progress and no warnings."),
     click.option("-v", "--verbose", is_flag=True, help="Show details."),
+    path_option("--log-file", help="Append all messages to FILE, with times and details."),
     debug_option,
 )
 console_options = grouped("console", "commands.console:Console", (json_option, *_TALK))
@@ -230,11 +231,15 @@ _BATCH = (
 )
 batch_options = grouped("batch", "runs.batch:BatchOptions", _BATCH)
 """Options for several recordings, as ``batch``."""
+_MANIFEST = output_option("--manifest", help="Write a table with a row for each recording (CSV or JSON).")
+manifest_batch_options = grouped("batch", "runs.batch:BatchOptions", (*_BATCH, _MANIFEST))
+"""The same for runs that can also write a manifest."""
 resumable_batch_options = grouped(
     "batch",
     "runs.batch:BatchOptions",
     (
         *_BATCH,
+        _MANIFEST,
         click.option("--resume", is_flag=True, help="Skip recordings whose output of the same run is complete."),
     ),
 )

@@ -34,11 +34,14 @@ class BatchOptions:
         Stop after the first recording with an error.
     resume : bool
         Skip recordings whose output of the same run is complete, and replace outputs of other runs.
+    manifest : Path or None
+        File for a table with a row for each recording; JSON if the name ends in ``.json``, otherwise CSV.
     """
 
     jobs: int | None = 1
     fail_fast: bool = False
     resume: bool = False
+    manifest: Path | None = None
 
     def engine(self, recordings: int) -> Engine:
         """Return the engine for a number of recordings."""

@@ -42,6 +42,15 @@ class Evaluated(Outcome):
         rates = f"R_FP {_shown(summary.r_fp, 100, 2, ' %')}, R_FN {_shown(summary.r_fn, 100, 2, ' %')}"
         return f"{count(summary.frames, 'labelled frame')}, {name}: {rates}, {self.seconds:.1f} s"
 
+    def counts(self) -> dict[str, Any]:
+        """Return further columns of the manifest of a run, with the alarms of the first method."""
+        first = next(iter(self.methods.values()))
+        return {
+            "frames": first.frames,
+            "false_alarms": first.false_alarms,
+            "missed_targets": first.visible - first.detected,
+        }
+
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""
         return {

@@ -18,6 +18,7 @@ from seaclutter_cli.runs.checks import checks_of
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.frame_table import FrameRows, FrameTable
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
+from seaclutter_cli.runs.manifest import write_manifest
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs
@@ -93,8 +94,10 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
     variants = options.methods.variants(*overrides)
     recordings = expand(logs)
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
+    manifest = options.batch.manifest
     inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in variants])
-    prepare_outputs(targets, inputs, options.labels.paths, force=options.force, observer=observer)
+    outputs = {**targets, "--manifest": manifest}
+    prepare_outputs(outputs, inputs, options.labels.paths, force=options.force, observer=observer)
     labels = options.labels.assign(recordings)
     works = [EvaluateWork(options, variants, *each) for each in zip(recordings, labels, strict=True)]
     with OutputGroup(replace=options.force) as files:
@@ -110,6 +113,8 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
                 summary.stream.write(json.dumps(comparison.as_dict(), indent=2).encode() + b"\n")
         if not may_appear(targets.values(), comparison.outcomes, observer):
             files.discard()
+    if manifest:
+        write_manifest(manifest, recordings, outcomes)
     return comparison
 
 

@@ -19,6 +19,7 @@ from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch
 from seaclutter_cli.runs.checks import checks_of
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
+from seaclutter_cli.runs.manifest import write_manifest
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, plan_outputs, prepare_outputs
@@ -101,7 +102,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
     targets = plan_outputs(recordings, output)
     inputs = inputs_of(recordings, options.reading, options.config.file, [config])
-    outputs = {"-o": targets, "--csv": options.csv_file}
+    outputs = {"-o": targets, "--csv": options.csv_file, "--manifest": options.batch.manifest}
     batch = options.batch
     if batch.resume and options.csv_file:
         raise UsageError("--resume: there are no rows of frames for recordings that are skipped; leave out --csv")
@@ -124,6 +125,8 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
             files.discard()
     for outcome in outcomes:
         outcome.bytes_out = 0 if outcome.error else size_of(outcome.output)
+    if batch.manifest:
+        write_manifest(batch.manifest, recordings, outcomes)
     return FilterSummary(outcomes, perf_counter() - started)
 
 

@@ -59,6 +59,17 @@ class FilterOutcome(Outcome):
         kept = f"{share(self.points_out, self.points_in)} of the points kept"
         return f"{count(self.frames, 'frame')}, {kept}, {self.seconds:.1f} s -> {printable(str(self.output))}"
 
+    def counts(self) -> dict[str, Any]:
+        """Return further columns of the manifest of a run."""
+        return {
+            "output": None if self.error else str(self.output),
+            "frames": self.frames,
+            "points_in": self.points_in,
+            "points_out": self.points_out,
+            "bytes_in": self.bytes_in,
+            "bytes_out": self.bytes_out,
+        }
+
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""
         return {

@@ -124,6 +124,10 @@ class Outcome:
         """Return the main figures of the outcome, for a line about it."""
         return f"{self.seconds:.1f} s"
 
+    def counts(self) -> dict[str, Any]:
+        """Return further columns of the manifest of a run."""
+        return {}
+
 
 class Result(ABC):
     """Result of a run, as text and as data."""

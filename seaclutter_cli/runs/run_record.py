@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli import __version__
+from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import Rings
 from seaclutter_cli.pipeline import TopicTally
@@ -122,12 +123,12 @@ def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dic
     """
     by_name = {path.name: path for path in paths}
     try:
-        outcome = json.loads(entries["outcome"])
+        outcome = load_json(entries["outcome"])
         topics = {topic: _tally_from_json(tally) for topic, tally in outcome["topics"].items()}
         damage = [
             Damage(**{**item, "path": by_name.get(item["path"], Path(item["path"]))}) for item in outcome["damage"]
         ]
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ValueError(f"incomplete record: {error!r}") from error
     return topics, damage
 

@@ -1,5 +1,6 @@
 """Several recordings in one run: results do not depend on the number of processes."""
 
+import csv
 import json
 import os
 import re
@@ -242,3 +243,56 @@ def test_json_does_not_depend_on_the_number_of_processes(logs, tmp_path, command
 
 def words(command, logs, folder):
     return [command, str(logs), *(["-o", f"{folder}/", "--force"] if command == "filter" else [])]
+
+
+@pytest.mark.parametrize("name", ["runs.csv", "runs.json"])
+def test_a_manifest_has_a_row_for_each_recording(logs, tmp_path, name):
+    out = tmp_path / "out"
+    line = ["filter", str(logs), "-o", f"{out}/", "--manifest", str(tmp_path / name), "-j", "2"]
+    assert CliRunner().invoke(cli, line).exit_code == 1
+    text = (tmp_path / name).read_text()
+    rows = json.loads(text) if name.endswith("json") else list(csv.DictReader(text.splitlines()))
+    assert [row["recording"] for row in rows] == list("abcde")
+    assert [row["status"] for row in rows] == ["done", "done", "damaged", "done", "failed"]
+    assert [row["input"] for row in rows] == [str(logs / f"{name}.mcap") for name in "abcde"]
+    assert int(rows[0]["frames"]) == 9
+    assert int(rows[0]["points_in"]) == 9 * 500 > int(rows[0]["points_out"])
+    assert int(rows[0]["bytes_out"]) == (out / "a.mcap").stat().st_size
+    assert int(rows[2]["damaged_parts"]) > 0
+    assert "no readable record" in rows[4]["error"]
+    again = CliRunner().invoke(cli, [*line[:2], "-o", f"{tmp_path / 'other'}/", *line[4:]])
+    assert again.exit_code == 2
+    assert "already exists" in again.stderr
+
+
+def test_a_manifest_of_an_evaluation(labelled, tmp_path):
+    line = ["evaluate", str(labelled), "--labels", str(labelled), "--manifest", str(tmp_path / "m.csv")]
+    assert CliRunner().invoke(cli, line).exit_code == 0
+    rows = list(csv.DictReader((tmp_path / "m.csv").read_text().splitlines()))
+    assert [(row["recording"], row["frames"], row["output"]) for row in rows] == [(f"s{k}", "6", "") for k in (1, 2, 3)]
+    assert all(row["false_alarms"].isdigit() and row["missed_targets"].isdigit() for row in rows)
+
+
+def test_a_log_file_has_all_messages(logs, tmp_path):
+    log = tmp_path / "run.log"
+    line = ["filter", str(logs), "-o", f"{tmp_path}/out/", "-q", "--log-file", str(log)]
+    CliRunner().invoke(cli, line)
+    lines = log.read_text().splitlines()
+    assert lines[0] == "# seaclutter log"
+    assert all(re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ (INFO|WARNING|ERROR) ", text) for text in lines[1:])
+    assert sum(" INFO a: 9 frames, " in text for text in lines) == 1
+    assert sum("ERROR" in text for text in lines) == 1
+    CliRunner().invoke(cli, [*line, "--force"])
+    assert log.read_text().splitlines()[: len(lines)] == lines
+    assert log.read_text().count("# seaclutter log") == 1
+
+
+def test_a_log_file_replaces_nothing(logs, tmp_path):
+    victim = tmp_path / "notes.txt"
+    victim.write_text("important\n")
+    line = ["filter", str(logs), "-o", f"{tmp_path}/out/", "--log-file"]
+    result = CliRunner().invoke(cli, [*line, str(victim)])
+    assert result.exit_code == 1
+    assert "is not a log file" in result.stderr
+    assert victim.read_text() == "important\n"
+    assert CliRunner().invoke(cli, [*line, str(tmp_path / "no" / "folder" / "x.log")]).exit_code == 1
