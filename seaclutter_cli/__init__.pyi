@@ -25,6 +25,7 @@ from .frame import Frame as Frame
 from .frame import Reason as Reason
 from .frame import Rings as Rings
 from .frame import WaterState as WaterState
+from .runs.batch import BatchOptions as BatchOptions
 from .runs.classify.predict import ClassifyTilesOptions as ClassifyTilesOptions
 from .runs.classify.predict import classify_tiles as classify_tiles
 from .runs.classify.separate import SeparateTilesOptions as SeparateTilesOptions

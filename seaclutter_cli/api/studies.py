@@ -12,6 +12,7 @@ from seaclutter_cli.api.arguments import (
     path_or_none,
     run_observer,
 )
+from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.methods import MethodOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
@@ -24,7 +25,12 @@ from seaclutter_cli.runs.tune_result import TuningResult
 
 
 def info(
-    logs: Logs, *, reading: ReadOptions | None = None, keep_going: bool = False, observer: Observer = SILENT
+    logs: Logs,
+    *,
+    reading: ReadOptions | None = None,
+    keep_going: bool = False,
+    batch: BatchOptions | None = None,
+    observer: Observer = SILENT,
 ) -> SurveyResult:
     """Return the content of logs: topics, frames, fields, extents, sensors, and settings that a filter run needs.
 
@@ -36,6 +42,9 @@ def info(
         Part of each recording to read, and how.
     keep_going : bool, optional
         Store an error of a recording in its outcome and continue with the others, instead of raising it.
+    batch : BatchOptions, optional
+        How several recordings are processed; by default one after another. A script that uses several processes needs
+        ``if __name__ == "__main__":``, as for `multiprocessing`.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -51,7 +60,7 @@ def info(
     >>> content.format, content.clouds["/points"].frames, content.clouds["/points"].intensity
     ('MCAP', 60, [1.0, 255.0])
     """
-    return survey_logs(logs, reading, run_observer(observer, keep_going=keep_going))
+    return survey_logs(logs, reading, run_observer(observer, keep_going=keep_going), batch)
 
 
 def tune(  # noqa: PLR0913 - each an option of its own

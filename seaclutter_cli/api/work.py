@@ -13,6 +13,7 @@ from seaclutter_cli.api.arguments import (
     run_observer,
 )
 from seaclutter_cli.calibration import FILTER_RATE
+from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.calibrate import CalibrateOptions, calibrate_logs
 from seaclutter_cli.runs.calibrate_result import CalibrationResult
 from seaclutter_cli.runs.comparison import Comparison
@@ -38,6 +39,7 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
     csv_file: PathLike | None = None,
     force: bool = False,
     keep_going: bool = False,
+    batch: BatchOptions | None = None,
     observer: Observer = SILENT,
 ) -> FilterSummary:
     """Filter one or several logs into drop-in MCAP files.
@@ -62,6 +64,9 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
         Replace existing files.
     keep_going : bool, optional
         Store an error of a recording in its outcome and continue with the others, instead of raising it.
+    batch : BatchOptions, optional
+        How several recordings are processed; by default one after another. A script that uses several processes needs
+        ``if __name__ == "__main__":``, as for `multiprocessing`.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -90,6 +95,7 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
         written=written or McapOptions(),
         csv_file=path_or_none(csv_file),
         force=force,
+        batch=batch or BatchOptions(),
     )
     return filter_logs(logs, output, options, run_observer(observer, keep_going=keep_going))
 
@@ -178,6 +184,7 @@ def evaluate(  # noqa: PLR0913 - each an option of its own
     summary_file: PathLike | None = None,
     force: bool = False,
     keep_going: bool = False,
+    batch: BatchOptions | None = None,
     observer: Observer = SILENT,
 ) -> Comparison:
     """Count false alarms and missed targets of one or several methods against labels, in one pass over the logs.
@@ -206,6 +213,9 @@ def evaluate(  # noqa: PLR0913 - each an option of its own
         Replace existing files.
     keep_going : bool, optional
         Store an error of a recording in its outcome and continue with the others, instead of raising it.
+    batch : BatchOptions, optional
+        How several recordings are processed; by default one after another. A script that uses several processes needs
+        ``if __name__ == "__main__":``, as for `multiprocessing`.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -235,6 +245,7 @@ def evaluate(  # noqa: PLR0913 - each an option of its own
         frames_file=path_or_none(frames_file),
         summary_file=path_or_none(summary_file),
         force=force,
+        batch=batch or BatchOptions(),
     )
     return evaluate_logs(logs, options, run_observer(observer, keep_going=keep_going))
 

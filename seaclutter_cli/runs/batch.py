@@ -36,6 +36,14 @@ class BatchOptions:
         Skip recordings whose output of the same run is complete, and replace outputs of other runs.
     manifest : Path or None
         File for a table with a row for each recording; JSON if the name ends in ``.json``, otherwise CSV.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> table = seaclutter.BatchOptions(manifest=folder / "runs.csv")
+    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "listed.mcap", batch=table)
+    >>> (folder / "runs.csv").read_text().splitlines()[1].split(",")[3:5]
+    ['done', '60']
     """
 
     jobs: int | None = 1
