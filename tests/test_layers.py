@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
 
-BASE = {"text", "errors", "limits", "documents", "records", "cloud", "frame", "truth", "interfaces"}
+BASE = {"text", "errors", "storage", "limits", "documents", "records", "cloud", "frame", "truth", "interfaces"}
 CORE = (
     BASE
     | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "water"}
@@ -20,7 +20,8 @@ ALLOWED = {
     "text": set(),
     "errors": set(),
     "documents": set(),
-    "records": {"text"},
+    "storage": {"text", "errors"},
+    "records": {"text", "storage"},
     "limits": {"errors"},
     "cloud": {"text", "errors", "records"},
     "frame": {"text", "errors", "records", "cloud"},

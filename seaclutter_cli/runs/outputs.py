@@ -12,8 +12,8 @@ from seaclutter_cli.runs.recordings import Outcome, PathLike, ReadOptions
 from seaclutter_cli.runs.same_file import Identity, files_in, identity
 from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sinks.parts import remove_stale
 from seaclutter_cli.sources import SOURCES, Recording
+from seaclutter_cli.storage.parts import remove_stale
 from seaclutter_cli.text import count, named_folder
 
 Paths = Mapping[str, Path | Iterable[Path] | None]
