@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult, Reason
@@ -30,6 +29,8 @@ from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count, printable, share
 
 _FEW_WATER = 0.05
@@ -51,7 +52,7 @@ class FilterOptions:
         Write boxes around the clusters of kept points to ``/seaclutter/scene``.
     labels : LabelSources
         Labels whose boxes are also written; only with ``with_scene``.
-    csv_file : Path or None
+    csv_file : Path, Url or None
         File for a table with a row for each frame.
     force : bool
         Replace existing files.
@@ -62,10 +63,11 @@ class FilterOptions:
     written: McapOptions = field(default_factory=McapOptions)
     with_scene: bool = False
     labels: LabelSources = field(default_factory=LabelSources)
-    csv_file: Path | None = None
+    csv_file: Location | None = None
     force: bool = False
 
 
+@copies_removed()
 def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> FilterSummary:
     """Filter every recording into an MCAP file.
 
@@ -120,7 +122,7 @@ class RecordingFilter:
     def __init__(self, options: FilterOptions, observer: Observer) -> None:
         self._options, self.config, self._observer = options, options.config.load(), observer
 
-    def table(self, path: Path, group: OutputGroup | None = None) -> CsvSink:
+    def table(self, path: Location, group: OutputGroup | None = None) -> CsvSink:
         """Return a table for the frames of all recordings."""
         config = self.config
         rings = len(config.ring_edges[1:])
@@ -129,7 +131,7 @@ class RecordingFilter:
     def run(
         self,
         recording: Recording,
-        target: Path,
+        target: Location,
         labels: Labels | None = None,
         tables: Sequence[Sink] = (),
         group: OutputGroup | None = None,

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
+from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count, indented, printable, share, table
 
 
@@ -17,7 +17,7 @@ class FilterOutcome(Outcome):
 
     Parameters
     ----------
-    output : Path
+    output : Path or Url
         Filtered file.
     edges : sequence of float
         Edges of the method's range rings in metres; empty for methods without range rings.
@@ -27,7 +27,7 @@ class FilterOutcome(Outcome):
         Sums over the frames of each cloud topic.
     """
 
-    output: Path
+    output: Location
     edges: Sequence[float]
     has_water: bool = False
     topics: Mapping[str, TopicTally] = field(default_factory=dict)

@@ -5,7 +5,6 @@ import io
 import tempfile
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, ExitStack
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -13,6 +12,7 @@ from seaclutter_cli.errors import OutputError
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.storage.locations import Location
 
 _COLUMNS = ("recording", "method", "frame", "stamp_ns", *ALARM_COLUMNS)
 _UNKNOWN = b"," * len(POINT_COLUMNS) + b"\n"
@@ -27,13 +27,13 @@ class FrameTable(AbstractContextManager["FrameTable"]):
 
     Parameters
     ----------
-    path : Path
+    path : Path or Url
         The file; it is created when the context exits without an error.
     group : OutputGroup, optional
         Files that appear together with this one.
     """
 
-    def __init__(self, path: Path, group: OutputGroup | None = None) -> None:
+    def __init__(self, path: Location, group: OutputGroup | None = None) -> None:
         self._path = path
         with ExitStack() as stack:
             self._file = stack.enter_context(AtomicFile(path, group))

@@ -7,8 +7,7 @@ from pathlib import Path
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.sources.frame_files.folder import is_frame_folder
-from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
+from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count
 
 LABEL_SUFFIX = ".labels.csv"
@@ -20,13 +19,13 @@ class LabelSources:
 
     Parameters
     ----------
-    paths : tuple of Path
+    paths : tuple of Path or Url
         One path for each recording, in the same order; or one folder with a file for each; or empty.
     clutter_ids, ignore_ids : tuple of int or None
         Class ids of clutter and class ids to ignore in point labels; None: the defaults.
     """
 
-    paths: tuple[Path, ...] = ()
+    paths: tuple[Location, ...] = ()
     clutter_ids: tuple[int, ...] | None = None
     ignore_ids: tuple[int, ...] | None = None
 
@@ -49,16 +48,19 @@ class LabelSources:
             clutter_ids=defaults.clutter_ids if self.clutter_ids is None else self.clutter_ids,
             ignore_ids=defaults.ignore_ids if self.ignore_ids is None else self.ignore_ids,
         )
-        found = zip(recordings, find_labels(recordings, self.paths), strict=True)
-        return [
-            open_labels(path, replace(chosen, by_sequence=_in_frame_folder(recording))) for recording, path in found
-        ]
 
+        def open_one(number: int, path: Path) -> Labels:
+            return open_labels(path, replace(chosen, by_sequence=recordings[number].is_frame_folder))
 
-def _in_frame_folder(recording: Recording) -> bool:
-    """Return whether a recording is a folder of frames, where a damaged file keeps its frame number."""
-    path = recording.paths[0]
-    return len(recording.paths) == 1 and path.is_dir() and not is_rosbag2_folder(path) and is_frame_folder(path)
+        if all(isinstance(place, Path) for place in self.paths):
+            local = [place for place in self.paths if isinstance(place, Path)]
+            return [open_one(number, path) for number, path in enumerate(find_labels(recordings, local))]
+        from seaclutter_cli.runs.remote_labels import LabelFinder
+
+        finder = LabelFinder(self.paths)
+        with finder.naming():
+            found = find_labels(recordings, finder.paths)
+        return list(finder.open(found, open_one))
 
 
 def find_labels(recordings: Sequence[Recording], paths: Sequence[Path]) -> list[Path]:

@@ -23,6 +23,7 @@ from seaclutter_cli.runs.recordings import (
     storing_errors,
 )
 from seaclutter_cli.selection import Selection
+from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.survey import TopicSurvey
 from seaclutter_cli.text import printable, share, table
 
@@ -30,6 +31,7 @@ _NANO = 1_000_000_000
 _DEFAULT_THRESHOLD = 4
 
 
+@copies_removed()
 def survey_logs(logs: Logs, reading: ReadOptions | None = None, observer: Observer = SILENT) -> "SurveyResult":
     """Return the content of recordings; every selected frame is read.
 

@@ -14,6 +14,7 @@ from seaclutter_cli.storage.failures import explained
 from seaclutter_cli.storage.locations import Url
 from seaclutter_cli.storage.mirrors import Mirror
 from seaclutter_cli.storage.objects import StoredObject, range_options
+from seaclutter_cli.storage.scratch import remove_at_end
 from seaclutter_cli.storage.stores import store_of
 
 _RANGE = 32 * 2**20
@@ -54,6 +55,7 @@ class Download:
         thread = threading.Thread(target=self._work.run, daemon=True)
         self.remove = weakref.finalize(self, _stop, self._work, thread, self.mirror.folder.remove)
         """Stop the transfer and remove the copies."""
+        remove_at_end(self.remove)
         thread.start()
 
     def wait(self) -> Mirror:
@@ -165,6 +167,7 @@ class Prefetcher:
     def __init__(self) -> None:
         self._order: list[tuple[Url, tuple[StoredObject, ...]]] = []
         self._next: Download | None = None
+        self._last: Download | None = None
 
     def __reduce__(self) -> tuple[type["Prefetcher"], tuple[()]]:
         return Prefetcher, ()
@@ -181,19 +184,28 @@ class Prefetcher:
         InputError
             If it cannot be copied.
         """
-        download, self._next = self._next, None
-        if download is None or download.objects != objects:
-            if download is not None:
-                download.remove()
-            download = Download(base, objects)
+        download: Download | None = None
+        for known in filter(None, (self._next, self._last)):
+            if download is None and known.objects == objects:
+                download = known
+            else:
+                known.remove()
+        self._next = self._last = None
+        download = download or Download(base, objects)
         try:
             download.wait()
         except BaseException:
             download.remove()
             raise
-        known = [known for _, known in self._order]
-        at = known.index(objects) + 1 if objects in known else len(known)
-        if at < len(known):
+        order = [objects for _, objects in self._order]
+        at = order.index(objects) + 1 if objects in order else len(order)
+        if at < len(order):
             with suppress(SeaclutterError):  # it says so when it is its turn
                 self._next = Download(*self._order[at])
         return download
+
+    def give_back(self, download: Download) -> None:
+        """Keep a copy that is no longer read until another is taken: commands may read a recording twice."""
+        if self._last is not None:
+            self._last.remove()
+        self._last = download

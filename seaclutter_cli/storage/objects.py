@@ -57,8 +57,8 @@ def find_object(url: Url) -> StoredObject | None:
             return None
 
 
-def list_objects(folder: Url) -> Iterator[StoredObject]:
-    """Yield the objects in a folder and its subfolders, in the order of their names where the service sorts.
+def list_objects(folder: Url, *, deep: bool = True) -> Iterator[StoredObject]:
+    """Yield the objects in a folder and, if ``deep``, its subfolders, in the order in which the service lists them.
 
     Raises
     ------
@@ -67,9 +67,25 @@ def list_objects(folder: Url) -> Iterator[StoredObject]:
     """
     store = store_of(folder)
     with explained(folder):
-        for batch in store.list(folder.key or None):
+        batches = store.list(folder.key) if deep else [store.list_with_delimiter(folder.key)["objects"]]
+        for batch in batches:
             for meta in batch:
                 yield _stored(Url(folder.scheme, folder.bucket, meta["path"]), meta)
+
+
+def list_folder(folder: Url) -> tuple[set[Url], set[Url]]:
+    """Return the objects and the folders directly in a folder.
+
+    Raises
+    ------
+    InputError
+        If there is no such bucket, or no access.
+    """
+    with explained(folder):
+        found = store_of(folder).list_with_delimiter(folder.key or None)
+    names = ([meta["path"] for meta in found["objects"]], found["common_prefixes"])
+    objects, folders = ({Url(folder.scheme, folder.bucket, name) for name in some} for some in names)
+    return objects, folders
 
 
 def _stored(url: Url, meta: "ObjectMeta") -> StoredObject:

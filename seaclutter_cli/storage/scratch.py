@@ -4,6 +4,9 @@ import os
 import shutil
 import tempfile
 import weakref
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError, OutputError
@@ -17,6 +20,32 @@ VARIABLE = "SEACLUTTER_SCRATCH"
 def scratch_root() -> Path:
     """Return the folder for temporary copies: that of the environment, or the system's for temporary files."""
     return Path(os.environ.get(VARIABLE) or tempfile.gettempdir()).absolute()
+
+
+_AT_END: ContextVar[list[Callable[[], object]] | None] = ContextVar("_AT_END", default=None)
+
+
+@contextmanager
+def copies_removed() -> Iterator[None]:
+    """Remove all copies that are made within the context; as a decorator, within the function.
+
+    Copies are removed with the objects that hold them, too, but tracebacks that libraries keep may hold these for long.
+    """
+    removers: list[Callable[[], object]] = []
+    before = _AT_END.set(removers)
+    try:
+        yield
+    finally:
+        _AT_END.reset(before)
+        for remove in reversed(removers):
+            remove()
+
+
+def remove_at_end(remove: Callable[[], object]) -> None:
+    """Call a function when the innermost `copies_removed` ends, before those that were passed earlier."""
+    removers = _AT_END.get()
+    if removers is not None:
+        removers.append(remove)
 
 
 class ScratchFolder:
@@ -41,6 +70,7 @@ class ScratchFolder:
         except OSError as error:
             raise OutputError(f"{root}: the scratch folder cannot be used ({error.strerror})") from error
         self.remove = weakref.finalize(self, _remove, self.path)
+        remove_at_end(self.remove)
 
     def free(self) -> int:
         """Return the number of free bytes."""
