@@ -1,7 +1,7 @@
 """Recordings in object storage: found by their names, copied to the scratch folder when they are opened."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from glob import escape
 from pathlib import Path
@@ -11,11 +11,13 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Channel, Damage, Record, SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources import Recording, find_recordings, has_metadata_beside, metadata_beside
-from seaclutter_cli.storage.downloads import Download, Prefetcher
+from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
+from seaclutter_cli.storage.downloads import Prefetcher
 from seaclutter_cli.storage.locations import Url, is_url, location
 from seaclutter_cli.storage.mirrors import Mirror, skeleton
-from seaclutter_cli.storage.objects import StoredObject, find_object, list_objects
+from seaclutter_cli.storage.objects import StoredObject, find_object, list_objects, read_range
 
+_WORTH_AN_EXCERPT = 16 * 2**20
 _MAGIC = re.compile(r"[*?\[]")
 
 
@@ -62,10 +64,58 @@ class RemoteRecording(Recording):
         try:
             with mirror.naming():
                 copies = tuple(mirror.local(url) for url in self.paths if isinstance(url, Url))
-                return StagedSource(Recording(copies).open(rate_hz=rate_hz, decoding=decoding), download, self)
+                source = Recording(copies).open(rate_hz=rate_hz, decoding=decoding)
         except BaseException:
             download.remove()
             raise
+        return StagedSource(source, mirror, lambda: self.prefetcher.give_back(download))
+
+    def excerpt(self) -> "RemoteExcerpt | None":
+        """Return the first frames of a large MCAP file and its summary, without copying the rest.
+
+        None if the recording is something else, or its summary cannot be used.
+        """
+        found = self.objects[0]
+        if len(self.objects) > 1 or found.url != self.paths[0] or found.size < _WORTH_AN_EXCERPT:
+            return None
+        part = excerpt(lambda start, stop: read_range(found, start, stop), found.size)
+        return RemoteExcerpt(self.paths, self.title, part) if part else None
+
+
+@dataclass(frozen=True)
+class RemoteExcerpt(Recording):
+    """First frames of a recording in object storage.
+
+    Parameters
+    ----------
+    title : str
+        Name of the recording.
+    part : Excerpt
+        The frames, and the summary of the recording.
+    """
+
+    title: str
+    part: Excerpt
+
+    @property
+    def name(self) -> str:
+        """Name of the recording."""
+        return self.title
+
+    def open(self, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
+        """Open the excerpt."""
+        url = self.paths[0]
+        assert isinstance(url, Url)  # noqa: S101 - made from one
+        mirror = Mirror(url.parent)
+        try:
+            file = mirror.local(url)
+            file.write_bytes(self.part.data)
+            with mirror.naming():
+                source = Recording((file,)).open(rate_hz=rate_hz, decoding=decoding)
+        except BaseException:
+            mirror.folder.remove()
+            raise
+        return StagedSource(source, mirror, mirror.folder.remove)
 
 
 class StagedSource:
@@ -75,14 +125,14 @@ class StagedSource:
     ----------
     inner : Source
         The copy.
-    download : Download
+    mirror : Mirror
         Holds the copy.
-    recording : RemoteRecording
-        What it is a copy of.
+    release : callable
+        Called when the copy is closed.
     """
 
-    def __init__(self, inner: Source, download: Download, recording: RemoteRecording) -> None:
-        self._inner, self._download, self._recording = inner, download, recording
+    def __init__(self, inner: Source, mirror: Mirror, release: Callable[[], object]) -> None:
+        self._inner, self._mirror, self._release = inner, mirror, release
         self.name, self.format = inner.name, inner.format
         self.profile, self.compression = inner.profile, inner.compression
         self.damage: list[Damage] = []
@@ -90,7 +140,7 @@ class StagedSource:
         self._update()
 
     def _update(self) -> None:
-        mirror = self._download.mirror
+        mirror = self._mirror
         self.damage[:] = [_named(item, mirror) for item in self._inner.damage]
         self.warnings[:] = [mirror.shown(text) for text in self._inner.warnings]
 
@@ -112,20 +162,20 @@ class StagedSource:
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield the records of the copy."""
         try:
-            with self._download.mirror.naming():
+            with self._mirror.naming():
                 yield from self._inner.records(start_ns, end_ns)
         finally:
             self._update()
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the numbers of messages that `records` leaves out."""
-        with self._download.mirror.naming():
+        with self._mirror.naming():
             return self._inner.skipped(start_ns)
 
     def close(self) -> None:
-        """Close the copy, which is removed when the next recording is needed, or at the end of the run."""
+        """Close the copy; that of a recording is removed when the next is needed, or at the end of the run."""
         self._inner.close()
-        self._recording.prefetcher.give_back(self._download)
+        self._release()
 
 
 def _named(item: Damage, mirror: Mirror) -> Damage:
