@@ -204,5 +204,6 @@ def _remove(part: Path, opened: list[BinaryIO]) -> None:
 
 def _explain(path: Location, error: OSError) -> str:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return f"{path}: the disk is full; the incomplete file was removed"
+        where = "scratch folder" if isinstance(path, Url) else "disk"
+        return f"{path}: the {where} is full; the incomplete file was removed"
     return f"{path}: writing failed ({error.strerror or error}); the incomplete file was removed"

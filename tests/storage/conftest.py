@@ -5,6 +5,7 @@ import os
 
 import pytest
 
+from seaclutter_cli.storage import stores
 from seaclutter_cli.storage.locations import Url
 from tests.storage.proxy import Proxy
 from tests.storage.server import KEYS, Server, program
@@ -60,3 +61,12 @@ def scratch(tmp_path, monkeypatch):
     monkeypatch.setenv("SEACLUTTER_SCRATCH", str(folder))
     yield folder
     assert not list(folder.iterdir())
+
+
+@pytest.fixture
+def few_retries(monkeypatch):
+    """Let a server that fails be an error soon."""
+    monkeypatch.setattr(stores, "RETRIES", {"max_retries": 1})
+    stores.open_store.cache_clear()
+    yield
+    stores.open_store.cache_clear()

@@ -27,12 +27,13 @@ def program() -> str | None:
 
 
 class Server:
-    """A running server with the bucket ``trial``; its data are in a folder."""
+    """A running server with the buckets ``trial`` and, for everyone to read, ``public``; its data are in a folder."""
 
     def __init__(self, folder: Path) -> None:
         ports = dict(zip(_PORTS, _free_ports(len(_PORTS)), strict=True))
         self.port, self._filer = ports["s3.port"], ports["filer.port"]
         identities = [_identity(name, ["Admin"] if name == "writer" else ["Read:other"]) for name in KEYS]
+        identities.append({"name": "anonymous", "actions": ["Read:public", "List:public"]})
         (folder / "s3.json").write_text(json.dumps({"identities": identities}))
         (folder / "data").mkdir()
         options = [f"-{name}={port}" for name, port in ports.items()]
@@ -50,8 +51,9 @@ class Server:
     def _is_up(self) -> bool:
         try:
             urllib.request.urlopen(f"http://127.0.0.1:{self.port}/status", timeout=5)
-            url = f"http://127.0.0.1:{self._filer}/buckets/trial/"  # the server's file system makes the bucket
-            urllib.request.urlopen(urllib.request.Request(url, method="POST"), timeout=5)
+            for bucket in ("trial", "public"):  # the server's file system makes the buckets
+                url = f"http://127.0.0.1:{self._filer}/buckets/{bucket}/"
+                urllib.request.urlopen(urllib.request.Request(url, method="POST"), timeout=5)
         except OSError:
             return False
         return True

@@ -2,20 +2,25 @@
 
 import json
 import os
+import pickle
 import shlex
 import signal
 import subprocess
 import sys
 import time
+from contextlib import closing
 
 import pytest
 from click.testing import CliRunner
 
+import seaclutter
 from seaclutter_cli.commands import cli
+from seaclutter_cli.sources.remote import find_anywhere
 from tests.paths import ROOT
 from tests.storage.buckets import get, names, put
 from tests.storage.proxy import Action
 
+FIGURES = {f"f/{name}.svg" for name in ("corrections", "intensity", "reasons", "stages", "thresholds")}
 SEA, LABELS = ROOT / "samples" / "sea.mcap", ROOT / "samples" / "sea.labels.csv"
 
 
@@ -54,7 +59,7 @@ def done(line):
             "tune {0}/sea.mcap --labels {0} --sweep update_weight=0.2,1 -o {1}/t.yaml --csv {1}/t.csv --plot {1}/t.svg",
             {"t.yaml", "t.csv", "t.svg"},
         ),
-        ("report {0}/sea.mcap -n 3 -o {1}/r.html", {"r.html"}),
+        ("report {0}/sea.mcap -n 3 -o {1}/r.html --figures {1}/f", {"r.html", *FIGURES}),
     ],
 )
 def test_the_same_files_as_here(logs, tmp_path, line, outputs):
@@ -155,6 +160,39 @@ def test_split_and_folder_recordings(logs, tmp_path):
     assert [one["recording"] for one in json.loads(result.stdout)] == ["day", "bag", "frames"]
 
 
+def test_metadata_beside_a_capture_is_copied_too(logs, tmp_path):
+    put(logs / "trial.pcap", b"nothing")
+    put(logs / "trial.json", b"{}")
+    put(logs / "other.json", b"{}")
+    for pattern in ("trial.pcap", "*.pcap", ""):
+        recording = next(one for one in find_anywhere([f"{logs}/{pattern}"]) if one.name == "trial")
+        assert {one.url.name for one in recording.objects} == {"trial.pcap", "trial.json"}
+
+
+def test_a_recording_can_be_sent_to_another_process(logs):
+    (recording,) = find_anywhere([f"{logs}/sea.mcap"])
+    sent = pickle.loads(pickle.dumps(recording))
+    assert sent == recording
+    with closing(sent.open()) as source:
+        assert source.name == "sea"
+        assert sum(source.counts.values()) == 60
+    sent.prefetcher._last.remove()
+
+
+def test_the_library(logs, scratch, tmp_path):
+    with seaclutter.open_log(f"{logs}/sea.mcap") as log:
+        assert len(list(log.frames("/points"))) == 60
+        assert list(scratch.iterdir())
+    first = seaclutter.ReadOptions(frames=2)
+    done = seaclutter.filter_log(f"{logs}/sea.mcap", f"{logs}/f.mcap", config=f"{logs}/config.yaml", reading=first)
+    assert str(done.outcomes[0].output) == f"{logs}/f.mcap"
+    seaclutter.calibrate(f"{logs}/sea.mcap", labels=f"{logs}/sea.labels.csv", output=f"{logs}/c.yaml")
+    assert {"f.mcap", "c.yaml"} <= set(names(logs))
+    with pytest.raises(seaclutter.UsageError, match="already exists"):
+        seaclutter.filter_log(f"{logs}/sea.mcap", f"{logs}/f.mcap")
+    del log
+
+
 def test_an_error_in_one_log_does_not_cost_the_others(logs):
     put(logs / "day/a.mcap", b"nothing")
     put(logs / "day/b.mcap", SEA.read_bytes())
@@ -184,8 +222,16 @@ def test_scratch_is_an_option(logs, tmp_path, monkeypatch):
     assert "no: the scratch folder cannot be used" in result.stderr
 
 
+IMPATIENT = """
+from seaclutter_cli.commands import main
+from seaclutter_cli.storage import stores
+stores.RETRIES = {"max_retries": 3}
+main()
+"""
+
+
 def start(*arguments):
-    command = [sys.executable, "-m", "seaclutter_cli", *map(str, arguments)]
+    command = [sys.executable, "-c", IMPATIENT, *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -197,8 +243,8 @@ def wait_for(condition):
     raise TimeoutError
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-def test_a_run_that_ends_during_the_upload(logs, proxy, scratch, number):
+@pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM"])
+def test_a_run_that_ends_during_the_upload(logs, proxy, scratch, name):
     def is_upload(request):
         return "out.mcap" in request.path and request.method in ("PUT", "POST")
 
@@ -206,14 +252,14 @@ def test_a_run_that_ends_during_the_upload(logs, proxy, scratch, number):
     process = start("filter", logs / "sea.mcap", "-o", logs / "out.mcap")
     try:
         wait_for(lambda: any(map(is_upload, proxy.requests)))
-        process.send_signal(number)
+        process.send_signal(signal.Signals[name])
         process.communicate(timeout=60)
     finally:
         process.kill()
     proxy.rule = lambda _: None
     assert process.returncode != 0
     assert "out.mcap" not in names(logs)
-    if number == signal.SIGKILL:
+    if name == "SIGKILL":
         assert list(scratch.iterdir())
     done(f"filter {logs}/sea.mcap -n 1 -o {logs}/out.mcap")
     assert "out.mcap" in names(logs)

@@ -1,5 +1,7 @@
 """Objects of a real object store: finding, listing and reading them, and errors with their causes."""
 
+import json
+
 import pytest
 
 from seaclutter_cli.errors import InputError, MissingExtraError, SeaclutterError, UsageError
@@ -69,7 +71,7 @@ def test_wrong_credentials(bucket, monkeypatch, access, secret, cause):
 
 
 @pytest.mark.parametrize("has_boto3", [False, True])
-def test_no_credentials(proxy, monkeypatch, tmp_path, has_boto3):
+def test_no_credentials(proxy, few_retries, monkeypatch, tmp_path, has_boto3):
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.delenv(name)
     if has_boto3:
@@ -119,14 +121,11 @@ def test_a_server_that_fails_now_and_then(bucket, proxy):
         (Action(reset_after=0), "the server cannot be reached, or the connection broke off"),
     ],
 )
-def test_a_server_that_always_fails(bucket, proxy, monkeypatch, action, cause):
+def test_a_server_that_always_fails(bucket, proxy, few_retries, action, cause):
     url = put(bucket / "log.mcap", b"x")
-    monkeypatch.setattr(stores, "RETRIES", {"max_retries": 1})
-    stores.open_store.cache_clear()
     proxy.fail(1000, action)
     with pytest.raises(InputError, match=cause):
         find_object(url)
-    stores.open_store.cache_clear()
 
 
 def test_http_has_to_be_permitted(bucket, monkeypatch):
@@ -155,3 +154,24 @@ def test_the_error_names_the_extra(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "obstore.store", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'seaclutter\[cloud\]'"):
         find_object(Url("s3", "trial", "log.mcap"))
+
+
+def test_google_cloud_storage(server, bucket, tmp_path, monkeypatch):
+    """Its interface is close enough to that of S3 for the server to answer."""
+    put(Url("s3", "public", "log.mcap"), b"content")
+    account = tmp_path / "account.json"
+    keys = {"disable_oauth": True, "private_key": "", "private_key_id": "", "client_email": ""}
+    account.write_text(json.dumps({"gcs_base_url": f"http://127.0.0.1:{server.port}", **keys}))
+    monkeypatch.setenv("GOOGLE_SERVICE_ACCOUNT", str(account))
+    found = find_object(Url("gs", "public", "log.mcap"))
+    assert read_range(found, 0, 100) == b"content"
+    with pytest.raises(InputError, match=r"^gs://trial/log.mcap: access denied$"):
+        find_object(Url("gs", "trial", "log.mcap"))
+
+
+def test_a_public_bucket_needs_no_credentials(proxy, monkeypatch):
+    put(Url("s3", "public", "log.mcap"), b"content")
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("AWS_SKIP_SIGNATURE", "true")
+    assert find_object(Url("s3", "public", "log.mcap")).size == 7

@@ -8,7 +8,7 @@ import pytest
 
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.storage import objects, stores
+from seaclutter_cli.storage import objects
 from tests.storage.buckets import get, names, put
 from tests.storage.proxy import Action
 
@@ -32,15 +32,6 @@ def is_upload(request):
 
 def is_abort(request):
     return request.method == "DELETE" and "uploadId" in request.path
-
-
-@pytest.fixture
-def few_retries(monkeypatch):
-    """Let a server that fails be an error soon."""
-    monkeypatch.setattr(stores, "RETRIES", {"max_retries": 1})
-    stores.open_store.cache_clear()
-    yield
-    stores.open_store.cache_clear()
 
 
 @pytest.mark.parametrize("size", [0, 10, 5 * 2**20, len(DATA)])
