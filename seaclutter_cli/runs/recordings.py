@@ -139,15 +139,18 @@ class RecordingsResult(Result):
         return any(outcome.damage for outcome in self.outcomes)
 
 
-def expand(logs: Logs) -> list[Recording]:
-    """Return the recordings in files, folders and globs, here or in object storage; see `find_recordings`."""
+def expand(logs: Logs, *, ahead: bool = True) -> list[Recording]:
+    """Return the recordings in files, folders and globs, here or in object storage; see `find_recordings`.
+
+    Those in object storage are fetched ahead, if ``ahead``: for a run that reads one after another completely.
+    """
     paths = [logs] if isinstance(logs, str | os.PathLike) else logs
     names = [os.fspath(name) for name in paths]
     if not any(map(is_url, names)):
         return find_recordings(names)
     from seaclutter_cli.sources.remote import find_anywhere  # asyncio takes time to import
 
-    return find_anywhere(names)
+    return find_anywhere(names, ahead=ahead)
 
 
 @contextmanager

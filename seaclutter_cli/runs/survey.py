@@ -58,7 +58,7 @@ def survey_logs(logs: Logs, reading: ReadOptions | None = None, observer: Observ
     """
     reading = reading or ReadOptions()
     contents = []
-    for recording in expand(logs):
+    for recording in expand(logs, ahead=False):  # an excerpt may suffice
         content = Content(recording=recording.name, path=str(recording.paths[0]))
         with storing_errors(content, observer):
             part = _excerpt(recording, reading)

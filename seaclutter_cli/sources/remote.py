@@ -182,8 +182,15 @@ def _named(item: Damage, mirror: Mirror) -> Damage:
     return replace(item, path=mirror.url(item.path)) if isinstance(item.path, Path) else item
 
 
-def find_anywhere(patterns: Iterable[str]) -> list[Recording]:
+def find_anywhere(patterns: Iterable[str], *, ahead: bool = True) -> list[Recording]:
     """Return the recordings that names, folders and globs refer to, here or in object storage.
+
+    Parameters
+    ----------
+    patterns : iterable of str
+        Names, folders and globs.
+    ahead : bool, optional
+        Whether opening one begins to copy the next.
 
     Raises
     ------
@@ -200,7 +207,7 @@ def find_anywhere(patterns: Iterable[str]) -> list[Recording]:
         for recording in recordings:
             found.setdefault(recording.key, recording)
     for recording in found.values():
-        if isinstance(recording, RemoteRecording):
+        if ahead and isinstance(recording, RemoteRecording):
             prefetcher.add(recording.base, recording.objects)
     return list(found.values())
 

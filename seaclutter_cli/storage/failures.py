@@ -4,13 +4,14 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from seaclutter_cli.errors import InputError, SeaclutterError
+from seaclutter_cli.errors import InputError, MissingExtraError, SeaclutterError
 from seaclutter_cli.storage.locations import Url
 from seaclutter_cli.storage.stores import NO_CREDENTIALS
 
 _CODE = re.compile(r"<Code>(\w{1,60})</Code>")
 _STATUS = re.compile(r"status code: (\d{3}(?: [A-Z][A-Za-z ]{1,40})?)")
 _METADATA_SERVICE = re.compile(r"169\.254\.|metadata\.google\.internal|fd00:ec2")
+_OTHER_REGION = ("PermanentRedirect", "AuthorizationHeaderMalformed", "IllegalLocationConstraintException")
 _UNKNOWN_CREDENTIALS = ("InvalidAccessKeyId", "SignatureDoesNotMatch", "ExpiredToken", "InvalidToken")
 
 
@@ -24,9 +25,13 @@ def explained(url: Url, kind: type[SeaclutterError] = InputError) -> Iterator[No
     ------
     SeaclutterError
         Of the given kind.
+    MissingExtraError
+        If the extra ``cloud`` is not installed.
     """
-    from obstore.exceptions import BaseError
-
+    try:
+        from obstore.exceptions import BaseError
+    except ImportError as error:
+        raise MissingExtraError(f"{url.scheme}://", "cloud") from error
     try:
         yield
     except (BaseError, OSError, ValueError) as error:  # writers raise an OSError
@@ -43,6 +48,7 @@ def cause(error: Exception, url: Url) -> str:
     denied = isinstance(error, exceptions.PermissionDeniedError) or status.startswith("403")
     rules = (
         (code in ("NoSuchBucket", "ContainerNotFound"), f"there is no bucket {url.bucket}"),
+        ("configured region" in text or code in _OTHER_REGION, "the bucket is in another region; set AWS_REGION"),
         (_METADATA_SERVICE.search(text), NO_CREDENTIALS[url.scheme]),
         (refused, f"the credentials are not accepted ({code or status or 'not authenticated'})"),
         (denied, "access denied"),

@@ -1,13 +1,22 @@
 """Objects of a real object store: finding, listing and reading them, and errors with their causes."""
 
 import json
+import sys
 
 import pytest
 
 from seaclutter_cli.errors import InputError, MissingExtraError, SeaclutterError, UsageError
 from seaclutter_cli.storage import stores
+from seaclutter_cli.storage.failures import cause
 from seaclutter_cli.storage.locations import Url
-from seaclutter_cli.storage.objects import exists, find_object, is_folder_of_objects, list_objects, read_range
+from seaclutter_cli.storage.objects import (
+    exists,
+    find_object,
+    is_folder_of_objects,
+    list_folder,
+    list_objects,
+    read_range,
+)
 from tests.storage.buckets import put
 from tests.storage.proxy import Action
 from tests.storage.server import KEYS
@@ -149,11 +158,34 @@ def test_other_services_need_settings_too(monkeypatch):
         find_object(Url("az", "container", "log.mcap"))
 
 
-def test_the_error_names_the_extra(monkeypatch):
+@pytest.mark.parametrize("ask", [find_object, list_folder, exists, is_folder_of_objects])
+def test_the_error_names_the_extra(monkeypatch, ask):
     stores.open_store.cache_clear()
-    monkeypatch.setitem(__import__("sys").modules, "obstore.store", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'seaclutter\[cloud\]'"):
-        find_object(Url("s3", "trial", "log.mcap"))
+    for module in ("obstore", "obstore.store", "obstore.exceptions"):
+        monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MissingExtraError, match=r"^s3:// requires .* pip install 'seaclutter\[cloud\]'$"):
+        ask(Url("s3", "trial", "log.mcap"))
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("status code: 301 Moved Permanently: <Code>PermanentRedirect</Code>", "in another region; set AWS_REGION"),
+        ("Received redirect without LOCATION, an incorrectly configured region", "another region; set AWS_REGION"),
+        (
+            "PUT https://a/b?sig=SECRET status code: 409 Conflict: <Code>BlobBusy</Code>",
+            "answered 409 Conflict, BlobBusy",
+        ),
+        ("something with SECRET", "object storage failed (GenericError)"),
+    ],
+)
+def test_causes_are_found_in_the_texts_of_errors(text, problem):
+    pytest.importorskip("obstore")
+    from obstore.exceptions import GenericError
+
+    found = cause(GenericError(text), Url("s3", "trial", "log.mcap"))
+    assert problem in found
+    assert "SECRET" not in found
 
 
 def test_google_cloud_storage(server, bucket, tmp_path, monkeypatch):
