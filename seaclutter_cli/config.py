@@ -21,6 +21,8 @@ from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.ring_params import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
+from seaclutter_cli.storage.copies import copy_of
+from seaclutter_cli.storage.locations import Location, Url
 from seaclutter_cli.validation import (
     build,
     find_file,
@@ -124,7 +126,7 @@ class Config:
         return "\n".join(lines) + "\n"
 
 
-ConfigSource = Path | Mapping[str, Any] | Config
+ConfigSource = Location | Mapping[str, Any] | Config
 """A configuration file or the name of a built-in one, the content of a file, or a configuration."""
 
 
@@ -139,7 +141,7 @@ def load_config(
 
     Parameters
     ----------
-    source : Path, mapping or Config, optional
+    source : Path, Url, mapping or Config, optional
         YAML file or the name of a built-in one, the content of a file, or a configuration. None selects the defaults.
     method : str or None
         Method from the command line. Keys of the file that this method does not have are ignored.
@@ -173,6 +175,9 @@ def _read(source: ConfigSource | None) -> tuple[str, Mapping[str, Any]]:
     """Return the origin of the settings, for messages, and the settings as the sections of a file."""
     if source is None:
         return "command line", {}
+    if isinstance(source, Url):
+        with copy_of(source) as path:
+            return str(source), read_yaml(path, _SECTIONS)
     if isinstance(source, Path):
         return str(source), read_yaml(find_file(str(source), "", "file"), _SECTIONS)
     return "configuration", source.as_dict() if isinstance(source, Config) else source

@@ -15,6 +15,9 @@ _WAIT_FOR = ("importlib", "pydantic", "seaclutter_cli.sinks.atomic")
 """Packages and modules that drop or replace an interrupt that comes within them, or that complete and remove files; all
 of them take a short time."""
 
+_MAY_TAKE_LONG = "seaclutter_cli.storage.uploads"
+"""Module that runs within one of these, but can be interrupted."""
+
 
 def handle_interrupts() -> None:
     """Make termination requests and hang-ups a KeyboardInterrupt, as Ctrl-C is, and let none get lost.
@@ -44,7 +47,7 @@ def _known() -> list[signal.Signals]:
 def _interrupt(number: int, frame: FrameType | None) -> None:
     if _is_unwinding():
         return
-    while frame is not None:
+    while frame is not None and frame.f_globals.get("__name__") != _MAY_TAKE_LONG:
         if _must_wait(frame.f_globals.get("__name__", "")):
             _interrupt_soon(number)
             return

@@ -7,7 +7,19 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
 
-BASE = {"text", "errors", "limits", "threads", "documents", "records", "cloud", "frame", "truth", "interfaces"}
+BASE = {
+    "text",
+    "errors",
+    "storage",
+    "limits",
+    "threads",
+    "documents",
+    "records",
+    "cloud",
+    "frame",
+    "truth",
+    "interfaces",
+}
 CORE = (
     BASE
     | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "water"}
@@ -20,7 +32,8 @@ ALLOWED = {
     "text": set(),
     "errors": set(),
     "documents": set(),
-    "records": {"text"},
+    "storage": {"text", "errors"},
+    "records": {"text", "storage"},
     "limits": {"errors"},
     "threads": {"errors"},
     "interrupts": set(),

@@ -1,7 +1,6 @@
 """Studies of logs and methods: surveys, sweeps over parameters, reports."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal
 
 from seaclutter_cli.api.arguments import (
@@ -22,6 +21,7 @@ from seaclutter_cli.runs.sweep import Sweep
 from seaclutter_cli.runs.tune import TuneOptions
 from seaclutter_cli.runs.tune import tune as tune_logs
 from seaclutter_cli.runs.tune_result import TuningResult
+from seaclutter_cli.storage.locations import location
 
 
 def info(
@@ -185,7 +185,7 @@ def report(  # noqa: PLR0913 - each an option of its own
     """
     names = (methods,) if isinstance(methods, str) else tuple(methods)
     options = ReportOptions(
-        output=Path(output),
+        output=location(output),
         methods=MethodOptions(file=config_source(config), methods=names, comparisons=tuple(compare)),
         labels=label_sources(labels),
         reading=reading or ReadOptions(),

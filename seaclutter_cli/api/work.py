@@ -301,5 +301,6 @@ def simulate(  # noqa: PLR0913 - each an option of its own
     >>> made.tally.frames, made.labels.name
     (2, 'calm.labels.csv')
     """
-    options = SimulateOptions(frames=frames, seed=seed, lidar=lidar, scene_file=path_or_none(scene_file), force=force)
+    saved = None if scene_file is None else Path(scene_file)
+    options = SimulateOptions(frames=frames, seed=seed, lidar=lidar, scene_file=saved, force=force)
     return simulate_scene(scene, Path(output), options, observer)

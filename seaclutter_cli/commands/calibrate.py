@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.calibrate import CalibrateOptions
 
 _OPTIONS = (
-    output_option("-o", "--output", metavar="CONFIG", required=True, help="Configuration to write, for filter -c."),
+    output_option(
+        "-o", "--output", metavar="CONFIG", required=True, help="Configuration to write, for filter -c.", remote=True
+    ),
     force_option,
     click.option(
         "--filter-rate",
@@ -35,7 +37,9 @@ _OPTIONS = (
         is_flag=True,
         help="Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES.",
     ),
-    output_option("--plot", "plot_file", help="Also plot clutter and thresholds over range (.png or .svg)."),
+    output_option(
+        "--plot", "plot_file", help="Also plot clutter and thresholds over range (.png or .svg).", remote=True
+    ),
     label_options(required=False),
     config_options,
     reading_options,

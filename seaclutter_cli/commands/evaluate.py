@@ -28,8 +28,9 @@ _OPTIONS = (
         "frames_file",
         metavar="FRAMES.csv",
         help="Write a table with a row for each frame and method.",
+        remote=True,
     ),
-    output_option("--summary", "summary_file", metavar="FILE.json", help="Write all results as JSON."),
+    output_option("--summary", "summary_file", metavar="FILE.json", help="Write all results as JSON.", remote=True),
     force_option,
     methods_options,
     click.option(

@@ -51,7 +51,7 @@ _OPTIONS = (
     force_option,
     config_options,
     reading_options,
-    output_option("--csv", "csv_file", help="Also write a table with a row for each frame."),
+    output_option("--csv", "csv_file", help="Also write a table with a row for each frame.", remote=True),
     grouped("written", "sinks:McapOptions", _WRITTEN),
     click.option("--with-scene", is_flag=True, help="Write boxes around clusters to /seaclutter/scene, for 3D panels."),
     label_options(required=False),
@@ -61,7 +61,7 @@ _OPTIONS = (
 
 @click.command(name="filter", short_help="Filter logs into drop-in MCAP files.")
 @logs_argument
-@output_or_folder_option("File for one recording; folder for several, or with a slash at its end.")
+@output_or_folder_option("File for one recording; folder for several, or with a slash at its end.", remote=True)
 @grouped("options", "runs.filter:FilterOptions", _OPTIONS)
 @console_options
 def command(logs: tuple[str, ...], output: str, options: "FilterOptions", console: Console) -> None:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 def command(logs: tuple[str, ...], reading: "ReadOptions", batch: "BatchOptions", console: Console) -> None:
     """Show the content of LOGS: topics, frames, fields, extents, and the settings that a filter run needs.
 
-    Every frame is read; -n N stops after the first N.
+    Every frame is read; -n N stops after the first N. Of an MCAP file of more than 16 MB in object storage, the summary
+    and the first frames are read, unless -n or a time is given.
     """
     from seaclutter_cli.runs.survey import survey_logs
 

@@ -1,15 +1,17 @@
 """Options shared by several commands. A command receives each group as one options object."""
 
+import os
 from collections.abc import Callable, Sequence
 from functools import wraps
 from importlib import import_module
-from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
 from seaclutter_cli.commands.console import DEBUG
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.storage.locations import Url, location
+from seaclutter_cli.storage.scratch import VARIABLE
 from seaclutter_cli.text import named_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -53,29 +55,78 @@ def grouped(name: str, kind: str, options: Sequence[Option]) -> Option:
     return add
 
 
-def path_option(*names: str, metavar: str = "FILE", required: bool = False, help: str) -> Option:  # noqa: A002 - as in click
-    """Return an option that takes a path."""
-    return click.option(*names, type=click.Path(path_type=Path), metavar=metavar, required=required, help=help)
+class _Place(click.Path):
+    """A file or folder here, or a URL where a command can use one."""
+
+    def __init__(self, *, remote: bool, output: bool = False) -> None:
+        super().__init__()
+        self._remote, self._output = remote, output
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ARG002
+        option = param.opts[0] if param else "the option"
+        if self._output and named_folder(value):
+            raise UsageError(f"{value}: names a folder by the slash at its end; {option} takes a file")
+        place = location(value)
+        if isinstance(place, Url) and not self._remote:
+            raise UsageError(f"{place}: {option} takes a local path")
+        return place
 
 
-class _OutputFile(click.Path):
-    """Path of a file to write."""
+def path_option(
+    *names: str,
+    metavar: str = "FILE",
+    required: bool = False,
+    remote: bool = False,
+    help: str,  # noqa: A002 - as in click
+) -> Option:
+    """Return an option that takes a path or, if ``remote``, a URL."""
+    return click.option(*names, type=_Place(remote=remote), metavar=metavar, required=required, help=help)
+
+
+def output_option(
+    *names: str,
+    metavar: str = "FILE",
+    required: bool = False,
+    remote: bool = False,
+    help: str,  # noqa: A002 - as in click
+) -> Option:
+    """Return an option that takes the path or, if ``remote``, the URL of a file to write."""
+    kind = _Place(remote=remote, output=True)
+    return click.option(*names, type=kind, metavar=metavar, required=required, help=help)
+
+
+class _FileOrFolder(_Place):
+    """An output as text: a slash at its end means a folder."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if named_folder(value):
-            option = param.opts[0] if param else "the option"
-            raise UsageError(f"{value}: names a folder by the slash at its end; {option} takes a file")
-        return super().convert(value, param, ctx)
+        super().convert(value, param, ctx)
+        return value
 
 
-def output_option(*names: str, metavar: str = "FILE", required: bool = False, help: str) -> Option:  # noqa: A002 - as in click
-    """Return an option that takes the path of a file to write."""
-    return click.option(*names, type=_OutputFile(path_type=Path), metavar=metavar, required=required, help=help)
-
-
-def output_or_folder_option(text: str) -> Option:
+def output_or_folder_option(text: str, *, remote: bool = False) -> Option:
     """Return the option for a file or a folder, as text: a slash at its end means a folder."""
-    return click.option("-o", "--output", type=click.Path(), metavar="OUT", required=True, help=text)
+    return click.option("-o", "--output", type=_FileOrFolder(remote=remote), metavar="OUT", required=True, help=text)
+
+
+def _use_scratch(context: click.Context, _: click.Parameter, value: str | None) -> None:
+    """Set the folder for this process and those that it starts, until the command ends."""
+    if value is not None:
+        before = os.environ.get(VARIABLE)
+        os.environ[VARIABLE] = value
+        context.call_on_close(lambda: os.environ.pop(VARIABLE) if before is None else _set(before))
+
+
+def _set(folder: str) -> None:
+    os.environ[VARIABLE] = folder
+
+
+scratch_option = click.option(
+    "--scratch",
+    metavar="FOLDER",
+    expose_value=False,
+    callback=_use_scratch,
+    help="Folder for copies of logs and outputs in object storage. [default: the system's for temporary files]",
+)
 
 
 def _remember_debug(context: click.Context, _: click.Parameter, value: bool) -> None:
@@ -150,6 +201,7 @@ reading_options = grouped(
             show_default=True,
             help="Frames per second of recordings without time stamps.",
         ),
+        scratch_option,
         path_option("--calibration", help="Angles or metadata of the sensor, for packets that lack them."),
         click.option(
             "--sensor",
@@ -162,9 +214,9 @@ reading_options = grouped(
 """Options for the part of a recording to read, and how; as ``reading``."""
 
 
-def config_file_option(text: str) -> Option:
+def config_file_option(text: str, *, remote: bool = False) -> Option:
     """Return the option for a file of settings, with ``text`` as its help."""
-    return path_option("-c", "--config", "file", help=text)
+    return path_option("-c", "--config", "file", remote=remote, help=text)
 
 
 def set_option(example: str, subject: str = "a key") -> Option:
@@ -177,7 +229,7 @@ config_options = grouped(
     "config",
     "runs.methods:ConfigOptions",
     (
-        config_file_option("Configuration file, or the name of a built-in one."),
+        config_file_option("Configuration file, or the name of a built-in one.", remote=True),
         click.option("-m", "--method", metavar="NAME", help="Filter method; overrides the configuration."),
         set_option("filter.start_m=5"),
     ),
@@ -189,7 +241,7 @@ methods_options = grouped(
     "methods",
     "runs.methods:MethodOptions",
     (
-        config_file_option("Configuration file, or the name of a built-in one."),
+        config_file_option("Configuration file, or the name of a built-in one.", remote=True),
         click.option(
             "-m",
             "--method",
@@ -264,7 +316,7 @@ def label_options(*, required: bool) -> Option:
                 "paths",
                 multiple=True,
                 required=required,
-                type=click.Path(path_type=Path),
+                type=_Place(remote=True),
                 metavar="LABELS",
                 help="Labels of LOGS in the same order, or a folder with RECORDING.labels.csv for each; repeatable.",
             ),

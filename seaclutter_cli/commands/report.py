@@ -27,10 +27,15 @@ _OPTIONS = (
         metavar="REPORT.html",
         required=True,
         help="HTML page to write; one file that opens offline in any browser.",
+        remote=True,
     ),
     force_option,
     path_option(
-        "--figures", "figure_folder", metavar="DIR", help="Also write every figure as a separate file for print."
+        "--figures",
+        "figure_folder",
+        metavar="DIR",
+        remote=True,
+        help="Also write every figure as a separate file for print.",
     ),
     click.option(
         "--figure-format",

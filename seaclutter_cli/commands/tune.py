@@ -38,13 +38,18 @@ _OPTIONS = (
         callback=_sweeps,
         help="Filter key and values to try: V1,V2,... or START:STOP:STEP. Repeatable, for all combinations.",
     ),
-    output_option("-o", "--output", metavar="CONFIG.yaml", help="Write the configuration with the best values."),
-    output_option("--csv", "csv_file", help="Write a table with a row for each combination."),
-    output_option("--plot", "curve_file", help="Plot the rates over the values of a single --sweep (.png or .svg)."),
+    output_option(
+        "-o", "--output", metavar="CONFIG.yaml", help="Write the configuration with the best values.", remote=True
+    ),
+    output_option("--csv", "csv_file", help="Write a table with a row for each combination.", remote=True),
+    output_option(
+        "--plot", "curve_file", help="Plot the rates over the values of a single --sweep (.png or .svg).", remote=True
+    ),
     output_option(
         "--plot-thresholds",
         "thresholds_file",
         help="Plot the threshold of a range ring over the frames for each combination and the ideal one (.png, .svg).",
+        remote=True,
     ),
     click.option(
         "--ring",

@@ -15,6 +15,8 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.runs.relay import Relay
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count
 
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
@@ -80,7 +82,8 @@ class _Task(Generic[O]):
 
     def __call__(self, report: Report) -> tuple[O, Relay]:
         relay = Relay(report)
-        outcome = self.work.run(relay)
+        with copies_removed():
+            outcome = self.work.run(relay)
         relay.report = _no_report
         return outcome, relay
 
@@ -149,11 +152,13 @@ def _progress(works: Sequence[Work[O]], observer: Observer) -> Iterator[Callable
 
 def input_bytes(recording: Recording) -> int:
     """Return the size of the files of a recording in bytes; 0 for those that cannot be read."""
-    return sum(size_of(path) for path in recording.paths)
+    return recording.size or sum(size_of(path) for path in recording.paths)
 
 
-def size_of(path: Path) -> int:
-    """Return the size of a file, or of the files in a folder, in bytes; 0 if it cannot be read."""
+def size_of(path: Location) -> int:
+    """Return the size of a file, or of the files in a folder, in bytes; 0 if it cannot be read, or is elsewhere."""
+    if not isinstance(path, Path):
+        return 0
     try:
         if path.is_dir():
             return sum(child.stat().st_size for child in path.iterdir() if child.is_file())

@@ -2,7 +2,6 @@
 
 from contextlib import closing
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +33,8 @@ from seaclutter_cli.runs.recordings import (
     warnings_of,
 )
 from seaclutter_cli.selection import cloud_channels
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count
 from seaclutter_cli.water import MountingSearch
 
@@ -54,9 +55,9 @@ class CalibrateOptions:
         Labels of targets and areas to leave out.
     reading : ReadOptions
         Part of each recording to read, and how.
-    output : Path or None
+    output : Path, Url or None
         File for the resulting configuration.
-    plot_file : Path or None
+    plot_file : Path, Url or None
         File for a plot of clutter and thresholds over range.
     force : bool
         Replace existing files.
@@ -67,8 +68,8 @@ class CalibrateOptions:
     keep_end: bool = False
     labels: LabelSources = field(default_factory=LabelSources)
     reading: ReadOptions = field(default_factory=ReadOptions)
-    output: Path | None = None
-    plot_file: Path | None = None
+    output: Location | None = None
+    plot_file: Location | None = None
     force: bool = False
 
     @property
@@ -78,6 +79,7 @@ class CalibrateOptions:
         return self.keep_end or "filter.end_m" in keys
 
 
+@copies_removed()
 def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = SILENT) -> CalibrationResult:
     """Derive the threshold of each range ring and the far limit of clutter from recordings.
 

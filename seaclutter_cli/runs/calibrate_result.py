@@ -3,7 +3,6 @@
 import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.calibration import Calibration, ClutterSelector, RingCalibration, Thresholds
@@ -12,6 +11,7 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Damage, SensorFacts
 from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.survey import TopicSurvey
 from seaclutter_cli.text import count, printable, share, table
 from seaclutter_cli.water import Mounting
@@ -105,7 +105,7 @@ class CalibrationResult(Result):
     found: Thresholds
     tally: ClutterTally
     labelled: bool
-    output: Path | None = None
+    output: Location | None = None
     mounting: Mounting | None = None
 
     @property

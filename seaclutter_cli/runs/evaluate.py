@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Literal
 
 from seaclutter_cli.evaluation.scores import Summary, score_frame
@@ -36,6 +35,8 @@ from seaclutter_cli.runs.sensor_match import mismatches
 from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import printable
 
 
@@ -53,9 +54,9 @@ class EvaluateOptions:
         Clustering algorithm; None: that of the configuration.
     reading : ReadOptions
         Part of each recording to read, and how.
-    frames_file : Path or None
+    frames_file : Path, Url or None
         File for a table with a row for each frame and method (CSV).
-    summary_file : Path or None
+    summary_file : Path, Url or None
         File for all results (JSON).
     force : bool
         Replace existing files.
@@ -67,12 +68,13 @@ class EvaluateOptions:
     methods: MethodOptions = field(default_factory=MethodOptions)
     clustering: Literal["euclidean", "dbscan"] | None = None
     reading: ReadOptions = field(default_factory=ReadOptions)
-    frames_file: Path | None = None
-    summary_file: Path | None = None
+    frames_file: Location | None = None
+    summary_file: Location | None = None
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
 
+@copies_removed()
 def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SILENT) -> Comparison:
     """Filter recordings, cluster the points that are left, and count false alarms and missed targets against labels.
 

@@ -40,6 +40,8 @@ from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count, printable, share
 
 _FEW_WATER = 0.05
@@ -61,7 +63,7 @@ class FilterOptions:
         Write boxes around the clusters of kept points to ``/seaclutter/scene``.
     labels : LabelSources
         Labels whose boxes are also written; only with ``with_scene``.
-    csv_file : Path or None
+    csv_file : Path, Url or None
         File for a table with a row for each frame.
     force : bool
         Replace existing files.
@@ -72,11 +74,12 @@ class FilterOptions:
     written: McapOptions = field(default_factory=McapOptions)
     with_scene: bool = False
     labels: LabelSources = field(default_factory=LabelSources)
-    csv_file: Path | None = None
+    csv_file: Location | None = None
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
 
+@copies_removed()
 def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> FilterSummary:
     """Filter every recording into an MCAP file.
 
@@ -104,6 +107,8 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     inputs = inputs_of(recordings, options.reading, options.config.file, [config])
     outputs = {"-o": targets, "--csv": options.csv_file, "--manifest": options.batch.manifest}
     batch = options.batch
+    if batch.resume and not all(isinstance(place, Path) for place in (*targets, *(r.paths[0] for r in recordings))):
+        raise UsageError("--resume: is for logs and outputs on this machine; leave it out")
     if batch.resume and options.csv_file:
         raise UsageError("--resume: there are no rows of frames for recordings that are skipped; leave out --csv")
     prepare_outputs(outputs, inputs, options.labels.paths, force=options.force or batch.resume, observer=observer)
@@ -130,7 +135,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     return FilterSummary(outcomes, perf_counter() - started)
 
 
-def frame_table(config: Config, path: Path, group: OutputGroup | None = None) -> CsvSink:
+def frame_table(config: Config, path: Location, group: OutputGroup | None = None) -> CsvSink:
     """Return the table for the frames of recordings."""
     rings = len(config.ring_edges[1:])
     return CsvSink(path, rings, scenes=config.has_scenes, water=config.has_water, group=group)
@@ -152,7 +157,7 @@ def _earlier(work: "FilterWork", observer: Observer) -> FilterOutcome | None:
         raise
     if record is None:
         return None
-    difference = work.identity.difference(record)
+    difference = work.identity().difference(record)
     outcome = work.without_result(None)
     outcome.skipped = True
     try:
@@ -185,7 +190,7 @@ class FilterWork(Work[FilterOutcome]):
         Effective configuration.
     recording : Recording
         The recording.
-    target : Path
+    target : Path or Url
         Filtered file.
     labels : LabelFile or None
         Its labels.
@@ -194,7 +199,7 @@ class FilterWork(Work[FilterOutcome]):
     options: FilterOptions
     config: Config
     recording: Recording
-    target: Path
+    target: Location
     labels: LabelFile | None = None
 
     def run(self, observer: Observer, table: CsvSink | None = None, group: OutputGroup | None = None) -> FilterOutcome:
@@ -257,7 +262,9 @@ class FilterWork(Work[FilterOutcome]):
         fit = _FitWarnings(self.config, topics, observer)
         with (
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
-            McapSink(outcome.output, self._written(labels, partial(self._record, source, outcome)), group) as sink,
+            McapSink(
+                outcome.output, self._written(labels, partial(self._record, source, labels, outcome)), group
+            ) as sink,
         ):
 
             def on_result(result: FilterResult) -> None:
@@ -271,16 +278,14 @@ class FilterWork(Work[FilterOutcome]):
             observer.warn(text)
         fit.finish(outcome.topics)
 
-    @property
-    def identity(self) -> RunIdentity:
-        """What the filtered file depends on."""
-        options = self.options
-        return identity_of(
-            self.recording, self.config, options.reading, options.written, self.labels, with_scene=options.with_scene
-        )
+    def identity(self, source: Source | None = None, labels: Labels | None = None) -> RunIdentity:
+        """Return what the filtered file depends on; source and labels hold the copies of those in object storage."""
+        options, paths = self.options, getattr(source, "copies", ()) or self.recording.paths
+        used = self.labels and replace(self.labels, path=getattr(labels, "copy", self.labels.path))
+        return identity_of(paths, self.config, options.reading, options.written, used, with_scene=options.with_scene)
 
-    def _record(self, source: Source, outcome: FilterOutcome) -> Metadata:
-        return Metadata(NAME, to_entries(self.identity, outcome.topics, source.damage))
+    def _record(self, source: Source, labels: Labels | None, outcome: FilterOutcome) -> Metadata:
+        return Metadata(NAME, to_entries(self.identity(source, labels), outcome.topics, source.damage))
 
     def _written(self, labels: Labels | None, record: Callable[[], Metadata]) -> McapOptions:
         written = replace(

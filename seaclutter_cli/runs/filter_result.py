@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, statuses
+from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count, data_size, indented, printable, share, table
 
 
@@ -17,7 +17,7 @@ class FilterOutcome(Outcome):
 
     Parameters
     ----------
-    output : Path
+    output : Path or Url
         Filtered file.
     edges : sequence of float
         Edges of the method's range rings in metres; empty for methods without range rings.
@@ -31,7 +31,7 @@ class FilterOutcome(Outcome):
         Compressed rows of the table of frames, on their way from another process.
     """
 
-    output: Path
+    output: Location
     edges: Sequence[float]
     has_water: bool = False
     topics: dict[str, TopicTally] = field(default_factory=dict)

@@ -7,7 +7,6 @@ import zlib
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -15,6 +14,7 @@ from seaclutter_cli.errors import OutputError
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.storage.locations import Location
 
 _COLUMNS = ("recording", "method", "frame", "stamp_ns", *ALARM_COLUMNS)
 _UNKNOWN = b"," * len(POINT_COLUMNS) + b"\n"
@@ -101,13 +101,13 @@ class FrameTable(FrameRows):
 
     Parameters
     ----------
-    path : Path
+    path : Path or Url
         The file; it is created when the context exits without an error.
     group : OutputGroup, optional
         Files that appear together with this one.
     """
 
-    def __init__(self, path: Path, group: OutputGroup | None = None) -> None:
+    def __init__(self, path: Location, group: OutputGroup | None = None) -> None:
         self._file = AtomicFile(path, group)
         super().__init__()
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.sources.frame_files.folder import is_frame_folder
-from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
+from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count
 
 if TYPE_CHECKING:
@@ -24,13 +23,13 @@ class LabelSources:
 
     Parameters
     ----------
-    paths : tuple of Path
+    paths : tuple of Path or Url
         One path for each recording, in the same order; or one folder with a file for each; or empty.
     clutter_ids, ignore_ids : tuple of int or None
         Class ids of clutter and class ids to ignore in point labels; None: the defaults.
     """
 
-    paths: tuple[Path, ...] = ()
+    paths: tuple[Location, ...] = ()
     clutter_ids: tuple[int, ...] | None = None
     ignore_ids: tuple[int, ...] | None = None
 
@@ -51,8 +50,18 @@ class LabelSources:
             clutter_ids=defaults.clutter_ids if self.clutter_ids is None else self.clutter_ids,
             ignore_ids=defaults.ignore_ids if self.ignore_ids is None else self.ignore_ids,
         )
-        found = zip(recordings, find_labels(recordings, self.paths), strict=True)
-        return [LabelFile(path, replace(chosen, by_sequence=_in_frame_folder(recording))) for recording, path in found]
+        found = zip(recordings, self._find(recordings), strict=True)
+        return [LabelFile(place, replace(chosen, by_sequence=one.is_frame_folder)) for one, place in found]
+
+    def _find(self, recordings: Sequence[Recording]) -> Sequence[Location]:
+        """Return the place of each recording's labels."""
+        if all(isinstance(place, Path) for place in self.paths):
+            return find_labels(recordings, [place for place in self.paths if isinstance(place, Path)])
+        from seaclutter_cli.runs.remote_labels import LabelFinder  # asyncio takes time to import
+
+        finder = LabelFinder(self.paths)
+        with finder.naming():
+            return finder.places(find_labels(recordings, finder.paths))
 
     def open(self, recordings: Sequence[Recording]) -> list[Labels | None]:
         """Return the labels of each recording; None for all recordings if there are no paths.
@@ -73,26 +82,26 @@ class LabelFile:
 
     Parameters
     ----------
-    path : Path
+    path : Path or Url
         File or folder.
     options : LabelOptions
         How they are read.
     """
 
-    path: Path
+    path: Location
     options: "LabelOptions"
 
     def open(self) -> Labels:
         """Return the labels; raise `LabelError` if they cannot be read."""
         from seaclutter_cli.labels import open_labels
 
-        return open_labels(self.path, self.options)
+        if isinstance(self.path, Path):
+            return open_labels(self.path, self.options)
+        from seaclutter_cli.runs.remote_labels import LabelFinder
 
-
-def _in_frame_folder(recording: Recording) -> bool:
-    """Return whether a recording is a folder of frames, where a damaged file keeps its frame number."""
-    path = recording.paths[0]
-    return len(recording.paths) == 1 and path.is_dir() and not is_rosbag2_folder(path) and is_frame_folder(path)
+        finder = LabelFinder([self.path])
+        (labels,) = finder.open(finder.paths, lambda _, path: open_labels(path, self.options))
+        return labels
 
 
 def find_labels(recordings: Sequence[Recording], paths: Sequence[Path]) -> list[Path]:

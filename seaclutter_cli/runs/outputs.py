@@ -7,26 +7,32 @@ from pathlib import Path
 
 from seaclutter_cli.config import Config, ConfigSource
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.runs.object_outputs import check_objects, is_object_folder
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import Outcome, PathLike, ReadOptions
 from seaclutter_cli.runs.same_file import Identity, files_in, identity
-from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sinks.parts import remove_stale
-from seaclutter_cli.sources import SOURCES, Recording
-from seaclutter_cli.sources.frame_files.stamps import times_beside
+from seaclutter_cli.sources import Recording, metadata_beside
+from seaclutter_cli.storage.locations import Location, Url, location
+from seaclutter_cli.storage.objects import exists
+from seaclutter_cli.storage.parts import remove_stale
 from seaclutter_cli.text import count, named_folder
 
-Paths = Mapping[str, Path | Iterable[Path] | None]
-"""Paths by the option that gives them."""
+Paths = Mapping[str, Location | Iterable[Location] | None]
+"""Places of files by the option that gives them."""
 
 
 def is_folder(output: PathLike, outputs: int) -> bool:
     """Return whether a path denotes a folder for outputs and not a single output file."""
-    return outputs > 1 or named_folder(output) or os.path.isdir(output)  # noqa: PTH112 - false if the name is too long
+    if outputs > 1 or named_folder(output):
+        return True
+    place = location(output)
+    if isinstance(place, Url):
+        return is_object_folder(place)
+    return os.path.isdir(place)  # noqa: PTH112 - false if the name is too long
 
 
-def plan_outputs(recordings: Sequence[Recording], output: PathLike) -> list[Path]:
+def plan_outputs(recordings: Sequence[Recording], output: PathLike) -> list[Location]:
     """Return the output file of each recording: ``output`` itself for one, files in it for several.
 
     Raises
@@ -34,12 +40,12 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike) -> list[Path
     UsageError
         If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
     """
-    path = Path(output)
+    path = location(output)
     if not is_folder(output, len(recordings)):
         return [path]
-    if path.exists() and not path.is_dir():
+    if is_file(path):
         raise UsageError(f"{path}: is a file, but {count(len(recordings), 'recording')} need a folder")
-    targets: dict[Path, Recording] = {}
+    targets: dict[Location, Recording] = {}
     for recording in recordings:
         target = path / f"{recording.name}.mcap"
         if target in targets:
@@ -54,7 +60,7 @@ def inputs_of(
     reading: ReadOptions | None = None,
     file: ConfigSource | None = None,
     configs: Iterable[Config] = (),
-) -> dict[str, list[Path]]:
+) -> dict[str, list[Location]]:
     """Return the files and folders that a run reads, by option, also those beside a log.
 
     Parameters
@@ -69,28 +75,25 @@ def inputs_of(
         Effective configurations, which may name a model.
     """
     logs = [path for recording in recordings for path in recording.paths]
+    local = [log for log in logs if isinstance(log, Path)]
     models = {getattr(config.filter, "scene_model", None) for config in configs}
     return {
-        "LOGS": [*logs, *(beside for log in logs for beside in _metadata_beside(log))],
+        "LOGS": [*logs, *(beside for log in local for beside in metadata_beside(log))],
         "--calibration": [reading.calibration] if reading and reading.calibration else [],
-        "-c": [file] if isinstance(file, Path) else [],
+        "-c": [file] if isinstance(file, Path | Url) else [],
         "filter.scene_model": [Path(model) for model in models if model],
     }
 
 
-def _metadata_beside(log: Path) -> list[Path]:
-    if times := times_beside(log if log.is_dir() else log.parent):
-        return [times]
-    if not log.name.lower().endswith(SOURCES["capture"].suffixes):
-        return []
-    files = (file for suffix in CALIBRATION_SUFFIXES.values() for file in log.parent.glob(f"*{suffix}"))
-    return [file for file in files if log.stem.startswith(file.stem) or file.stem.startswith(log.stem)]
+def is_file(place: Location) -> bool:
+    """Return whether there is something of this name that is not a folder."""
+    return exists(place) if isinstance(place, Url) else place.exists() and not place.is_dir()
 
 
 def prepare_outputs(
     outputs: Paths,
     inputs: Paths,
-    labels: Sequence[Path] = (),
+    labels: Sequence[Location] = (),
     *,
     force: bool,
     observer: Observer = SILENT,
@@ -106,7 +109,7 @@ def prepare_outputs(
     inputs : mapping of str to path, paths or None
         Files and folders that the run reads, by option: recordings, configurations, models. New files in such folders
         are refused, too. Paths that do not exist are names of built-in files.
-    labels : sequence of Path, optional
+    labels : sequence of Path or Url, optional
         Files of labels, and folders whose files are labels; new files in such folders are allowed.
     force : bool
         Whether existing files may be replaced.
@@ -119,9 +122,10 @@ def prepare_outputs(
         If two outputs are the same file, or an output is an input, is inside an input folder, is a folder, is in a
         folder whose parent does not exist, or exists and may not be replaced.
     """
-    targets = [_Target(path, option) for option, path in _flat(outputs)]
+    check_objects(list(_flat(outputs)), list(_flat(inputs)), labels, force=force)
+    targets = [_Target(path, option) for option, path in _local(_flat(outputs))]
     _check_distinct(targets)
-    read, labelled = _Inputs(_flat(inputs)), _Inputs(("--labels", path) for path in labels)
+    read, labelled = _Inputs(_local(_flat(inputs))), _Inputs(_local(("--labels", path) for path in labels))
     for target in targets:
         if option := read.option_of(target, new=True) or labelled.option_of(target, new=False):
             raise UsageError(
@@ -132,10 +136,14 @@ def prepare_outputs(
     _tidy({target.file.parent for target in targets}, observer)
 
 
-def _flat(paths: Paths) -> Iterator[tuple[str, Path]]:
+def _flat(paths: Paths) -> Iterator[tuple[str, Location]]:
     for option, given in paths.items():
         if given is not None:
-            yield from ((option, path) for path in ([given] if isinstance(given, Path) else given))
+            yield from ((option, path) for path in ([given] if isinstance(given, Path | Url) else given))
+
+
+def _local(places: Iterable[tuple[str, Location]]) -> Iterator[tuple[str, Path]]:
+    yield from ((option, place) for option, place in places if isinstance(place, Path))
 
 
 class _Target:
@@ -198,7 +206,7 @@ def _tidy(folders: Iterable[Path], observer: Observer) -> None:
             observer.note(f"{folder}: removed {count(removed, 'incomplete file')} of runs that were killed")
 
 
-def may_appear(targets: Iterable[Path | None], outcomes: Sequence[Outcome], observer: Observer) -> bool:
+def may_appear(targets: Iterable[Location | None], outcomes: Sequence[Outcome], observer: Observer) -> bool:
     """Return whether output files about several recordings may appear, although some of these failed.
 
     They may not if all failed, or if one of the files would replace a file of an earlier run, which gives a warning.
@@ -206,13 +214,15 @@ def may_appear(targets: Iterable[Path | None], outcomes: Sequence[Outcome], obse
     failed = [outcome.recording for outcome in outcomes if outcome.error]
     if not failed:
         return True
-    earlier = [str(target) for target in targets if target and target.exists()]
+    earlier = [str(target) for target in targets if target and exists(target)]
     if earlier and len(failed) < len(outcomes):
         observer.warn(f"{', '.join(earlier)}: not replaced, because of the error in {', '.join(failed)}")
     return not earlier and len(failed) < len(outcomes)
 
 
-def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None, *, replace: bool = True) -> None:
+def write_files(
+    files: Mapping[Path, bytes] | Mapping[Location, bytes], group: OutputGroup | None = None, *, replace: bool = True
+) -> None:
     """Write files, which appear together, the first one last; `OutputGroup` describes the parameters and errors."""
     with OutputGroup(group, replace=replace) as together:
         for path, data in reversed(list(files.items())):

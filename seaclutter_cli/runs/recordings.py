@@ -17,13 +17,14 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources import Recording, find_recordings
+from seaclutter_cli.storage.locations import is_url
 from seaclutter_cli.text import count, printable
 
 _STATUSES = ("done", "damaged", "failed", "skipped")
 
 PathLike = str | os.PathLike[str]
 Logs = PathLike | Sequence[PathLike]
-"""One or several logs: files, folders or globs."""
+"""One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,10 +185,18 @@ def statuses(outcomes: Sequence[Outcome]) -> str:
     return ", ".join(f"{found[status]:,} {status}" for status in _STATUSES if found[status])
 
 
-def expand(logs: Logs) -> list[Recording]:
-    """Return the recordings in files, folders and globs; see `find_recordings`."""
+def expand(logs: Logs, *, ahead: bool = True) -> list[Recording]:
+    """Return the recordings in files, folders and globs, here or in object storage; see `find_recordings`.
+
+    Those in object storage are fetched ahead, if ``ahead``: for a run that reads one after another completely.
+    """
     paths = [logs] if isinstance(logs, str | os.PathLike) else logs
-    return find_recordings([os.fspath(name) for name in paths])
+    names = [os.fspath(name) for name in paths]
+    if not any(map(is_url, names)):
+        return find_recordings(names)
+    from seaclutter_cli.sources.remote import find_anywhere  # asyncio takes time to import
+
+    return find_anywhere(names, ahead=ahead)
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any, Literal
 
 from seaclutter_cli.errors import UsageError
@@ -16,9 +15,11 @@ from seaclutter_cli.runs.comparison import Comparison
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs, write_files
+from seaclutter_cli.runs.outputs import Paths, inputs_of, is_file, may_appear, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
 from seaclutter_cli.runs.replay import filter_or_replay
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count, printable
 
 
@@ -28,7 +29,7 @@ class ReportOptions:
 
     Parameters
     ----------
-    output : Path
+    output : Path or Url
         The page (HTML).
     methods : MethodOptions
         Methods that filter the logs; by default, filtered logs are read back.
@@ -36,7 +37,7 @@ class ReportOptions:
         Labels of the recordings.
     reading : ReadOptions
         Part of each recording to read, and how.
-    figure_folder : Path or None
+    figure_folder : Path, Url or None
         Folder for all figures as separate files.
     figure_format : {"svg", "png"}
         Format of these files.
@@ -48,23 +49,24 @@ class ReportOptions:
         Replace existing files.
     """
 
-    output: Path
+    output: Location
     methods: MethodOptions = field(default_factory=MethodOptions)
     labels: LabelSources = field(default_factory=LabelSources)
     reading: ReadOptions = field(default_factory=ReadOptions)
-    figure_folder: Path | None = None
+    figure_folder: Location | None = None
     figure_format: Literal["svg", "png"] = "svg"
     shown: int = 12
     picks: tuple[int, ...] = ()
     force: bool = False
 
     @property
-    def figures(self) -> list[Path]:
+    def figures(self) -> list[Location]:
         """Paths of all figures that may be written."""
         folder = self.figure_folder
         return [folder / f"{name}.{self.figure_format}" for name in FIGURES] if folder else []
 
 
+@copies_removed()
 def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -> "ReportResult":
     """Write a page that shows the effect of a filter on recordings and, with labels, its quality.
 
@@ -84,7 +86,7 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
     """
     recordings = expand(logs)
     if options.figure_folder:
-        if options.figure_folder.exists() and not options.figure_folder.is_dir():
+        if is_file(options.figure_folder):
             raise UsageError(f"{options.figure_folder}: is a file; --figures takes a folder")
         check_target(options.figures[-1])
     targets: Paths = {"-o": options.output, "--figures": options.figures}
@@ -95,7 +97,7 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
     comparison, collected = filter_or_replay(recordings, labels, options.methods, options.reading, observer, make)
     if missing := _missing(collected, options.picks):
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
-    files: dict[Path, bytes] = {}
+    files: dict[Location, bytes] = {}
     if may_appear([options.output, *options.figures], comparison.outcomes, observer):
         files[options.output] = _page(comparison, collected)
         if folder := options.figure_folder:
@@ -138,13 +140,13 @@ class ReportResult(Result):
         Scores of each method and recording.
     collected : Collector
         Statistics of all frames, and points of the frames shown.
-    sizes : mapping of Path to int
+    sizes : mapping of Path or Url to int
         Written files, and their sizes in bytes.
     """
 
     comparison: Comparison
     collected: Collector
-    sizes: Mapping[Path, int]
+    sizes: Mapping[Location, int]
 
     @property
     def failed(self) -> bool:

@@ -1,6 +1,6 @@
 """Going on where a run stopped: which recordings are already filtered."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -13,11 +13,11 @@ from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.recordings import ReadOptions
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, digest_of, digest_of_paths
 from seaclutter_cli.sinks import McapOptions
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.locations import Location
 
 
 def identity_of(
-    recording: Recording,
+    paths: Sequence[Location],
     config: Config,
     reading: ReadOptions,
     written: McapOptions,
@@ -25,7 +25,7 @@ def identity_of(
     *,
     with_scene: bool,
 ) -> RunIdentity:
-    """Return what the filtered file of a recording depends on."""
+    """Return what the filtered file of a recording depends on, given its files or their copies."""
     model = getattr(config.filter, "scene_model", None)
     models = [Path(model)] if model and Path(model).is_file() else []
     calibration = reading.calibration
@@ -36,14 +36,14 @@ def identity_of(
     }
     label_parts = [digest_of_paths([labels.path]), asdict(labels.options)] if labels else []
     return RunIdentity(
-        input=digest_of_paths(recording.paths),
+        input=digest_of_paths(paths),
         config=digest_of([config.as_dict(), digest_of_paths(models)]),
         options=digest_of(options),
         labels=digest_of(label_parts),
     )
 
 
-def record_in(output: Path) -> Mapping[str, str] | None:
+def record_in(output: Location) -> Mapping[str, str] | None:
     """Return the record of the run that wrote a file; None if there is no file.
 
     Raises
@@ -51,7 +51,7 @@ def record_in(output: Path) -> Mapping[str, str] | None:
     UsageError
         If the file is not a complete output of this program.
     """
-    if not output.exists():
+    if not isinstance(output, Path) or not output.exists():
         return None
     try:
         with output.open("rb") as stream:

@@ -15,6 +15,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import Rings
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage
+from seaclutter_cli.storage.locations import Location
 
 NAME = "seaclutter.run"
 """Name of the metadata record in a filtered MCAP file."""
@@ -56,10 +57,10 @@ class RunIdentity:
         return next((text for part, text in _PARTS.items() if other.get(part) != own[part]), None)
 
 
-def digest_of_paths(paths: Iterable[Path]) -> str:
+def digest_of_paths(paths: Iterable[Location]) -> str:
     """Return a digest of files by their names, sizes, and first and last MiB; of folders, by their files.
 
-    Of more than 64 files, names and sizes are enough.
+    Of more than 64 files, names and sizes are enough; of objects in object storage, their URLs.
 
     Raises
     ------
@@ -68,7 +69,9 @@ def digest_of_paths(paths: Iterable[Path]) -> str:
     """
     digest = hashlib.sha256()
     try:
-        found = [(path, name) for top in paths for path, name in _files(top)]
+        places = list(paths)
+        digest.update("".join(f"{place}\0" for place in places if not isinstance(place, Path)).encode())
+        found = [(path, name) for top in places if isinstance(top, Path) for path, name in _files(top)]
         for path, name in found:
             size = path.stat().st_size
             digest.update(f"{name}\0{size}\0".encode(errors="surrogateescape"))
@@ -106,7 +109,7 @@ def to_entries(identity: RunIdentity, topics: Mapping[str, TopicTally], damage: 
     return {**asdict(identity), "outcome": json.dumps(outcome, sort_keys=True)}
 
 
-def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dict[str, TopicTally], list[Damage]]:
+def from_entries(entries: Mapping[str, str], paths: Iterable[Location]) -> tuple[dict[str, TopicTally], list[Damage]]:
     """Return the sums over the frames of each topic, and the damage, that a record contains.
 
     Parameters

@@ -5,7 +5,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
@@ -26,13 +27,18 @@ from seaclutter_cli.runs.recordings import (
 )
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.survey import TopicSurvey
 from seaclutter_cli.text import printable, share, table
+
+if TYPE_CHECKING:
+    from seaclutter_cli.sources.remote import RemoteExcerpt
 
 _NANO = 1_000_000_000
 _DEFAULT_THRESHOLD = 4
 
 
+@copies_removed()
 def survey_logs(
     logs: Logs,
     reading: ReadOptions | None = None,
@@ -40,6 +46,8 @@ def survey_logs(
     batch: BatchOptions | None = None,
 ) -> "SurveyResult":
     """Return the content of recordings; every selected frame is read.
+
+    Of a large MCAP file in object storage, only the summary and the first frames are read if no part is selected.
 
     Parameters
     ----------
@@ -57,7 +65,8 @@ def survey_logs(
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    works = [SurveyWork(reading or ReadOptions(), recording) for recording in expand(logs)]
+    recordings = expand(logs, ahead=False)  # an excerpt may suffice
+    works = [SurveyWork(reading or ReadOptions(), recording) for recording in recordings]
     if len(works) == 1:
         return SurveyResult([works[0].run(observer)])
     return SurveyResult(run_batch(works, batch or BatchOptions(), observer))
@@ -81,13 +90,26 @@ class SurveyWork(Work["Content"]):
     def run(self, observer: Observer) -> "Content":
         """Read the recording; store an error in the outcome."""
         content = self.without_result(None)
-        with storing_errors(content, observer), opened(self.recording, self.reading, observer, content) as source:
-            _read(source, content, self.reading.selection, observer)
+        with storing_errors(content, observer):
+            part = _excerpt(self.recording, self.reading)
+            with opened(part or self.recording, self.reading, observer, content) as source:
+                _read(source, content, self.reading.selection, observer)
+                if part:
+                    content.note_summary(part.part.messages, (part.part.start_ns, part.part.end_ns))
         return content
 
     def without_result(self, reason: str | None) -> "Content":
         """Return an outcome without content."""
         return Content(recording=self.recording.name, path=str(self.recording.paths[0]), error=reason)
+
+
+def _excerpt(recording: Recording, reading: ReadOptions) -> "RemoteExcerpt | None":
+    """Return the first frames of a large recording in object storage; None if all of it is to be read."""
+    if isinstance(recording.paths[0], Path) or not reading.selection.is_whole:
+        return None
+    from seaclutter_cli.sources.remote import RemoteRecording  # asyncio takes time to import
+
+    return recording.excerpt() if isinstance(recording, RemoteRecording) else None
 
 
 def _read(source: Source, content: "Content", selection: Selection, observer: Observer) -> None:
@@ -124,6 +146,8 @@ class Content(Outcome):
         Content of each cloud topic.
     facts : mapping of str to SensorFacts
         Facts about the sensor of each topic, from packets.
+    sampled : bool
+        Whether only the first frames were read; numbers of messages and times are of the whole recording.
     """
 
     path: str
@@ -133,6 +157,15 @@ class Content(Outcome):
     times_ns: list[int] = field(default_factory=list)
     clouds: Mapping[str, TopicSurvey] = field(default_factory=dict)
     facts: Mapping[str, SensorFacts] = field(default_factory=dict)
+    sampled: bool = False
+
+    def note_summary(self, messages: Mapping[int, int], times_ns: tuple[int, int]) -> None:
+        """Note what a recording's summary says about the whole, of which only the first frames were read."""
+        self.sampled = True
+        self.times_ns = list(times_ns)
+        self.messages = Counter[str]()
+        for channel in self.channels:
+            self.messages[channel.topic] += messages.get(channel.id, 0)
 
     def note_time(self, time_ns: int) -> None:
         """Extend the time span of the recording."""
@@ -153,6 +186,7 @@ class Content(Outcome):
             "recording": self.recording,
             "path": self.path,
             "format": self.format,
+            "sampled": self.sampled,
             "duration_s": self.duration_s,
             "start_ns": self.times_ns[0] if self.times_ns else None,
             "topics": [{**topic, "messages": self.messages[str(topic["topic"])]} for topic in topics],
@@ -171,6 +205,8 @@ class Content(Outcome):
         lines = [printable(f"{self.path}: {self.format}, {self.duration_s:.1f} s{began}")]
         rows = {c.topic: (c.topic, self.messages[c.topic], c.schema.name if c.schema else "-") for c in self.channels}
         lines.append(table(("topic", "messages", "type"), list(rows.values())))
+        if self.sampled:
+            lines.append("Only the first frames were read; -n N copies the log and reads N.")
         lines += [_describe(topic, survey, self.facts.get(topic)) for topic, survey in self.clouds.items()]
         lines += [printable(need) for need in self.needs()]
         return "\n".join(lines)

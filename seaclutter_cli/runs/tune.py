@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.plots.figure import check_target
@@ -15,6 +14,8 @@ from seaclutter_cli.runs.recordings import Logs, ReadOptions, expand
 from seaclutter_cli.runs.sweep import Sweep, grid
 from seaclutter_cli.runs.threshold_history import ThresholdHistory
 from seaclutter_cli.runs.tune_result import TuningResult
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.scratch import copies_removed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,13 +32,13 @@ class TuneOptions:
         Configuration to start from.
     reading : ReadOptions
         Part of each recording to read, and how.
-    output : Path or None
+    output : Path, Url or None
         File for the configuration with the best values.
-    csv_file : Path or None
+    csv_file : Path, Url or None
         File for a table with a row for each combination.
-    curve_file : Path or None
+    curve_file : Path, Url or None
         File for a plot of the rates over the values of a single sweep.
-    thresholds_file : Path or None
+    thresholds_file : Path, Url or None
         File for a plot of a range ring's threshold over the frames, for each combination, and the ideal threshold.
     ring : int
         Number of the range ring in that plot, from 1.
@@ -49,15 +50,15 @@ class TuneOptions:
     labels: LabelSources
     config: ConfigOptions = field(default_factory=ConfigOptions)
     reading: ReadOptions = field(default_factory=ReadOptions)
-    output: Path | None = None
-    csv_file: Path | None = None
-    curve_file: Path | None = None
-    thresholds_file: Path | None = None
+    output: Location | None = None
+    csv_file: Location | None = None
+    curve_file: Location | None = None
+    thresholds_file: Location | None = None
     ring: int = 2
     force: bool = False
 
     @property
-    def targets(self) -> Mapping[str, Path | None]:
+    def targets(self) -> Mapping[str, Location | None]:
         """Output files by option; None for a file that is not requested."""
         return {
             "-o": self.output,
@@ -67,6 +68,7 @@ class TuneOptions:
         }
 
 
+@copies_removed()
 def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> TuningResult:
     """Evaluate every combination of parameter values, and find the one with the fewest bad frames.
 
@@ -111,8 +113,8 @@ def _check_plots(options: TuneOptions, recordings: int) -> None:
         raise UsageError("--plot-thresholds: needs a single recording")
 
 
-def _files(result: TuningResult, history: ThresholdHistory | None, options: TuneOptions) -> dict[Path, bytes]:
-    files: dict[Path, bytes] = {}
+def _files(result: TuningResult, history: ThresholdHistory | None, options: TuneOptions) -> dict[Location, bytes]:
+    files: dict[Location, bytes] = {}
     if options.output and result.best:
         files[options.output] = result.best_config().encode()
     if options.csv_file:

@@ -15,6 +15,7 @@ from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
 from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import printable
 from seaclutter_cli.viewing.stream import FrameStream, check_target, require_rerun, viewer
 
@@ -53,6 +54,7 @@ class ViewOptions:
     force: bool = False
 
 
+@copies_removed()
 def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> "ViewResult":
     """Show recordings in the Rerun viewer, or write a file for it.
 

@@ -1,4 +1,4 @@
-"""Output files that appear under their names only when they are complete, alone or together with others."""
+"""Outputs that appear under their names only when they are complete, alone or together with others."""
 
 import errno
 import io
@@ -7,16 +7,22 @@ import weakref
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Self, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, Self, cast
 
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.sinks.parts import part_path, release
+from seaclutter_cli.storage.locations import Location, Url
+from seaclutter_cli.storage.parts import part_path, release
+from seaclutter_cli.storage.scratch import ScratchFolder
+from seaclutter_cli.storage.uploads import send
+
+if TYPE_CHECKING:
+    from seaclutter_cli.storage.objects import PendingObject
 
 
 class _PartFile(io.FileIO):
     """The incomplete file; its errors are `OutputError` and name the target."""
 
-    def __init__(self, part: Path, target: Path) -> None:
+    def __init__(self, part: Path, target: Location) -> None:
         super().__init__(part, "xb")
         self._target = target
 
@@ -30,9 +36,11 @@ class _PartFile(io.FileIO):
 class AtomicFile(AbstractContextManager["AtomicFile"]):
     """A file that is written in the folder of its target, then renamed on success or removed after an error.
 
+    A file for object storage is written in the scratch folder, then uploaded.
+
     Parameters
     ----------
-    path : Path
+    path : Path or Url
         Target; its folder is created if necessary. If it is a symbolic link, the file it refers to is replaced.
     group : OutputGroup, optional
         Files that appear together; this one is then renamed with them.
@@ -43,10 +51,12 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         If the file cannot be created or written, for example because the disk is full.
     """
 
-    def __init__(self, path: Path, group: "OutputGroup | None" = None) -> None:
+    def __init__(self, path: Location, group: "OutputGroup | None" = None) -> None:
         self.path = path
         self._group = group
-        self._target = Path(os.path.realpath(path))
+        self._pending: PendingObject | None = None
+        self._scratch = ScratchFolder() if isinstance(path, Url) else None
+        self._target = Path(os.path.realpath(path)) if isinstance(path, Path) else self._staged(path)
         self.part = part_path(self._target)
         """The incomplete file, for libraries that write to a path."""
         # An interrupt may come before the context is entered; then the file is removed with this object, or at exit.
@@ -58,6 +68,10 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         except BaseException:
             self.discard()
             raise
+
+    def _staged(self, url: Url) -> Path:
+        assert self._scratch is not None  # noqa: S101 - made for every URL
+        return self._scratch.path / url.name
 
     def _open(self) -> BinaryIO:
         try:
@@ -83,6 +97,7 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         try:
             self.stream.close()
             if self._group is None:
+                self._send()
                 self.publish()
             else:
                 self._group.add(self)
@@ -92,15 +107,37 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
                 raise OutputError(_explain(self.path, failure)) from failure
             raise
 
-    def check(self, *, replace: bool = True) -> None:
-        """Raise `OutputError` if the target can no longer be written, or exists and may not be replaced."""
+    def prepare(self, *, replace: bool = True) -> None:
+        """Do all work before the file can appear.
+
+        Raises
+        ------
+        OutputError
+            If the target can no longer be written, or exists and may not be replaced.
+        """
+        self._send()
         if self._target.is_dir() or not os.access(self._target.parent, os.W_OK):
             raise OutputError(f"{self.path}: can no longer be written; the incomplete file was removed")
         if not replace and os.path.lexists(self._target):
             raise OutputError(_appeared(self.path))
 
+    def _send(self) -> None:
+        if isinstance(self.path, Url):
+            self._pending = send(self.part, self.path)
+
     def publish(self, *, replace: bool = True) -> None:
-        """Rename the complete file to its target; `OutputError` if that exists and may not be replaced."""
+        """Rename the complete file to its target, or let the uploaded object appear.
+
+        Raises
+        ------
+        OutputError
+            If the target exists and may not be replaced.
+        """
+        if self._pending is not None:
+            self._pending.complete()
+            self._pending = None
+            self.discard()
+            return
         try:
             if replace:
                 self.part.replace(self._target)
@@ -114,15 +151,20 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         release(self.part)
 
     def discard(self) -> None:
-        """Remove the incomplete file."""
+        """Remove the incomplete file, and what was uploaded of it."""
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            pending.abort()
         self._remover()
+        if self._scratch is not None:
+            self._scratch.remove()
 
 
 class OutputGroup(AbstractContextManager["OutputGroup"]):
     """Files that appear under their names together, when all are complete, or not at all.
 
     They are renamed in the order of their completion. A run completes its main output last; once that has appeared, all
-    others have.
+    others have. Everything for object storage is uploaded before the first file appears.
 
     Parameters
     ----------
@@ -166,7 +208,7 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
     def _complete(self) -> None:
         if self._outer is None:
             for file in self._files:
-                file.check(replace=self._replace)
+                file.prepare(replace=self._replace)
         while self._files:
             if self._outer is None:
                 self._files[0].publish(replace=self._replace)
@@ -201,16 +243,17 @@ def _rename_to_new(part: Path, target: Path) -> None:
         part.unlink()
 
 
-def _note_removal(error: BaseException | None, path: Path) -> None:
+def _note_removal(error: BaseException | None, path: Location) -> None:
     if isinstance(error, KeyboardInterrupt):
         error.add_note(f"{path}: the incomplete file was removed")
 
 
-def _appeared(path: Path) -> str:
+def _appeared(path: Location) -> str:
     return f"{path}: appeared while this run was writing it; use --force to replace it; this run's file was removed"
 
 
-def _explain(path: Path, error: OSError) -> str:
+def _explain(path: Location, error: OSError) -> str:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return f"{path}: the disk is full; the incomplete file was removed"
+        where = "scratch folder" if isinstance(path, Url) else "disk"
+        return f"{path}: the {where} is full; the incomplete file was removed"
     return f"{path}: writing failed ({error.strerror or error}); the incomplete file was removed"

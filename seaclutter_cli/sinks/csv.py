@@ -5,7 +5,6 @@ import io
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import astuple
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -13,6 +12,7 @@ from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, WaterState
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.storage.locations import Location
 
 _REASONS = (Reason.INVALID, Reason.NEAR, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.FAR, Reason.EXCLUDED)
 _COLUMNS = (
@@ -31,7 +31,7 @@ class CsvSink(AbstractContextManager["CsvSink"]):
 
     Parameters
     ----------
-    path : Path
+    path : Path or Url
         Target; the file appears when the context exits without an error.
     rings : int
         Number of range rings of the method; 0 for methods without range rings.
@@ -48,7 +48,7 @@ class CsvSink(AbstractContextManager["CsvSink"]):
     """
 
     def __init__(
-        self, path: Path, rings: int, *, scenes: bool = False, water: bool = False, group: OutputGroup | None = None
+        self, path: Location, rings: int, *, scenes: bool = False, water: bool = False, group: OutputGroup | None = None
     ) -> None:
         self._file = AtomicFile(path, group)
         self._states, self._scenes, self._water = 2 * rings, scenes, water

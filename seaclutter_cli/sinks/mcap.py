@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -19,6 +18,7 @@ from seaclutter_cli.messages.scene import SceneUpdate, scene_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.mcap_writer import McapWriter
+from seaclutter_cli.storage.locations import Location
 
 _NEW = -1
 _MAX_CHANNELS = 2**16
@@ -88,7 +88,7 @@ class McapSink(AbstractContextManager["McapSink"]):
 
     Parameters
     ----------
-    path : Path
+    path : Path or Url
         Target; the file appears when the context exits without an error.
     options : McapOptions
         Contents of the file.
@@ -96,7 +96,7 @@ class McapSink(AbstractContextManager["McapSink"]):
         Files that appear together with this one.
     """
 
-    def __init__(self, path: Path, options: McapOptions, group: OutputGroup | None = None) -> None:
+    def __init__(self, path: Location, options: McapOptions, group: OutputGroup | None = None) -> None:
         self._file = AtomicFile(path, group)
         self._options = options
         self._layout = WATER if options.water else PLAIN

@@ -9,12 +9,15 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
+from seaclutter_cli.sources.frame_files.stamps import times_beside
 from seaclutter_cli.sources.pcap.magics import CAPTURE_MAGICS
 from seaclutter_cli.sources.rosbag2.folder import SplitSource, is_rosbag2_folder, open_rosbag2, split_groups
 from seaclutter_cli.sources.shared.packet_topics import wrap_packets
+from seaclutter_cli.storage.locations import Location
 
 _HEAD_BYTES = 16
 
@@ -143,25 +146,61 @@ class Recording:
     Parameters
     ----------
     paths : tuple of Path
-        File or folder, or several files in order.
+        File or folder, or several files in order; in object storage, URLs.
     """
 
-    paths: tuple[Path, ...]
+    paths: tuple[Location, ...]
+
+    @property
+    def _files(self) -> list[Path]:
+        return [path for path in self.paths if isinstance(path, Path)]
+
+    @property
+    def key(self) -> Location:
+        """A value that only names of the same recording have in common."""
+        first = self.paths[0]
+        return first.resolve() if isinstance(first, Path) else first
 
     @property
     def name(self) -> str:
         """Name of the recording."""
-        first = self.paths[0]
+        first = self._files[0]
         if len(self.paths) > 1:
             return first.stem.rpartition("_")[0]
         return first.resolve().name if first.is_dir() else first.stem
+
+    @property
+    def size(self) -> int:
+        """Size in bytes if it is known without a look at the files, as in object storage; otherwise 0."""
+        return 0
+
+    @property
+    def is_frame_folder(self) -> bool:
+        """Whether the recording is a folder of frames, where a damaged file keeps its frame number."""
+        path = self._files[0]
+        return len(self.paths) == 1 and path.is_dir() and not is_rosbag2_folder(path) and is_frame_folder(path)
 
     def open(self, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
         """Open the recording."""
         decoding = decoding or DecoderOptions()
         if len(self.paths) > 1:
-            return wrap_packets(SplitSource(list(self.paths), partial(_open_file, decoding=decoding)), decoding)
-        return open_source(self.paths[0], rate_hz=rate_hz, decoding=decoding)
+            return wrap_packets(SplitSource(self._files, partial(_open_file, decoding=decoding)), decoding)
+        return open_source(self._files[0], rate_hz=rate_hz, decoding=decoding)
+
+
+def has_metadata_beside(name: str) -> bool:
+    """Return whether a file of this name may have metadata of its sensor beside it."""
+    return name.lower().endswith(SOURCES["capture"].suffixes)
+
+
+def metadata_beside(log: Path) -> list[Path]:
+    """Return the times of frames, or the metadata of a sensor, beside a log, which belong to it."""
+    if times := times_beside(log if log.is_dir() else log.parent):
+        return [times]
+    if not has_metadata_beside(log.name):
+        return []
+    files = (file for suffix in CALIBRATION_SUFFIXES.values() for file in log.parent.glob(f"*{suffix}"))
+    return [file for file in files if log.stem.startswith(file.stem) or file.stem.startswith(log.stem)]
 
 
 def find_recordings(patterns: Iterable[str]) -> list[Recording]:
@@ -175,7 +214,7 @@ def find_recordings(patterns: Iterable[str]) -> list[Recording]:
     UsageError
         If a glob or a folder contains no recording, or a path does not exist.
     """
-    found: dict[Path, Recording] = {}
+    found: dict[Location, Recording] = {}
     for pattern in patterns:
         named = Path(pattern)
         is_glob = re.search(r"[*?\[]", pattern) and not named.exists()
@@ -185,7 +224,7 @@ def find_recordings(patterns: Iterable[str]) -> list[Recording]:
         if not paths[0].exists():
             raise UsageError(f"{pattern}: no such file or folder")
         for recording in (recording for path in paths for recording in _expand(path)):
-            found.setdefault(recording.paths[0].resolve(), recording)
+            found.setdefault(recording.key, recording)
     return list(found.values())
 
 

@@ -266,7 +266,7 @@ def test_a_failure_at_the_very_end_changes_nothing(folder, line, outputs, error,
         if file.path.name == names[0]:
             raise error
 
-    monkeypatch.setattr(AtomicFile, "check", fail)
+    monkeypatch.setattr(AtomicFile, "prepare", fail)
     assert run(line).exit_code == 1
     assert content(folder) == before
 

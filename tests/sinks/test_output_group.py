@@ -146,7 +146,7 @@ def test_of_two_groups_that_appear_at_once_the_first_wins(tmp_path, monkeypatch,
     def no_link(*_):
         raise OSError(errno.EPERM, "no hard links")
 
-    monkeypatch.setattr(AtomicFile, "check", lambda _, **__: None)
+    monkeypatch.setattr(AtomicFile, "prepare", lambda _, **__: None)
     if not has_links:
         monkeypatch.setattr(os, "link", no_link)
     with OutputGroup(replace=False) as first:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import Frame
@@ -14,6 +15,9 @@ from seaclutter_cli.runs.recordings import ReadOptions, warnings_of
 from seaclutter_cli.sources import Recording, find_recordings
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
+
+if TYPE_CHECKING:
+    from seaclutter_cli.storage.locations import Location
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,10 +84,10 @@ class LabelledLogs:
         named += [(folder.name, str(folder)) for parent in self.folders for folder in _class_folders(parent)]
         if not named:
             raise UsageError("no logs: give a folder that contains a folder for each class, or --scene CLASS=LOGS")
-        found: dict[Path, LabelledLog] = {}
+        found: dict[Location, LabelledLog] = {}
         for scene, pattern in named:
             for recording in find_recordings([pattern]):
-                first = found.setdefault(recording.paths[0].resolve(), LabelledLog(recording, scene))
+                first = found.setdefault(recording.key, LabelledLog(recording, scene))
                 if first.scene != scene:
                     raise UsageError(f"{recording.paths[0]}: labelled as both {first.scene} and {scene}")
         return list(found.values())

@@ -1,8 +1,9 @@
-"""Incomplete files: their names, and the removal of those that killed processes left behind."""
+"""Incomplete files and scratch folders: their names, and the removal of those that killed processes left behind."""
 
 import os
 import platform
 import re
+import shutil
 from contextlib import suppress
 from pathlib import Path
 
@@ -35,7 +36,7 @@ def release(part: Path) -> None:
 
 
 def remove_stale(folder: Path) -> int:
-    """Remove the incomplete files of dead processes of this host from a folder, and return their number.
+    """Remove the incomplete files and scratch folders of dead processes of this host, and return their number.
 
     Files of other hosts stay, because their processes cannot be seen from here.
     """
@@ -45,7 +46,8 @@ def remove_stale(folder: Path) -> int:
             found = _PART.fullmatch(name)
             if found and found["host"] == _host() and not _in_use(int(found["pid"]), found["random"]):
                 with suppress(OSError):
-                    (folder / name).unlink()
+                    path = folder / name
+                    shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
                     removed += 1
     return removed
 

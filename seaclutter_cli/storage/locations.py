@@ -1,0 +1,141 @@
+"""Locations: local paths, and URLs of objects in S3, Google Cloud Storage and Azure."""
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Self
+
+from seaclutter_cli.errors import UsageError
+
+SCHEMES: Mapping[str, str] = {"s3": "Amazon S3", "gs": "Google Cloud Storage", "az": "Azure Blob Storage"}
+"""Schemes of URLs, and the services they stand for."""
+
+_URL = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]+)://(?P<rest>.*)", re.DOTALL)
+_COLLAPSED = re.compile(rf"({'|'.join(SCHEMES)}):[/\\](?![/\\])")  # Path("s3://bucket/key")
+_SIGNED = re.compile(r"[?&](X-(Amz|Goog)-\w+|sig|signature|AWSAccessKeyId|token)=", re.IGNORECASE)
+_BUCKET = re.compile(r"[A-Za-z0-9$][A-Za-z0-9._-]*")
+
+
+@dataclass(frozen=True, order=True)
+class Url:
+    """URL of an object, or of a folder of objects.
+
+    Parameters
+    ----------
+    scheme : str
+        One of `SCHEMES`.
+    bucket : str
+        Bucket, or container of Azure.
+    key : str
+        Name of the object in the bucket, without slashes at its ends; empty for the bucket.
+
+    Examples
+    --------
+    >>> log = Url("s3", "trial", "day1/log.mcap")
+    >>> print(log, log.stem, log.parent / "out.mcap")
+    s3://trial/day1/log.mcap log s3://trial/day1/out.mcap
+    """
+
+    scheme: str
+    bucket: str
+    key: str = ""
+
+    def __str__(self) -> str:
+        """Return the URL as text."""
+        return f"{self.scheme}://{self.bucket}/{self.key}"
+
+    def __truediv__(self, name: str) -> Self:
+        """Return the URL of an object in this folder."""
+        return type(self)(self.scheme, self.bucket, f"{self.key}/{name}".removeprefix("/"))
+
+    @property
+    def name(self) -> str:
+        """Last part of the key; the bucket without one."""
+        return PurePosixPath(self.key).name or self.bucket
+
+    @property
+    def stem(self) -> str:
+        """Name without its suffix."""
+        return PurePosixPath(self.name).stem
+
+    @property
+    def suffix(self) -> str:
+        """Suffix of the name, with its dot."""
+        return PurePosixPath(self.name).suffix
+
+    @property
+    def parent(self) -> Self:
+        """Folder of the object; that of a bucket is the bucket."""
+        return type(self)(self.scheme, self.bucket, self.key.rpartition("/")[0])
+
+
+Location = Path | Url
+"""Place of a file."""
+
+
+def location(text: str | os.PathLike[str] | Url) -> Location:
+    """Return a location from text or a path; slashes at the end have no meaning here.
+
+    Raises
+    ------
+    UsageError
+        If a URL has an unknown scheme, no bucket, a key that no file can have, or contains credentials, which are not
+        repeated in the message.
+
+    Examples
+    --------
+    >>> location("s3://trial/day1/")
+    Url(scheme='s3', bucket='trial', key='day1')
+    >>> location("s3://key:secret@trial/log.mcap")
+    Traceback (most recent call last):
+    seaclutter_cli.errors.UsageError: s3://…@trial/log.mcap: a URL must not contain credentials; ...
+    """
+    if isinstance(text, Url):
+        return text
+    given = os.fspath(text)
+    found = _URL.fullmatch(_COLLAPSED.sub(r"\1://", given.replace("\\", "/")) if _COLLAPSED.match(given) else given)
+    if found is None:
+        return Path(given)
+    scheme, rest = found["scheme"].lower(), found["rest"]
+    shown = without_secrets(given)
+    if shown != given:
+        advice = "set them in the environment, or choose a profile"
+        raise UsageError(f"{shown}: a URL must not contain credentials; {advice}")
+    if scheme not in SCHEMES:
+        known = ", ".join(f"{name}:// ({service})" for name, service in SCHEMES.items())
+        raise UsageError(f"{shown}: unknown kind of URL; known are {known}")
+    bucket, _, key = rest.partition("/")
+    key = key.rstrip("/")
+    if not _BUCKET.fullmatch(bucket):
+        raise UsageError(f"{shown}: write it as {scheme}://BUCKET/NAME")
+    if key and any(part in ("", ".", "..") for part in key.split("/")):
+        raise UsageError(f"{shown}: empty parts, . and .. are not possible in the name of an object")
+    return Url(scheme, bucket, key)
+
+
+def without_secrets(text: str) -> str:
+    """Return a URL without user information and without the query of a signed URL.
+
+    Examples
+    --------
+    >>> print(without_secrets("https://host/log.mcap?X-Amz-Signature=1f2e"))
+    https://host/log.mcap?…
+    """
+    found = _URL.fullmatch(text)
+    if found is None:
+        return text
+    host, slash, rest = found["rest"].partition("/")
+    if "@" in host:
+        host = f"…@{host.rpartition('@')[2]}"
+    elif ":" in host and found["scheme"].lower() in SCHEMES and "@" in rest:  # a secret may contain slashes
+        host, slash, rest = "…@", "", rest.rpartition("@")[2]
+    if _SIGNED.search(rest):
+        rest = f"{rest.partition('?')[0]}?…"
+    return f"{found['scheme']}://{host}{slash}{rest}"
+
+
+def is_url(text: str | os.PathLike[str] | Url) -> bool:
+    """Return whether a location is a URL, of whatever scheme."""
+    return isinstance(text, Url) or bool(_URL.fullmatch(os.fspath(text)) or _COLLAPSED.match(os.fspath(text)))

@@ -1,0 +1,174 @@
+"""Objects in buckets: finding, listing, reading and writing them, by obstore."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from seaclutter_cli.errors import InputError, OutputError
+from seaclutter_cli.storage.failures import explained
+from seaclutter_cli.storage.locations import Location, Url
+from seaclutter_cli.storage.stores import store_of
+
+if TYPE_CHECKING:
+    from obstore import GetOptions, ObjectMeta, WritableFile
+
+_PART = 8 * 2**20
+_MAX_PARTS = 9_000
+_AT_ONCE = 4
+"""Parts sent at once; these are still on their way when an object is completed."""
+
+
+@dataclass(frozen=True)
+class StoredObject:
+    """An object as it was found.
+
+    Parameters
+    ----------
+    url : Url
+        Where it is.
+    size : int
+        Bytes.
+    etag : str or None
+        Identifies its content, if the service has such a value.
+    """
+
+    url: Url
+    size: int
+    etag: str | None
+
+
+def find_object(url: Url) -> StoredObject | None:
+    """Return an object; None if there is none.
+
+    Raises
+    ------
+    InputError
+        If there is no such bucket, or no access.
+    """
+    store = store_of(url)
+    with explained(url):
+        if not url.key:
+            return None
+        try:
+            return _stored(url, store.head(url.key))
+        except FileNotFoundError:
+            next(iter(store.list(url.key)), None)  # says if there is no bucket
+            return None
+
+
+def list_objects(folder: Url, *, deep: bool = True) -> Iterator[StoredObject]:
+    """Yield the objects in a folder and, if ``deep``, its subfolders, in the order in which the service lists them.
+
+    Raises
+    ------
+    InputError
+        If there is no such bucket, or no access.
+    """
+    store = store_of(folder)
+    with explained(folder):
+        batches = store.list(folder.key) if deep else [store.list_with_delimiter(folder.key)["objects"]]
+        for batch in batches:
+            for meta in batch:
+                yield _stored(Url(folder.scheme, folder.bucket, meta["path"]), meta)
+
+
+def list_folder(folder: Url) -> tuple[set[Url], set[Url]]:
+    """Return the objects and the folders directly in a folder.
+
+    Raises
+    ------
+    InputError
+        If there is no such bucket, or no access.
+    """
+    with explained(folder):
+        found = store_of(folder).list_with_delimiter(folder.key or None)
+    names = ([meta["path"] for meta in found["objects"]], found["common_prefixes"])
+    objects, folders = ({Url(folder.scheme, folder.bucket, name) for name in some} for some in names)
+    return objects, folders
+
+
+def _stored(url: Url, meta: "ObjectMeta") -> StoredObject:
+    return StoredObject(url, meta["size"], meta["e_tag"])
+
+
+def exists(place: Location) -> bool:
+    """Return whether there is a file, a folder or an object."""
+    return find_object(place) is not None if isinstance(place, Url) else place.exists()
+
+
+def is_folder_of_objects(url: Url) -> bool:
+    """Return whether there are objects below a URL."""
+    return next(list_objects(url), None) is not None
+
+
+def read_range(found: StoredObject, start: int, stop: int) -> bytes:
+    """Return bytes of an object; fewer at its end.
+
+    Raises
+    ------
+    InputError
+        If the object has changed since it was found, or cannot be read.
+    """
+    stop = min(stop, found.size)
+    if stop <= start:
+        return b""
+    with explained(found.url):
+        result = store_of(found.url).get(found.url.key, options=range_options(found, start, stop))
+        data = bytes(result.bytes())
+    if len(data) != stop - start or result.meta["size"] != found.size:
+        raise InputError(f"{found.url}: the object changed while it was read")
+    return data
+
+
+def range_options(found: StoredObject, start: int, stop: int) -> "GetOptions":
+    """Return the options of a request for a range of the object as it was found."""
+    options: GetOptions = {"range": (start, stop)}
+    if found.etag:
+        options["if_match"] = found.etag
+    return options
+
+
+class PendingObject:
+    """An object that is being written; nobody sees it before `complete`.
+
+    Parameters
+    ----------
+    url : Url
+        The object.
+    size : int
+        Bytes that it will have; they determine the size of the parts.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+
+    def __init__(self, url: Url, size: int) -> None:
+        self._url = url
+        part = max(_PART, -(-size // _MAX_PARTS))
+        with explained(url, OutputError):
+            self._writer: WritableFile = _writer(url, part)
+
+    def write(self, data: bytes) -> None:
+        """Send data, or keep them until there is enough for a part."""
+        with explained(self._url, OutputError):
+            self._writer.write(data)
+
+    def complete(self) -> None:
+        """Let the object appear, with all data."""
+        with explained(self._url, OutputError):
+            self._writer.close()
+
+    def abort(self) -> None:
+        """Discard the data, also those that the service has received."""
+        error = InterruptedError()
+        with suppress(Exception):
+            self._writer.__exit__(type(error), error, None)
+
+
+def _writer(url: Url, part: int) -> "WritableFile":
+    from obstore import open_writer
+
+    return open_writer(store_of(url), url.key, buffer_size=part, max_concurrency=_AT_ONCE)

@@ -1,0 +1,76 @@
+"""Locations: what is a URL, and that secrets in one are never shown."""
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.storage.locations import Url, is_url, location, without_secrets
+
+
+@pytest.mark.parametrize(
+    ("text", "url"),
+    [
+        ("s3://trial/day 1/log.mcap", Url("s3", "trial", "day 1/log.mcap")),
+        ("s3://trial", Url("s3", "trial")),
+        ("S3://trial/", Url("s3", "trial")),
+        ("gs://my.bucket/a/b/", Url("gs", "my.bucket", "a/b")),
+        ("az://container/*.bag", Url("az", "container", "*.bag")),
+        (Path("s3://trial/log.mcap"), Url("s3", "trial", "log.mcap")),
+        ("s3://trial/what?.mcap", Url("s3", "trial", "what?.mcap")),
+    ],
+)
+def test_urls(text, url):
+    assert location(text) == url
+    assert is_url(text)
+    assert location(url) is url
+    assert pickle.loads(pickle.dumps(url)) == url
+
+
+@pytest.mark.parametrize("text", ["log.mcap", "/a/b", "C:\\logs", "C:/logs", "a:b", "s3", "s3:", "", "s3:log"])
+def test_everything_else_is_a_path(text):
+    assert location(text) == Path(text)
+    assert not is_url(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["s3://", "s3:///key", "s3://b/a//b", "s3://b/../c", "s3://b/./c", "ftp://a/b", "file:///a"]
+)
+def test_urls_that_name_nothing_are_refused(text):
+    with pytest.raises(UsageError):
+        location(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "s3://KEY:SECRET@trial/log.mcap",
+        "s3://SECRET@trial/log.mcap",
+        "s3://KEY:SE/CR/SECRET@trial/log.mcap",
+        "https://user:SECRET@host/log.mcap",
+        "https://host/log.mcap?X-Amz-Algorithm=AWS4&X-Amz-Signature=SECRET",
+        "https://account.blob.core.windows.net/c/log.mcap?sv=2024&sig=SECRET",
+        "s3://trial/log.mcap?X-Amz-Signature=SECRET",
+        "gs://trial/log.mcap?GoogleAccessId=a&Signature=SECRET",
+    ],
+)
+def test_secrets_are_refused_and_not_repeated(text):
+    with pytest.raises(UsageError) as raised:
+        location(text)
+    assert "SECRET" not in str(raised.value)
+    assert "credentials" in str(raised.value)
+    assert "SECRET" not in without_secrets(text)
+
+
+def test_parts():
+    url = location("s3://trial/day/log.labels.csv")
+    assert (url.name, url.stem, url.suffix, str(url.parent)) == (
+        "log.labels.csv",
+        "log.labels",
+        ".csv",
+        "s3://trial/day",
+    )
+    assert url.parent.parent == url.parent.parent.parent == Url("s3", "trial")
+    assert str(Url("s3", "trial") / "x") == "s3://trial/x"
+    assert Url("s3", "trial").name == "trial"
