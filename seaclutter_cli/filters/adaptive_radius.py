@@ -177,7 +177,10 @@ class AdaptiveRadius(SpatialFilter):
         scene = self._scenes.scene(frame).name
         if scene not in self.params.presets:
             known = ", ".join(self.params.presets)
-            raise ConfigError(f"filter.presets: no preset for the scene {scene!r} of the classifier; presets: {known}")
+            classifier = f"classifier {self.params.scene_model}"
+            raise ConfigError(
+                f"filter.presets: no preset for the scene {scene!r} of the {classifier}; presets: {known}"
+            )
         self._preset = self.params.presets[scene]
         return replace(super().step(frame), scene=scene)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from seaclutter_cli.errors import InputError, SeaclutterError, UsageError
+from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, UsageError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.records import Channel, Damage
 from seaclutter_cli.runs.observer import Observer
@@ -224,6 +224,8 @@ def storing_errors(outcome: Outcome, observer: Observer) -> Iterator[None]:
     except UsageError:
         raise
     except SeaclutterError as error:
+        if isinstance(error, FieldError) and outcome.recording not in str(error):
+            error = FieldError(f"{outcome.recording}: {error}")
         outcome.error = str(error)
         observer.fail(error)
     outcome.seconds = perf_counter() - started

@@ -186,10 +186,13 @@ DOCUMENT = (document, document, document, document, *TEXT)
 
 def _places(content):
     """Yield every list or mapping of a document with each of its keys."""
-    for key in range(len(content)) if isinstance(content, list) else list(content):
-        yield content, key
-        if isinstance(content[key], list | dict):
-            yield from _places(content[key])
+    waiting = [content]
+    while waiting:
+        one = waiting.pop()
+        for key in range(len(one)) if isinstance(one, list) else list(one):
+            yield one, key
+            if isinstance(one[key], list | dict):
+                waiting.append(one[key])
 
 
 def _place(data, random):

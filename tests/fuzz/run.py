@@ -197,7 +197,8 @@ def _wrong_status(recipe, command, result):
     lines = text.splitlines()
     errors = [line for line in lines if line.startswith(("Error: ", "Usage: "))]
     damaged = [line for line in lines if line.startswith("Damaged: ")]
-    may_refuse = FORMATS[recipe.format].settings or "several point-cloud topics" in text
+    unfit = any(reason in text for reason in ("several point-cloud topics", "no preset for the scene"))
+    may_refuse = FORMATS[recipe.format].settings or unfit
     if code not in (0, 1, 2, 3) or (code == 2 and not may_refuse):
         yield f"exit status {code}: {text[-300:]}"
     if (code == 0 and (errors or damaged)) or (code == 3 and not damaged):

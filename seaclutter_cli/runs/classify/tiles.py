@@ -122,6 +122,8 @@ def write_tile(
 ) -> None:
     """Write a tile with replaced or additional columns; everything else is kept."""
     if isinstance(tile, LasTile) and target.suffix.lower() in _LAS:
+        if tile.header.global_encoding.waveform_data_packets_internal:
+            raise InputError(f"{tile.path}: internal waveform packets cannot be copied; store them in a separate file")
         write_las(target, tile.header, tile.parts(), columns, extra, group)
         return
     cloud = FRAME_READERS[tile.path.suffix.lower()](tile.path) if isinstance(tile, LasTile) else tile.cloud

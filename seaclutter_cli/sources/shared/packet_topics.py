@@ -346,7 +346,7 @@ def _number(data: Buffer, at: int, order: str) -> int:
 def _runs(packets: NDArray[np.void], log_time_ns: int, *, sized: bool) -> Iterator[Packets]:
     """Yield packets in order, in runs of equal length; packets without a time get the log time."""
     times_ns = packets["sec"].astype(np.int64) * _NANO + packets["nanosec"]
-    times_ns[times_ns == 0] = log_time_ns
+    times_ns[times_ns == 0] = min(log_time_ns, np.iinfo(np.int64).max)
     most = packets["data"].shape[1]
     sizes = np.minimum(packets["size"], most) if sized else np.full(len(packets), most)
     for part in np.split(np.arange(len(packets)), np.flatnonzero(np.diff(sizes.astype(np.int64))) + 1):

@@ -1,0 +1,39 @@
+"""Failures that campaigns of `tests.fuzz` have found, without their inputs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.errors import FieldError, InputError
+from seaclutter_cli.runs.classify.tiles import write_tile
+from seaclutter_cli.runs.observer import SILENT
+from seaclutter_cli.runs.recordings import Outcome, storing_errors
+from seaclutter_cli.sources.shared.packet_topics import _runs
+
+SAMPLE = Path(__file__).parents[2] / "samples" / "tile.laz"
+
+
+def test_packets_without_times_in_a_message_with_a_time_beyond_all_clocks():
+    packets = np.zeros(2, [("sec", "u4"), ("nanosec", "u4"), ("data", "u1", 10), ("size", "u4")])
+    (run,) = _runs(packets, 2**64 - 1, sized=False)
+    assert run.times_ns.tolist() == [2**63 - 1] * 2
+
+
+@pytest.mark.parametrize("text", ["no field 'y'", "log: no field 'y'"])
+def test_an_error_about_a_field_names_its_recording(text):
+    outcome = Outcome(recording="log")
+    with storing_errors(outcome, SILENT):
+        raise FieldError(text)
+    assert outcome.error == "log: no field 'y'"
+
+
+def test_a_tile_with_waveforms_is_named(tmp_path):
+    pytest.importorskip("laspy")
+    from seaclutter_cli.sources.tiles import LasTile
+
+    tile = LasTile(SAMPLE)
+    tile.header.global_encoding.waveform_data_packets_internal = True
+    with pytest.raises(InputError, match=r"tile\.laz: internal waveform packets cannot be copied"):
+        write_tile(tile, tmp_path / "out.laz", {}, {})
+    assert not list(tmp_path.iterdir())
