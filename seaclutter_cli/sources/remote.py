@@ -3,19 +3,22 @@
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from glob import escape
+from itertools import takewhile
 from pathlib import Path
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Channel, Damage, Record, SensorFacts
+from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources import Recording, find_recordings, has_metadata_beside, metadata_beside
 from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
 from seaclutter_cli.storage.downloads import Prefetcher
 from seaclutter_cli.storage.locations import Url, is_url, location
 from seaclutter_cli.storage.mirrors import Mirror, skeleton
-from seaclutter_cli.storage.objects import StoredObject, find_object, list_objects, read_range
+from seaclutter_cli.storage.objects import StoredObject, find_object, is_folder_of_objects, list_objects, read_range
 
 _WORTH_AN_EXCERPT = 16 * 2**20
 _MAGIC = re.compile(r"[*?\[]")
@@ -189,7 +192,9 @@ class StagedSource:
 
 
 def _named(item: Damage, mirror: Mirror) -> Damage:
-    return replace(item, path=mirror.url(item.path)) if isinstance(item.path, Path) else item
+    if isinstance(item.path, Path) and mirror.path in item.path.parents:
+        return replace(item, path=mirror.url(item.path))
+    return item
 
 
 def find_anywhere(patterns: Iterable[str], *, ahead: bool = True) -> list[Recording]:
@@ -241,17 +246,26 @@ def _look_up(url: Url) -> tuple[Url, str, list[StoredObject]]:
     if found is not None:
         beside = list_objects(url.parent, deep=False) if has_metadata_beside(url.name) else ()
         return url.parent, url.name, list({one.url: one for one in (found, *beside)}.values())
-    if _MAGIC.search(url.key):
-        parts = url.key.split("/")
-        fixed = next(number for number, part in enumerate(parts) if _MAGIC.search(part))
-        base, pattern = Url(url.scheme, url.bucket, "/".join(parts[:fixed])), "/".join(parts[fixed:])
-    else:
-        base, pattern = url.parent, url.key.rpartition("/")[2]
-    objects = list(list_objects(base if _MAGIC.search(pattern) else url))
+    if not _MAGIC.search(url.key) or is_folder_of_objects(url):
+        objects = list(list_objects(url))
+        if not objects:
+            raise UsageError(f"{url}: no such object or folder")
+        return url.parent, url.key.rpartition("/")[2], objects
+    parts = url.key.split("/")
+    fixed = next(number for number, part in enumerate(parts) if _MAGIC.search(part))
+    base, wanted = Url(url.scheme, url.bucket, "/".join(parts[:fixed])), parts[fixed:]
+    metadata = tuple(CALIBRATION_SUFFIXES.values())
+    objects = [one for one in list_objects(base) if _begins_as(one.url, base, wanted) or one.url.suffix in metadata]
     if not objects:
-        problem = "no file matches this pattern" if _MAGIC.search(pattern) else "no such object or folder"
-        raise UsageError(f"{url}: {problem}")
-    return base, pattern, objects
+        raise UsageError(f"{url}: no file matches this pattern")
+    return base, "/".join(wanted), objects
+
+
+def _begins_as(url: Url, base: Url, wanted: Sequence[str]) -> bool:
+    """Return whether the first parts of a name below a folder match those of a pattern, as far as there are any."""
+    parts = url.key[len(base.key) :].removeprefix("/").split("/")
+    fixed = takewhile(lambda part: part != "**", wanted)
+    return all(fnmatchcase(part, one) for part, one in zip(parts, fixed, strict=False))
 
 
 def _remote(

@@ -15,6 +15,8 @@ from click.testing import CliRunner
 
 import seaclutter
 from seaclutter_cli.commands import cli
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.sources import find_recordings
 from seaclutter_cli.sources.remote import find_anywhere
 from tests.paths import ROOT
 from tests.storage.buckets import get, names, put
@@ -158,6 +160,47 @@ def test_split_and_folder_recordings(logs, tmp_path):
     put(logs / "marked", b"")
     result = done(f"filter {logs}/split {logs}/bag {logs}/frames -m none -n 1 -o out/ --json")
     assert [one["recording"] for one in json.loads(result.stdout)] == ["day", "bag", "frames"]
+
+
+TREE = ("a.mcap", "day1/b.mcap", "day2/c.mcap", "day2/deep/d.mcap", "bag/bag_0.mcap", "notes/e.txt", "[x]/f.mcap")
+PATTERNS = (
+    "*.mcap",
+    "*",
+    "day?/*.mcap",
+    "day[12]/*",
+    "**/*.mcap",
+    "day2/**",
+    "b*",
+    "[x]",
+    "[x]/*",
+    "[[]x]/*",
+    "n*",
+    "",
+)
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory):
+    """Return a folder with the files of the tree."""
+    folder = tmp_path_factory.mktemp("tree") / "logs"
+    for name in TREE:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"x")
+    return folder
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_folders_and_globs_are_those_of_files(bucket, scratch, tree, pattern):
+    for name in TREE:
+        put(bucket / "logs" / name, b"x")
+
+    def found(find, root):
+        try:
+            return [(one.name, str(one.paths[0]).removeprefix(str(root))) for one in find([f"{root}/{pattern}"])]
+        except UsageError as error:
+            return str(error).replace(str(root), "")
+
+    assert found(find_anywhere, bucket / "logs") == found(find_recordings, tree)
 
 
 def test_metadata_beside_a_capture_is_copied_too(logs, tmp_path):

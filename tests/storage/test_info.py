@@ -56,6 +56,15 @@ def test_few_bytes_are_read(bucket, proxy, scratch, log, tmp_path):
     assert "Only the first frames were read" in text
 
 
+def test_nothing_is_copied_ahead(bucket, proxy, scratch, log):
+    put(bucket / "a.bag", b"nothing")
+    put(bucket / "b.mcap", log)
+    proxy.reset()
+    result = CliRunner().invoke(cli, ["info", str(bucket)])
+    assert f"{bucket}/b.mcap: MCAP" in result.stdout
+    assert proxy.sent < len(log) / 20
+
+
 def test_all_is_read_on_request(bucket, scratch, log):
     there, _ = info(put(bucket / "log.mcap", log), "-n", "1000")
     assert not there["sampled"]

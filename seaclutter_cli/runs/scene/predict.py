@@ -16,9 +16,11 @@ from seaclutter_cli.scenes.model import SceneModel
 from seaclutter_cli.scenes.tracker import SceneDecision, SceneTracker
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import share, table
 
 
+@copies_removed()
 def predict_scenes(
     logs: Logs,
     options: ClassifierOptions | None = None,
