@@ -78,7 +78,9 @@ def test_inputs_depend_on_the_recipe_only():
         assert make(Recipe(name, 3, 5))[0] != make(Recipe(name, 4, 5))[0]
 
 
-@pytest.mark.parametrize("mutation", {*mutate.BYTES, *mutate.TEXT, *mutate.DOCUMENT}, ids=lambda one: one.__name__)
+@pytest.mark.parametrize(
+    "mutation", dict.fromkeys((*mutate.BYTES, *mutate.TEXT, *mutate.DOCUMENT)), ids=lambda one: one.__name__
+)
 def test_mutations_change_data_of_any_size(mutation):
     for data in (b"x", b"{}", b"a: [1, {b: 2}]\nc: d\n", bytes(range(256)) * 9):
         found = [mutation(data, random.Random(seed), [b"other"]) for seed in range(40)]
