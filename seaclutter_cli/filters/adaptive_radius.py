@@ -176,11 +176,9 @@ class AdaptiveRadius(SpatialFilter):
         """
         scene = self._scenes.scene(frame).name
         if scene not in self.params.presets:
-            known = ", ".join(self.params.presets)
-            classifier = f"classifier {self.params.scene_model}"
-            raise ConfigError(
-                f"filter.presets: no preset for the scene {scene!r} of the {classifier}; presets: {known}"
-            )
+            known, model = ", ".join(self.params.presets), self.params.scene_model
+            of = f"the scene {scene!r} of the classifier{f' {model}' if model else ''}"
+            raise ConfigError(f"filter.presets: no preset for {of}; presets: {known}")
         self._preset = self.params.presets[scene]
         return replace(super().step(frame), scene=scene)
 

@@ -7,7 +7,7 @@ import signal
 import sys
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from multiprocessing.connection import Connection, wait
 from time import monotonic
@@ -115,7 +115,8 @@ class _Worker:
 
     def __init__(self, context: Any, threads: int) -> None:
         self.pipe, other = context.Pipe()
-        self._process = context.Process(target=_work, args=(other, threads), daemon=True)
+        environment = {**os.environ, VARIABLE: str(threads)}  # a server of forks has that of its start
+        self._process = context.Process(target=_work, args=(other, environment), daemon=True)
         self.number, self.is_busy = -1, False
         self._process.start()
         other.close()
@@ -156,11 +157,12 @@ class _Worker:
         return f"was killed ({name}), perhaps because memory ran out" if name == "SIGKILL" else f"ended by {name}"
 
 
-def _work(pipe: Connection, threads: int) -> None:
+def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
     """Run the tasks that come from a pipe until it closes."""
     handle_interrupts()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the first one ends the others
-    os.environ[VARIABLE] = str(threads)
+    os.environ.clear()
+    os.environ.update(environment)
     with suppress(EOFError, OSError, KeyboardInterrupt):  # the first process closed the pipe, or is gone
         while True:
             pipe.send_bytes(_answer(pipe.recv(), _Reporter(pipe)))

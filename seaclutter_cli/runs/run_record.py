@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -38,7 +39,7 @@ class RunIdentity:
     Parameters
     ----------
     input : str
-        Digest of the names, sizes, and first and last MiB of the files of the recording.
+        Digest of the sizes, and first and last MiB of the files of the recording.
     config, options, labels : str
         Digests of the effective configuration with its models, of all other options, and of the labels.
     version : str
@@ -58,7 +59,7 @@ class RunIdentity:
 
 
 def digest_of_paths(paths: Iterable[Location]) -> str:
-    """Return a digest of files by their names, sizes, and first and last MiB; of folders, by their files.
+    """Return a digest of files by their sizes, and first and last MiB; of folders, by their files and names.
 
     Of more than 64 files, names and sizes are enough; of objects in object storage, their URLs.
 
@@ -74,7 +75,7 @@ def digest_of_paths(paths: Iterable[Location]) -> str:
         found = [(path, name) for top in places if isinstance(top, Path) for path, name in _files(top)]
         for path, name in found:
             size = path.stat().st_size
-            digest.update(f"{name}\0{size}\0".encode(errors="surrogateescape"))
+            digest.update(os.fsencode(f"{name}\0{size}\0"))  # the same in every locale
             if len(found) <= _MAX_DIGESTS:
                 digest.update(_ends(path, size))
     except OSError as error:
@@ -84,7 +85,7 @@ def digest_of_paths(paths: Iterable[Location]) -> str:
 
 def _files(top: Path) -> list[tuple[Path, str]]:
     if not top.is_dir():
-        return [(top, top.name)]
+        return [(top, "")]
     return [(path, path.relative_to(top).as_posix()) for path in sorted(top.rglob("*")) if path.is_file()]
 
 

@@ -151,7 +151,7 @@ class TestScenes:
         assert [method.step(self.FRAME).scene for _ in range(2)] == before == ["open", "confined"]
 
     def test_a_scene_without_a_preset(self):
-        with pytest.raises(ConfigError, match="scene 'lock' of the classifier; presets: open, confined"):
+        with pytest.raises(ConfigError, match=r"scene 'lock' of the classifier \S+; presets: open, confined"):
             self.made("lock").step(self.FRAME)
 
     def test_a_configured_scene_is_returned_too(self):

@@ -14,7 +14,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.jobs.engine import InTurn, Lost
 from seaclutter_cli.jobs.processes import Processes
 from seaclutter_cli.threads import cores
-from tests.jobs.work import Ask, Fail, Kill, Meet, Square, Unsendable, Wait
+from tests.jobs.work import Ask, Fail, Kill, Meet, Square, Unsendable, Variable, Wait
 
 ENGINES = {"in turn": InTurn(), "one process": Processes(1), "three processes": Processes(3)}
 
@@ -49,6 +49,12 @@ def test_tasks_run_at_the_same_time(tmp_path):
     one, other = tmp_path / "one", tmp_path / "other"
     tasks = [Meet(own=one, other=other), Meet(own=other, other=one)]
     assert dict(Processes(2).run(tasks, lambda *_: None)) == {0: True, 1: True}
+
+
+@pytest.mark.parametrize("value", ["one", "two"])
+def test_processes_have_the_environment_of_the_run(value, monkeypatch):
+    monkeypatch.setenv("SEACLUTTER_TEST", value)
+    assert dict(Processes(2).run([Variable()] * 2, lambda *_: None)) == {0: value, 1: value}
 
 
 def test_a_result_that_cannot_be_sent_is_an_error():

@@ -82,6 +82,14 @@ class Unsendable:
 
 
 @dataclass(frozen=True)
+class Variable:
+    """Return a variable of the environment."""
+
+    def __call__(self, report):
+        return os.environ.get("SEACLUTTER_TEST")
+
+
+@dataclass(frozen=True)
 class Ask:
     """Return what a process was given."""
 

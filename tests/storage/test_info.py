@@ -60,7 +60,7 @@ def test_nothing_is_copied_ahead(bucket, proxy, scratch, log):
     put(bucket / "a.bag", b"nothing")
     put(bucket / "b.mcap", log)
     proxy.reset()
-    result = CliRunner().invoke(cli, ["info", str(bucket)])
+    result = CliRunner().invoke(cli, ["info", str(bucket), "-v", "-j", "1"])
     assert f"{bucket}/b.mcap: MCAP" in result.stdout
     assert proxy.sent < len(log) / 20
 
