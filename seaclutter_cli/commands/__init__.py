@@ -13,7 +13,7 @@ import click
 
 from seaclutter_cli import __version__
 from seaclutter_cli.commands.address_space import check_imports
-from seaclutter_cli.commands.console import DEBUG, show_each_warning_once
+from seaclutter_cli.commands.console import DEBUG, LOG, show_each_warning_once
 from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
 from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
@@ -69,6 +69,8 @@ def _reported_errors() -> Iterator[None]:
         raise
     except (SeaclutterError, OSError) as error:
         context = click.get_current_context(silent=True)
+        if context and LOG in context.meta:
+            context.meta[LOG].add(str(error), logging.ERROR)
         if context and DEBUG in context.meta:
             raise
         show_error(error)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 DEBUG = "seaclutter.debug"
 """Key in a context's ``meta`` that requests tracebacks."""
+LOG = "seaclutter.log"
+"""Key in a context's ``meta`` for the log file."""
 
 _LINE_SECONDS = 10.0
 _SHOWN_DAMAGE = 10
@@ -53,8 +55,10 @@ class Console:
     log_file: Path | None = None
 
     def __post_init__(self) -> None:
-        """Open the log file, so that an error comes before the run."""
-        _ = self._log
+        """Open the log file, so that an error comes before the run, and let it receive the error that ends the run."""
+        context = click.get_current_context(silent=True)
+        if self._log and context:
+            context.meta[LOG] = self._log
 
     @cached_property
     def _log(self) -> "LogFile | None":
@@ -97,8 +101,14 @@ class Console:
 
     def damage(self, damage: "Sequence[Damage]") -> None:
         """Print the parts of the input that could not be used; all of them if verbose."""
+        self._record_damage(damage)
+        self._show_damage(damage)
+
+    def _record_damage(self, damage: "Sequence[Damage]") -> None:
         for item in damage:
             self._record(f"damaged: {item}", logging.WARNING)
+
+    def _show_damage(self, damage: "Sequence[Damage]") -> None:
         shown = len(damage) if self.verbose else _SHOWN_DAMAGE
         for item in damage[:shown]:
             show_line(f"Damaged: {item}")
@@ -120,8 +130,9 @@ class Console:
             self._record(line)
             if not self.quiet:
                 show_line(line)
+        self._record_damage(damage)
         if self.verbose:
-            self.damage(damage)
+            self._show_damage(damage)
 
     def finish(self, result: "Result", text: str | None = None) -> NoReturn:
         """Print a result, or ``text`` in its place, and exit with the status of the result."""

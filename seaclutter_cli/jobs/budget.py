@@ -25,7 +25,7 @@ def default_jobs(recordings: int) -> int:
 
 
 def _available_bytes() -> int | None:
-    """Return the memory that is available to this process, where the system tells it: Linux and containers on it."""
+    """Return the memory that is available to this process, where it is known: on Linux, also in containers."""
     found = [_free()] + [_left(*pair) for pair in _LIMITS]
     return min((size for size in found if size is not None), default=None)
 

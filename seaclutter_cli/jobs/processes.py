@@ -16,7 +16,7 @@ from typing import Any
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.interrupts import handle_interrupts
 from seaclutter_cli.jobs.engine import Lost, R, Report, Results, Task
-from seaclutter_cli.threads import VARIABLE, cores
+from seaclutter_cli.threads import VARIABLE, cores, threads
 
 _SHARE, _DONE, _ERROR, _DIED = "share", "done", "error", "died"
 _ATTEMPTS = 2
@@ -84,7 +84,7 @@ class _Crew(AbstractContextManager["_Crew"]):
     def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
         """Give waiting tasks to idle processes and return their numbers."""
         if waiting and self.has_room:
-            self._workers.append(_Worker(self._context, max(1, cores() // self._size)))
+            self._workers.append(_Worker(self._context, max(1, min(threads(), cores() // self._size))))
         given = []
         for worker in self._workers:
             if waiting and not worker.is_busy:
@@ -113,9 +113,9 @@ class _Crew(AbstractContextManager["_Crew"]):
 class _Worker:
     """A process that runs one task at a time."""
 
-    def __init__(self, context: Any, threads: int) -> None:
+    def __init__(self, context: Any, budget: int) -> None:
         self.pipe, other = context.Pipe()
-        environment = {**os.environ, VARIABLE: str(threads)}  # a server of forks has that of its start
+        environment = {**os.environ, VARIABLE: str(budget)}  # a server of forks has that of its start
         self._process = context.Process(target=_work, args=(other, environment), daemon=True)
         self.number, self.is_busy = -1, False
         self._process.start()

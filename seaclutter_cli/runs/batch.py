@@ -136,13 +136,13 @@ def _progress(works: Sequence[Work[O]], observer: Observer) -> Iterator[Callable
     """Show the progress over all recordings in MiB of input; yield the function that receives shares."""
     sizes = [max(input_bytes(work.recording), 1) / _MIB for work in works]
     shares = [0.0] * len(works)
-    shown = 0
+    done, shown = 0.0, 0
     with observer.progress(count(len(works), "recording"), round(sum(sizes)), unit="MiB") as step:
 
         def on_share(number: int, share: float) -> None:
-            nonlocal shown
+            nonlocal done, shown
+            done += sizes[number] * (share - shares[number])
             shares[number] = share
-            done = sum(size * part for size, part in zip(sizes, shares, strict=True))
             while shown < int(done):
                 step()
                 shown += 1

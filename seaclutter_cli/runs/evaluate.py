@@ -17,10 +17,10 @@ from seaclutter_cli.runs.checks import checks_of
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.frame_table import FrameRows, FrameTable
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
-from seaclutter_cli.runs.manifest import write_manifest
+from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs
+from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import (
     Logs,
     ReadOptions,
@@ -116,7 +116,7 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
         if not may_appear(targets.values(), comparison.outcomes, observer):
             files.discard()
     if manifest:
-        write_manifest(manifest, recordings, outcomes)
+        write_files(manifest_of(manifest, recordings, outcomes), replace=options.force)
     return comparison
 
 

@@ -19,10 +19,10 @@ from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch
 from seaclutter_cli.runs.checks import checks_of
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
-from seaclutter_cli.runs.manifest import write_manifest
+from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import inputs_of, may_appear, plan_outputs, prepare_outputs
+from seaclutter_cli.runs.outputs import inputs_of, may_appear, plan_outputs, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import (
     Logs,
     PathLike,
@@ -131,7 +131,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     for outcome in outcomes:
         outcome.bytes_out = 0 if outcome.error else size_of(outcome.output)
     if batch.manifest:
-        write_manifest(batch.manifest, recordings, outcomes)
+        write_files(manifest_of(batch.manifest, recordings, outcomes), replace=options.force or batch.resume)
     return FilterSummary(outcomes, perf_counter() - started)
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.runs.recordings import Outcome
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources import Recording
 
 COLUMNS = (
@@ -30,10 +29,8 @@ COLUMNS = (
 """Columns; those that a command does not know are empty."""
 
 
-def write_manifest(
-    path: Path, recordings: Sequence[Recording], outcomes: Sequence[Outcome], group: OutputGroup | None = None
-) -> None:
-    """Write a manifest: JSON if the name ends in ``.json``, otherwise CSV.
+def manifest_of(path: Path, recordings: Sequence[Recording], outcomes: Sequence[Outcome]) -> dict[Path, bytes]:
+    """Return the content of a manifest by its path: JSON if the name ends in ``.json``, otherwise CSV.
 
     Parameters
     ----------
@@ -41,13 +38,10 @@ def write_manifest(
         Target.
     recordings, outcomes : sequence of Recording, sequence of Outcome
         Recordings and their outcomes.
-    group : OutputGroup, optional
-        Files that appear together with this one.
     """
     rows = [_row(*pair) for pair in zip(recordings, outcomes, strict=True)]
     text = json.dumps(rows, indent=2) + "\n" if path.suffix.lower() == ".json" else _csv(rows)
-    with AtomicFile(path, group) as file:
-        file.stream.write(text.encode(errors="surrogateescape"))
+    return {path: text.encode(errors="surrogateescape")}
 
 
 def _row(recording: Recording, outcome: Outcome) -> dict[str, Any]:

@@ -65,7 +65,7 @@ class Relay:
     def repeat(self, name: str, observer: Observer) -> None:
         """Repeat the messages of a recording for another observer."""
         for kind, text, detail in self.messages:
-            named = text if text.startswith(name) else f"{name}: {text}"
+            named = text if text.startswith(f"{name}:") else f"{name}: {text}"
             if kind == "warn":
                 observer.warn(named)
             else:

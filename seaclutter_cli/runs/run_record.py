@@ -1,4 +1,4 @@
-"""The record of a run in its output, which tells a later run whether the output is its own."""
+"""The record of a run in its output, by which a later run recognises it."""
 
 import hashlib
 import json
@@ -97,7 +97,7 @@ def _ends(path: Path, size: int) -> bytes:
 
 
 def digest_of(value: Any) -> str:
-    """Return a digest of options: dataclasses, mappings, sequences, and files by their content."""
+    """Return a digest of JSON-compatible data; other values count by their text."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
 
 

@@ -68,6 +68,11 @@ def test_processes_share_the_cores():
     assert os.getpid() not in {pid for _, pid in done}
 
 
+def test_a_budget_of_threads_holds_for_each_process(monkeypatch):
+    monkeypatch.setenv("SEACLUTTER_THREADS", "1")
+    assert {threads for _, (threads, _) in Processes(1).run([Ask()], lambda *_: None)} == {1}
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 class TestDeath:
     def test_a_process_that_dies_costs_one_retry(self, tmp_path):

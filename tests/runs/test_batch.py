@@ -99,7 +99,7 @@ def test_quiet_shows_errors_and_totals_only(logs, tmp_path):
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_fail_fast_stops_after_an_error(logs, tmp_path, jobs):
-    line = ["filter", str(logs / "e.mcap"), *(str(logs / f"{name}.mcap") for name in "adb" * 1)]
+    line = ["filter", str(logs / "e.mcap"), *(str(logs / f"{name}.mcap") for name in "adb")]
     result = CliRunner().invoke(cli, [*line, "-o", f"{tmp_path}/", "-j", jobs, "--fail-fast", "--json"])
     assert result.exit_code == 1
     assert "not processed" in [row["error"] for row in json.loads(result.stdout)]
@@ -138,7 +138,7 @@ class Step(Work[Outcome]):
     kills: bool = False
 
     def run(self, observer):
-        observer.warn(f"/points: careful in {os.getpid()}")
+        observer.warn(f"r: careful in {os.getpid()}")
         with observer.progress("x", 4) as step:
             for _ in range(4):
                 step()
@@ -160,7 +160,7 @@ def test_outcomes_come_in_order(jobs):
     outcomes = run_batch(works(6), BatchOptions(jobs=jobs), receiver, lambda one: passed.append(one.recording))
     assert [one.recording for one in outcomes] == passed == [f"r{k}" for k in range(6)]
     assert sorted(line.split(":")[0] for line in receiver.lines) == passed
-    assert sorted(text.split(": ")[0] for text in receiver.warnings) == passed
+    assert sorted(text.split(": ")[:2] for text in receiver.warnings) == [[f"r{k}", "r"] for k in range(6)]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
@@ -282,6 +282,9 @@ def test_a_log_file_has_all_messages(logs, tmp_path):
     assert all(re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ (INFO|WARNING|ERROR) ", text) for text in lines[1:])
     assert sum(" INFO a: 9 frames, " in text for text in lines) == 1
     assert sum("ERROR" in text for text in lines) == 1
+    assert sum("WARNING damaged: " in text for text in lines) >= 1
+    CliRunner().invoke(cli, line)
+    assert "already exists" in log.read_text().splitlines()[-1], "the error that ends a run"
     CliRunner().invoke(cli, [*line, "--force"])
     assert log.read_text().splitlines()[: len(lines)] == lines
     assert log.read_text().count("# seaclutter log") == 1

@@ -143,6 +143,14 @@ def test_one_recording(trial):
     assert "6 frames; skipped, the output was complete" in again.stdout
 
 
+def test_a_manifest_lists_skipped_recordings(trial):
+    manifest = str(trial / "runs.json")
+    run(trial, "--manifest", manifest)
+    assert run(trial, "--resume", "--manifest", manifest).exit_code == 3
+    rows = json.loads((trial / "runs.json").read_text())
+    assert [(row["status"], row["frames"]) for row in rows[:2]] == [("skipped", 6), ("skipped", 3)]
+
+
 def test_a_table_of_frames_is_refused(trial):
     result = run(trial, "--resume", "--csv", str(trial / "t.csv"))
     assert result.exit_code == 2
