@@ -35,7 +35,7 @@ class Evaluated(Outcome):
     def figures(self) -> str:
         """Return frames and rates of the first method, for a line about the outcome."""
         name, summary = next(iter(self.methods.items()))
-        rates = ", ".join(f"{column.head} {column.cell(summary)}" for column in (R_FP, R_FN))
+        rates = ", ".join(column.figure(summary) for column in (R_FP, R_FN))
         return f"{count(summary.frames, 'labelled frame')}, {name}: {rates}, {self.seconds:.1f} s"
 
     def counts(self) -> dict[str, Any]:
