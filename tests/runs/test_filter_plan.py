@@ -14,7 +14,7 @@ from tests.logs import cloud_log
 
 @pytest.fixture
 def trial(tmp_path, monkeypatch):
-    """Return a folder with logs, of which one is damaged and one is no log; the folder for temporary files stays empty."""
+    """Return a folder with logs, one of them damaged and one no log; no temporary file is left."""
     logs, temporary = tmp_path / "logs", tmp_path / "tmp"
     logs.mkdir()
     temporary.mkdir()
