@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 from seaclutter_cli.calibration import Calibration, ClutterSelector, RingCalibration, Thresholds
 from seaclutter_cli.config import Config, SensorParams
@@ -67,6 +67,18 @@ class ClutterTally:
         self.marked += selector.marked
         self.damage += source.damage
         self.facts += [facts for topic, facts in source.facts.items() if topic in topics]
+
+    def __iadd__(self, other: Self) -> Self:
+        """Add the sums over later recordings."""
+        self.frames += other.frames
+        self.unlabelled += other.unlabelled
+        self.marked += other.marked
+        self.recordings += other.recordings
+        self.sensors += [name for name in other.sensors if name not in self.sensors]
+        self.intensity_fields += [name for name in other.intensity_fields if name not in self.intensity_fields]
+        self.damage += other.damage
+        self.facts += other.facts
+        return self
 
     @property
     def sensor(self) -> SensorParams:

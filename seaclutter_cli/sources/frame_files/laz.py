@@ -68,8 +68,11 @@ class _Reader:
         while len(self._read) < size and self._left:
             block = self._worker.block()
             self._left -= len(block)
-            self._read += block
-        read, self._read = self._read[:size], self._read[size:]
+            self._read = self._read + block if self._read else block  # in most cases, what is asked for is one block
+        if len(self._read) > size:
+            read, self._read = self._read[:size], self._read[size:]
+        else:
+            read, self._read = self._read, bytearray()
         return read
 
     def release(self) -> None:

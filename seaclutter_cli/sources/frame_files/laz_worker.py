@@ -1,8 +1,8 @@
 """Program that decompresses LAZ points for `laz`; it imports nothing but the decoder, so that it starts quickly.
 
 A request is a pickled tuple: path of the file, place of the points in it, description of the compression, size of a
-point in bytes, number of points. The answer consists of blocks of points, each after its size; a negative size means that
-an error's text follows.
+point in bytes, number of points. The answer consists of blocks of points, each after its size; after a negative size
+follows the text of an error.
 """
 
 import pickle
