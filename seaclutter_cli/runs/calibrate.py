@@ -162,11 +162,11 @@ class _Pass:
         with warnings_of(source, self._observer), self._observer.progress(source.name, total) as step:
             for frame, clutter in map_frames(source, selection, selector.clutter):
                 self._add(frame, clutter)
-                self._tally.note_sensor(source.name, frame)
+                self._tally.note_frame(frame)
                 step()
         require_frames(source, selector.frames + selector.unlabelled)
         finish_labels(labels, source, selection)
-        self._tally.add(source, selector, topics)
+        self._tally.add(source, selector)
 
     def _add(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
         range_m, intensity = frame.range_m[clutter], frame.intensity[clutter]
