@@ -8,6 +8,7 @@ from .api.studies import tune as tune
 from .api.work import calibrate as calibrate
 from .api.work import evaluate as evaluate
 from .api.work import filter_log as filter_log
+from .api.work import plan_filter as plan_filter
 from .api.work import simulate as simulate
 from .config import Config as Config
 from .errors import CloudError as CloudError

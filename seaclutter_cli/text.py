@@ -1,9 +1,14 @@
 """Text output: printable names, tables, counts and percentages."""
 
 import os
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Mapping, Sequence
+
+UNKNOWN = "–"
+"""Stands for a value that is not known, or a rate without anything to count."""
 
 _CELL_CHARACTERS = 200
+_LINE_CHARACTERS = 80
 
 
 def printable(text: str) -> str:
@@ -61,6 +66,23 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     return "\n".join(lines)
 
 
+def legend(meanings: Mapping[str, str]) -> str:
+    """Return terms with their meanings, wrapped at 80 characters.
+
+    Examples
+    --------
+    >>> print(legend({"F1": "harmonic mean", "R_c": "share of clutter"}))
+    F1   harmonic mean
+    R_c  share of clutter
+    """
+    width = max(map(len, meanings)) + 2
+    lines = []
+    for term, meaning in meanings.items():
+        first = term.ljust(width)
+        lines.append(textwrap.fill(meaning, _LINE_CHARACTERS, initial_indent=first, subsequent_indent=" " * width))
+    return "\n".join(lines)
+
+
 def indented(text: str) -> str:
     """Return text with every line indented by two spaces."""
     return "\n".join("  " + line for line in text.splitlines())
@@ -98,6 +120,6 @@ def share(part: float, whole: float) -> str:
     Examples
     --------
     >>> share(1, 8), share(0, 0)
-    ('12.5 %', '-')
+    ('12.5 %', '–')
     """
-    return f"{100 * part / whole:.1f} %" if whole else "-"
+    return f"{100 * part / whole:.1f} %" if whole else UNKNOWN

@@ -57,7 +57,7 @@ def test_the_python_example_runs(monkeypatch, capsys):
     exec(code, {})
     printed = capsys.readouterr().out
     assert re.search(r"^joint +60 +14 +8 ", printed, re.MULTILINE)
-    assert re.search(r"^confirmed +60 +0 +0 ", printed, re.MULTILINE)
+    assert re.search(r"^confirmed +60 +\*0 +\*0 ", printed, re.MULTILINE)
 
 
 def test_links_of_the_readme():

@@ -19,9 +19,11 @@ from seaclutter_cli.runs.calibrate_result import CalibrationResult
 from seaclutter_cli.runs.comparison import Comparison
 from seaclutter_cli.runs.evaluate import EvaluateOptions, evaluate_logs
 from seaclutter_cli.runs.filter import FilterOptions, filter_logs
+from seaclutter_cli.runs.filter_plan import plan_filter as run_plan
 from seaclutter_cli.runs.filter_result import FilterSummary
 from seaclutter_cli.runs.methods import MethodOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.plan_result import FilterPlan
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
 from seaclutter_cli.runs.simulate import simulate_scene
 from seaclutter_cli.runs.simulation import SimulateOptions, SimulationResult, TileSimulationResult
@@ -100,6 +102,57 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
     return filter_logs(logs, output, options, run_observer(observer, keep_going=keep_going))
 
 
+def plan_filter(  # noqa: PLR0913 - each an option of its own
+    logs: Logs,
+    output: PathLike,
+    *,
+    method: str | None = None,
+    config: Settings | None = None,
+    reading: ReadOptions | None = None,
+    written: McapOptions | None = None,
+    csv_file: PathLike | None = None,
+    force: bool = False,
+    batch: BatchOptions | None = None,
+    observer: Observer = SILENT,
+) -> FilterPlan:
+    """Return what `filter_log` would do with each log, with an estimate of its duration; nothing is written.
+
+    Parameters
+    ----------
+    logs, output, method, config, reading, written, csv_file, force, batch
+        As for `filter_log`.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Returns
+    -------
+    FilterPlan
+        ``outcomes``: for each recording, its ``status`` (``do``, ``skip`` or ``refuse``), the reason, and its size;
+        ``estimate``: seconds and bytes of the run.
+
+    Raises
+    ------
+    SeaclutterError
+        If the run could not start.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> plan = seaclutter.plan_filter("samples/sea.mcap", folder / "planned.mcap")
+    >>> [(one.recording, one.status, one.frames) for one in plan.outcomes]
+    [('sea', 'do', 60)]
+    """
+    options = FilterOptions(
+        config=config_options(method, config),
+        reading=reading or ReadOptions(),
+        written=written or McapOptions(),
+        csv_file=path_or_none(csv_file),
+        force=force,
+        batch=batch or BatchOptions(),
+    )
+    return run_plan(logs, output, options, observer)
+
+
 def calibrate(  # noqa: PLR0913 - each an option of its own
     logs: Logs,
     *,
@@ -112,6 +165,7 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
     output: PathLike | None = None,
     plot_file: PathLike | None = None,
     force: bool = False,
+    batch: BatchOptions | None = None,
     observer: Observer = SILENT,
 ) -> CalibrationResult:
     """Derive the threshold of each range ring and the far limit from logs that contain sea clutter.
@@ -138,6 +192,8 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
         File for a plot of clutter and thresholds over range; PNG or SVG.
     force : bool, optional
         Replace existing files.
+    batch : BatchOptions, optional
+        How several recordings are processed; by default one after another.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -167,6 +223,7 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
         output=path_or_none(output),
         plot_file=path_or_none(plot_file),
         force=force,
+        batch=batch or BatchOptions(),
     )
     return calibrate_logs(logs, options, observer)
 

@@ -63,13 +63,18 @@ _OPTIONS = (
 @logs_argument
 @output_or_folder_option("File for one recording; folder for several, or with a slash at its end.", remote=True)
 @grouped("options", "runs.filter:FilterOptions", _OPTIONS)
+@click.option("--dry-run", is_flag=True, help="Show what would be done with each recording, and do nothing.")
 @console_options
-def command(logs: tuple[str, ...], output: str, options: "FilterOptions", console: Console) -> None:
+def command(logs: tuple[str, ...], output: str, options: "FilterOptions", dry_run: bool, console: Console) -> None:
     """Filter each frame of LOGS and write filtered MCAP files.
 
     LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs. Every
     other topic, attachment and metadata record is copied unchanged: the output is a drop-in replacement for the input.
     """
+    if dry_run:
+        from seaclutter_cli.runs.filter_plan import plan_filter
+
+        console.finish(plan_filter(logs, output, options, console))
     from seaclutter_cli.runs.filter import filter_logs
 
     console.finish(filter_logs(logs, output, options, console))

@@ -271,14 +271,17 @@ def _jobs(_: click.Context, parameter: click.Parameter, text: str | None) -> int
     return int(text)
 
 
+_JOBS = click.option(
+    "-j",
+    "--jobs",
+    metavar="N",
+    callback=_jobs,
+    help="Process N recordings at the same time; by default as many as there are cores and memory for.",
+)
+jobs_option = grouped("batch", "runs.batch:BatchOptions", (_JOBS,))
+"""The option for the number of processes, as ``batch``, for results that need all recordings."""
 _BATCH = (
-    click.option(
-        "-j",
-        "--jobs",
-        metavar="N",
-        callback=_jobs,
-        help="Process N recordings at the same time; by default as many as there are cores and memory for.",
-    ),
+    _JOBS,
     click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
 )
 batch_options = grouped("batch", "runs.batch:BatchOptions", _BATCH)

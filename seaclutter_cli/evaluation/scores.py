@@ -29,8 +29,8 @@ POINT_COLUMNS = ("target_points_in", "target_points_out", "clutter_points_in", "
 class PointCounts:
     """Number of target and clutter points before and after a filter, without invalid and ignored points.
 
-    Rates are None if the denominator is 0. Precision and recall refer to the *removal of clutter*, as in papers on snow
-    and spray.
+    Rates are None if there is nothing to count. Precision and recall refer to the *removal of clutter*, as in papers on
+    snow and spray.
     """
 
     target_in: int = 0
@@ -60,9 +60,9 @@ class PointCounts:
 
     @property
     def f1(self) -> float | None:
-        """Harmonic mean of precision and recall."""
+        """Harmonic mean of precision and recall; None without clutter."""
         clutter = self.clutter_in - self.clutter_out
-        return _ratio(2 * clutter, clutter + self.target_in - self.target_out + self.clutter_in)
+        return _ratio(2 * clutter, self.clutter_in and clutter + self.target_in - self.target_out + self.clutter_in)
 
     @property
     def clutter_share(self) -> float | None:
@@ -159,7 +159,8 @@ class Summary:
 
     Rates over frames refer to all labelled frames, as in Table 4 of [Li2023]: 13 of 196 is 6.63 %. Over objects, a
     detected target is a true positive, a false alarm a false positive and a missed target a false negative. Rates are
-    None if the denominator is 0.
+    None if there is nothing to count: those of false alarms without labelled frames, those of missed targets without
+    visible targets.
 
     Parameters
     ----------
@@ -224,8 +225,8 @@ class Summary:
 
     @property
     def r_fn(self) -> float | None:
-        """Share of frames with a missed target."""
-        return _ratio(self.n_fn, self.frames)
+        """Share of frames with a missed target; None without visible targets."""
+        return _ratio(self.n_fn, self.visible and self.frames)
 
     @property
     def precision(self) -> float | None:
@@ -239,8 +240,8 @@ class Summary:
 
     @property
     def f1(self) -> float | None:
-        """Harmonic mean of precision and recall."""
-        return _ratio(2 * self.detected, self.detected + self.false_alarms + self.visible)
+        """Harmonic mean of precision and recall; None without visible targets."""
+        return _ratio(2 * self.detected, self.visible and self.detected + self.false_alarms + self.visible)
 
     @property
     def false_alarms_per_frame(self) -> float | None:

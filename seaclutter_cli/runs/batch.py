@@ -76,15 +76,16 @@ class Work(ABC, Generic[O]):
 
 @dataclass(frozen=True)
 class _Task(Generic[O]):
-    """Work with an observer whose messages travel with the outcome."""
+    """Work with an observer whose messages travel with the outcome, or appear at once in this process."""
 
     work: Work[O]
+    observer: Observer | None
 
     def __call__(self, report: Report) -> tuple[O, Relay]:
-        relay = Relay(report)
+        relay = Relay(report, self.work.recording.name, self.observer)
         with copies_removed():
             outcome = self.work.run(relay)
-        relay.report = _no_report
+        relay.report, relay.observer = _no_report, None
         return outcome, relay
 
 
@@ -93,6 +94,8 @@ def run_batch(
     options: BatchOptions,
     observer: Observer,
     in_order: Callable[[O], object] = lambda _: None,
+    *,
+    together: bool = False,
 ) -> list[O]:
     """Do the work on several recordings and return the outcomes in the order of the recordings.
 
@@ -106,11 +109,20 @@ def run_batch(
         Receives messages and the end of each recording as they come, and the progress of all together.
     in_order : callable, optional
         Receives each outcome as soon as those of all recordings before are known.
+    together : bool, optional
+        Whether the outcomes are only of use together; an error of one recording then ends the run.
+
+    Raises
+    ------
+    SeaclutterError
+        Error that ends the run.
     """
     outcomes: list[O | None] = [None] * len(works)
     passed = 0
     engine = options.engine(len(works))
-    with _progress(works, observer) as on_share, closing(engine.run([_Task(w) for w in works], on_share)) as results:
+    shown = observer if isinstance(engine, InTurn) else None
+    tasks = [_Task(work, shown) for work in works]
+    with _progress(works, observer) as on_share, closing(engine.run(tasks, on_share)) as results:
         for number, result in results:
             work, error = works[number], None
             if isinstance(result, Lost):
@@ -118,8 +130,10 @@ def run_batch(
                 error = SeaclutterError(str(outcome.error))
             else:
                 outcome, relay = result
-                relay.repeat(work.recording.name, observer)
+                relay.repeat(observer)
                 error = relay.error
+            if error and together:
+                raise error
             on_share(number, 1.0)
             outcomes[number] = outcome
             observer.done(outcome.line(), outcome.damage, error)

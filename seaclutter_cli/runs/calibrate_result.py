@@ -2,7 +2,7 @@
 
 import textwrap
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 from seaclutter_cli.calibration import Calibration, ClutterSelector, RingCalibration, Thresholds
 from seaclutter_cli.config import Config, SensorParams
@@ -95,6 +95,18 @@ class ClutterTally:
         if self.sensor.model:
             return self.sensor.model
         return f"resembles {' or '.join(self.sensors)}" if self.sensors else "not recognised"
+
+    def __iadd__(self, other: Self) -> Self:
+        """Add the sums over later recordings; raise `InputError` as `add` does."""
+        for where, sensor in other.seen:
+            self._add_sensor(where, sensor)
+        self.frames += other.frames
+        self.unlabelled += other.unlabelled
+        self.marked += other.marked
+        self.recordings += other.recordings
+        self.intensity_fields += [name for name in other.intensity_fields if name not in self.intensity_fields]
+        self.damage += other.damage
+        return self
 
     @property
     def sensor(self) -> SensorParams:

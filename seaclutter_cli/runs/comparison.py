@@ -8,12 +8,8 @@ from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.runs.frame_table import PackedRows
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
-from seaclutter_cli.text import count, table
-
-_ALARMS = ("method", "frames", "N_FP", "N_FN", "R_FP %", "R_FN %", "F1", "false/frame")
-_POINTS = ("clutter removed", "target lost", "R_c")
-_OBJECTS = ("precision %", "recall %", "F1", "noise", "unclustered", "ms p50")
-_TIMES = ("ms p50", "ms p99")
+from seaclutter_cli.runs.score_table import ALARMS, OBJECTS, POINTS, R_FN, R_FP, TIMES, score_legend, score_table
+from seaclutter_cli.text import count
 
 
 @dataclass(kw_only=True)
@@ -39,7 +35,7 @@ class Evaluated(Outcome):
     def figures(self) -> str:
         """Return frames and rates of the first method, for a line about the outcome."""
         name, summary = next(iter(self.methods.items()))
-        rates = f"R_FP {_shown(summary.r_fp, 100, 2, ' %')}, R_FN {_shown(summary.r_fn, 100, 2, ' %')}"
+        rates = ", ".join(column.figure(summary) for column in (R_FP, R_FN))
         return f"{count(summary.frames, 'labelled frame')}, {name}: {rates}, {self.seconds:.1f} s"
 
     def counts(self) -> dict[str, Any]:
@@ -98,56 +94,22 @@ class Comparison(RecordingsResult):
         if all(outcome.error for outcome in self.outcomes):
             return ""
         totals = self.totals()
-        first = max(totals.values(), key=lambda summary: summary.frames)
-        done = sum(not outcome.error for outcome in self.outcomes)
-        title = f"{count(done, 'recording')}; {count(first.frames, 'labelled frame')}, {first.unlabelled:,} unlabelled"
-        title += f"; {count(first.targets, 'target')}, {first.targets - first.visible:,} not visible"
-        alarms = table(_ALARMS, [(name, *_alarm_cells(summary)) for name, summary in totals.items()])
         points_known = any(summary.points for summary in totals.values())
-        head = ("method", *(_POINTS if points_known else ()), *_TIMES)
-        rows = [
-            (name, *(_point_cells(summary) if points_known else ()), *_time_cells(summary))
-            for name, summary in totals.items()
-        ]
-        blocks = [title, alarms, table(head, rows)]
+        groups = [ALARMS, (*(POINTS if points_known else ()), *TIMES)]
         if self.variants[0].config.evaluation.clustering == "dbscan":
-            objects = [(name, *_object_cells(summary)) for name, summary in totals.items()]
-            blocks.insert(2, table(("method", *_OBJECTS), objects))
-        return "\n\n".join(blocks)
+            groups.insert(1, OBJECTS)
+        tables = "\n\n".join(score_table(totals, columns) for columns in groups)
+        foot = score_legend(tables, (column for columns in groups for column in columns))
+        return f"{self._title(totals)}\n\n{tables}\n\n{foot}"
 
-
-def _alarm_cells(summary: Summary) -> tuple[str, ...]:
-    return (
-        f"{summary.frames}",
-        f"{summary.n_fp}",
-        f"{summary.n_fn}",
-        _shown(summary.r_fp, 100, 2),
-        _shown(summary.r_fn, 100, 2),
-        _shown(summary.f1, 1, 3),
-        _shown(summary.false_alarms_per_frame, 1, 2),
-    )
-
-
-def _object_cells(summary: Summary) -> tuple[str, ...]:
-    return (
-        _shown(summary.precision, 100, 1),
-        _shown(summary.recall, 100, 1),
-        _shown(summary.f1, 1, 3),
-        _shown(summary.false_alarms_per_frame, 1, 2),
-        _shown(summary.unclustered_per_frame, 1, 1),
-        _shown(summary.milliseconds(0.5), 1, 2),
-    )
-
-
-def _point_cells(summary: Summary) -> tuple[str, ...]:
-    points = summary.points
-    rates = (None,) * 3 if points is None else (points.clutter_removal, points.target_loss, points.clutter_share)
-    return tuple(_shown(rate, 100, 2, " %") for rate in rates)
-
-
-def _time_cells(summary: Summary) -> tuple[str, ...]:
-    return tuple(_shown(summary.milliseconds(share), 1, 2) for share in (0.5, 0.99))
-
-
-def _shown(value: float | None, scale: float, digits: int, unit: str = "") -> str:
-    return "-" if value is None else f"{scale * value:.{digits}f}{unit}"
+    def _title(self, totals: Mapping[str, Summary]) -> str:
+        """Return what was compared: recordings, frames, targets and, where they are labelled, points."""
+        done = sum(not outcome.error for outcome in self.outcomes)
+        first = max(totals.values(), key=lambda summary: summary.frames)
+        least = self.variants[0].config.evaluation.min_visible_points
+        frames = f"{count(first.frames, 'labelled frame')}, {first.unlabelled:,} unlabelled"
+        visible = f"{first.visible:,} visible (at least {count(least, 'point')})"
+        lines = [f"{count(done, 'recording')}; {frames}", f"{count(first.targets, 'target')}, {visible}"]
+        if points := first.points:
+            lines.append(f"{count(points.target_in, 'target point')}, {count(points.clutter_in, 'clutter point')}")
+        return "\n".join(lines)

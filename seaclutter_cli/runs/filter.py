@@ -22,7 +22,7 @@ from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import inputs_of, may_appear, plan_outputs, prepare_outputs, write_files
+from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, plan_outputs, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import (
     Logs,
     PathLike,
@@ -33,8 +33,8 @@ from seaclutter_cli.runs.recordings import (
     require_frames,
     storing_errors,
 )
-from seaclutter_cli.runs.resume import identity_of, record_in
-from seaclutter_cli.runs.run_record import NAME, RunIdentity, from_entries, to_entries
+from seaclutter_cli.runs.resume import earlier_run, identity_of
+from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
 from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -98,28 +98,17 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    started, config = perf_counter(), options.config.load()
-    recordings = expand(logs)
-    if options.labels.paths and not options.with_scene:
-        raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
-    targets = plan_outputs(recordings, output)
-    inputs = inputs_of(recordings, options.reading, options.config.file, [config])
-    outputs = {"-o": targets, "--csv": options.csv_file, "--manifest": options.batch.manifest}
-    batch = options.batch
-    if batch.resume and not all(isinstance(place, Path) for place in (*targets, *(r.paths[0] for r in recordings))):
-        raise UsageError("--resume: is for logs and outputs on this machine; leave it out")
-    if batch.resume and options.csv_file:
-        raise UsageError("--resume: there are no rows of frames for recordings that are skipped; leave out --csv")
-    prepare_outputs(outputs, inputs, options.labels.paths, force=options.force or batch.resume, observer=observer)
-    labels = options.labels.assign(recordings)
-    works = [FilterWork(options, config, *each) for each in zip(recordings, targets, labels, strict=True)]
-    known = [_earlier(work, observer) if options.batch.resume else None for work in works]
-    works = [work for work, outcome in zip(works, known, strict=True) if outcome is None]
-    with OutputGroup(replace=options.force or batch.resume) as files:
+    started, plan, batch = perf_counter(), plan_works(logs, output, options), options.batch
+    replaces = options.force or batch.resume
+    prepare_outputs(plan.outputs, plan.inputs, options.labels.paths, force=replaces, observer=observer)
+    known = [_earlier(work, observer) if batch.resume else None for work in plan.works]
+    works = [work for work, outcome in zip(plan.works, known, strict=True) if outcome is None]
+    with OutputGroup(replace=replaces) as files:
         with ExitStack() as stack:
             # A single log appears together with the table. Of several, each appears when it is complete.
             log_written = stack.enter_context(OutputGroup(files)) if len(works) == 1 else None
-            table = stack.enter_context(frame_table(config, options.csv_file, files)) if options.csv_file else None
+            csv_file = options.csv_file
+            table = stack.enter_context(frame_table(plan.config, csv_file, files)) if csv_file else None
             if len(works) == 1:
                 done = iter([works[0].run(observer, table, log_written)])
             else:
@@ -130,8 +119,56 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     for outcome in outcomes:
         outcome.bytes_out = 0 if outcome.error else size_of(outcome.output)
     if batch.manifest:
-        write_files(manifest_of(batch.manifest, recordings, outcomes), replace=options.force or batch.resume)
+        recordings = [work.recording for work in plan.works]
+        write_files(manifest_of(batch.manifest, recordings, outcomes), replace=replaces)
     return FilterSummary(outcomes, perf_counter() - started)
+
+
+@dataclass(frozen=True)
+class PlannedWorks:
+    """Work on each recording of a run, and the files that the run reads and writes.
+
+    Parameters
+    ----------
+    config : Config
+        Effective configuration.
+    works : list of FilterWork
+        Work on each recording.
+    inputs, outputs : mapping of str to path, paths or None
+        Files by option.
+    """
+
+    config: Config
+    works: "list[FilterWork]"
+    inputs: Paths
+    outputs: Paths
+
+
+def plan_works(logs: Logs, output: PathLike, options: FilterOptions, *, ahead: bool = True) -> PlannedWorks:
+    """Return the work on each recording, without checks of the output files; `filter_logs` describes the parameters.
+
+    Recordings in object storage are fetched ahead, if ``ahead``.
+
+    Raises
+    ------
+    SeaclutterError
+        If the configuration is not valid, there are no recordings, or options do not fit them.
+    """
+    config, recordings = options.config.load(), expand(logs, ahead=ahead)
+    if options.labels.paths and not options.with_scene:
+        raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
+    targets = plan_outputs(recordings, output)
+    batch, labels = options.batch, options.labels.assign(recordings)
+    if batch.resume and not all(isinstance(place, Path) for place in (*targets, *(r.paths[0] for r in recordings))):
+        raise UsageError("--resume: is for logs and outputs on this machine; leave it out")
+    if batch.resume and options.csv_file:
+        raise UsageError("--resume: there are no rows of frames for recordings that are skipped; leave out --csv")
+    return PlannedWorks(
+        config,
+        [FilterWork(options, config, *each) for each in zip(recordings, targets, labels, strict=True)],
+        inputs_of(recordings, options.reading, options.config.file, [config]),
+        {"-o": targets, "--csv": options.csv_file, "--manifest": batch.manifest},
+    )
 
 
 def frame_table(config: Config, path: Location, group: OutputGroup | None = None) -> CsvSink:
@@ -141,32 +178,12 @@ def frame_table(config: Config, path: Location, group: OutputGroup | None = None
 
 
 def _earlier(work: "FilterWork", observer: Observer) -> FilterOutcome | None:
-    """Return the outcome of an earlier run whose output is complete; None if the recording must be filtered.
-
-    Raises
-    ------
-    UsageError
-        If there is a file that is not the output of a run, and may not be replaced.
-    """
-    try:
-        record = record_in(work.target)
-    except UsageError:
-        if work.options.force:
-            return None
-        raise
-    if record is None:
-        return None
-    difference = work.identity().difference(record)
-    outcome = work.without_result(None)
-    outcome.skipped = True
-    try:
-        outcome.topics, outcome.damage = from_entries(record, work.recording.paths)
-    except ValueError as error:
-        difference = difference or str(error)
-    if difference:
-        observer.note(f"{work.recording.name}: filtered again; the earlier output is of {difference}")
-        return None
-    observer.damage(outcome.damage)
+    """Return the outcome of an earlier run whose output is complete; None if the recording must be filtered."""
+    outcome, difference = work.earlier()
+    if outcome is None and difference:
+        observer.note(f"{work.recording.name}: filtered again; {difference}")
+    if outcome is not None:
+        observer.damage(outcome.damage)
     return outcome
 
 
@@ -228,6 +245,11 @@ class FilterWork(Work[FilterOutcome]):
         """Return a table for the frames of this recording alone, which is removed at the end."""
         with TemporaryDirectory(prefix="seaclutter-") as folder, frame_table(self.config, Path(folder, "t.csv")) as own:
             yield own
+
+    def earlier(self) -> tuple[FilterOutcome | None, str]:
+        """Return the outcome of an earlier run whose output is complete, or what differs; see `earlier_run`."""
+        blank, paths = self.without_result(None), self.recording.paths
+        return earlier_run(blank, self.identity, paths, force=self.options.force)
 
     def without_result(self, reason: str | None) -> FilterOutcome:
         """Return an outcome without frames."""

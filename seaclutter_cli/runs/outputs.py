@@ -14,7 +14,7 @@ from seaclutter_cli.runs.same_file import Identity, files_in, identity
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources import Recording, metadata_beside
 from seaclutter_cli.storage.locations import Location, Url, location
-from seaclutter_cli.storage.objects import exists
+from seaclutter_cli.storage.objects import exists, list_folder
 from seaclutter_cli.storage.parts import remove_stale
 from seaclutter_cli.text import count, named_folder
 
@@ -100,7 +100,15 @@ def prepare_outputs(
 ) -> None:
     """Check the paths of output files before anything is read or written, and tidy their folders.
 
-    Incomplete files that killed runs left in these folders are removed.
+    Incomplete files that killed runs left in these folders are removed, with a note to the observer. `check_outputs`
+    describes the other parameters and the errors.
+    """
+    check_outputs(outputs, inputs, labels, force=force)
+    _tidy({Path(os.path.realpath(path)).parent for _, path in _local(_flat(outputs))}, observer)
+
+
+def check_outputs(outputs: Paths, inputs: Paths, labels: Sequence[Location] = (), *, force: bool) -> None:
+    """Check the paths of output files.
 
     Parameters
     ----------
@@ -113,8 +121,6 @@ def prepare_outputs(
         Files of labels, and folders whose files are labels; new files in such folders are allowed.
     force : bool
         Whether existing files may be replaced.
-    observer : Observer, optional
-        Receives a note about removed files.
 
     Raises
     ------
@@ -133,7 +139,14 @@ def prepare_outputs(
             )
     for target in targets:
         _check_place(target, force=force)
-    _tidy({target.file.parent for target in targets}, observer)
+
+
+def existing(places: Iterable[Location]) -> set[Location]:
+    """Return the places at which there is something, with a single request for each folder of objects."""
+    given = list(places)
+    folders = {place.parent for place in given if isinstance(place, Url)}
+    objects = {url for folder in folders for url in list_folder(folder)[0]}
+    return {place for place in given if (os.path.lexists(place) if isinstance(place, Path) else place in objects)}
 
 
 def _flat(paths: Paths) -> Iterator[tuple[str, Location]]:

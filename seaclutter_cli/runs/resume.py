@@ -1,6 +1,6 @@
 """Going on where a run stopped: which recordings are already filtered."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -9,9 +9,10 @@ from mcap.reader import make_reader
 
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.runs.filter_result import FilterOutcome
 from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.recordings import ReadOptions
-from seaclutter_cli.runs.run_record import NAME, RunIdentity, digest_of, digest_of_paths
+from seaclutter_cli.runs.run_record import NAME, RunIdentity, digest_of, digest_of_paths, from_entries
 from seaclutter_cli.sinks import McapOptions
 from seaclutter_cli.storage.locations import Location
 
@@ -41,6 +42,44 @@ def identity_of(
         options=digest_of(options),
         labels=digest_of(label_parts),
     )
+
+
+def earlier_run(
+    blank: FilterOutcome, identity: Callable[[], RunIdentity], paths: Sequence[Location], *, force: bool
+) -> tuple[FilterOutcome | None, str]:
+    """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs if there is one.
+
+    Parameters
+    ----------
+    blank : FilterOutcome
+        Outcome without results; those of the earlier run are filled in.
+    identity : callable
+        Returns what the output depends on.
+    paths : sequence of Path or Url
+        Files of the recording.
+    force : bool
+        Whether a file that is not the output of a run may be replaced.
+
+    Raises
+    ------
+    UsageError
+        If there is such a file, and it may not be replaced.
+    """
+    try:
+        record = record_in(blank.output)
+    except UsageError:
+        if force:
+            return None, ""
+        raise
+    if record is None:
+        return None, ""
+    difference = identity().difference(record)
+    try:
+        blank.topics, blank.damage = from_entries(record, paths)
+    except ValueError as error:
+        difference = difference or str(error)
+    blank.skipped = True
+    return (None, f"the earlier output is of {difference}") if difference else (blank, "")
 
 
 def record_in(output: Location) -> Mapping[str, str] | None:

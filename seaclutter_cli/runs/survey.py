@@ -91,7 +91,7 @@ class SurveyWork(Work["Content"]):
         """Read the recording; store an error in the outcome."""
         content = self.without_result(None)
         with storing_errors(content, observer):
-            part = _excerpt(self.recording, self.reading)
+            part = excerpt_of(self.recording) if self.reading.selection.is_whole else None
             with opened(part or self.recording, self.reading, observer, content) as source:
                 _read(source, content, self.reading.selection, observer)
                 if part:
@@ -103,9 +103,9 @@ class SurveyWork(Work["Content"]):
         return Content(recording=self.recording.name, path=str(self.recording.paths[0]), error=reason)
 
 
-def _excerpt(recording: Recording, reading: ReadOptions) -> "RemoteExcerpt | None":
-    """Return the first frames of a large recording in object storage; None if all of it is to be read."""
-    if isinstance(recording.paths[0], Path) or not reading.selection.is_whole:
+def excerpt_of(recording: Recording) -> "RemoteExcerpt | None":
+    """Return the first frames of a large recording in object storage; None for other recordings."""
+    if isinstance(recording.paths[0], Path):
         return None
     from seaclutter_cli.sources.remote import RemoteRecording  # asyncio takes time to import
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -201,7 +202,7 @@ def test_every_recording_starts_without_state(labels, tmp_path):
     assert result.exit_code == 0, result.output
     first, second = ([row | {"recording": ""} for row in rows(out) if row["recording"] == name] for name in "ab")
     assert first == second
-    assert "2 recordings; 10 labelled frames, 2 unlabelled; " in result.stdout
+    assert "2 recordings; 10 labelled frames, 2 unlabelled\n" in result.stdout
 
 
 def test_configuration_reaches_the_methods_that_have_the_key(log, labels, tmp_path):
@@ -298,7 +299,53 @@ def test_a_warning_if_no_frame_is_labelled(log, labels):
     result = invoke(log, "--labels", labels, "-m", "none", "--start", 0.45)
     assert result.exit_code == 0, result.output
     assert "no frame is labelled" in result.stderr
-    assert result.stdout.splitlines()[3].split() == ["none", "0", "0", "0", "-", "-", "-", "-"]
+    assert result.stdout.splitlines()[4].split() == ["none", "0", "0", "0", *"––––"]
+
+
+def table_of(text, first):
+    """Return a printed table as text of its cells by method and head; ``first`` is the head after the methods."""
+    lines = next(block.splitlines() for block in text.split("\n\n") if block.split()[:2] == ["method", first])
+    heads = re.split("  +", lines[0])
+    return {cells[0]: dict(zip(heads, cells, strict=True)) for cells in (re.split("  +", line) for line in lines[1:])}
+
+
+def test_rates_without_visible_targets_are_unknown(log, tmp_path):
+    """Boxes 50 m above the points: nothing can be missed, which is no success."""
+    labels = tmp_path / "high.csv"
+    labels.write_text("\n".join((HEAD, *(f"{k},1,boat,30.5,0,50,3,2,2,0" for k in range(FRAMES)), "")))
+    result = invoke(log, "--labels", labels, "-m", "ring_intensity")
+    found = table_of(result.stdout, "frames")["ring_intensity"]
+    assert (found["R_FN %"], found["F1"]) == ("–", "–")
+    assert "\n6 targets, 0 visible (at least 5 points)\n" in result.stdout
+    assert re.search("^– +nothing to count$", result.stdout, re.MULTILINE)
+    found = figures(log, "--labels", labels, "-m", "ring_intensity")["methods"]["ring_intensity"]
+    assert (found["R_FN"], found["recall"], found["f1"]) == (None, None, None)
+
+
+def test_the_title_says_what_is_compared(tmp_path):
+    log = make_log(tmp_path / "log.mcap", LABELLED)
+    title = invoke(log, "--labels", log, "-m", "none").stdout.split("\n\n")[0]
+    assert title.splitlines()[1:] == ["5 targets, 5 visible (at least 5 points)", "50 target points, 80 clutter points"]
+
+
+def best_in(table, head):
+    return {name for name, row in table.items() if row[head].startswith("*")}
+
+
+@pytest.mark.parametrize("options", [[], ["--clustering", "dbscan"]])
+def test_every_column_is_explained_and_its_best_marked(tmp_path, options):
+    log = make_log(tmp_path / "log.mcap", LABELLED)
+    text = invoke(log, "--labels", log, "--compare", "paper", "-m", "none", *options).stdout
+    *tables, legend = text.split("\n\n")[1:]
+    heads = {head.strip() for one in tables for head in re.split("  +", one.splitlines()[0])}
+    assert heads - {"method"} <= {line.split("  ")[0] for line in legend.splitlines()}
+    alarms, points = table_of(text, "frames"), table_of(text, "clutter")
+    assert all(row["frames"] == "6" for row in alarms.values()), "not a merit"
+    assert best_in(alarms, "R_FN %") == {"ring_intensity", "ring_intensity_outlier", "joint"}
+    assert best_in(alarms, "F1") == best_in(alarms, "R_FN %")
+    assert best_in(alarms, "R_FP %") == {"global_intensity@0.80", "global_intensity@0.90"}
+    assert points["none"]["target lost"] == "0.00 %", "no filter, no merit"
+    assert "*" not in invoke(log, "--labels", log, "-m", "joint").stdout
 
 
 def test_a_single_warning_about_thresholds_that_cannot_fit(tmp_path, labels):

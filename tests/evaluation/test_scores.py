@@ -67,6 +67,13 @@ def test_rates_without_frames_are_none():
     assert (none.clutter_removal, none.target_loss, none.precision, none.f1, none.clutter_share) == (None,) * 5
 
 
+def test_rates_without_visible_targets_or_clutter_are_none():
+    summary = Summary()
+    summary.add(score(Alarms(targets=2, visible=0, detected=0, clusters=3, false_alarms=3)), None)
+    assert (summary.r_fp, summary.r_fn, summary.recall, summary.f1) == (1, None, None, None)
+    assert PointCounts(target_in=9, target_out=5).f1 is None
+
+
 def test_recordings_add_up():
     alarms = [Alarms(2, 2, number % 3, 3, number % 2) for number in range(10)]
     points = PointCounts(5, 4, 3, 2)

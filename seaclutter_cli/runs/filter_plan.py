@@ -1,0 +1,135 @@
+"""What a filter run would do, without doing it."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
+from seaclutter_cli.runs.filter import FilterOptions, FilterWork, plan_works
+from seaclutter_cli.runs.filter_estimate import estimate
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import check_outputs, existing
+from seaclutter_cli.runs.plan_result import FilterPlan, Planned
+from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions, expected_frames
+from seaclutter_cli.runs.survey import excerpt_of
+from seaclutter_cli.selection import cloud_channels
+from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.scratch import copies_removed
+
+
+@copies_removed()
+def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> FilterPlan:
+    """Return what a filter run would do with each recording, and an estimate of its duration and outputs.
+
+    Recordings are opened, and the first frames of one of them are filtered into a temporary folder. Nothing else is
+    written.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    output : path
+        File for one recording, folder for several or if it is a `str` that ends in a slash.
+    options : FilterOptions
+        Options of the run.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If the run could not start, whatever the recordings.
+    """
+    plan = plan_works(logs, output, options, ahead=False)
+    check_outputs(plan.outputs, plan.inputs, options.labels.paths, force=True)
+    others = {option: place for option, place in plan.outputs.items() if option != "-o"}
+    check_outputs(others, {}, force=options.force or options.batch.resume)
+    taken = existing(work.target for work in plan.works)
+    works = [PlanWork(work, exists=work.target in taken) for work in plan.works]
+    single = len(works) == 1
+    planned = [works[0].run(observer)] if single else run_batch(works, replace(options.batch, manifest=None), observer)
+    todo = [(one, work) for one, work in zip(planned, plan.works, strict=True) if one.status == "do"]
+    result = FilterPlan(planned, estimate(todo, options.batch), _free_bytes(plan.works[0].target))
+    if result.is_too_large:
+        observer.warn(f"{output}: the outputs may not fit")
+    return result
+
+
+def _free_bytes(target: Location) -> int | None:
+    """Return the free space for outputs on this machine."""
+    if not isinstance(target, Path):
+        return None
+    folder = next(above for above in target.absolute().parents if above.exists())
+    return shutil.disk_usage(folder).free
+
+
+@dataclass(frozen=True)
+class PlanWork(Work[Planned]):
+    """A look at one recording and its output.
+
+    Parameters
+    ----------
+    work : FilterWork
+        What would be done.
+    exists : bool
+        Whether there is something in place of the output.
+    """
+
+    work: FilterWork
+    exists: bool
+
+    @property
+    def recording(self) -> Recording:  # type: ignore[override]
+        """The recording."""
+        return self.work.recording
+
+    def run(self, observer: Observer) -> Planned:
+        """Return what would be done; an error is the reason why it would be refused."""
+        planned = self.without_result(None)
+        try:
+            self._look(planned)
+        except SeaclutterError as error:
+            planned.error = str(error)
+        observer.damage(planned.damage)
+        return planned
+
+    def without_result(self, reason: str | None) -> Planned:
+        """Return a plan without content."""
+        recording, target = self.recording, self.work.target
+        size = input_bytes(recording)
+        return Planned(recording=recording.name, input=recording.paths[0], output=target, bytes_in=size, error=reason)
+
+    def _look(self, planned: Planned) -> None:
+        options = self.work.options
+        if self.exists and options.batch.resume:
+            outcome, planned.reason = self.work.earlier()
+            if outcome is not None:
+                planned.skipped, planned.frames = True, outcome.frames
+                return
+        elif self.exists:
+            check_outputs({"-o": self.work.target}, {}, force=options.force)
+            planned.reason = "replaces the output"
+        with _opened(self.recording, options.reading) as source:
+            if source is None:
+                return
+            clouds = cloud_channels(source, options.reading.selection.topics)
+            planned.frames = expected_frames(source, clouds, options.reading.selection)
+            planned.damage = list(source.damage)
+
+
+@contextmanager
+def _opened(recording: Recording, reading: ReadOptions) -> Iterator[Source | None]:
+    """Open a recording, or the beginning of one in object storage; yield None if it would have to be copied."""
+    part = None if isinstance(recording.paths[0], Path) else excerpt_of(recording)
+    if part is None and not isinstance(recording.paths[0], Path):
+        yield None
+        return
+    with closing(reading.open(part or recording)) as source:
+        if part is not None:
+            source.counts.update(part.part.messages)
+        yield source
