@@ -6,6 +6,7 @@ import click
 
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import (
+    batch_options,
     config_options,
     console_options,
     force_option,
@@ -62,6 +63,7 @@ _OPTIONS = (
     force_option,
     config_options,
     reading_options,
+    batch_options,
 )
 
 

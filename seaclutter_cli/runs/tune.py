@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.plots.figure import check_target
-from seaclutter_cli.runs.evaluate import Evaluator
+from seaclutter_cli.runs.batch import BatchOptions, run_batch
+from seaclutter_cli.runs.evaluate import EvaluateWork
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -44,6 +45,8 @@ class TuneOptions:
         Number of the range ring in that plot, from 1.
     force : bool
         Replace existing files.
+    batch : BatchOptions
+        How several recordings are processed.
     """
 
     sweeps: tuple[Sweep, ...]
@@ -56,6 +59,7 @@ class TuneOptions:
     thresholds_file: Location | None = None
     ring: int = 2
     force: bool = False
+    batch: BatchOptions = field(default_factory=BatchOptions)
 
     @property
     def targets(self) -> Mapping[str, Location | None]:
@@ -92,10 +96,13 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     prepare_outputs(options.targets, inputs, options.labels.paths, force=options.force, observer=observer)
     _check_plots(options, len(recordings))
     history = ThresholdHistory(variants, options.ring) if options.thresholds_file else None
-    evaluator = Evaluator(variants, options.reading, observer)
-    labels = options.labels.open(recordings)
-    comparison = evaluator.compare(recordings, labels, listeners=[history] if history else [])
-    result = TuningResult(options.sweeps, variants, comparison.outcomes)
+    labels = options.labels.assign(recordings)
+    works = [EvaluateWork(variants, options.reading, *each) for each in zip(recordings, labels, strict=True)]
+    if len(works) == 1:
+        outcomes = [works[0].run(observer, listeners=[history] if history else [])]
+    else:
+        outcomes = run_batch(works, options.batch, observer)
+    result = TuningResult(options.sweeps, variants, outcomes)
     if may_appear(options.targets.values(), result.outcomes, observer):
         write_files(_files(result, history, options), replace=options.force)
         if options.output and not result.best:
