@@ -25,7 +25,7 @@ COMMANDS: Mapping[str, str] = {
     "filter": "Filter logs into drop-in MCAP files.",
     "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
     "evaluate": "Count false alarms and missed targets against labels; compare methods.",
-    "tune": "Sweep parameters over labelled logs and report the best values.",
+    "tune": "Compare methods and parameter values on labelled logs and report the best.",
     "report": "Write a page that shows the effect and quality of a filter.",
     "view": "Open logs in the Rerun viewer.",
     "simulate": "Simulate a labelled lidar recording of a scene.",
