@@ -100,13 +100,15 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
     outputs = {**targets, "--manifest": manifest}
     prepare_outputs(outputs, inputs, options.labels.paths, force=options.force, observer=observer)
     labels = options.labels.assign(recordings)
-    works = [EvaluateWork(options, variants, *each) for each in zip(recordings, labels, strict=True)]
+    tabulated = options.frames_file is not None
+    pairs = zip(recordings, labels, strict=True)
+    works = [EvaluateWork(variants, options.reading, *each, tabulated=tabulated) for each in pairs]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             table = stack.enter_context(FrameTable(options.frames_file, files)) if options.frames_file else None
             summary = stack.enter_context(AtomicFile(options.summary_file, files)) if options.summary_file else None
             if len(works) == 1:
-                outcomes = [works[0].run(observer, table)]
+                outcomes = [works[0].run(observer, [table] if table else [])]
             else:
                 outcomes = run_batch(works, options.batch, observer, partial(_append, table))
             comparison = Comparison(variants, outcomes)
@@ -132,39 +134,46 @@ class EvaluateWork(Work[Evaluated]):
 
     Parameters
     ----------
-    options : EvaluateOptions
-        Labels, input and output files.
     variants : sequence of Variant
         Methods to compare.
+    reading : ReadOptions
+        Part of the recording to read, and how.
     recording : Recording
         The recording.
     labels : LabelFile or None
         Its labels.
+    tabulated : bool
+        Whether there is a table with a row for each frame and method.
     """
 
-    options: EvaluateOptions
     variants: Sequence[Variant]
+    reading: ReadOptions
     recording: Recording
     labels: LabelFile | None
+    tabulated: bool = False
 
-    def run(self, observer: Observer, table: FrameRows | None = None) -> Evaluated:
+    def run(
+        self, observer: Observer, tables: Sequence[FrameRows] = (), listeners: Sequence[FrameListener] = ()
+    ) -> Evaluated:
         """Evaluate the recording; store an error in the outcome.
 
         Parameters
         ----------
         observer : Observer
             Receives progress and warnings.
-        table : FrameRows, optional
-            Table for the rows of the frames; by default they are stored in the outcome.
+        tables : sequence of FrameRows, optional
+            Tables for the rows of the frames; by default they are stored in the outcome if they are needed.
+        listeners : sequence of FrameListener, optional
+            Receive every frame.
         """
         outcome = self.without_result(None)
-        evaluator = Evaluator(self.variants, self.options.reading, observer)
+        evaluator = Evaluator(self.variants, self.reading, observer)
         with storing_errors(outcome, observer):
             labels = self.labels.open() if self.labels else None
-            if table or not self.options.frames_file:
-                return evaluator.run(self.recording, labels, [table] if table else [])
+            if tables or not self.tabulated:
+                return evaluator.run(self.recording, labels, tables, listeners)
             with FrameRows() as own:
-                outcome = evaluator.run(self.recording, labels, [own])
+                outcome = evaluator.run(self.recording, labels, [own], listeners)
                 outcome.rows = own.packed()
         return outcome
 
