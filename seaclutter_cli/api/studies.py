@@ -76,6 +76,7 @@ def tune(  # noqa: PLR0913 - each an option of its own
     csv_file: PathLike | None = None,
     force: bool = False,
     keep_going: bool = False,
+    batch: BatchOptions | None = None,
     observer: Observer = SILENT,
 ) -> TuningResult:
     """Evaluate every combination of methods and parameter values, and find the one with the fewest bad frames.
@@ -106,6 +107,8 @@ def tune(  # noqa: PLR0913 - each an option of its own
         Replace existing files.
     keep_going : bool, optional
         Store an error of a recording in its outcome and continue with the others, instead of raising it.
+    batch : BatchOptions, optional
+        How several recordings are processed; by default one after another.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -131,6 +134,7 @@ def tune(  # noqa: PLR0913 - each an option of its own
         output=path_or_none(output),
         csv_file=path_or_none(csv_file),
         force=force,
+        batch=batch or BatchOptions(),
     )
     return tune_logs(logs, options, run_observer(observer, keep_going=keep_going))
 

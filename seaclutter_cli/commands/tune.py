@@ -6,6 +6,7 @@ import click
 
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import (
+    batch_options,
     console_options,
     force_option,
     grouped,
@@ -71,6 +72,7 @@ _OPTIONS = (
     force_option,
     methods_options,
     reading_options,
+    batch_options,
 )
 
 

@@ -4,8 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.evaluation.parts import Parts
 from seaclutter_cli.plots.figure import check_target
-from seaclutter_cli.runs.evaluate import Evaluator
+from seaclutter_cli.reporting.listener import FrameListener
+from seaclutter_cli.runs.batch import BatchOptions, run_batch
+from seaclutter_cli.runs.comparison import Evaluated
+from seaclutter_cli.runs.evaluate import EvaluateWork
+from seaclutter_cli.runs.frame_table import FrameRows
 from seaclutter_cli.runs.held_out import PartsOfRecordings, split_scores
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import MethodOptions
@@ -47,6 +52,8 @@ class TuneOptions:
         Number of the range ring in that plot, from 1.
     force : bool
         Replace existing files.
+    batch : BatchOptions
+        How several recordings are processed.
     """
 
     sweeps: tuple[Sweep, ...]
@@ -60,6 +67,7 @@ class TuneOptions:
     thresholds_file: Location | None = None
     ring: int = 2
     force: bool = False
+    batch: BatchOptions = field(default_factory=BatchOptions)
 
     @property
     def targets(self) -> Mapping[str, Location | None]:
@@ -98,18 +106,35 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in variants])
     prepare_outputs(options.targets, inputs, options.labels.paths, force=options.force, observer=observer)
     _check_plots(options, combinations, len(recordings))
-    parts = PartsOfRecordings(len(variants))
     history = ThresholdHistory(variants, options.ring) if options.thresholds_file else None
-    evaluator = Evaluator(variants, options.reading, observer)
-    labels = options.labels.open(recordings)
-    outcomes = evaluator.compare(recordings, labels, listeners=[parts, *([history] if history else [])]).outcomes
-    split = split_scores(outcomes, parts.recordings, [one.name for one in variants], options.hold_out)
+    labels = options.labels.assign(recordings)
+    works = [TuneWork(variants, options.reading, *each) for each in zip(recordings, labels, strict=True)]
+    if len(works) == 1:
+        outcomes = [works[0].run(observer, listeners=[history] if history else [])]
+    else:
+        outcomes = run_batch(works, options.batch, observer)
+    parts = [outcome.parts or Parts(len(variants)) for outcome in outcomes]
+    split = split_scores(outcomes, parts, [one.name for one in variants], options.hold_out)
     result = TuningResult(options.sweeps, combinations, outcomes, split)
     if may_appear(options.targets.values(), result.outcomes, observer):
         write_files(_files(result, history, options), replace=options.force)
         if options.output and not result.best:
             observer.warn(f"{options.output}: not written, because no frame is labelled")
     return result
+
+
+@dataclass(frozen=True)
+class TuneWork(EvaluateWork):
+    """Evaluation of one recording, with the scores of its parts, some of which may be held out."""
+
+    def run(
+        self, observer: Observer, tables: Sequence[FrameRows] = (), listeners: Sequence[FrameListener] = ()
+    ) -> Evaluated:
+        """Evaluate the recording; see `EvaluateWork.run`."""
+        parts = PartsOfRecordings(len(self.variants))
+        outcome = super().run(observer, tables, [parts, *listeners])
+        outcome.parts = next(iter(parts.recordings), None)
+        return outcome
 
 
 def _check_plots(options: TuneOptions, combinations: Sequence[Combination], recordings: int) -> None:

@@ -248,6 +248,19 @@ def test_calibrations_do_not_depend_on_the_number_of_processes(labelled, tmp_pat
     assert found[0] == found[1] == found[2]
 
 
+def test_sweeps_do_not_depend_on_the_number_of_processes(labelled, tmp_path):
+    found = []
+    for jobs in ("1", "2"):
+        config, table = tmp_path / "c.yaml", tmp_path / "c.csv"
+        line = ["tune", str(labelled), "--labels", str(labelled), "--sweep", "update_weight=0.2,1", "-j", jobs]
+        result = CliRunner().invoke(cli, [*line, "--force", "-o", str(config), "--csv", str(table)])
+        assert result.exit_code == 0, result.stderr
+        assert sorted(line.split(":")[0] for line in result.stderr.splitlines()) == ["s1", "s2", "s3"]
+        found.append((config.read_bytes(), table.read_bytes(), result.stdout))
+    assert found[0] == found[1]
+    assert found[0][1].splitlines()[1].startswith(b"0.2,12,"), "of 18 frames, two of each recording are held out"
+
+
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_a_calibration_needs_all_recordings(logs, tmp_path, jobs):
     line = ["calibrate", str(logs), "-o", str(tmp_path / "c.yaml"), "-j", jobs, "-q"]
