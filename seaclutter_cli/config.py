@@ -55,6 +55,10 @@ class SensorParams:
     intensity: str | None = None
 
 
+DEFAULT_SENSOR = SensorParams(model="RS-LiDAR-32", intensity="calibrated by the sensor (mode 3)")
+"""Sensor of the default thresholds. [Li2023] does not state the mode; it is that of the sensor's current firmware."""
+
+
 @dataclass(frozen=True)
 class Config:
     """The effective configuration.
@@ -95,6 +99,15 @@ class Config:
     def ring_edges(self) -> list[float]:
         """Edges of the range rings in metres; empty for methods without range rings."""
         return [float(edge) for edge in self.filter.edges] if isinstance(self.filter, ZoneParams) else []
+
+    @property
+    def threshold_sensor(self) -> SensorParams | None:
+        """Sensor that the thresholds are for, as far as known; None if the method compares no point with them."""
+        params = self.filter
+        if not isinstance(params, RingIntensityParams) or not getattr(params, "use_intensity", True):
+            return None
+        is_default = self.sensor == SensorParams() and params.initial_thresholds == type(params).initial_thresholds
+        return DEFAULT_SENSOR if is_default else self.sensor
 
     @property
     def has_scenes(self) -> bool:

@@ -252,11 +252,11 @@ class _Pass:
         with warnings_of(source, observer), observer.progress(source.name, total) as step:
             for frame, clutter in map_frames(source, selection, selector.clutter):
                 self._add(frame, clutter)
-                self.tally.note_sensor(source.name, frame)
+                self.tally.note_frame(frame)
                 step()
         require_frames(source, selector.frames + selector.unlabelled)
         finish_labels(labels, source, selection)
-        self.tally.add(source, selector, topics)
+        self.tally.add(source, selector)
 
     def __iadd__(self, other: Self) -> Self:
         """Add the sums over later recordings, which must not be used afterwards."""

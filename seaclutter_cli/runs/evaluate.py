@@ -1,7 +1,7 @@
 """Evaluation of several methods against labels, in one pass over the recordings."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,7 +13,7 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.listener import FrameListener
 from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
-from seaclutter_cli.runs.checks import checks_of
+from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.frame_table import FrameRows, FrameTable
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
@@ -31,7 +31,6 @@ from seaclutter_cli.runs.recordings import (
     require_frames,
     storing_errors,
 )
-from seaclutter_cli.runs.sensor_match import mismatches
 from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources import Recording
@@ -228,7 +227,7 @@ class Evaluator:
             listener.begin(recording.name)
         with storing_errors(outcome, self.observer), opened(recording, self.reading, self.observer, outcome) as source:
             begun = [table.begin(recording.name) for table in tables]
-            scorer = _FrameScorer(self, labels, outcome, begun, listeners)
+            scorer = _FrameScorer(self, source, labels, outcome, begun, listeners)
             self._stream(source, scorer)
             self._check(source, labels, outcome)
             scorer.finish()
@@ -253,8 +252,6 @@ class Evaluator:
                 step()
 
             run_each(source, filters, selection, on_frame)
-        for text in mismatches(self.variants[0].config.sensor, source):
-            self.observer.warn(text)
 
     def _check(self, source: Source, labels: Labels | None, outcome: Evaluated) -> None:
         """Check that frames could be read, and that they match the labels."""
@@ -270,6 +267,7 @@ class _FrameScorer:
     def __init__(
         self,
         evaluator: Evaluator,
+        source: Source,
         labels: Labels | None,
         outcome: Evaluated,
         tables: Sequence[FrameRows],
@@ -280,7 +278,7 @@ class _FrameScorer:
         self._tables, self._listeners = tables, listeners
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant for variant in self._variants if not variant.config.make_filter().needs_first_pass]
-        self._checks = {variant.name: checks_of(variant.config) for variant in given}
+        self._checks = {variant.name: Checks(variant.config, source.facts) for variant in given}
         self._warned: set[str] = set()
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
@@ -295,16 +293,16 @@ class _FrameScorer:
             self._outcome.methods[variant.name].add(found, spent)
             for table in self._tables:
                 table.write(variant.name, frame, found)
-            for check in self._checks.get(variant.name, ()):
-                self._warn(check.add(result))
+            if variant.name in self._checks:
+                self._warn(self._checks[variant.name].add(result))
 
     def finish(self) -> None:
         """Warn about settings that do not fit, even after only a few frames."""
         for checks in self._checks.values():
-            for check in checks:
-                self._warn(check.warning())
+            self._warn(checks.finish())
 
-    def _warn(self, text: str | None) -> None:
-        if text and text not in self._warned:
-            self._warned.add(text)
-            self._observer.warn(f"{self._outcome.recording}: {text}")
+    def _warn(self, texts: Iterable[str]) -> None:
+        for text in texts:
+            if text not in self._warned:
+                self._warned.add(text)
+                self._observer.warn(f"{self._outcome.recording}: {text}")

@@ -16,7 +16,7 @@ from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.records import Metadata
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch, size_of
-from seaclutter_cli.runs.checks import checks_of
+from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.manifest import manifest_of
@@ -35,7 +35,6 @@ from seaclutter_cli.runs.recordings import (
 )
 from seaclutter_cli.runs.resume import earlier_run, identity_of
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
-from seaclutter_cli.runs.sensor_match import mismatches
 from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -281,7 +280,7 @@ class FilterWork(Work[FilterOutcome]):
             observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
-        fit = _FitWarnings(self.config, topics, observer)
+        fit = _FitWarnings(self.config, source, topics, observer)
         with (
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             McapSink(
@@ -296,8 +295,6 @@ class FilterWork(Work[FilterOutcome]):
             sinks: list[Sink] = [sink, table] if table else [sink]
             run(source, self.config.make_filter, sinks, selection, on_result, outcome.topics)
             require_frames(source, outcome.frames)
-        for text in mismatches(self.config.sensor, source):
-            observer.warn(text)
         fit.finish(outcome.topics)
 
     def identity(self, source: Source | None = None, labels: Labels | None = None) -> RunIdentity:
@@ -323,20 +320,20 @@ class FilterWork(Work[FilterOutcome]):
 class _FitWarnings:
     """Warnings about settings that do not fit the frames of a recording."""
 
-    def __init__(self, config: Config, topics: Sequence[str], observer: Observer) -> None:
+    def __init__(self, config: Config, source: Source, topics: Sequence[str], observer: Observer) -> None:
         self._config, self._observer = config, observer
-        self._checks = {topic: checks_of(config) for topic in topics}
+        self._checks = {topic: Checks(config, source.facts) for topic in topics}
 
     def add(self, result: FilterResult) -> None:
         """Check a frame."""
-        for check in self._checks[result.frame.topic]:
-            self._warn(result.frame.topic, check.add(result))
+        for warning in self._checks[result.frame.topic].add(result):
+            self._warn(result.frame.topic, warning)
 
     def finish(self, tallies: Mapping[str, TopicTally]) -> None:
         """Check the sums over all frames."""
         for topic, tally in tallies.items():
-            unfit = [check.warning() for check in self._checks[topic]]
-            for warning in unfit if any(unfit) else [_nothing_left(tally) or self._no_water(tally)]:
+            unfit: Sequence[str | None] = self._checks[topic].finish()
+            for warning in unfit or [_nothing_left(tally) or self._no_water(tally)]:
                 self._warn(topic, warning)
 
     def _no_water(self, tally: TopicTally) -> str | None:

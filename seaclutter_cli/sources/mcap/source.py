@@ -29,7 +29,7 @@ from seaclutter_cli.sources.mcap.records import (
 )
 from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, McapSurvey, Trust, index_counts
 from seaclutter_cli.sources.shared.chunked import before, fitting_messages, in_time_order, most_waiting, within
-from seaclutter_cli.sources.shared.facts import NO_FACTS
+from seaclutter_cli.sources.shared.facts import simulated_facts
 from seaclutter_cli.sources.shared.log_file import FilePart, LogFile, LostDataError
 from seaclutter_cli.text import count
 
@@ -58,7 +58,6 @@ class McapSource:
     """
 
     format = "MCAP"
-    facts = NO_FACTS
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -83,6 +82,7 @@ class McapSource:
         self.profile = found.profile
         self._chunks, self._extras, self._tail = found.chunks, found.extras, found.tail
         self._counts, self._first = found.counts, found.first
+        self.facts = simulated_facts(found.extras)
         if not (self._chunks or self._extras or self._tail or self._declared.all()):
             raise InputError(f"{self.path}: no readable record in this MCAP file")
         used = (chunk.header.compression for chunk in self._chunks if chunk.header)

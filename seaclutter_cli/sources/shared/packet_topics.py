@@ -13,7 +13,7 @@ from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record, Schema, SensorFacts
+from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record, Schema
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.text import count
 
@@ -122,7 +122,7 @@ class PacketTopics:
         self.name, self.format = inner.name, inner.format
         self.profile, self.compression = inner.profile, inner.compression
         self.damage, self.warnings = inner.damage, list(inner.warnings)
-        self.facts: dict[str, SensorFacts] = {}
+        self.facts = dict(inner.facts)
         self._topics: dict[int, _Topic] = {}
         topics = {channel.topic for channel in inner.channels}
         # Topics whose clouds were recorded too, as in the output of `filter`, are not decoded.
