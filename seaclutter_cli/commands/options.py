@@ -301,17 +301,20 @@ def _jobs(_: click.Context, parameter: click.Parameter, text: str | None) -> int
     return int(text)
 
 
-_JOBS = click.option(
-    "-j",
-    "--jobs",
-    metavar="N",
-    callback=_jobs,
-    help="Process N recordings at the same time; by default as many as there are cores and memory for.",
-)
-jobs_option = grouped("batch", "runs.batch:BatchOptions", (_JOBS,))
-"""The option for the number of processes, as ``batch``, for results that need all recordings."""
+def _jobs_option(what: str) -> Option:
+    text = f"Process N {what} at the same time; by default as many as there are cores and memory for."
+    return click.option("-j", "--jobs", metavar="N", callback=_jobs, help=text)
+
+
+def jobs_option_for(what: str) -> Option:
+    """Return the option for the number of processes, as ``batch``, for results that need all inputs."""
+    return grouped("batch", "runs.batch:BatchOptions", (_jobs_option(what),))
+
+
+jobs_option = jobs_option_for("recordings")
+"""The option for the number of processes for recordings, as ``batch``."""
 _BATCH = (
-    _JOBS,
+    _jobs_option("recordings"),
     click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
 )
 batch_options = grouped("batch", "runs.batch:BatchOptions", _BATCH)
