@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.jobs.budget import default_jobs
 from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
 from seaclutter_cli.jobs.processes import Processes
@@ -84,7 +84,11 @@ class _Task(Generic[O]):
     def __call__(self, report: Report) -> tuple[O, Relay]:
         relay = Relay(report, self.work.recording.name, self.observer)
         with copies_removed():
-            outcome = self.work.run(relay)
+            try:
+                outcome = self.work.run(relay)
+            except SelectionError as error:
+                outcome = self.work.without_result("")
+                outcome.error, outcome.skipped, outcome.reason = None, True, str(error)
         relay.report, relay.observer = _no_report, None
         return outcome, relay
 
@@ -142,7 +146,10 @@ def run_batch(
                 passed += 1
             if error and options.fail_fast:
                 break
-    return [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
+    done = [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
+    if done and all(one.skipped and one.reason for one in done):
+        raise SelectionError("no recording has a frame in the selected time")
+    return done
 
 
 @contextmanager

@@ -254,7 +254,7 @@ class _Pass:
                 self._add(frame, clutter)
                 self.tally.note_frame(frame)
                 step()
-        require_frames(source, selector.frames + selector.unlabelled)
+        require_frames(source, selector.frames + selector.unlabelled, selection)
         finish_labels(labels, source, selection)
         self.tally.add(source, selector)
 

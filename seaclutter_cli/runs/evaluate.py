@@ -255,7 +255,7 @@ class Evaluator:
 
     def _check(self, source: Source, labels: Labels | None, outcome: Evaluated) -> None:
         """Check that frames could be read, and that they match the labels."""
-        require_frames(source, outcome.frames)
+        require_frames(source, outcome.frames, self.reading.selection)
         finish_labels(labels, source, self.reading.selection)
         if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
             self.observer.warn(f"{source.name}: no frame is labelled; check that the labels belong to this recording")

@@ -309,7 +309,7 @@ class FilterWork(Work[FilterOutcome]):
 
             sinks: list[Sink] = [sink, table] if table else [sink]
             run(source, self.config.make_filter, sinks, selection, on_result, outcome.topics)
-            require_frames(source, outcome.frames)
+            require_frames(source, outcome.frames, selection)
         fit.finish(outcome.topics)
 
     def identity(self, source: Source | None = None, labels: Labels | None = None) -> RunIdentity:
