@@ -9,6 +9,7 @@ from fractions import Fraction
 from seaclutter_cli.errors import InputError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import diagnostics, find_codec
+from seaclutter_cli.messages.recorded import FILTERED, REMOVED, recorded_topics
 from seaclutter_cli.records import Channel, Message
 
 _NANO = 1_000_000_000
@@ -34,11 +35,13 @@ class Selection:
         Maximum number of frames per topic, from the start of the selection.
     intensity_field : str or None
         Name of the intensity field; None selects a usual one.
+    latched : collection of str
+        Topics whose last message before the start is selected too, beside those of `is_latched`.
 
     Raises
     ------
     SelectionError
-        If the end is not after the start.
+        If the end is before the start.
     """
 
     topics: Collection[str] = ()
@@ -46,6 +49,7 @@ class Selection:
     end_s: Moment | None = None
     frames: int | None = None
     intensity_field: str | None = None
+    latched: Collection[str] = ()
 
     def __post_init__(self) -> None:
         """Check the order of the limits; whether a time and seconds are in order is only known with a recording."""
@@ -53,8 +57,8 @@ class Selection:
         if start is None or end is None:
             return
         start, end = (_in_utc(limit) if isinstance(limit, datetime) else limit for limit in (start, end))
-        if type(start) is type(end) and not start < end:  # type: ignore[operator]
-            raise SelectionError(f"the end, {_shown(end)}, is not after the start, {_shown(start)}")
+        if type(start) is type(end) and start > end:  # type: ignore[operator]
+            raise SelectionError(f"the end, {_shown(end)}, is before the start, {_shown(start)}")
 
     @property
     def is_whole(self) -> bool:
@@ -136,9 +140,34 @@ def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel
 
 def was_filtered(source: Source, topics: Collection[str] = ()) -> bool:
     """Return whether the selected cloud topics, by default all, contain only filtered clouds of an earlier run."""
+    recorded = recorded_topics(source.metadata)
+    if recorded:
+        named = topics or [channel.topic for channel in source.channels if find_codec(channel)]
+        return all(topic in recorded and recorded[topic].content in (FILTERED, REMOVED) for topic in named)
     names = {channel.topic for channel in source.channels}
     clouds = topics or [channel.topic for channel in source.channels if find_codec(channel)]
     return diagnostics.TOPIC in names and not any(f"{topic}/filtered" in names for topic in clouds)
+
+
+def filtered_by(source: Source, topics: Collection[str] = ()) -> str:
+    """Return the methods that filtered the selected cloud topics before, as in " by joint"; empty if unknown."""
+    recorded = recorded_topics(source.metadata)
+    named = topics or [channel.topic for channel in source.channels if find_codec(channel)]
+    methods = dict.fromkeys(name for topic in named if topic in recorded for name in recorded[topic].methods)
+    return f" by {', '.join(methods)}" if methods else ""
+
+
+def is_part(source: Source, topics: Collection[str] = ()) -> bool:
+    """Return whether a log was made from a part of a recording, so that labels may be of other frames."""
+    recorded = recorded_topics(source.metadata)
+    return any(recorded[c.topic].is_part for c in cloud_channels(source, topics) if c.topic in recorded)
+
+
+def first_frame(source: Source, topics: Collection[str] = ()) -> int:
+    """Return the number of the first frame of the selected topics in the recording from which a log was made."""
+    recorded = recorded_topics(source.metadata)
+    names = (channel.topic for channel in cloud_channels(source, topics))
+    return min((recorded[name].first_frame for name in names if name in recorded), default=0)
 
 
 def _describe(channel: Channel) -> str:
@@ -157,7 +186,8 @@ class Window:
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         topics = {channel.topic for channel in clouds}
-        self._index = dict.fromkeys(topics, -1)
+        recorded = recorded_topics(source.metadata)
+        self._index = {topic: recorded[topic].first_frame - 1 if topic in recorded else -1 for topic in topics}
         self._selected = dict.fromkeys(topics, 0)
         if selection.start_s is not None or selection.end_s is not None:
             self._begin(source, clouds)

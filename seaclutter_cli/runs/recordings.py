@@ -15,7 +15,7 @@ from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, Selec
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.records import Channel, Damage
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.selection import Moment, Selection
+from seaclutter_cli.selection import Moment, Selection, is_part
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources import Recording, Search, find_recordings
 from seaclutter_cli.storage.locations import is_url
@@ -282,5 +282,5 @@ def _span(first_ns: int, last_ns: int) -> str:
 
 def finish_labels(labels: Labels | None, source: Source, selection: Selection) -> None:
     """Raise `LabelError` if a recording that was read completely and without damage lacks a frame for a label."""
-    if labels and selection.is_whole and not source.damage:
+    if labels and selection.is_whole and not source.damage and not is_part(source, selection.topics):
         labels.finish()
