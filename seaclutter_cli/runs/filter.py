@@ -15,6 +15,7 @@ from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.records import Metadata
+from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch, size_of
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
@@ -333,7 +334,7 @@ class _FitWarnings:
         """Check the sums over all frames."""
         for topic, tally in tallies.items():
             unfit: Sequence[str | None] = self._checks[topic].finish()
-            for warning in unfit or [_nothing_left(tally) or self._no_water(tally)]:
+            for warning in unfit or [_nothing_left(tally, self._config.ring_edges) or self._no_water(tally)]:
                 self._warn(topic, warning)
 
     def _no_water(self, tally: TopicTally) -> str | None:
@@ -348,10 +349,10 @@ class _FitWarnings:
             self._observer.warn(f"{topic}: {text}")
 
 
-def _nothing_left(tally: TopicTally) -> str | None:
+def _nothing_left(tally: TopicTally, edges: Sequence[float]) -> str | None:
     """Return a warning if no point of a topic was kept."""
     most = Reason(int(tally.counts.argmax()))
     if not tally.points_in or tally.counts[Reason.KEPT]:
         return None
-    reason = most.name.lower().replace("_", " ")
-    return f"no points are left; {share(int(tally.counts[most]), tally.points_in)} were removed as {reason}"
+    reason = reason_names(edges)[most]
+    return f"no points are left; {share(int(tally.counts[most]), tally.points_in)} were removed: {reason}"
