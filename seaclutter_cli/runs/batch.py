@@ -147,11 +147,14 @@ def run_batch(
 
 @contextmanager
 def _progress(works: Sequence[Work[O]], observer: Observer) -> Iterator[Callable[[int, float], None]]:
-    """Show the progress over all recordings in MiB of input; yield the function that receives shares."""
+    """Show the progress over all recordings, in MiB of input if there are any; yield the function that gets shares."""
+    unit = "MiB"
     sizes = [max(input_bytes(work.recording), 1) / _MIB for work in works]
+    if sum(sizes) < 1:  # small, or not there yet
+        sizes, unit = [1.0] * len(works), "recording"
     shares = [0.0] * len(works)
     done, shown = 0.0, 0
-    with observer.progress(count(len(works), "recording"), round(sum(sizes)), unit="MiB") as step:
+    with observer.progress(count(len(works), "recording"), round(sum(sizes)), unit=unit) as step:
 
         def on_share(number: int, share: float) -> None:
             nonlocal done, shown
