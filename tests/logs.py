@@ -29,7 +29,9 @@ START_NS = 1_700_000_000 * 10**9
 PERIOD_NS = 100_000_000
 MAGIC = b"\x89MCAP0\r\n"
 HEADER = mcap_records.Header("ros2", "by hand")
-POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")])
+POINT = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")]
+)
 """A point as RoboSense drivers write it: packed, with an unaligned time."""
 
 

@@ -46,7 +46,8 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
         If the run could not start, whatever the recordings.
     """
     plan = plan_works(logs, output, options, ahead=False)
-    check_outputs(plan.outputs, plan.inputs, options.labels.paths, force=True)
+    log_file = getattr(observer, "log_file", None)
+    check_outputs(plan.outputs, plan.inputs, options.labels.paths, force=True, log_file=log_file)
     others = {option: place for option, place in plan.outputs.items() if option != "-o"}
     check_outputs(others, {}, force=options.force or options.batch.resume)
     taken = existing(work.target for work in plan.works)

@@ -1,5 +1,6 @@
 """Logs in every supported format, each opened as a `Source`."""
 
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from seaclutter_cli.sources.pcap.magics import CAPTURE_MAGICS
 from seaclutter_cli.sources.rosbag2.folder import SplitSource, is_rosbag2_folder, open_rosbag2, split_groups
 from seaclutter_cli.sources.shared.packet_topics import wrap_packets
 from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.real_paths import RealPaths
 
 _HEAD_BYTES = 16
 
@@ -215,6 +217,7 @@ def find_recordings(patterns: Iterable[str]) -> list[Recording]:
         If a glob or a folder contains no recording, or a path does not exist.
     """
     found: dict[Location, Recording] = {}
+    real = RealPaths()
     for pattern in patterns:
         named = Path(pattern)
         is_glob = re.search(r"[*?\[]", pattern) and not named.exists()
@@ -224,19 +227,22 @@ def find_recordings(patterns: Iterable[str]) -> list[Recording]:
         if not paths[0].exists():
             raise UsageError(f"{pattern}: no such file or folder")
         for recording in (recording for path in paths for recording in _expand(path)):
-            found.setdefault(recording.key, recording)
+            first = recording.paths[0]
+            found.setdefault(real(first) if isinstance(first, Path) else first, recording)
     return list(found.values())
 
 
 def _expand(path: Path) -> list[Recording]:
     if not path.is_dir() or is_rosbag2_folder(path):
         return [Recording((path,))]
-    children = sorted(path.iterdir())
-    files = [child for child in children if child.is_file() and child.name.lower().endswith(_LOG_SUFFIXES)]
+    with os.scandir(path) as entries:  # knows the kinds without a look at each file
+        kinds = {path / entry.name: (entry.is_file(), entry.is_dir()) for entry in entries}
+    children = sorted(kinds)
+    files = [child for child in children if kinds[child][0] and child.name.lower().endswith(_LOG_SUFFIXES)]
     if not files and is_frame_folder(path):
         return [Recording((path,))]
     recordings = [Recording(tuple(group)) for group in split_groups(files)]
-    recordings += [Recording((child,)) for child in children if child.is_dir() and _is_recording(child)]
+    recordings += [Recording((child,)) for child in children if kinds[child][1] and _is_recording(child)]
     if not recordings:
         raise UsageError(f"{path}: no logs or frames in this folder; supported formats: {_formats()}")
     return recordings
