@@ -143,7 +143,30 @@ debug_option = click.option(
     help="Show the traceback of an error.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print results as JSON.")
-force_option = click.option("--force", is_flag=True, help="Replace existing output files.")
+
+
+def _make_parents(context: click.Context, _: click.Parameter, value: bool) -> None:
+    if value:
+        from seaclutter_cli.runs.outputs import making_parents
+
+        context.with_resource(making_parents())
+
+
+_force = click.option("--force", is_flag=True, help="Replace existing output files.")
+_parents = click.option(
+    "--parents",
+    is_flag=True,
+    expose_value=False,
+    callback=_make_parents,
+    help="Create all missing folders of outputs, not only the last of a path.",
+)
+
+
+def force_option(command: F) -> F:
+    """Add the options that relax the checks of outputs; the command receives ``force``."""
+    return _force(_parents(command))
+
+
 logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=True)
 
 _TALK = (
@@ -201,6 +224,13 @@ reading_options = grouped(
             show_default=True,
             help="Frames per second of recordings without time stamps.",
         ),
+        click.option(
+            "--join/--no-join",
+            default=None,
+            help="Read the numbered files of a folder as one recording, or one by one. "
+            "[default: as one if each begins where the one before ends]",
+        ),
+        click.option("--recursive", is_flag=True, help="Also search the folders in folders for recordings."),
         scratch_option,
         path_option("--calibration", help="Angles or metadata of the sensor, for packets that lack them."),
         click.option(

@@ -109,7 +109,7 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         from all of them.
     """
     config = _starting_config(options.config)
-    recordings = expand(logs)
+    recordings = expand(logs, options.reading, observer)
     if options.plot_file:
         check_target(options.plot_file)
     prepare_outputs(

@@ -93,7 +93,7 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
     """
     overrides = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
     variants = options.methods.variants(*overrides)
-    recordings = expand(logs)
+    recordings = expand(logs, options.reading, observer)
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
     manifest = options.batch.manifest
     inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in variants])

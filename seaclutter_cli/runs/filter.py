@@ -1,7 +1,7 @@
 """Filtering of recordings into drop-in MCAP files."""
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -11,13 +11,13 @@ from time import perf_counter
 
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.frame import FilterResult, Reason
+from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.jobs.together import in_threads
-from seaclutter_cli.pipeline import TopicTally, run
+from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Metadata
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch, size_of
-from seaclutter_cli.runs.checks import Checks
+from seaclutter_cli.runs.filter_fit import FitWarnings
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.manifest import manifest_of
@@ -25,6 +25,7 @@ from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import (
     Paths,
+    check_suffixes,
     existing,
     inputs_of,
     may_appear,
@@ -49,11 +50,9 @@ from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.locations import Location, location
 from seaclutter_cli.storage.scratch import copies_removed
-from seaclutter_cli.text import count, printable, share
-
-_FEW_WATER = 0.05
+from seaclutter_cli.text import printable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,9 +107,10 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    started, plan, batch = perf_counter(), plan_works(logs, output, options), options.batch
+    started, plan, batch = perf_counter(), plan_works(logs, output, options, observer), options.batch
     replaces = options.force or batch.resume
-    prepare_outputs(plan.outputs, plan.inputs, options.labels.paths, force=replaces, observer=observer)
+    prepare_outputs(plan.outputs, plan.inputs, options.labels.paths, force=replaces, observer=observer, root=plan.root)
+    check_suffixes(work.target for work in plan.works)
     earlier = _earlier(plan.works, observer) if batch.resume else [None] * len(plan.works)
     works = _works(plan.works, earlier, with_table=options.csv_file is not None)
     with OutputGroup(replace=replaces) as files:
@@ -146,15 +146,20 @@ class PlannedWorks:
         Work on each recording.
     inputs, outputs : mapping of str to path, paths or None
         Files by option.
+    root : Path or Url
+        Folder of the filtered files, or the only one.
     """
 
     config: Config
     works: "list[FilterWork]"
     inputs: Paths
     outputs: Paths
+    root: Location
 
 
-def plan_works(logs: Logs, output: PathLike, options: FilterOptions, *, ahead: bool = True) -> PlannedWorks:
+def plan_works(
+    logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT, *, ahead: bool = True
+) -> PlannedWorks:
     """Return the work on each recording, without checks of the output files; `filter_logs` describes the parameters.
 
     Recordings in object storage are fetched ahead, if ``ahead``.
@@ -164,7 +169,7 @@ def plan_works(logs: Logs, output: PathLike, options: FilterOptions, *, ahead: b
     SeaclutterError
         If the configuration is not valid, there are no recordings, or options do not fit them.
     """
-    config, recordings = options.config.load(), expand(logs, ahead=ahead)
+    config, recordings = options.config.load(), expand(logs, options.reading, observer, ahead=ahead)
     if options.labels.paths and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
     targets = plan_outputs(recordings, output)
@@ -174,6 +179,7 @@ def plan_works(logs: Logs, output: PathLike, options: FilterOptions, *, ahead: b
         [FilterWork(options, config, *each) for each in zip(recordings, targets, labels, strict=True)],
         inputs_of(recordings, options.reading, options.config.file, [config]),
         {"-o": targets, "--csv": options.csv_file, "--manifest": options.batch.manifest},
+        location(output),
     )
 
 
@@ -298,7 +304,7 @@ class FilterWork(Work[FilterOutcome]):
             observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
-        fit = _FitWarnings(self.config, source, topics, observer)
+        fit = FitWarnings(self.config, source, topics, observer)
         with (
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             McapSink(
@@ -368,43 +374,3 @@ class ReadBackWork(Work[FilterOutcome]):
     def without_result(self, reason: str | None) -> FilterOutcome:
         """Return an outcome without frames."""
         return self.work.without_result(reason)
-
-
-class _FitWarnings:
-    """Warnings about settings that do not fit the frames of a recording."""
-
-    def __init__(self, config: Config, source: Source, topics: Sequence[str], observer: Observer) -> None:
-        self._config, self._observer = config, observer
-        self._checks = {topic: Checks(config, source.facts) for topic in topics}
-
-    def add(self, result: FilterResult) -> None:
-        """Check a frame."""
-        for warning in self._checks[result.frame.topic].add(result):
-            self._warn(result.frame.topic, warning)
-
-    def finish(self, tallies: Mapping[str, TopicTally]) -> None:
-        """Check the sums over all frames."""
-        for topic, tally in tallies.items():
-            unfit: Sequence[str | None] = self._checks[topic].finish()
-            for warning in unfit or [_nothing_left(tally) or self._no_water(tally)]:
-                self._warn(topic, warning)
-
-    def _no_water(self, tally: TopicTally) -> str | None:
-        """Return a warning if nearly all frames of a topic are without the water that the method needs."""
-        if not (self._config.has_water and tally.points_in) or tally.water_frames > _FEW_WATER * tally.frames:
-            return None
-        without = f"{tally.frames - tally.water_frames:,} of {count(tally.frames, 'frame')}"
-        return f"no water seen in {without}; heights are then unknown, and every object that stays is kept"
-
-    def _warn(self, topic: str, text: str | None) -> None:
-        if text:
-            self._observer.warn(f"{topic}: {text}")
-
-
-def _nothing_left(tally: TopicTally) -> str | None:
-    """Return a warning if no point of a topic was kept."""
-    most = Reason(int(tally.counts.argmax()))
-    if not tally.points_in or tally.counts[Reason.KEPT]:
-        return None
-    reason = most.name.lower().replace("_", " ")
-    return f"no points are left; {share(int(tally.counts[most]), tally.points_in)} were removed as {reason}"

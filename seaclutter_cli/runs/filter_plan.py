@@ -12,7 +12,7 @@ from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
 from seaclutter_cli.runs.filter import FilterOptions, FilterWork, plan_works
 from seaclutter_cli.runs.filter_estimate import estimate
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, existing
+from seaclutter_cli.runs.outputs import check_outputs, check_suffixes, existing
 from seaclutter_cli.runs.plan_result import FilterPlan, Planned
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions, expected_frames
 from seaclutter_cli.runs.survey import excerpt_of
@@ -45,9 +45,11 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     SeaclutterError
         If the run could not start, whatever the recordings.
     """
-    plan = plan_works(logs, output, options, ahead=False)
+    plan = plan_works(logs, output, options, observer, ahead=False)
     log_file = getattr(observer, "log_file", None)
-    check_outputs(plan.outputs, plan.inputs, options.labels.paths, force=True, log_file=log_file)
+    labels = options.labels.paths
+    check_outputs(plan.outputs, plan.inputs, labels, force=True, log_file=log_file, root=plan.root)
+    check_suffixes(work.target for work in plan.works)
     others = {option: place for option, place in plan.outputs.items() if option != "-o"}
     check_outputs(others, {}, force=options.force or options.batch.resume)
     taken = existing(work.target for work in plan.works)

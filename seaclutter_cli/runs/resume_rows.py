@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import closing
+from pathlib import Path
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
@@ -10,6 +11,7 @@ from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Message
 from seaclutter_cli.runs.recordings import ReadOptions, expand
 from seaclutter_cli.sinks import CsvSink
+from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
 
 
@@ -28,7 +30,7 @@ def rows_in(output: Location, recording: str, topics: Mapping[str, TopicTally], 
         Empty table, which is filled.
     """
     found = Counter[str]()
-    (log,) = expand(str(output), ahead=False)
+    log = Recording((output,)) if isinstance(output, Path) else expand(str(output), ahead=False)[0]
     try:
         with closing(ReadOptions().open(log)) as source:
             for record in source.records():

@@ -65,7 +65,7 @@ def survey_logs(
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    recordings = expand(logs, ahead=False)  # an excerpt may suffice
+    recordings = expand(logs, reading, observer, ahead=False)  # an excerpt may suffice
     works = [SurveyWork(reading or ReadOptions(), recording) for recording in recordings]
     if len(works) == 1:
         return SurveyResult([works[0].run(observer)])

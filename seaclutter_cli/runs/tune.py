@@ -102,7 +102,7 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
         raise UsageError(f"--hold-out {options.hold_out:g}: must be a share from 0 to below 1")
     combinations = grid(options.sweeps, options.methods)
     variants = [one.variant for one in combinations]
-    recordings = expand(logs)
+    recordings = expand(logs, options.reading, observer)
     inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in variants])
     prepare_outputs(options.targets, inputs, options.labels.paths, force=options.force, observer=observer)
     _check_plots(options, combinations, len(recordings))

@@ -1,6 +1,6 @@
 """Point clouds from packet topics: packets that lidar drivers publish before they are decoded."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -192,6 +192,15 @@ class PacketTopics:
     def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
         """Return an empty mapping: nothing is left out because clouds are numbered by decoding all packets."""
         return {}
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message of the log."""
+        return self._inner.span_ns
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels of the log."""
+        return self._inner.latest(channels, before_ns)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
         """Yield the records of the log before ``end_ns``, and the clouds between them; can be called again."""
