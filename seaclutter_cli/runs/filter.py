@@ -115,11 +115,11 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     works = _works(plan.works, earlier, with_table=options.csv_file is not None)
     with OutputGroup(replace=replaces) as files:
         with ExitStack() as stack:
+            # A single log appears together with the table, after it. Of several, each appears when it is complete.
+            log_written = stack.enter_context(OutputGroup(files)) if len(works) == 1 else None
             csv_file = options.csv_file
             table = stack.enter_context(frame_table(plan.config, csv_file, files)) if csv_file else None
             if len(works) == 1 and isinstance(works[0], FilterWork):
-                # A single log appears together with the table. Of several, each appears when it is complete.
-                log_written = stack.enter_context(OutputGroup(files))
                 done = iter([works[0].run(observer, table, log_written)])
             else:
                 done = iter(run_batch(works, batch, observer, partial(_append, table)))
