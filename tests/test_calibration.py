@@ -59,6 +59,7 @@ def params(**given):
 
 def calibrate(ranges, intensity, *, parts=1, filter_rate=0.8, keep_end=False, **given):
     calibration = Calibration(params(**given), filter_rate=filter_rate, keep_end=keep_end)
+    calibration.see(np.array([np.inf]))  # the lidar is not saturated
     for some in np.array_split(np.arange(len(ranges)), parts):
         calibration.add(np.asarray(ranges, float)[some], np.asarray(intensity, float)[some])
     return calibration.thresholds()
