@@ -1,6 +1,7 @@
 """Checks of the first frames of a topic against the configuration, each with at most one warning."""
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from seaclutter_cli.config import Config
@@ -12,6 +13,8 @@ from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.runs.sensor_match import SensorCheck
 from seaclutter_cli.sensors.catalog import SENSORS
 from seaclutter_cli.water import Mounting, MountingSearch
+
+_FARTHEST_M = 10_000.0  # no lidar on a vessel measures farther
 
 
 class Check(Protocol):
@@ -46,7 +49,9 @@ class Checks:
         self._thresholds.append(
             ThresholdCheck(config.ring_edges, sensor=model, max_intensity=top, needs_water=config.has_water)
         )
-        self._others: list[Check] = [MountingCheck(config.filter)] if config.has_water else []
+        self._others: list[Check] = [RangeCheck(config.ring_edges)]
+        if config.has_water:
+            self._others.append(MountingCheck(config.filter))
 
     def add(self, result: FilterResult) -> list[str]:
         """Add a frame; return the warnings that enough frames justify."""
@@ -63,6 +68,38 @@ class Checks:
             return found
         self._thresholds = []
         return [first, *found]
+
+
+class RangeCheck:
+    """Check whether any point is near enough for the method, with at most one warning.
+
+    Parameters
+    ----------
+    edges : sequence of float
+        Edges of the range rings in metres; empty for methods without range rings.
+    """
+
+    def __init__(self, edges: Sequence[float]) -> None:
+        self._end_m = edges[-1] if edges else _FARTHEST_M
+        self._nearest_m, self._done = math.inf, False
+
+    def add(self, result: FilterResult) -> str | None:
+        """Add a frame; there is no warning before the end."""
+        if not self._done:
+            frame = result.frame
+            self._nearest_m = min(self._nearest_m, float(frame.range_m[frame.valid].min(initial=math.inf)))
+            self._done = self._nearest_m < self._end_m
+        return None
+
+    def warning(self) -> str | None:
+        """Return a warning if no point of the frames so far is in range; None without points."""
+        if self._done or self._nearest_m == math.inf:
+            return None
+        self._done = True
+        text = f"no point is in range: the nearest is {self._nearest_m:,.0f} m away, the limit {self._end_m:,.0f} m"
+        if self._nearest_m < _FARTHEST_M:
+            return f"{text} (filter.end_m)"
+        return f"{text}; coordinates of a map are not relative to a lidar: for airborne tiles, see seaclutter classify"
 
 
 class MountingCheck:
