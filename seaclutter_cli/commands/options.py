@@ -280,6 +280,12 @@ _BATCH = (
         help="Process N recordings at the same time; by default as many as there are cores and memory for.",
     ),
     click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
+    click.option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="Process recordings on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers.",
+    ),
+    click.option("--cluster-insecure", is_flag=True, help="Allow a cluster without encryption, tcp://HOST:PORT."),
 )
 batch_options = grouped("batch", "runs.batch:BatchOptions", _BATCH)
 """Options for several recordings, as ``batch``."""
