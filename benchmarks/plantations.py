@@ -68,7 +68,8 @@ def measured(method: str, scene: str, training: Part, test: Part, overrides: Seq
     if method == "adaptive_radius":
         settings += ["-s", f"filter.scene={scene}"]
     settings += ["-s", "evaluation.clustering=dbscan", "-m", method, "--json"]
-    combinations = json.loads(seaclutter("tune", *training.arguments, *sweeps, *settings))["combinations"]
+    tuning = ("--hold-out", "0", *sweeps, *settings)  # the test part is another recording
+    combinations = json.loads(seaclutter("tune", *training.arguments, *tuning))["combinations"]
     chosen = max(combinations, key=lambda found: found["f1"] or 0)
     best = {key: chosen[key] for key in (item.partition("=")[0] for item in swept)}
     settings += [item for key, value in best.items() for item in ("-s", f"filter.{key}={value}")]

@@ -6,6 +6,7 @@ One pass in constant memory: a histogram for each range ring, and the extent of 
 import math
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, Context
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,13 @@ class FarLimit:
         np.add.at(self._counts, bin_index, 1)
         np.minimum.at(self._least, bin_index, near)
         np.maximum.at(self._most, bin_index, near)
+
+    def __iadd__(self, other: Self) -> Self:
+        """Add the ranges of another search."""
+        self._counts += other._counts
+        np.minimum(self._least, other._least, out=self._least)
+        np.maximum(self._most, other._most, out=self._most)
+        return self
 
     @property
     def last_m(self) -> float | None:
@@ -162,6 +170,21 @@ class Calibration:
         ring = np.searchsorted(self._edges, range_m, side="right") - 1
         for number in np.unique(ring[ring < len(self._edges) - 1]).tolist():
             self._rings.setdefault(number, IntensityHistogram()).add(intensity[ring == number])
+
+    def __iadd__(self, other: Self) -> Self:
+        """Add the clutter points of another calibration with the same parameters, which must not be used afterwards.
+
+        The result is exact if the histograms are; beyond that, it depends on the order.
+        """
+        self.points += other.points
+        self.intensity = [min(self.intensity[0], other.intensity[0]), max(self.intensity[1], other.intensity[1])]
+        self._limit += other._limit
+        for number, histogram in other._rings.items():
+            if number in self._rings:
+                self._rings[number] += histogram
+            else:
+                self._rings[number] = histogram
+        return self
 
     def thresholds(self) -> Thresholds:
         """Return the thresholds and the far limit of the points added so far.

@@ -5,15 +5,18 @@ there, and its docstring provides the comments of written configurations. Unknow
 """
 
 import re
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from seaclutter_cli.documents import MAX_DEPTH
-from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.adaptive_radius import PresetParams
@@ -23,6 +26,7 @@ from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.storage.copies import copy_of
 from seaclutter_cli.storage.locations import Location, Url
+from seaclutter_cli.text import count
 from seaclutter_cli.validation import (
     build,
     find_file,
@@ -36,6 +40,7 @@ from seaclutter_cli.validation import (
 )
 
 DEFAULT_METHOD = "joint"
+_RING_KEYS = {"filter.start_m", "filter.end_m", "filter.ring_width_m"}
 _SECTIONS = ("filter", "evaluation", "sensor")
 
 
@@ -53,6 +58,10 @@ class SensorParams:
 
     model: str | None = None
     intensity: str | None = None
+
+
+DEFAULT_SENSOR = SensorParams(model="RS-LiDAR-32", intensity="calibrated by the sensor (mode 3)")
+"""Sensor of the default thresholds. [Li2023] does not state the mode; it is that of the sensor's current firmware."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +106,14 @@ class Config:
         return [float(edge) for edge in self.filter.edges] if isinstance(self.filter, ZoneParams) else []
 
     @property
+    def threshold_sensor(self) -> SensorParams | None:
+        """Sensor that the thresholds are for, as far as known; None if the method compares no point with them."""
+        params = self.filter
+        if not isinstance(params, RingIntensityParams) or not getattr(params, "use_intensity", True):
+            return None
+        return DEFAULT_SENSOR if self.sensor == SensorParams() and _are_default(params) else self.sensor
+
+    @property
     def has_scenes(self) -> bool:
         """Whether the method has presets for classes of scene."""
         return isinstance(self.filter, PresetParams)
@@ -126,6 +143,10 @@ class Config:
         return "\n".join(lines) + "\n"
 
 
+def _are_default(params: RingIntensityParams) -> bool:
+    return params.initial_thresholds == type(params).initial_thresholds
+
+
 ConfigSource = Location | Mapping[str, Any] | Config
 """A configuration file or the name of a built-in one, the content of a file, or a configuration."""
 
@@ -146,7 +167,8 @@ def load_config(
     method : str or None
         Method from the command line. Keys of the file that this method does not have are ignored.
     overrides : sequence of str
-        ``section.key=value`` from the command line; values are YAML.
+        ``section.key=value`` from the command line; values are YAML. If they change the number of range rings and not
+        the thresholds, each range ring gets that of the nearest one before, and `AdaptedThresholdsWarning` says so.
     undetermined_thresholds : bool, optional
         Set the threshold of every range ring to 0, regardless of the other settings, because it is not yet known.
 
@@ -168,6 +190,8 @@ def load_config(
         sections["filter"] = {**shared, "method": method}
     for override in overrides:
         sections = merged(sections, _parse_override(override))
+    if not undetermined_thresholds:
+        sections = _with_adapted_thresholds(sections, config.filter, overrides)
     return _validate(prepare(sections), "command line")
 
 
@@ -191,15 +215,57 @@ def parse_config(text: str, where: str) -> Config:
 def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:
     """Return settings with a threshold of 0 for each range ring; unchanged if not valid or without range rings."""
     section = raw.get("filter") or {}
-    kind = FILTERS.get(str(section.get("method", DEFAULT_METHOD))) if isinstance(section, dict) else None
-    if kind is None or not issubclass(kind.Params, RingIntensityParams):
+    edges = _edges_of(section) if isinstance(section, dict) else None
+    if edges is None:
         return dict(raw)
+    return {**raw, "filter": {**section, "initial_thresholds": [0] * (len(edges) - 1)}}
+
+
+def _edges_of(section: Mapping[str, Any]) -> NDArray[np.float64] | None:
+    """Return the edges of the range rings that a section gives; None if it is not valid, or without range rings."""
+    kind = FILTERS.get(str(section.get("method", DEFAULT_METHOD)))
+    if kind is None or not issubclass(kind.Params, RingIntensityParams):
+        return None
     limits = [section.get(key, getattr(kind.Params, key)) for key in ("start_m", "end_m", "ring_width_m")]
     try:
-        rings = len(ring_edges(*limits)) - 1
+        return ring_edges(*limits)
     except (ArithmeticError, TypeError, ValueError):
-        return dict(raw)
-    return {**raw, "filter": {**section, "initial_thresholds": [0] * rings}}
+        return None
+
+
+def _with_adapted_thresholds(
+    sections: dict[str, dict[str, Any]], given: Any, overrides: Sequence[str]
+) -> dict[str, dict[str, Any]]:
+    """Return settings with a threshold for each range ring, if the command line changes only the range rings.
+
+    Parameters
+    ----------
+    sections : dict
+        Settings, including those of the command line.
+    given : object
+        Parameters without the command line.
+    overrides : sequence of str
+        Settings of the command line.
+    """
+    keys = {override.partition("=")[0].strip() for override in overrides}
+    if not keys & _RING_KEYS or "filter.initial_thresholds" in keys or not isinstance(given, RingIntensityParams):
+        return sections
+    edges = _edges_of(sections["filter"])
+    if edges is None or len(edges) == len(given.edges):
+        return sections
+    middles = (edges[:-1] + edges[1:]) / 2
+    nearest = np.searchsorted(given.edges[1:-1], middles, side="right")
+    thresholds = [given.initial_thresholds[ring] for ring in nearest]
+    changed = f"{count(len(thresholds), 'range ring')} from {edges[0]:g} to {edges[-1]:g} m"
+    warnings.warn(
+        AdaptedThresholdsWarning(
+            f"filter.initial_thresholds: {changed} instead of {len(given.initial_thresholds)}; each has the threshold "
+            f"of the nearest one before: {_yaml_value(thresholds)}"
+        ),
+        stacklevel=3,
+    )
+    sensor = sections["sensor"] or (plain(DEFAULT_SENSOR) if _are_default(given) else {})
+    return {**sections, "filter": {**sections["filter"], "initial_thresholds": thresholds}, "sensor": sensor}
 
 
 def _parse_override(text: str) -> dict[str, Any]:

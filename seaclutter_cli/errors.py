@@ -22,6 +22,10 @@ class RenamedKeyWarning(FutureWarning):
     """A configuration or scene uses the former name of a key; a later major release will reject it."""
 
 
+class AdaptedThresholdsWarning(UserWarning):
+    """Range rings were changed without their thresholds, which are then those of the nearest range rings before."""
+
+
 class SeaclutterError(Exception):
     """An error in the data or during the run; its text is shown to the user unchanged.
 

@@ -1,6 +1,6 @@
 """Lidar frames and the results of filtering them."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from functools import cached_property
 from typing import Any, Self
@@ -230,7 +230,7 @@ def _column(points: NDArray[Any], name: str) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class Rings:
-    """Thresholds and counts of a frame by range ring; every array has shape (K,).
+    """Thresholds and counts of a frame by range ring; arrays have the shape (K,).
 
     Parameters
     ----------
@@ -240,6 +240,8 @@ class Rings:
         Corrections, :math:`I_m`; 0 where none applies.
     points, low_intensity, outliers : ndarray, int64
         Points in the range ring before filtering, and points removed for each of the two reasons.
+    beyond : ndarray, shape (2,), int64
+        Points at the end of the last range ring and beyond, before and after filtering.
 
     Examples
     --------
@@ -256,6 +258,7 @@ class Rings:
     points: NDArray[np.int64]
     low_intensity: NDArray[np.int64]
     outliers: NDArray[np.int64]
+    beyond: NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, np.int64))
 
     def __add__(self, other: "Rings") -> "Rings":
         """Return element-wise sums, from which means over frames are computed."""

@@ -5,7 +5,7 @@ A `Source` yields the records of a log. The pipeline decodes the point clouds am
 provide the ground truth of a recording.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -48,6 +48,11 @@ class Source(Protocol):
         """Facts about the sensor of each cloud topic, from its packets; complete when all records have been read."""
         ...
 
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message, where known before reading."""
+        ...
+
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield attachments, metadata, and messages in the order of their log time.
 
@@ -65,6 +70,18 @@ class Source(Protocol):
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the number of messages that `records` omits before ``start_ns``, by channel id."""
+        ...
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels, in log time order.
+
+        Parameters
+        ----------
+        channels : collection of int
+            Ids of channels; those of decoded packets have no messages here.
+        before_ns : int
+            Log time.
+        """
         ...
 
     def close(self) -> None:

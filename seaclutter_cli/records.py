@@ -92,7 +92,7 @@ Record = Message | Attachment | Metadata
 
 @dataclass
 class SensorFacts:
-    """Facts about a sensor and its packets, updated while packets are decoded.
+    """Facts about a sensor and its packets, if there are any, updated while they are decoded.
 
     Parameters
     ----------
@@ -104,6 +104,8 @@ class SensorFacts:
         Packets missing according to gaps in the sequence, and packets that cannot be decoded.
     warnings : list of str
         Warnings for the user.
+    from_packets : bool
+        Whether packets identify the sensor, not the metadata of the log.
     """
 
     model: str
@@ -111,6 +113,7 @@ class SensorFacts:
     lost_packets: int = 0
     bad_packets: int = 0
     warnings: list[str] = field(default_factory=list)
+    from_packets: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,8 @@ import numpy as np
 from seaclutter_cli.cloud import PointField
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.sensors.catalog import guess_sensors
+from seaclutter_cli.records import SensorFacts
+from seaclutter_cli.sensors.recognition import RecognisedSensor, recognise
 
 _RING_NAMES = ("ring", "channel", "line", "laser_id")
 _NANO = 1_000_000_000
@@ -30,9 +31,9 @@ class TopicSurvey:
     problem: str | None = None
     intensity: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
     range_m: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
-    stamps_ns: list[int] = field(default_factory=list)
+    _stamps_ns: "array[int]" = field(default_factory=lambda: array("q"))
     _sizes: "array[int]" = field(default_factory=lambda: array("L"))
-    _rings: set[int] = field(default_factory=set)
+    _rings: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
 
     def add(self, frame: Frame) -> None:
         """Add a frame to the statistics."""
@@ -40,7 +41,7 @@ class TopicSurvey:
         self.frames += 1
         self._sizes.append(frame.size)
         self.fields, self.shape, self.frame_id = cloud.fields, (cloud.height, cloud.width), cloud.frame_id
-        self.stamps_ns = [self.stamps_ns[0] if self.stamps_ns else frame.stamp_ns, frame.stamp_ns]
+        self._stamps_ns.append(frame.stamp_ns)
         try:
             self.intensity_name = frame.intensity_name
             valid = frame.valid
@@ -51,8 +52,9 @@ class TopicSurvey:
         except FieldError as error:
             self.problem = str(error)
         name = next((name for name in _RING_NAMES if name in (cloud.dtype.names or ())), None)
-        if name and len(self._rings) <= 256:
-            self._rings.update(np.unique(cloud.points[name]).tolist())
+        if name and cloud.dtype[name].kind in "fiu":
+            rings = cloud.points[name][np.isfinite(cloud.points[name])].astype(np.float64)
+            _extend(self._rings, rings)
 
     @property
     def points(self) -> int:
@@ -65,16 +67,23 @@ class TopicSurvey:
 
     @property
     def rate_hz(self) -> float | None:
-        """Frames per second according to their stamps; None for fewer than two frames."""
-        if self.frames < 2 or self.stamps_ns[1] <= self.stamps_ns[0]:
-            return None
-        return (self.frames - 1) * _NANO / (self.stamps_ns[1] - self.stamps_ns[0])
+        """Frames per second by the median of the intervals between stamps; None for fewer than two frames.
+
+        A recording begins and ends within revolutions, and pauses; the median is that of whole revolutions.
+        """
+        intervals = np.diff(np.asarray(self._stamps_ns, np.int64))
+        middle = float(np.median(intervals)) if len(intervals) else 0.0
+        return _NANO / middle if middle > 0 else None
 
     @property
-    def sensors(self) -> list[str]:
-        """Sensors that may have recorded the topic."""
-        names = [item.name for item in self.fields]
-        return guess_sensors(names, len(self._rings) or None, round(self.sizes()[1]))
+    def rings(self) -> int | None:
+        """Number of rings up to the last one seen; None without a ring field."""
+        first, last = self._rings
+        return int(last - first) + 1 if first <= last else None
+
+    def sensor(self, facts: SensorFacts | None = None) -> RecognisedSensor:
+        """Return the sensor that recorded the topic, from the facts about it or from the layout of its clouds."""
+        return recognise([item.name for item in self.fields], self.rings, round(self.sizes()[1]), facts)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the statistics as values for JSON."""
@@ -90,7 +99,7 @@ class TopicSurvey:
             "intensity": _limits(self.intensity),
             "range_m": _limits(self.range_m),
             "invalid_share": self.invalid / self.points if self.points else None,
-            "sensors": self.sensors,
+            "sensors": list(self.sensor().models),
             "problem": self.problem,
         }
 

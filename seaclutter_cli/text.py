@@ -99,6 +99,23 @@ def count(number: int, noun: str) -> str:
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
+def duration(seconds: float) -> str:
+    """Return a duration in its two largest units.
+
+    Examples
+    --------
+    >>> duration(7261), duration(61.4), duration(0.25)
+    ('2 h 1 min', '1 min 1 s', '0.2 s')
+    """
+    if seconds < 10:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    units = {"d": whole // 86400, "h": whole // 3600 % 24, "min": whole // 60 % 60, "s": whole % 60}
+    names = list(units)
+    first = next(number for number, name in enumerate(names) if units[name])
+    return " ".join(f"{units[name]} {name}" for name in names[first : first + 2] if units[name])
+
+
 def data_size(size: float) -> str:
     """Return an amount of data in bytes with three digits and a decimal unit.
 

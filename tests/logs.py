@@ -29,7 +29,9 @@ START_NS = 1_700_000_000 * 10**9
 PERIOD_NS = 100_000_000
 MAGIC = b"\x89MCAP0\r\n"
 HEADER = mcap_records.Header("ros2", "by hand")
-POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f8")])
+POINT = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")]
+)
 """A point as RoboSense drivers write it: packed, with an unaligned time."""
 
 
@@ -229,7 +231,7 @@ def sea_points(size: int, seed: Sequence[int] = (0,)) -> np.ndarray:
     points["x"], points["y"] = range_m * np.cos(bearing), range_m * np.sin(bearing)
     points["z"] = random.normal(0, 0.3, size)
     points["x"][:: size // 20 or 1] = np.nan
-    points["ring"], points["time"] = np.arange(size) % 32, np.arange(size) * 1e-6
+    points["ring"], points["timestamp"] = np.arange(size) % 32, np.arange(size) * 1e-6
     return points
 
 

@@ -37,6 +37,14 @@ def last_below(values, rate):
     return values[math.ceil(Fraction(str(rate)) * len(values)) - 1]
 
 
+def added(kind, recordings):
+    """Return the sum of what the parts of each recording give."""
+    total = kind()
+    for parts in recordings:
+        total += fill(kind, parts)
+    return total
+
+
 def fill(kind, parts):
     counted = kind()
     for part in parts:
@@ -136,6 +144,38 @@ class TestHistogram:
         parts = [np.random.default_rng(n).random(50_000) for n in range(10)]
         first, second = (fill(IntensityHistogram, parts).distribution() for _ in range(2))
         np.testing.assert_array_equal(first, second)
+
+    @given(st.lists(batches(st.one_of(WHOLE, FRACTIONS)), min_size=1, max_size=4))
+    def test_sums_of_recordings_are_exact(self, recordings):
+        whole = fill(IntensityHistogram, [part for parts in recordings for part in parts])
+        summed = added(IntensityHistogram, recordings)
+        np.testing.assert_array_equal(summed.distribution(), whole.distribution())
+        assert summed.all_whole == whole.all_whole
+        assert summed.rank_error == 0
+
+    @given(
+        st.lists(batches(FRACTIONS), min_size=1, max_size=5), st.integers(2, 7), st.integers(2, 40), st.integers(1, 40)
+    )
+    def test_errors_of_sketches_add_up(self, recordings, level, distinct, pending):
+        """Every list of values exceeds the patched limits."""
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in (("_LEVEL", level), ("_DISTINCT", distinct), ("_PENDING", pending)):
+                patch.setattr(module, name, value)
+            sketch, again = (added(QuantileSketch, recordings) for _ in range(2))
+            values, counts = sketch.distribution()
+            np.testing.assert_array_equal(again.distribution(), (values, counts))
+        seen = np.sort(np.concatenate([part for parts in recordings for part in parts]))
+        assert counts.sum() == len(seen)
+        ranks = np.searchsorted(values, seen, side="right")
+        estimated = np.append(0, np.cumsum(counts))[ranks]
+        assert (np.abs(estimated - np.searchsorted(seen, seen, side="right")) <= sketch.rank_error).all()
+
+    def test_forty_recordings_stay_within_a_thousandth_of_rank(self):
+        rng = np.random.default_rng(5)
+        recordings = [[rng.random(40_000) for _ in range(5)] for _ in range(40)]
+        histogram = added(IntensityHistogram, recordings)
+        assert 0 < histogram.rank_error < 0.001 * 8_000_000
+        assert histogram._others.nbytes < 5e6
 
     @pytest.mark.parametrize(
         ("values", "rate", "threshold"),

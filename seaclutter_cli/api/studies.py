@@ -5,7 +5,6 @@ from typing import Any, Literal
 
 from seaclutter_cli.api.arguments import (
     Settings,
-    config_options,
     config_source,
     label_sources,
     path_or_none,
@@ -68,16 +67,19 @@ def tune(  # noqa: PLR0913 - each an option of its own
     labels: PathLike | Sequence[PathLike],
     sweeps: Mapping[str, Sequence[Any]],
     *,
-    method: str | None = None,
+    method: str | Sequence[str] | None = None,
+    compare: Sequence[Literal["paper", "peers", "all"]] = (),
+    hold_out: float = 0.25,
     config: Settings | None = None,
     reading: ReadOptions | None = None,
     output: PathLike | None = None,
     csv_file: PathLike | None = None,
     force: bool = False,
     keep_going: bool = False,
+    batch: BatchOptions | None = None,
     observer: Observer = SILENT,
 ) -> TuningResult:
-    """Evaluate every combination of parameter values, and find the one with the fewest bad frames.
+    """Evaluate every combination of methods and parameter values, and find the one with the fewest bad frames.
 
     Parameters
     ----------
@@ -86,9 +88,15 @@ def tune(  # noqa: PLR0913 - each an option of its own
     labels : path, or sequence of paths
         Labels of the recordings in the same order, or a folder with ``RECORDING.labels.csv`` for each.
     sweeps : mapping of str to sequence
-        Configuration keys of the filter, and the values to try for each.
-    method : str, optional
-        Filter method; by default that of the configuration, or ``joint``.
+        Configuration keys of the filter, and the values to try for each; of several methods, those that have the key.
+        ``"ror.min_neighbors"`` is for one of them. May be empty if several methods are compared.
+    method : str or sequence of str, optional
+        Filter methods; by default that of the configuration, or ``joint``.
+    compare : sequence of {"paper", "peers", "all"}, optional
+        Groups of methods.
+    hold_out : float, optional
+        Share of the recordings, or of fewer than four the last frames of each, on which the best combination is judged
+        but not chosen.
     config : path, mapping or Config, optional
         Configuration to start from.
     reading : ReadOptions, optional
@@ -99,6 +107,8 @@ def tune(  # noqa: PLR0913 - each an option of its own
         Replace existing files.
     keep_going : bool, optional
         Store an error of a recording in its outcome and continue with the others, instead of raising it.
+    batch : BatchOptions, optional
+        How several recordings are processed; by default one after another.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -114,14 +124,17 @@ def tune(  # noqa: PLR0913 - each an option of its own
     >>> result.best
     'update_weight=0.6'
     """
+    names = (method,) if isinstance(method, str) else tuple(method or ())
     options = TuneOptions(
         sweeps=tuple(Sweep(key, tuple(values)) for key, values in sweeps.items()),
         labels=label_sources(labels),
-        config=config_options(method, config),
+        methods=MethodOptions(file=config_source(config), methods=names, comparisons=tuple(compare)),
+        hold_out=hold_out,
         reading=reading or ReadOptions(),
         output=path_or_none(output),
         csv_file=path_or_none(csv_file),
         force=force,
+        batch=batch or BatchOptions(),
     )
     return tune_logs(logs, options, run_observer(observer, keep_going=keep_going))
 

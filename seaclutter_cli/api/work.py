@@ -165,6 +165,7 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
     output: PathLike | None = None,
     plot_file: PathLike | None = None,
     force: bool = False,
+    batch: BatchOptions | None = None,
     observer: Observer = SILENT,
 ) -> CalibrationResult:
     """Derive the threshold of each range ring and the far limit from logs that contain sea clutter.
@@ -191,6 +192,8 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
         File for a plot of clutter and thresholds over range; PNG or SVG.
     force : bool, optional
         Replace existing files.
+    batch : BatchOptions, optional
+        How several recordings are processed; by default one after another.
     observer : Observer, optional
         Receives progress and warnings.
 
@@ -220,6 +223,7 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
         output=path_or_none(output),
         plot_file=path_or_none(plot_file),
         force=force,
+        batch=batch or BatchOptions(),
     )
     return calibrate_logs(logs, options, observer)
 

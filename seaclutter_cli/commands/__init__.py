@@ -16,7 +16,7 @@ from seaclutter_cli.commands.address_space import check_imports
 from seaclutter_cli.commands.console import DEBUG, LOG, show_each_warning_once
 from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
-from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
+from seaclutter_cli.errors import AdaptedThresholdsWarning, RenamedKeyWarning, SeaclutterError
 from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.text import printable
 
@@ -25,7 +25,7 @@ COMMANDS: Mapping[str, str] = {
     "filter": "Filter logs into drop-in MCAP files.",
     "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
     "evaluate": "Count false alarms and missed targets against labels; compare methods.",
-    "tune": "Sweep parameters over labelled logs and report the best values.",
+    "tune": "Compare methods and parameter values on labelled logs and report the best.",
     "report": "Write a page that shows the effect and quality of a filter.",
     "view": "Open logs in the Rerun viewer.",
     "simulate": "Simulate a labelled lidar recording of a scene.",
@@ -49,7 +49,8 @@ class _Program(LazyGroup):
 
     def invoke(self, ctx: click.Context) -> Any:
         with _reported_errors(), warnings.catch_warnings():
-            warnings.simplefilter("always", RenamedKeyWarning)
+            for category in (RenamedKeyWarning, AdaptedThresholdsWarning):
+                warnings.simplefilter("always", category)
             warnings.showwarning = show_each_warning_once()
             return super().invoke(ctx)
 

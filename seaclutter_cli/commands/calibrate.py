@@ -10,6 +10,7 @@ from seaclutter_cli.commands.options import (
     console_options,
     force_option,
     grouped,
+    jobs_option,
     label_options,
     logs_argument,
     output_option,
@@ -43,6 +44,7 @@ _OPTIONS = (
     label_options(required=False),
     config_options,
     reading_options,
+    jobs_option,
 )
 
 

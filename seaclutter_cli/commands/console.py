@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line
-from seaclutter_cli.errors import RenamedKeyWarning, SeaclutterError
+from seaclutter_cli.errors import AdaptedThresholdsWarning, RenamedKeyWarning, SeaclutterError
 from seaclutter_cli.text import printable, shortened
 
 if TYPE_CHECKING:
@@ -170,7 +170,8 @@ def show_each_warning_once() -> Callable[..., None]:
     shown: set[str] = set()
 
     def show_warning(message: Warning | str, category: type[Warning], filename: str, line: int, *_: Any) -> None:
-        origin = "" if issubclass(category, RenamedKeyWarning) else f" ({category.__name__}, {filename}:{line})"
+        own = issubclass(category, RenamedKeyWarning | AdaptedThresholdsWarning)
+        origin = "" if own else f" ({category.__name__}, {filename}:{line})"
         text = f"Warning: {message}{origin}"
         if text not in shown:
             shown.add(text)

@@ -143,7 +143,30 @@ debug_option = click.option(
     help="Show the traceback of an error.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print results as JSON.")
-force_option = click.option("--force", is_flag=True, help="Replace existing output files.")
+
+
+def _make_parents(context: click.Context, _: click.Parameter, value: bool) -> None:
+    if value:
+        from seaclutter_cli.runs.outputs import making_parents
+
+        context.with_resource(making_parents())
+
+
+_force = click.option("--force", is_flag=True, help="Replace existing output files.")
+_parents = click.option(
+    "--parents",
+    is_flag=True,
+    expose_value=False,
+    callback=_make_parents,
+    help="Create all missing folders of outputs, not only the last of a path.",
+)
+
+
+def force_option(command: F) -> F:
+    """Add the options that relax the checks of outputs; the command receives ``force``."""
+    return _force(_parents(command))
+
+
 logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=True)
 
 _TALK = (
@@ -201,6 +224,13 @@ reading_options = grouped(
             show_default=True,
             help="Frames per second of recordings without time stamps.",
         ),
+        click.option(
+            "--join/--no-join",
+            default=None,
+            help="Read the numbered files of a folder as one recording, or one by one. "
+            "[default: as one if each begins where the one before ends]",
+        ),
+        click.option("--recursive", is_flag=True, help="Also search the folders in folders for recordings."),
         scratch_option,
         path_option("--calibration", help="Angles or metadata of the sensor, for packets that lack them."),
         click.option(
@@ -271,21 +301,32 @@ def _jobs(_: click.Context, parameter: click.Parameter, text: str | None) -> int
     return int(text)
 
 
-_BATCH = (
-    click.option(
-        "-j",
-        "--jobs",
-        metavar="N",
-        callback=_jobs,
-        help="Process N recordings at the same time; by default as many as there are cores and memory for.",
-    ),
-    click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
+def _jobs_option(what: str) -> Option:
+    text = f"Process N {what} at the same time; by default as many as there are cores and memory for."
+    return click.option("-j", "--jobs", metavar="N", callback=_jobs, help=text)
+
+
+_CLUSTER = (
     click.option(
         "--cluster",
         metavar="ADDRESS",
         help="Process recordings on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers.",
     ),
     click.option("--cluster-insecure", is_flag=True, help="Allow a cluster without encryption, tcp://HOST:PORT."),
+)
+
+
+def jobs_option_for(what: str) -> Option:
+    """Return the option for the number of processes, as ``batch``, for results that need all inputs."""
+    return grouped("batch", "runs.batch:BatchOptions", (_jobs_option(what),))
+
+
+jobs_option = grouped("batch", "runs.batch:BatchOptions", (_jobs_option("recordings"), *_CLUSTER))
+"""The options for the number of processes or workers for recordings, as ``batch``, for results that need all inputs."""
+_BATCH = (
+    _jobs_option("recordings"),
+    click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
+    *_CLUSTER,
 )
 batch_options = grouped("batch", "runs.batch:BatchOptions", _BATCH)
 """Options for several recordings, as ``batch``."""

@@ -1,4 +1,4 @@
-"""``seaclutter tune``: the best parameter values on labelled logs."""
+"""``seaclutter tune``: the best methods and parameter values on labelled logs."""
 
 from typing import TYPE_CHECKING
 
@@ -6,12 +6,13 @@ import click
 
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import (
-    config_options,
+    batch_options,
     console_options,
     force_option,
     grouped,
     label_options,
     logs_argument,
+    methods_options,
     output_option,
     reading_options,
 )
@@ -33,10 +34,19 @@ _OPTIONS = (
         "--sweep",
         "sweeps",
         multiple=True,
-        required=True,
         metavar="KEY=VALUES",
         callback=_sweeps,
-        help="Filter key and values to try: V1,V2,... or START:STOP:STEP. Repeatable, for all combinations.",
+        help="Filter key and values to try: V1,V2,... or START:STOP:STEP. Repeatable, for all combinations. Of several "
+        "methods, those that have the key; METHOD.KEY for one.",
+    ),
+    click.option(
+        "--hold-out",
+        type=click.FloatRange(0, 1, max_open=True),
+        default=0.25,
+        metavar="SHARE",
+        show_default=True,
+        help="Share of the recordings, or of fewer than four the last frames of each, on which the best combination is "
+        "judged but not chosen; 0 for none.",
     ),
     output_option(
         "-o", "--output", metavar="CONFIG.yaml", help="Write the configuration with the best values.", remote=True
@@ -60,20 +70,22 @@ _OPTIONS = (
         help="Range ring of --plot-thresholds, from 1.",
     ),
     force_option,
-    config_options,
+    methods_options,
     reading_options,
+    batch_options,
 )
 
 
-@click.command(name="tune", short_help="Sweep parameters over labelled logs and report the best values.")
+@click.command(name="tune", short_help="Compare methods and parameter values on labelled logs and report the best.")
 @logs_argument
 @grouped("options", "runs.tune:TuneOptions", _OPTIONS)
 @console_options
 def command(logs: tuple[str, ...], options: "TuneOptions", console: Console) -> None:
-    """Filter LOGS with every combination of parameter values, and report the best one.
+    """Filter LOGS with every combination of methods and parameter values, and report the best one.
 
     The best combination has the fewest bad frames: those with a false alarm plus those with a missed target. Ties go
-    to the combination with the fewest false alarms and missed targets, then to the first.
+    to the combination with the fewest false alarms and missed targets, then to the first. Some of the labelled frames
+    are held out: they do not take part in the choice and show what the best combination is worth on new data.
     """
     from seaclutter_cli.runs.tune import tune
 

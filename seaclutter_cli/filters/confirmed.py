@@ -242,8 +242,10 @@ class Confirmed(BaseFilter):
             return None
         low = reason == Reason.LOW_INTENSITY
         removed = (low, (reason == Reason.OUTLIER) | (reason == Reason.UNCONFIRMED))
-        counts = (self._zones.tally(zone[mask]) for mask in removed)
-        return Rings(self._thresholds.copy(), np.zeros(self._zones.count), self._zones.tally(zone), *counts)
+        low_points, other_points = (self._zones.tally(zone[mask]) for mask in removed)
+        beyond, points = self._zones.beyond(zone, reason), self._zones.tally(zone)
+        zeros = np.zeros(self._zones.count)
+        return Rings(self._thresholds.copy(), zeros, points, low_points, other_points, beyond)
 
     def _grown(self, one: _Undecided, kept: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the points above the water that are near enough to confirmed objects."""

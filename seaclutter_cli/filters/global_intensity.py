@@ -75,5 +75,6 @@ class GlobalIntensity(BaseFilter):
         low = frame.intensity < self._zones.per_point(threshold, zone)
         reason[low] = Reason.LOW_INTENSITY
         tally = self._zones.tally
-        rings = Rings(threshold, np.zeros(1), tally(zone), tally(zone[low]), np.zeros(1, np.int64))
+        counts = tally(zone), tally(zone[low]), np.zeros(1, np.int64)
+        rings = Rings(threshold, np.zeros(1), *counts, self._zones.beyond(zone, reason))
         return FilterResult(frame, reason, rings)

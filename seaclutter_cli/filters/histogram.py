@@ -2,6 +2,7 @@
 
 import math
 from fractions import Fraction
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,16 @@ class IntensityHistogram:
         counts[: len(self._whole)] += self._whole
         self._whole = counts
         self._others.add(intensity[~counted])
+
+    def __iadd__(self, other: Self) -> Self:
+        """Add the counts of another histogram; exact as long as both together are."""
+        self.all_whole = self.all_whole and other.all_whole
+        counts = np.zeros(max(len(self._whole), len(other._whole)), np.int64)
+        for part in (self._whole, other._whole):
+            counts[: len(part)] += part
+        self._whole = counts
+        self._others += other._others
+        return self
 
     @property
     def rank_error(self) -> int:
@@ -109,6 +120,7 @@ class QuantileSketch:
         self._waiting = 0
         self._levels: list[NDArray[np.float64]] = []
         self._thinned: list[int] = []
+        self._added_error = 0
 
     def add(self, values: NDArray[np.float64]) -> None:
         """Count finite values, shape (N,)."""
@@ -118,10 +130,24 @@ class QuantileSketch:
         if self._waiting >= _PENDING or len(self._pending) >= _BATCHES:
             self._count()
 
+    def __iadd__(self, other: Self) -> Self:
+        """Add the values of another summary: exact if there are few distinct ones, otherwise the errors add up.
+
+        The same summaries in the same order give the same summary.
+        """
+        self._count()
+        other._count()
+        self._merge(other._values, other._counts)
+        self._added_error += other.rank_error
+        for level, values in enumerate(other._levels):
+            self._put(level, values)
+        self._thin_levels()
+        return self
+
     @property
     def rank_error(self) -> int:
         """Maximum error of a rank in values."""
-        return sum((times + 1) // 2 << level for level, times in enumerate(self._thinned))
+        return self._added_error + sum((times + 1) // 2 << level for level, times in enumerate(self._thinned))
 
     @property
     def nbytes(self) -> int:
@@ -141,6 +167,10 @@ class QuantileSketch:
             return
         values, counts = np.unique(np.concatenate(self._pending), return_counts=True)
         self._pending, self._waiting = [], 0
+        self._merge(values, counts)
+
+    def _merge(self, values: NDArray[np.float64], counts: NDArray[np.int64]) -> None:
+        """Add distinct values in ascending order and their counts."""
         index = np.searchsorted(self._values, values)
         known = np.append(self._values, np.nan)[index] == values
         self._counts[index[known]] += counts[known]
@@ -154,6 +184,9 @@ class QuantileSketch:
         for level in range(int(self._counts.max()).bit_length()):
             self._put(level, self._values[(self._counts >> level) & 1 == 1])
         self._values, self._counts = np.zeros(0), np.zeros(0, np.int64)
+        self._thin_levels()
+
+    def _thin_levels(self) -> None:
         level = 0
         while level < len(self._levels):
             if len(self._levels[level]) >= _LEVEL:

@@ -46,8 +46,9 @@ class RingStage:
             passed.reason[points] = Reason.OUTLIER
             found[k] = len(points)
         used = np.zeros(self.zones.count) if corrections is None else corrections
-        tally = self.zones.tally
-        rings = Rings(passed.thresholds.copy(), used, tally(passed.zone), tally(passed.zone[passed.low]), found)
+        tally, beyond = self.zones.tally, self.zones.beyond(passed.zone, passed.reason)
+        counts = tally(passed.zone), tally(passed.zone[passed.low]), found
+        rings = Rings(passed.thresholds.copy(), used, *counts, beyond)
         return FilterResult(passed.frame, passed.reason, rings)
 
 

@@ -117,6 +117,11 @@ class Zones:
         """Return the number of points in each range ring, shape (K,)."""
         return np.bincount(zone, minlength=self.count + 4)[1 : self.count + 1]
 
+    def beyond(self, zone: NDArray[np.uint8], reason: NDArray[np.uint8]) -> NDArray[np.int64]:
+        """Return the number of points at ``end_m`` and beyond, before and after filtering, shape (2,)."""
+        reasons = reason[zone == self.count + 1]
+        return np.array([len(reasons), np.count_nonzero(reasons == Reason.KEPT)], np.int64)
+
 
 def _inside(xyz: NDArray[np.float64], box: Box) -> NDArray[np.bool_]:
     low, high = np.array(box[::2])[:, None], np.array(box[1::2])[:, None]

@@ -17,10 +17,13 @@ _LIMITS = (
 )
 
 
-def default_jobs(recordings: int) -> int:
-    """Return the number of processes for a number of recordings: as many as there are cores and memory for."""
+def default_jobs(recordings: int, memory: int = MEMORY_PER_JOB) -> int:
+    """Return the number of processes for a number of recordings: as many as there are cores and memory for.
+
+    Each may need ``memory`` bytes.
+    """
     available = _available_bytes()
-    possible = cores() if available is None else min(cores(), available // MEMORY_PER_JOB)
+    possible = cores() if available is None else min(cores(), available // memory)
     return max(1, min(recordings, possible))
 
 

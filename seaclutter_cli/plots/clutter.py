@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,16 @@ class ClutterDensity:
         for number in np.unique(ring[ring < self._max_rings]).tolist():
             counts = self._rings.setdefault(number, np.zeros(_COLUMNS << _KEY_BITS, np.int64))
             np.add.at(counts, cell[ring == number], 1)
+
+    def __iadd__(self, other: Self) -> Self:
+        """Add the counts of another histogram with the same parameters, which must not be used afterwards."""
+        self._all_whole = self._all_whole and other._all_whole
+        for number, counts in other._rings.items():
+            if number in self._rings:
+                self._rings[number] += counts
+            else:
+                self._rings[number] = counts
+        return self
 
     def grid(self, end_m: float, limits: tuple[float, float]) -> "DensityGrid":
         """Return the counts up to a range and between intensities, in around 100 rows of equal height."""

@@ -16,7 +16,7 @@ _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F
 
 
 def draw_rates(
-    figure: "Figure", parameter: str, values: Sequence[str], r_fp: Series, r_fn: Series, best: int | None
+    figure: "Figure", parameter: str, values: Sequence[str], tuned: Series, held_out: Series, best: int | None
 ) -> None:
     """Draw the rates of frames with false alarms and with missed targets over the values of a parameter.
 
@@ -28,15 +28,21 @@ def draw_rates(
         Name of the parameter.
     values : sequence of str
         The K values that were tried.
-    r_fp, r_fn : ndarray, shape (K,), float64
-        Rates from 0 to 1; NaN where unknown.
+    tuned, held_out : ndarray, shape (2, K), float64
+        Both rates, from 0 to 1, in the frames used for tuning and in those held out; NaN where unknown. Shape (2, 0) if
+        nothing is held out.
     best : int or None
         Index of the best value.
     """
     axes = figure.add_subplot()
     positions = np.arange(len(values))
-    axes.plot(positions, 100 * r_fp, "o-", color=_COLORS[0], markersize=3, label="false alarms, $R_{FP}$")
-    axes.plot(positions, 100 * r_fn, "s--", color=_COLORS[1], markersize=3, label="missed targets, $R_{FN}$")
+    names = ("false alarms, $R_{FP}$", "missed targets, $R_{FN}$")
+    for name, color, style, rate in zip(names, _COLORS, ("o-", "s--"), tuned, strict=False):
+        axes.plot(positions, 100 * rate, style, color=color, markersize=3, label=name)
+    for name, color, style, size, rate in zip(names, _COLORS, ("o:", "s:"), (6, 3.5), held_out, strict=False):
+        if len(rate):
+            (line,) = axes.plot(positions, 100 * rate, style, color=color, markersize=size, label=f"{name}, held out")
+            line.set(markerfacecolor="white", linewidth=0.8, clip_on=False)  # where one covers the other, both show
     if best is not None:
         axes.axvline(best, color="0.7", linewidth=0.8, zorder=0)
         axes.annotate("best", (best, 1), xycoords=("data", "axes fraction"), xytext=(2, -8), textcoords="offset points")

@@ -47,7 +47,7 @@ def report_data(
         "recordings": collected.recordings,
         "labelled": collected.labelled,
         "notes": list(notes),
-        "palette": _palette(),
+        "palette": _palette(collected.methods),
         "frames": {
             "count": len(timeline.frame),
             "recording": _packed(np.asarray(timeline.recording), "<u2"),
@@ -65,11 +65,13 @@ def report_data(
     }
 
 
-def _palette() -> dict[str, Any]:
+def _palette(methods: Sequence[Method]) -> dict[str, Any]:
+    edges = {tuple(method.edges) for method in methods if len(method.edges)}
+    names = palette.reason_names(edges.pop() if len(edges) == 1 else ())  # other limits have other names
     return {
         "reasons": [palette.REASONS[reason] for reason in Reason],
         "order": [int(reason) for reason in palette.REASONS],
-        "names": [palette.REASON_NAMES[reason] for reason in Reason],
+        "names": [names[reason] for reason in Reason],
         "truth": list(palette.TRUTH.values()),
         "truth_names": list(palette.TRUTH),
         "states": palette.STATES,

@@ -1,6 +1,6 @@
 """Colours and names in reports; colours are distinguishable by colour-blind readers, as checked in the tests."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from seaclutter_cli.frame import Reason
 
@@ -20,13 +20,28 @@ REASON_NAMES: Mapping[Reason, str] = {
     Reason.KEPT: "kept",
     Reason.LOW_INTENSITY: "low intensity",
     Reason.OUTLIER: "outlier",
-    Reason.NEAR: "near (own ship)",
+    Reason.NEAR: "nearer than start_m",
     Reason.FAR: "far (beyond end_m)",
     Reason.EXCLUDED: "excluded (box)",
     Reason.INVALID: "invalid",
     Reason.UNCONFIRMED: "unconfirmed",
 }
-"""Name of each reason in pages and figures."""
+"""Name of each reason in figures."""
+
+
+def reason_names(edges: Sequence[float]) -> dict[Reason, str]:
+    """Return the name of each reason for a method with these edges of range rings; empty if it has none.
+
+    Examples
+    --------
+    >>> reason_names([10.0, 25.0])[Reason.NEAR]
+    'nearer than 10 m (filter.start_m)'
+    """
+    if not len(edges):
+        return dict(REASON_NAMES)
+    near, far = f"nearer than {edges[0]:g} m (filter.start_m)", f"from {edges[-1]:g} m on (filter.end_m)"
+    return {**REASON_NAMES, Reason.NEAR: near, Reason.FAR: far}
+
 
 TRUTH = {"unknown": "#8b8f94", "clutter": "#3f95e8", "target": "#14213d", "ignored": "#9a7400"}
 """Colours of points by ground truth."""

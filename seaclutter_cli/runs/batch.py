@@ -67,6 +67,10 @@ class BatchOptions:
         """Return whether the work is on a single recording, in this process."""
         return recordings == 1 and self.cluster is None
 
+    def here(self) -> "BatchOptions":
+        """Return the options for a look at the recordings on this machine."""
+        return BatchOptions(jobs=None if self.cluster else self.jobs, fail_fast=self.fail_fast)
+
     @contextmanager
     def engine(self, works: "Sequence[Work[Any]]", observer: Observer) -> Iterator[Engine]:
         """Return the engine for work on some recordings."""
@@ -107,15 +111,16 @@ class Work(ABC, Generic[O]):
 
 @dataclass(frozen=True)
 class _Task(Generic[O]):
-    """Work with an observer whose messages travel with the outcome."""
+    """Work with an observer whose messages travel with the outcome, or appear at once in this process."""
 
     work: Work[O]
+    observer: Observer | None
 
     def __call__(self, report: Report) -> tuple[O, Relay]:
-        relay = Relay(report)
+        relay = Relay(report, self.work.recording.name, self.observer)
         with copies_removed():
             outcome = self.work.run(relay)
-        relay.report = _no_report
+        relay.report, relay.observer = _no_report, None
         return outcome, relay
 
 
@@ -124,6 +129,8 @@ def run_batch(
     options: BatchOptions,
     observer: Observer,
     in_order: Callable[[O], object] = lambda _: None,
+    *,
+    together: bool = False,
 ) -> list[O]:
     """Do the work on several recordings and return the outcomes in the order of the recordings.
 
@@ -137,13 +144,20 @@ def run_batch(
         Receives messages and the end of each recording as they come, and the progress of all together.
     in_order : callable, optional
         Receives each outcome as soon as those of all recordings before are known.
+    together : bool, optional
+        Whether the outcomes are only of use together; an error of one recording then ends the run.
+
+    Raises
+    ------
+    SeaclutterError
+        Error that ends the run.
     """
     outcomes: list[O | None] = [None] * len(works)
     passed = 0
     with (
         _progress(works, observer) as on_share,
         options.engine(works, observer) as engine,
-        closing(engine.run([_Task(work) for work in works], on_share)) as results,
+        closing(engine.run(_tasks(works, engine, observer), on_share)) as results,
     ):
         for number, result in results:
             work, error = works[number], None
@@ -152,8 +166,10 @@ def run_batch(
                 error = SeaclutterError(str(outcome.error))
             else:
                 outcome, relay = result
-                relay.repeat(work.recording.name, observer)
+                relay.repeat(observer)
                 error = relay.error
+            if error and together:
+                raise error
             on_share(number, 1.0)
             outcomes[number] = outcome
             observer.done(outcome.line(), outcome.damage, error)
@@ -165,13 +181,21 @@ def run_batch(
     return [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
 
 
+def _tasks(works: Sequence[Work[O]], engine: Engine, observer: Observer) -> list[_Task[O]]:
+    shown = observer if isinstance(engine, InTurn) else None
+    return [_Task(work, shown) for work in works]
+
+
 @contextmanager
 def _progress(works: Sequence[Work[O]], observer: Observer) -> Iterator[Callable[[int, float], None]]:
-    """Show the progress over all recordings in MiB of input; yield the function that receives shares."""
+    """Show the progress over all recordings, in MiB of input if there are any; yield the function that gets shares."""
+    unit = "MiB"
     sizes = [max(input_bytes(work.recording), 1) / _MIB for work in works]
+    if sum(sizes) < 1:  # small, or not there yet
+        sizes, unit = [1.0] * len(works), "recording"
     shares = [0.0] * len(works)
     done, shown = 0.0, 0
-    with observer.progress(count(len(works), "recording"), round(sum(sizes)), unit="MiB") as step:
+    with observer.progress(count(len(works), "recording"), round(sum(sizes)), unit=unit) as step:
 
         def on_share(number: int, share: float) -> None:
             nonlocal done, shown

@@ -1,7 +1,12 @@
 """Calibration: thresholds and the far limit of clutter, from recordings that contain clutter."""
 
+import pickle
+import zlib
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +23,15 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import ClutterDensity, draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
 from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
-from seaclutter_cli.runs.labels import LabelSources
+from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import (
     Logs,
+    Outcome,
     ReadOptions,
     expand,
     expected_frames,
@@ -33,6 +40,7 @@ from seaclutter_cli.runs.recordings import (
     warnings_of,
 )
 from seaclutter_cli.selection import cloud_channels
+from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count
@@ -61,6 +69,8 @@ class CalibrateOptions:
         File for a plot of clutter and thresholds over range.
     force : bool
         Replace existing files.
+    batch : BatchOptions
+        How several recordings are processed.
     """
 
     config: ConfigOptions = field(default_factory=ConfigOptions)
@@ -71,6 +81,7 @@ class CalibrateOptions:
     output: Location | None = None
     plot_file: Location | None = None
     force: bool = False
+    batch: BatchOptions = field(default_factory=BatchOptions)
 
     @property
     def keeps_end(self) -> bool:
@@ -99,7 +110,7 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         from all of them.
     """
     config = _starting_config(options.config)
-    recordings = expand(logs)
+    recordings = expand(logs, options.reading, observer)
     if options.plot_file:
         check_target(options.plot_file)
     prepare_outputs(
@@ -109,12 +120,19 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         force=options.force,
         observer=observer,
     )
-    labels = options.labels.open(recordings)
-    pass_ = _Pass(config, options, observer)
-    for recording, own in zip(recordings, labels, strict=True):
-        with closing(options.reading.open(recording)) as source:
-            pass_.read(source, own)
-            observer.damage(source.damage)
+    labels = options.labels.assign(recordings)
+    works = [CalibrateWork(config, options, *each) for each in zip(recordings, labels, strict=True)]
+    pass_ = _Pass(config, options)
+
+    def add(outcome: Calibrated) -> None:
+        nonlocal pass_
+        pass_ += outcome.take()
+
+    if options.batch.runs_here(len(works)):
+        pass_ += works[0].read(observer)
+        observer.damage(pass_.tally.damage)
+    else:
+        run_batch(works, options.batch, observer, add, together=True)
     result = pass_.result()
     files = {options.output: result.config_text().encode()} if options.output else {}
     if options.plot_file:
@@ -137,20 +155,98 @@ def _starting_config(options: ConfigOptions) -> Config:
     return config
 
 
-class _Pass:
-    """Single pass over all recordings."""
+@dataclass(kw_only=True)
+class Calibrated(Outcome):
+    """Outcome of the pass over one of several recordings.
 
-    def __init__(self, config: Config, options: CalibrateOptions, observer: Observer) -> None:
-        self._config, self._options, self._observer = config, options, observer
+    Parameters
+    ----------
+    frames, points : int
+        Number of frames, and of clutter points.
+    packed : bytes
+        Sums over the recording, compressed.
+    """
+
+    frames: int = 0
+    points: int = 0
+    packed: bytes = field(default=b"", repr=False)
+
+    def figures(self) -> str:
+        """Return the main figures, for a line about the outcome."""
+        return f"{count(self.frames, 'frame')}, {count(self.points, 'clutter point')}, {self.seconds:.1f} s"
+
+    def take(self) -> "_Pass":
+        """Return the sums, and forget them."""
+        packed, self.packed = self.packed, b""
+        found = pickle.loads(zlib.decompress(packed))  # noqa: S301 - from a process of this run
+        assert isinstance(found, _Pass)  # noqa: S101 - see CalibrateWork.run
+        return found
+
+
+@dataclass(frozen=True)
+class CalibrateWork(Work[Calibrated]):
+    """Pass over one recording.
+
+    Parameters
+    ----------
+    config : Config
+        Configuration to start from.
+    options : CalibrateOptions
+        Input, and what to derive.
+    recording : Recording
+        The recording.
+    labels : LabelFile or None
+        Its labels.
+    """
+
+    config: Config
+    options: CalibrateOptions
+    recording: Recording
+    labels: LabelFile | None
+
+    @property
+    def reads(self) -> Sequence[Location]:
+        """Files and folders that the work reads."""
+        return *self.recording.paths, *self.options.reading.beside(), *((self.labels.path,) if self.labels else ())
+
+    def run(self, observer: Observer) -> Calibrated:
+        """Return the sums over the recording; an error ends the whole run."""
+        started, found = perf_counter(), self.read(observer)
+        return Calibrated(
+            recording=self.recording.name,
+            damage=found.tally.damage,
+            seconds=perf_counter() - started,
+            frames=found.tally.frames,
+            points=found.calibration.points,
+            packed=zlib.compress(pickle.dumps(found), level=1),
+        )
+
+    def without_result(self, reason: str | None) -> Calibrated:
+        """Return an outcome without sums."""
+        return Calibrated(recording=self.recording.name, error=reason)
+
+    def read(self, observer: Observer) -> "_Pass":
+        """Return the sums over the recording."""
+        found = _Pass(self.config, self.options)
+        with closing(self.options.reading.open(self.recording)) as source:
+            found.read(source, self.labels.open() if self.labels else None, observer)
+        return found
+
+
+class _Pass:
+    """Sums over recordings, from a single pass over each."""
+
+    def __init__(self, config: Config, options: CalibrateOptions) -> None:
+        self._config, self._options = config, options
         params: RingIntensityParams = config.filter
-        self._calibration = Calibration(params, filter_rate=options.filter_rate, keep_end=options.keeps_end)
-        self._tally = ClutterTally()
+        self.calibration = Calibration(params, filter_rate=options.filter_rate, keep_end=options.keeps_end)
+        self.tally = ClutterTally()
         self._search = MountingSearch(params.mounting) if isinstance(params, ConfirmedParams) else None
         self._density: ClutterDensity | None = None
         if options.plot_file:
             self._density = ClutterDensity(params.start_m, params.ring_width_m, MAX_RINGS)
 
-    def read(self, source: Source, labels: Labels | None) -> None:
+    def read(self, source: Source, labels: Labels | None, observer: Observer) -> None:
         """Add the clutter of a recording."""
         selection = self._options.reading.selection
         clouds = cloud_channels(source, selection.topics)
@@ -159,18 +255,28 @@ class _Pass:
             raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
         selector = ClutterSelector(self._config.filter, labels, self._config.evaluation.box_margin_m)
         total = expected_frames(source, clouds, selection)
-        with warnings_of(source, self._observer), self._observer.progress(source.name, total) as step:
+        with warnings_of(source, observer), observer.progress(source.name, total) as step:
             for frame, clutter in map_frames(source, selection, selector.clutter):
                 self._add(frame, clutter)
-                self._tally.note_sensor(source.name, frame)
+                self.tally.note_frame(frame)
                 step()
         require_frames(source, selector.frames + selector.unlabelled)
         finish_labels(labels, source, selection)
-        self._tally.add(source, selector, topics)
+        self.tally.add(source, selector)
+
+    def __iadd__(self, other: Self) -> Self:
+        """Add the sums over later recordings, which must not be used afterwards."""
+        self.calibration += other.calibration
+        self.tally += other.tally
+        if self._search is not None and other._search is not None:
+            self._search += other._search
+        if self._density is not None and other._density is not None:
+            self._density += other._density
+        return self
 
     def _add(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
         range_m, intensity = frame.range_m[clutter], frame.intensity[clutter]
-        self._calibration.add(range_m, intensity)
+        self.calibration.add(range_m, intensity)
         if self._density is not None:
             self._density.add(range_m, intensity)
         time_s = frame.stamp_ns / 1e9
@@ -179,7 +285,7 @@ class _Pass:
 
     def result(self) -> CalibrationResult:
         """Return the calibration from all recordings."""
-        tally, calibration = self._tally, self._calibration
+        tally, calibration = self.tally, self.calibration
         if tally.unlabelled and not tally.frames:
             frames = count(tally.unlabelled, "frame")
             raise LabelError(f"{frames} read, none of them labelled; choose frames with labels, or leave out --labels")

@@ -1,16 +1,17 @@
 """Result of a calibration: as a configuration, as text and as data."""
 
 import textwrap
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 from seaclutter_cli.calibration import Calibration, ClutterSelector, RingCalibration, Thresholds
 from seaclutter_cli.config import Config, SensorParams
+from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.records import Damage, SensorFacts
+from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.sensors.recognition import RecognisedSensor
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.survey import TopicSurvey
 from seaclutter_cli.text import count, printable, share, table
@@ -18,6 +19,7 @@ from seaclutter_cli.water import Mounting
 
 _COMMENT_WIDTH = 100
 _TEXT_WIDTH = 79
+_SURVEYED = 20
 
 
 @dataclass
@@ -30,52 +32,88 @@ class ClutterTally:
         Frames used, and frames left out because they have no labels.
     marked : int
         Points left out because labels mark them as targets or areas to ignore.
-    recordings, sensors, intensity_fields : list of str
-        Names of the recordings, of the sensors they may come from, and of their intensity fields.
+    recordings, intensity_fields : list of str
+        Names of the recordings, and of their intensity fields.
     damage : list of Damage
         Parts of the recordings that could not be used.
-    facts : list of SensorFacts
-        Facts about the sensors, from packets.
+    seen : list of (str, RecognisedSensor)
+        Each topic, as ``recording, topic``, and its sensor.
     """
 
     frames: int = 0
     unlabelled: int = 0
     marked: int = 0
     recordings: list[str] = field(default_factory=list)
-    sensors: list[str] = field(default_factory=list)
     intensity_fields: list[str] = field(default_factory=list)
     damage: list[Damage] = field(default_factory=list)
-    facts: list[SensorFacts] = field(default_factory=list)
-    _seen: set[tuple[str, str]] = field(default_factory=set)
+    seen: list[tuple[str, RecognisedSensor]] = field(default_factory=list)
+    _surveys: dict[str, TopicSurvey] = field(default_factory=dict)
 
-    def note_sensor(self, recording: str, frame: Frame) -> None:
-        """Note the sensor and the intensity field of a topic, from its first frame."""
-        if (recording, frame.topic) in self._seen:
-            return
-        self._seen.add((recording, frame.topic))
-        survey = TopicSurvey()
-        survey.add(frame)
-        self.sensors += [name for name in survey.sensors if name not in self.sensors]
-        if survey.intensity_name and survey.intensity_name not in self.intensity_fields:
-            self.intensity_fields.append(survey.intensity_name)
+    def note_frame(self, frame: Frame) -> None:
+        """Note the layout and the intensity field of a topic, from its first frames."""
+        survey = self._surveys.setdefault(frame.topic, TopicSurvey())
+        if survey.frames < _SURVEYED:
+            survey.add(frame)
 
-    def add(self, source: Source, selector: ClutterSelector, topics: Sequence[str]) -> None:
-        """Add the sums of a recording."""
+    def add(self, source: Source, selector: ClutterSelector) -> None:
+        """Add the sums of a recording.
+
+        Raises
+        ------
+        InputError
+            If it is known to be of another sensor than a recording before, or another intensity mode.
+        """
+        for topic, survey in self._surveys.items():
+            self._add_sensor(f"{source.name}, {topic}", survey.sensor(source.facts.get(topic)))
+            if survey.intensity_name and survey.intensity_name not in self.intensity_fields:
+                self.intensity_fields.append(survey.intensity_name)
+        self._surveys.clear()
         self.recordings.append(source.name)
         self.frames += selector.frames
         self.unlabelled += selector.unlabelled
         self.marked += selector.marked
         self.damage += source.damage
-        self.facts += [facts for topic, facts in source.facts.items() if topic in topics]
+
+    def _add_sensor(self, where: str, sensor: RecognisedSensor) -> None:
+        for earlier, other in self.seen:
+            if sensor.differs_from(other):
+                raise InputError(
+                    f"{where}: sensor {sensor.described}, but {other.described} in {earlier}; thresholds are valid "
+                    "for one sensor and intensity mode, so calibrate each by itself"
+                )
+        self.seen.append((where, sensor))
+
+    @property
+    def sensors(self) -> list[str]:
+        """Sensors that the recordings state or, without one, resemble."""
+        stated = [name for _, sensor in self.seen for name in sensor.models if sensor.is_stated]
+        return list(dict.fromkeys(stated or [name for _, sensor in self.seen for name in sensor.models]))
+
+    @property
+    def described_sensor(self) -> str:
+        """The sensor in a few words."""
+        if self.sensor.model:
+            return self.sensor.model
+        return f"resembles {' or '.join(self.sensors)}" if self.sensors else "not recognised"
+
+    def __iadd__(self, other: Self) -> Self:
+        """Add the sums over later recordings; raise `InputError` as `add` does."""
+        for where, sensor in other.seen:
+            self._add_sensor(where, sensor)
+        self.frames += other.frames
+        self.unlabelled += other.unlabelled
+        self.marked += other.marked
+        self.recordings += other.recordings
+        self.intensity_fields += [name for name in other.intensity_fields if name not in self.intensity_fields]
+        self.damage += other.damage
+        return self
 
     @property
     def sensor(self) -> SensorParams:
-        """Sensor model and intensity mode from packets, if all recordings agree on them."""
-        models = {facts.model for facts in self.facts}
-        modes = {facts.details.get("intensity") for facts in self.facts}
-        return SensorParams(
-            model=models.pop() if len(models) == 1 else None, intensity=modes.pop() if len(modes) == 1 else None
-        )
+        """Sensor model and intensity mode, if a recording states them."""
+        models = (name for _, sensor in self.seen for name in sensor.models if sensor.is_stated)
+        modes = (sensor.intensity for _, sensor in self.seen if sensor.intensity)
+        return SensorParams(model=next(models, None), intensity=next(modes, None))
 
 
 @dataclass(frozen=True)
@@ -176,12 +214,11 @@ class CalibrationResult(Result):
         left_out = f"{count(tally.marked, 'labelled point')} left out"
         labels = left_out if self.labelled else "no labels: all treated as clutter"
         name = printable(" or ".join(tally.intensity_fields)) or "none"
-        sensor = f"resembles {' or '.join(tally.sensors)}" if tally.sensors else "not recognised"
         points = f"{count(self.calibration.points, 'clutter point')} from {found.rings[0].start_m:g} m outwards"
         frames = f"{count(tally.frames, 'frame')}{without}"
         return [
             f"{frames}; {points} ({labels}), {found.beyond:,} of them beyond {found.end_m:g} m.",
-            f"Sensor {sensor}; intensity field {name}, {least:g} to {most:g} in clutter.",
+            f"Sensor {tally.described_sensor}; intensity field {name}, {least:g} to {most:g} in clutter.",
             self._limit(),
             *([self._mounted(self.mounting)] if self.mounting else []),
         ]

@@ -1,5 +1,7 @@
 """Checks of the first frames of a topic against the configuration, each with at most one warning."""
 
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from seaclutter_cli.config import Config
@@ -7,7 +9,12 @@ from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.fit import ThresholdCheck
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult
+from seaclutter_cli.records import SensorFacts
+from seaclutter_cli.runs.sensor_match import SensorCheck
+from seaclutter_cli.sensors.catalog import SENSORS
 from seaclutter_cli.water import Mounting, MountingSearch
+
+_FARTHEST_M = 10_000.0  # no lidar on a vessel measures farther
 
 
 class Check(Protocol):
@@ -22,10 +29,77 @@ class Check(Protocol):
         ...
 
 
-def checks_of(config: Config) -> list[Check]:
-    """Return new checks for the frames of one topic."""
-    thresholds = ThresholdCheck(needs_water=config.has_water)
-    return [thresholds, MountingCheck(config.filter)] if config.has_water else [thresholds]
+class Checks:
+    """Checks of the frames of one topic.
+
+    Parameters
+    ----------
+    config : Config
+        The configuration.
+    facts : mapping of str to SensorFacts
+        Facts about the sensors of the recording; may grow while it is read.
+    """
+
+    def __init__(self, config: Config, facts: Mapping[str, SensorFacts]) -> None:
+        sensor = config.threshold_sensor
+        model = sensor.model if sensor else None
+        top = SENSORS[model].max_intensity if model and model in SENSORS else None
+        # Another sensor explains thresholds that do not fit, so the first of these that warns is enough.
+        self._thresholds: list[Check] = [SensorCheck(sensor, facts)] if sensor else []
+        self._thresholds.append(
+            ThresholdCheck(config.ring_edges, sensor=model, max_intensity=top, needs_water=config.has_water)
+        )
+        self._others: list[Check] = [RangeCheck(config.ring_edges)]
+        if config.has_water:
+            self._others.append(MountingCheck(config.filter))
+
+    def add(self, result: FilterResult) -> list[str]:
+        """Add a frame; return the warnings that enough frames justify."""
+        return self._warnings(lambda check: check.add(result))
+
+    def finish(self) -> list[str]:
+        """Return the warnings about the frames so far, without those that were already returned."""
+        return self._warnings(lambda check: check.warning())
+
+    def _warnings(self, ask: Callable[[Check], str | None]) -> list[str]:
+        found = [text for check in self._others if (text := ask(check))]
+        first = next((text for check in self._thresholds if (text := ask(check))), None)
+        if first is None:
+            return found
+        self._thresholds = []
+        return [first, *found]
+
+
+class RangeCheck:
+    """Check whether any point is near enough for the method, with at most one warning.
+
+    Parameters
+    ----------
+    edges : sequence of float
+        Edges of the range rings in metres; empty for methods without range rings.
+    """
+
+    def __init__(self, edges: Sequence[float]) -> None:
+        self._end_m = edges[-1] if edges else _FARTHEST_M
+        self._nearest_m, self._done = math.inf, False
+
+    def add(self, result: FilterResult) -> str | None:
+        """Add a frame; there is no warning before the end."""
+        if not self._done:
+            frame = result.frame
+            self._nearest_m = min(self._nearest_m, float(frame.range_m[frame.valid].min(initial=math.inf)))
+            self._done = self._nearest_m < self._end_m
+        return None
+
+    def warning(self) -> str | None:
+        """Return a warning if no point of the frames so far is in range; None without points."""
+        if self._done or self._nearest_m == math.inf:
+            return None
+        self._done = True
+        text = f"no point is in range: the nearest is {self._nearest_m:,.0f} m away, the limit {self._end_m:,.0f} m"
+        if self._nearest_m < _FARTHEST_M:
+            return f"{text} (filter.end_m)"
+        return f"{text}; coordinates of a map are not relative to a lidar: for airborne tiles, see seaclutter classify"
 
 
 class MountingCheck:

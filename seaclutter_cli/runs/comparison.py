@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from seaclutter_cli.evaluation.parts import Parts
 from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.runs.frame_table import PackedRows
 from seaclutter_cli.runs.methods import Variant
@@ -22,10 +23,13 @@ class Evaluated(Outcome):
         Sums over the frames for each variant.
     rows : PackedRows or None
         Rows of the table of frames, on their way from another process.
+    parts : Parts or None
+        Scores of consecutive parts of the recording, where some may be held out.
     """
 
     methods: Mapping[str, Summary] = field(default_factory=dict)
     rows: PackedRows | None = field(default=None, repr=False)
+    parts: Parts | None = field(default=None, repr=False)
 
     @property
     def frames(self) -> int:
@@ -35,7 +39,7 @@ class Evaluated(Outcome):
     def figures(self) -> str:
         """Return frames and rates of the first method, for a line about the outcome."""
         name, summary = next(iter(self.methods.items()))
-        rates = ", ".join(f"{column.head} {column.cell(summary)}" for column in (R_FP, R_FN))
+        rates = ", ".join(column.figure(summary) for column in (R_FP, R_FN))
         return f"{count(summary.frames, 'labelled frame')}, {name}: {rates}, {self.seconds:.1f} s"
 
     def counts(self) -> dict[str, Any]:

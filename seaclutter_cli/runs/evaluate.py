@@ -1,7 +1,7 @@
 """Evaluation of several methods against labels, in one pass over the recordings."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,7 +13,7 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.listener import FrameListener
 from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
-from seaclutter_cli.runs.checks import checks_of
+from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.frame_table import FrameRows, FrameTable
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
@@ -31,7 +31,6 @@ from seaclutter_cli.runs.recordings import (
     require_frames,
     storing_errors,
 )
-from seaclutter_cli.runs.sensor_match import mismatches
 from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources import Recording
@@ -94,20 +93,22 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
     """
     overrides = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
     variants = options.methods.variants(*overrides)
-    recordings = expand(logs)
+    recordings = expand(logs, options.reading, observer)
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
     manifest = options.batch.manifest
     inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in variants])
     outputs = {**targets, "--manifest": manifest}
     prepare_outputs(outputs, inputs, options.labels.paths, force=options.force, observer=observer)
     labels = options.labels.assign(recordings)
-    works = [EvaluateWork(options, variants, *each) for each in zip(recordings, labels, strict=True)]
+    tabulated = options.frames_file is not None
+    pairs = zip(recordings, labels, strict=True)
+    works = [EvaluateWork(variants, options.reading, *each, tabulated=tabulated) for each in pairs]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             table = stack.enter_context(FrameTable(options.frames_file, files)) if options.frames_file else None
             summary = stack.enter_context(AtomicFile(options.summary_file, files)) if options.summary_file else None
             if options.batch.runs_here(len(works)):
-                outcomes = [works[0].run(observer, table)]
+                outcomes = [works[0].run(observer, [table] if table else [])]
             else:
                 outcomes = run_batch(works, options.batch, observer, partial(_append, table))
             comparison = Comparison(variants, outcomes)
@@ -133,44 +134,51 @@ class EvaluateWork(Work[Evaluated]):
 
     Parameters
     ----------
-    options : EvaluateOptions
-        Labels, input and output files.
     variants : sequence of Variant
         Methods to compare.
+    reading : ReadOptions
+        Part of the recording to read, and how.
     recording : Recording
         The recording.
     labels : LabelFile or None
         Its labels.
+    tabulated : bool
+        Whether there is a table with a row for each frame and method.
     """
 
-    options: EvaluateOptions
     variants: Sequence[Variant]
+    reading: ReadOptions
     recording: Recording
     labels: LabelFile | None
+    tabulated: bool = False
 
     @property
     def reads(self) -> Sequence[Location]:
         """Files and folders that the work reads."""
-        return *self.recording.paths, *self.options.reading.beside(), *((self.labels.path,) if self.labels else ())
+        return *self.recording.paths, *self.reading.beside(), *((self.labels.path,) if self.labels else ())
 
-    def run(self, observer: Observer, table: FrameRows | None = None) -> Evaluated:
+    def run(
+        self, observer: Observer, tables: Sequence[FrameRows] = (), listeners: Sequence[FrameListener] = ()
+    ) -> Evaluated:
         """Evaluate the recording; store an error in the outcome.
 
         Parameters
         ----------
         observer : Observer
             Receives progress and warnings.
-        table : FrameRows, optional
-            Table for the rows of the frames; by default they are stored in the outcome.
+        tables : sequence of FrameRows, optional
+            Tables for the rows of the frames; by default they are stored in the outcome if they are needed.
+        listeners : sequence of FrameListener, optional
+            Receive every frame.
         """
         outcome = self.without_result(None)
-        evaluator = Evaluator(self.variants, self.options.reading, observer)
+        evaluator = Evaluator(self.variants, self.reading, observer)
         with storing_errors(outcome, observer):
             labels = self.labels.open() if self.labels else None
-            if table or not self.options.frames_file:
-                return evaluator.run(self.recording, labels, [table] if table else [])
+            if tables or not self.tabulated:
+                return evaluator.run(self.recording, labels, tables, listeners)
             with FrameRows() as own:
-                outcome = evaluator.run(self.recording, labels, [own])
+                outcome = evaluator.run(self.recording, labels, [own], listeners)
                 outcome.rows = own.packed()
         return outcome
 
@@ -224,7 +232,7 @@ class Evaluator:
             listener.begin(recording.name)
         with storing_errors(outcome, self.observer), opened(recording, self.reading, self.observer, outcome) as source:
             begun = [table.begin(recording.name) for table in tables]
-            scorer = _FrameScorer(self, labels, outcome, begun, listeners)
+            scorer = _FrameScorer(self, source, labels, outcome, begun, listeners)
             self._stream(source, scorer)
             self._check(source, labels, outcome)
             scorer.finish()
@@ -249,8 +257,6 @@ class Evaluator:
                 step()
 
             run_each(source, filters, selection, on_frame)
-        for text in mismatches(self.variants[0].config.sensor, source):
-            self.observer.warn(text)
 
     def _check(self, source: Source, labels: Labels | None, outcome: Evaluated) -> None:
         """Check that frames could be read, and that they match the labels."""
@@ -266,6 +272,7 @@ class _FrameScorer:
     def __init__(
         self,
         evaluator: Evaluator,
+        source: Source,
         labels: Labels | None,
         outcome: Evaluated,
         tables: Sequence[FrameRows],
@@ -276,7 +283,7 @@ class _FrameScorer:
         self._tables, self._listeners = tables, listeners
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant for variant in self._variants if not variant.config.make_filter().needs_first_pass]
-        self._checks = {variant.name: checks_of(variant.config) for variant in given}
+        self._checks = {variant.name: Checks(variant.config, source.facts) for variant in given}
         self._warned: set[str] = set()
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
@@ -291,16 +298,16 @@ class _FrameScorer:
             self._outcome.methods[variant.name].add(found, spent)
             for table in self._tables:
                 table.write(variant.name, frame, found)
-            for check in self._checks.get(variant.name, ()):
-                self._warn(check.add(result))
+            if variant.name in self._checks:
+                self._warn(self._checks[variant.name].add(result))
 
     def finish(self) -> None:
         """Warn about settings that do not fit, even after only a few frames."""
         for checks in self._checks.values():
-            for check in checks:
-                self._warn(check.warning())
+            self._warn(checks.finish())
 
-    def _warn(self, text: str | None) -> None:
-        if text and text not in self._warned:
-            self._warned.add(text)
-            self._observer.warn(f"{self._outcome.recording}: {text}")
+    def _warn(self, texts: Iterable[str]) -> None:
+        for text in texts:
+            if text not in self._warned:
+                self._warned.add(text)
+                self._observer.warn(f"{self._outcome.recording}: {text}")

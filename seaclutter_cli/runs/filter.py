@@ -15,14 +15,23 @@ from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.records import Metadata
+from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch, size_of
-from seaclutter_cli.runs.checks import checks_of
+from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, plan_outputs, prepare_outputs, write_files
+from seaclutter_cli.runs.outputs import (
+    Paths,
+    check_suffixes,
+    inputs_of,
+    may_appear,
+    plan_outputs,
+    prepare_outputs,
+    write_files,
+)
 from seaclutter_cli.runs.recordings import (
     Logs,
     PathLike,
@@ -35,12 +44,11 @@ from seaclutter_cli.runs.recordings import (
 )
 from seaclutter_cli.runs.resume import earlier_run, identity_of
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
-from seaclutter_cli.runs.sensor_match import mismatches
 from seaclutter_cli.selection import cloud_channels, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.locations import Location, location
 from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count, printable, share
 
@@ -99,9 +107,10 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    started, plan, batch = perf_counter(), plan_works(logs, output, options), options.batch
+    started, plan, batch = perf_counter(), plan_works(logs, output, options, observer), options.batch
     replaces = options.force or batch.resume
-    prepare_outputs(plan.outputs, plan.inputs, options.labels.paths, force=replaces, observer=observer)
+    prepare_outputs(plan.outputs, plan.inputs, options.labels.paths, force=replaces, observer=observer, root=plan.root)
+    check_suffixes(work.target for work in plan.works)
     known = [_earlier(work, observer) if batch.resume else None for work in plan.works]
     works = [work for work, outcome in zip(plan.works, known, strict=True) if outcome is None]
     with OutputGroup(replace=replaces) as files:
@@ -137,15 +146,20 @@ class PlannedWorks:
         Work on each recording.
     inputs, outputs : mapping of str to path, paths or None
         Files by option.
+    root : Path or Url
+        Folder of the filtered files, or the only one.
     """
 
     config: Config
     works: "list[FilterWork]"
     inputs: Paths
     outputs: Paths
+    root: Location
 
 
-def plan_works(logs: Logs, output: PathLike, options: FilterOptions, *, ahead: bool = True) -> PlannedWorks:
+def plan_works(
+    logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT, *, ahead: bool = True
+) -> PlannedWorks:
     """Return the work on each recording, without checks of the output files; `filter_logs` describes the parameters.
 
     Recordings in object storage are fetched ahead, if ``ahead``.
@@ -155,7 +169,7 @@ def plan_works(logs: Logs, output: PathLike, options: FilterOptions, *, ahead: b
     SeaclutterError
         If the configuration is not valid, there are no recordings, or options do not fit them.
     """
-    config, recordings = options.config.load(), expand(logs, ahead=ahead)
+    config, recordings = options.config.load(), expand(logs, options.reading, observer, ahead=ahead)
     if options.labels.paths and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
     targets = plan_outputs(recordings, output)
@@ -169,6 +183,7 @@ def plan_works(logs: Logs, output: PathLike, options: FilterOptions, *, ahead: b
         [FilterWork(options, config, *each) for each in zip(recordings, targets, labels, strict=True)],
         inputs_of(recordings, options.reading, options.config.file, [config]),
         {"-o": targets, "--csv": options.csv_file, "--manifest": batch.manifest},
+        location(output),
     )
 
 
@@ -257,7 +272,7 @@ class FilterWork(Work[FilterOutcome]):
         try:
             yield
         except OutputError:
-            with suppress(UsageError):  # not an output of a run
+            with suppress(UsageError, OSError):  # not an output of a run, or none at all
                 if isinstance(self.target, Path) and self.earlier()[0] is not None:
                     return
             raise
@@ -302,7 +317,7 @@ class FilterWork(Work[FilterOutcome]):
             observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
-        fit = _FitWarnings(self.config, topics, observer)
+        fit = _FitWarnings(self.config, source, topics, observer)
         with (
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             McapSink(
@@ -317,8 +332,6 @@ class FilterWork(Work[FilterOutcome]):
             sinks: list[Sink] = [sink, table] if table else [sink]
             run(source, self.config.make_filter, sinks, selection, on_result, outcome.topics)
             require_frames(source, outcome.frames)
-        for text in mismatches(self.config.sensor, source):
-            observer.warn(text)
         fit.finish(outcome.topics)
 
     def identity(self, source: Source | None = None, labels: Labels | None = None) -> RunIdentity:
@@ -344,20 +357,20 @@ class FilterWork(Work[FilterOutcome]):
 class _FitWarnings:
     """Warnings about settings that do not fit the frames of a recording."""
 
-    def __init__(self, config: Config, topics: Sequence[str], observer: Observer) -> None:
+    def __init__(self, config: Config, source: Source, topics: Sequence[str], observer: Observer) -> None:
         self._config, self._observer = config, observer
-        self._checks = {topic: checks_of(config) for topic in topics}
+        self._checks = {topic: Checks(config, source.facts) for topic in topics}
 
     def add(self, result: FilterResult) -> None:
         """Check a frame."""
-        for check in self._checks[result.frame.topic]:
-            self._warn(result.frame.topic, check.add(result))
+        for warning in self._checks[result.frame.topic].add(result):
+            self._warn(result.frame.topic, warning)
 
     def finish(self, tallies: Mapping[str, TopicTally]) -> None:
         """Check the sums over all frames."""
         for topic, tally in tallies.items():
-            unfit = [check.warning() for check in self._checks[topic]]
-            for warning in unfit if any(unfit) else [_nothing_left(tally) or self._no_water(tally)]:
+            unfit: Sequence[str | None] = self._checks[topic].finish()
+            for warning in unfit or [_nothing_left(tally, self._config.ring_edges) or self._no_water(tally)]:
                 self._warn(topic, warning)
 
     def _no_water(self, tally: TopicTally) -> str | None:
@@ -372,10 +385,10 @@ class _FitWarnings:
             self._observer.warn(f"{topic}: {text}")
 
 
-def _nothing_left(tally: TopicTally) -> str | None:
+def _nothing_left(tally: TopicTally, edges: Sequence[float]) -> str | None:
     """Return a warning if no point of a topic was kept."""
     most = Reason(int(tally.counts.argmax()))
     if not tally.points_in or tally.counts[Reason.KEPT]:
         return None
-    reason = most.name.lower().replace("_", " ")
-    return f"no points are left; {share(int(tally.counts[most]), tally.points_in)} were removed as {reason}"
+    reason = reason_names(edges)[most]
+    return f"no points are left; {share(int(tally.counts[most]), tally.points_in)} were removed: {reason}"

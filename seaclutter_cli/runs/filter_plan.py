@@ -3,7 +3,7 @@
 import shutil
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from seaclutter_cli.errors import SeaclutterError
@@ -12,7 +12,7 @@ from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
 from seaclutter_cli.runs.filter import FilterOptions, FilterWork, plan_works
 from seaclutter_cli.runs.filter_estimate import estimate
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, existing
+from seaclutter_cli.runs.outputs import check_outputs, check_suffixes, existing
 from seaclutter_cli.runs.plan_result import FilterPlan, Planned
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions, expected_frames
 from seaclutter_cli.runs.survey import excerpt_of
@@ -45,14 +45,15 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     SeaclutterError
         If the run could not start, whatever the recordings.
     """
-    plan = plan_works(logs, output, options, ahead=False)
-    check_outputs(plan.outputs, plan.inputs, options.labels.paths, force=True)
+    plan = plan_works(logs, output, options, observer, ahead=False)
+    check_outputs(plan.outputs, plan.inputs, options.labels.paths, force=True, root=plan.root)
+    check_suffixes(work.target for work in plan.works)
     others = {option: place for option, place in plan.outputs.items() if option != "-o"}
     check_outputs(others, {}, force=options.force or options.batch.resume)
     taken = existing(work.target for work in plan.works)
     works = [PlanWork(work, exists=work.target in taken) for work in plan.works]
     single = len(works) == 1
-    planned = [works[0].run(observer)] if single else run_batch(works, replace(options.batch, manifest=None), observer)
+    planned = [works[0].run(observer)] if single else run_batch(works, options.batch.here(), observer)
     todo = [(one, work) for one, work in zip(planned, plan.works, strict=True) if one.status == "do"]
     result = FilterPlan(planned, estimate(todo, options.batch), _free_bytes(plan.works[0].target))
     if result.is_too_large:

@@ -6,9 +6,12 @@ from typing import Any
 
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.pipeline import TopicTally
+from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, statuses
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count, data_size, indented, printable, share, table
+
+_MOST = 0.5
 
 
 @dataclass(kw_only=True)
@@ -106,6 +109,7 @@ def _as_dict(tally: TopicTally, edges: Sequence[float], *, has_water: bool) -> d
         **({"water_frames": tally.water_frames} if has_water else {}),
         **({"water": {name: round(value, 4) for name, value in asdict(water).items()}} if water else {}),
         "rings": _rings(tally, edges),
+        **({"beyond": _beyond(tally, edges)} if tally.rings else {}),
         **({"scenes": dict(sorted(tally.scenes.items()))} if tally.scenes else {}),
         "filter_ms": round(1000 * tally.filter_s / max(tally.frames, 1), 3),
     }
@@ -128,18 +132,27 @@ def _rings(tally: TopicTally, edges: Sequence[float]) -> list[dict[str, float]]:
     return [dict(zip(names, row, strict=True)) for row in columns]
 
 
+def _beyond(tally: TopicTally, edges: Sequence[float]) -> dict[str, float]:
+    """Return counts of the points beyond the range rings."""
+    points, kept = tally.rings.beyond.tolist() if tally.rings else (0, 0)
+    return {"start_m": edges[-1], "points": points, "kept": kept}
+
+
 def _as_text(topic: str, tally: TopicTally, edges: Sequence[float], *, has_water: bool) -> str:
     kept = int(tally.counts[Reason.KEPT])
     size = tally.points_in
     frames = count(tally.frames, "frame")
     blocks = [f"{printable(topic)}: {frames}, {count(size, 'point')} in, {kept:,} out ({share(kept, size)})"]
-    removed = [(r.name.lower().replace("_", " "), int(tally.counts[r])) for r in Reason if r and tally.counts[r]]
+    names = reason_names(edges)
+    removed = [(names[r], int(tally.counts[r])) for r in Reason if r and tally.counts[r]]
     if removed:
         rows = [(name, f"{points:,}", share(points, size)) for name, points in removed]
         blocks.append(table(("reason", "removed", "share"), rows))
+    if tally.counts[Reason.NEAR] > _MOST * size:
+        blocks.append("Most points are nearer; if own ship ends sooner, lower filter.start_m.")
     if tally.rings is not None:
         head = ("range ring", "points", "low intensity", "outliers", "kept", "mean threshold")
-        blocks.append(table(head, [_ring_row(ring) for ring in _rings(tally, edges)]))
+        blocks.append(table(head, [*map(_ring_row, _rings(tally, edges)), _beyond_row(_beyond(tally, edges))]))
     if has_water:
         blocks.append(_water_text(tally))
     if tally.scenes:
@@ -155,6 +168,17 @@ def _water_text(tally: TopicTally) -> str:
     height = f"significant wave height {water.significant_wave_height_m:.2f} m"
     missing = f"; none in {count(without, 'frame')}" if without else ""
     return f"water {-water.level_m:.2f} m below the lidar, {height} (means){missing}"
+
+
+def _beyond_row(beyond: Mapping[str, float]) -> tuple[str, ...]:
+    return (
+        f"{beyond['start_m']:g} m on",
+        f"{beyond['points']:,}",
+        "-",
+        "-",
+        share(beyond["kept"], beyond["points"]),
+        "-",
+    )
 
 
 def _ring_row(ring: Mapping[str, float]) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Methods that an evaluation compares, each with its configuration and a unique name."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 from seaclutter_cli.config import Config, ConfigSource, load_config
@@ -108,38 +108,65 @@ class MethodOptions:
         ConfigError
             If a name is unknown or the configuration is not valid.
         """
+        return [one.variant() for one in self.bases(*additional, configured_first=configured_first)]
+
+    def bases(self, *additional: str, configured_first: bool = False) -> list["Base"]:
+        """Return each chosen method, for variants of it; arguments and errors as for `variants`.
+
+        A key that a method lacks is ignored for this method if another method has it.
+        """
         compared = [name for comparison in self.comparisons for name in COMPARISONS[comparison]]
         names = [*compared, *self.methods]
         if configured_first:
             own = [load_config(self.file).method] if compared and not self.methods else []
             names = [*self.methods, *(name for name in own if name in compared), *compared]
-        return choose_variants(names, self.file, (*self.overrides, *additional))
+        overrides = (*self.overrides, *additional)
+        if not names:
+            return [Base(load_config(self.file, overrides=overrides).method, None, self.file, overrides)]
+        keys = {name: _keys(name) for name in names}
+        return [Base(name, _method(name), self.file, _fitting(overrides, name, keys)) for name in keys]
 
 
-def choose_variants(names: Iterable[str], file: ConfigSource | None, overrides: Sequence[str]) -> list[Variant]:
-    """Return the variants with these names, without duplicates; by default the configured method.
+@dataclass(frozen=True)
+class Base:
+    """A chosen method and the sources of its configuration.
 
-    A key that a method lacks is ignored for this method if another method has it.
-
-    Raises
-    ------
-    ConfigError
-        If a name is unknown or the configuration is not valid.
+    Parameters
+    ----------
+    name : str
+        Name in tables, such as ``joint`` or ``global_intensity@0.80``.
+    method : str or None
+        The method; None: that of the configuration.
+    file : Path, mapping, Config or None
+        Configuration file.
+    overrides : tuple of str
+        Settings of the form ``section.key=value``, for keys that the method has.
     """
-    chosen = list(dict.fromkeys(names))
-    if not chosen:
-        config = load_config(file, overrides=overrides)
-        return [Variant(config.method, config)]
-    keys = {name: _keys(name) for name in chosen}
-    return [_variant(name, file, _fitting(overrides, name, keys)) for name in chosen]
 
+    name: str
+    method: str | None
+    file: ConfigSource | None
+    overrides: tuple[str, ...]
 
-def _variant(name: str, file: ConfigSource | None, overrides: Sequence[str]) -> Variant:
-    method = _method(name)
-    config = load_config(file, method=method, overrides=(*overrides, *_GLOBAL_INTENSITY_AT.get(name, ())))
-    if config.method != method:
-        raise ConfigError(f"--set filter.method={config.method}: to compare methods, name them with --method")
-    return Variant(name, config)
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Configuration keys of the method."""
+        method = self.method or self.name
+        return tuple(field.name for field in fields(FILTERS[method].Params))
+
+    def variant(self, *settings: str, name: str | None = None) -> Variant:
+        """Return the method with its configuration and additional overrides, under another name if one is given.
+
+        Raises
+        ------
+        ConfigError
+            If the configuration is not valid.
+        """
+        overrides = (*self.overrides, *settings, *_GLOBAL_INTENSITY_AT.get(self.name, ()))
+        config = load_config(self.file, method=self.method, overrides=overrides)
+        if self.method and config.method != self.method:
+            raise ConfigError(f"--set filter.method={config.method}: to compare methods, name them with --method")
+        return Variant(name or self.name, config)
 
 
 def _method(name: str) -> str:
@@ -151,10 +178,10 @@ def _keys(name: str) -> set[str]:
     return {f"filter.{field.name}" for field in fields(FILTERS[method].Params)} if method in FILTERS else set()
 
 
-def _fitting(overrides: Sequence[str], name: str, keys: Mapping[str, set[str]]) -> list[str]:
+def _fitting(overrides: Sequence[str], name: str, keys: Mapping[str, set[str]]) -> tuple[str, ...]:
     """Return the overrides without those that only apply to other methods."""
     others = set().union(*keys.values()) - keys[name]
-    return [override for override in overrides if _key(override) not in others]
+    return tuple(override for override in overrides if _key(override) not in others)
 
 
 def _key(override: str) -> str:

@@ -2,21 +2,28 @@
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cached_property, reduce
+from operator import truediv
 from pathlib import Path
 
 from seaclutter_cli.config import Config, ConfigSource
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.runs.object_outputs import check_objects, is_object_folder
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import Outcome, PathLike, ReadOptions
 from seaclutter_cli.runs.same_file import Identity, files_in, identity
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sources import Recording, metadata_beside
+from seaclutter_cli.sources import SOURCES, Recording, metadata_beside
+from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.storage.locations import Location, Url, location
 from seaclutter_cli.storage.objects import exists, list_folder
 from seaclutter_cli.storage.parts import remove_stale
 from seaclutter_cli.text import count, named_folder
+
+_OTHER_SUFFIXES = {suffix for kind in SOURCES.values() for suffix in kind.suffixes} - {".mcap"} | set(FRAME_READERS)
+_making_parents = ContextVar("making_parents", default=False)
 
 Paths = Mapping[str, Location | Iterable[Location] | None]
 """Places of files by the option that gives them."""
@@ -47,12 +54,18 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike) -> list[Loca
         raise UsageError(f"{path}: is a file, but {count(len(recordings), 'recording')} need a folder")
     targets: dict[Location, Recording] = {}
     for recording in recordings:
-        target = path / f"{recording.name}.mcap"
+        target = reduce(truediv, recording.inside, path) / f"{recording.name}.mcap"
         if target in targets:
             first = targets[target].paths[0]
             raise UsageError(f"{first} and {recording.paths[0]} would both become {target}; filter them separately")
         targets[target] = recording
     return list(targets)
+
+
+def check_suffixes(logs: Iterable[Location]) -> None:
+    """Raise `UsageError` if the name of a filtered log is that of a file in another format."""
+    for path in (path for path in logs if path.suffix.lower() in _OTHER_SUFFIXES):
+        raise UsageError(f"{path}: filtered logs are MCAP files; choose a name such as {path.stem}.mcap")
 
 
 def inputs_of(
@@ -97,17 +110,33 @@ def prepare_outputs(
     *,
     force: bool,
     observer: Observer = SILENT,
+    root: Location | None = None,
 ) -> None:
-    """Check the paths of output files before anything is read or written, and tidy their folders.
+    """Check the paths of output files before anything is read or written, and prepare their folders.
 
-    Incomplete files that killed runs left in these folders are removed, with a note to the observer. `check_outputs`
-    describes the other parameters and the errors.
+    Folders in ``root``, and within `making_parents` all, are created. Incomplete files that killed runs left are
+    removed, with a note to the observer. `check_outputs` describes the other parameters and the errors.
     """
-    check_outputs(outputs, inputs, labels, force=force)
+    check_outputs(outputs, inputs, labels, force=force, root=root)
+    for _, path in _local(_flat(outputs)):
+        if _making_parents.get() or _is_below(Path(os.path.realpath(path)).parent, root):
+            _make(Path(os.path.realpath(path)).parent, path)
     _tidy({Path(os.path.realpath(path)).parent for _, path in _local(_flat(outputs))}, observer)
 
 
-def check_outputs(outputs: Paths, inputs: Paths, labels: Sequence[Location] = (), *, force: bool) -> None:
+@contextmanager
+def making_parents() -> Iterator[None]:
+    """Within this context, all missing folders of outputs are created; otherwise at most the last of each path."""
+    token = _making_parents.set(True)
+    try:
+        yield
+    finally:
+        _making_parents.reset(token)
+
+
+def check_outputs(
+    outputs: Paths, inputs: Paths, labels: Sequence[Location] = (), *, force: bool, root: Location | None = None
+) -> None:
     """Check the paths of output files.
 
     Parameters
@@ -121,6 +150,8 @@ def check_outputs(outputs: Paths, inputs: Paths, labels: Sequence[Location] = ()
         Files of labels, and folders whose files are labels; new files in such folders are allowed.
     force : bool
         Whether existing files may be replaced.
+    root : Path or Url, optional
+        Folder of the outputs, below which folders are created.
 
     Raises
     ------
@@ -138,7 +169,7 @@ def check_outputs(outputs: Paths, inputs: Paths, labels: Sequence[Location] = ()
                 f"{target.path}: is part of the input, {option}; choose another output for {target.option}"
             )
     for target in targets:
-        _check_place(target, force=force)
+        _check_place(target, force=force, root=root)
 
 
 def existing(places: Iterable[Location]) -> set[Location]:
@@ -203,14 +234,27 @@ def _check_distinct(targets: Sequence[_Target]) -> None:
             raise UsageError(f"{outer.path}: is given for a file, {outer.option}, and a folder, {inner.option}")
 
 
-def _check_place(target: _Target, *, force: bool) -> None:
+def _check_place(target: _Target, *, force: bool, root: Location | None) -> None:
     path, folder = target.path, target.file.parent
+    if isinstance(root, Path) and _is_below(folder, root):
+        folder = Path(os.path.realpath(root))
     if target.exists and target.file.is_dir():
         raise UsageError(f"{path}: is a folder; {target.option} takes a file")
     if target.exists and not force:
         raise UsageError(f"{path}: already exists; use --force to replace it")
-    if not os.path.lexists(folder) and not os.path.lexists(folder.parent):
-        raise UsageError(f"{path}: there is no folder {path.parent.parent}; only the last folder of a path is created")
+    if not (os.path.lexists(folder) or os.path.lexists(folder.parent) or _making_parents.get()):
+        raise UsageError(f"{path}: there is no folder {path.parent.parent}; --parents creates it")
+
+
+def _is_below(folder: Path, root: Location | None) -> bool:
+    return isinstance(root, Path) and Path(os.path.realpath(root)) in folder.parents
+
+
+def _make(folder: Path, output: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{output}: cannot be written ({error.strerror})") from error
 
 
 def _tidy(folders: Iterable[Path], observer: Observer) -> None:

@@ -13,10 +13,10 @@ from typing import Any
 from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, UsageError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.records import Channel, Damage
-from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sensors.packets import DecoderOptions
-from seaclutter_cli.sources import Recording, find_recordings
+from seaclutter_cli.sources import Recording, Search, find_recordings
 from seaclutter_cli.storage.locations import is_url
 from seaclutter_cli.text import count, printable
 
@@ -47,6 +47,10 @@ class ReadOptions:
         File with angles or metadata of the sensor, for packets that lack them.
     sensor : str or None
         Sensor model, for packets that do not identify it.
+    join : bool or None
+        Whether files with consecutive numbers in a folder are one recording; None: if their times and topics fit.
+    recursive : bool
+        Whether folders in folders are searched for recordings.
 
     Examples
     --------
@@ -65,6 +69,8 @@ class ReadOptions:
     rate_hz: float = 10.0
     calibration: Path | None = None
     sensor: str | None = None
+    join: bool | None = None
+    recursive: bool = False
 
     @property
     def selection(self) -> Selection:
@@ -189,18 +195,21 @@ def statuses(outcomes: Sequence[Outcome]) -> str:
     return ", ".join(f"{found[status]:,} {status}" for status in _STATUSES if found[status])
 
 
-def expand(logs: Logs, *, ahead: bool = True) -> list[Recording]:
+def expand(
+    logs: Logs, reading: ReadOptions | None = None, observer: Observer = SILENT, *, ahead: bool = True
+) -> list[Recording]:
     """Return the recordings in files, folders and globs, here or in object storage; see `find_recordings`.
 
     Those in object storage are fetched ahead, if ``ahead``: for a run that reads one after another completely.
     """
+    search = Search(join=reading.join, recursive=reading.recursive) if reading else Search()
     paths = [logs] if isinstance(logs, str | os.PathLike) else logs
     names = [os.fspath(name) for name in paths]
     if not any(map(is_url, names)):
-        return find_recordings(names)
+        return find_recordings(names, search, observer.note)
     from seaclutter_cli.sources.remote import find_anywhere  # asyncio takes time to import
 
-    return find_anywhere(names, ahead=ahead)
+    return find_anywhere(names, search, observer.note, ahead=ahead)
 
 
 @contextmanager

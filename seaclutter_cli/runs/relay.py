@@ -1,4 +1,4 @@
-"""An observer for work in another process: what it receives is sent along with the result."""
+"""An observer for one of several recordings, perhaps in another process: messages come along with the result."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,16 +18,22 @@ class Relay:
     ----------
     report : callable
         Receives the share of the work that is done.
+    name : str
+        Name of the recording, which begins its messages.
+    observer : Observer or None
+        Receives messages when they come; None: they are kept.
 
     Attributes
     ----------
     messages : list
-        Method, arguments and options of the calls to repeat.
+        Kind and text of the messages that are kept, and whether each is a detail.
     error : SeaclutterError or None
         Error that ended the work.
     """
 
     report: Report
+    name: str
+    observer: Observer | None = None
     messages: list[tuple[str, str, bool]] = field(default_factory=list)
     error: SeaclutterError | None = None
 
@@ -45,12 +51,17 @@ class Relay:
         yield step
 
     def note(self, text: str, *, detail: bool = False) -> None:
-        """Keep a note."""
-        self.messages.append(("note", text, detail))
+        """Keep a note, or pass it on."""
+        self._add("note", text, detail=detail)
 
     def warn(self, text: str) -> None:
-        """Keep a warning."""
-        self.messages.append(("warn", text, False))
+        """Keep a warning, or pass it on."""
+        self._add("warn", text)
+
+    def _add(self, kind: str, text: str, *, detail: bool = False) -> None:
+        self.messages.append((kind, text, detail))
+        if self.observer:
+            self.repeat(self.observer)
 
     def damage(self, damage: Sequence[Damage]) -> None:
         """Ignore damage: the outcome lists it."""
@@ -62,11 +73,12 @@ class Relay:
     def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
         """Ignore the end: who started the work reports it."""
 
-    def repeat(self, name: str, observer: Observer) -> None:
-        """Repeat the messages of a recording for another observer."""
+    def repeat(self, observer: Observer) -> None:
+        """Pass the messages that were kept on to another observer."""
         for kind, text, detail in self.messages:
-            named = text if text.startswith(f"{name}:") else f"{name}: {text}"
+            named = text if text.startswith(f"{self.name}:") else f"{self.name}: {text}"
             if kind == "warn":
                 observer.warn(named)
             else:
                 observer.note(named, detail=detail)
+        self.messages.clear()

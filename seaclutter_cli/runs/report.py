@@ -84,7 +84,7 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    recordings = expand(logs)
+    recordings = expand(logs, options.reading, observer)
     if options.figure_folder:
         if is_file(options.figure_folder):
             raise UsageError(f"{options.figure_folder}: is a file; --figures takes a folder")

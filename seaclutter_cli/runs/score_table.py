@@ -45,6 +45,12 @@ class Column:
         value = self.value(summary)
         return UNKNOWN if value is None else f"{value:.{self.digits}f}{self.unit}"
 
+    def figure(self, summary: Summary) -> str:
+        """Return head and value for running text, such as ``R_FP 6.63 %``."""
+        head = self.head.removesuffix(" %")
+        unit = self.head[len(head) :] if self.value(summary) is not None else ""
+        return f"{head} {self.cell(summary)}{unit}"
+
     def best_in(self, summaries: Mapping[str, Summary]) -> set[str]:
         """Return the names of the best methods, as far as the digits show; empty if all methods are alike."""
         filters = {name: summary for name, summary in summaries.items() if name != BASELINE}
@@ -73,7 +79,8 @@ F1 = Column("F1", _F1, lambda one: one.f1, 3, best="high")
 FALSE_ALARMS = Column("false/frame", "false alarms per labelled frame", lambda one: one.false_alarms_per_frame, 2)
 P50 = Column("ms p50", "median time to filter a frame, in milliseconds", lambda one: one.milliseconds(0.5), 2)
 
-ALARMS = (FRAMES, N_FP, N_FN, R_FP, R_FN, F1, FALSE_ALARMS)
+FRAME_ERRORS = (N_FP, N_FN, R_FP, R_FN, F1)
+ALARMS = (FRAMES, *FRAME_ERRORS, FALSE_ALARMS)
 POINTS = (
     Column("clutter removed", "share of the clutter points removed", _of_points("clutter_removal"), 2, " %", "high"),
     Column("target lost", "share of the points of targets removed", _of_points("target_loss"), 2, " %"),
@@ -93,17 +100,24 @@ OBJECTS = (
 
 def score_table(summaries: Mapping[str, Summary], columns: Sequence[Column]) -> str:
     """Return a table with a row for each method; an asterisk marks the best values of each column."""
-    marked = [column.best_in(summaries) for column in columns]
-    rows = []
-    for name, summary in summaries.items():
-        cells = zip((column.cell(summary) for column in columns), marked, strict=True)
-        rows.append((name, *(f"{_MARK}{cell}" if name in best else cell for cell, best in cells)))
-    return table(("method", *(column.head for column in columns)), rows)
+    cells = score_cells(summaries, columns)
+    heads = (column.head for column in columns)
+    return table(("method", *heads), [(name, *cells[name]) for name in summaries])
 
 
-def score_legend(text: str, columns: Iterable[Column]) -> str:
+def score_cells(summaries: Mapping[str, Summary], columns: Sequence[Column]) -> dict[str, list[str]]:
+    """Return the cells of each method, with an asterisk before the best values of each column."""
+    cells: dict[str, list[str]] = {name: [] for name in summaries}
+    for column in columns:
+        best = column.best_in(summaries)
+        for name, summary in summaries.items():
+            cells[name].append(f"{_MARK if name in best else ''}{column.cell(summary)}")
+    return cells
+
+
+def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str] | None = None) -> str:
     """Return what the columns of tables, which are given as text, mean; with their marks if there are any."""
-    lines = {column.head: column.meaning for column in columns}
+    lines = {column.head: column.meaning for column in columns} | dict(others or {})
     if "@" in text:
         lines["@0.80"] = "a threshold that removes 80 % of the points of a recording"
     if _MARK in text:

@@ -35,6 +35,12 @@ class SimulateOptions:
         File for an editable copy of the scene.
     force : bool
         Replace existing files.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.SimulateOptions(frames=10, lidar="RS-LiDAR-16").seed is None
+    True
     """
 
     frames: int | None = None

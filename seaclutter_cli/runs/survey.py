@@ -65,7 +65,7 @@ def survey_logs(
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    recordings = expand(logs, ahead=False)  # an excerpt may suffice
+    recordings = expand(logs, reading, observer, ahead=False)  # an excerpt may suffice
     works = [SurveyWork(reading or ReadOptions(), recording) for recording in recordings]
     batch = batch or BatchOptions()
     if batch.runs_here(len(works)):
@@ -179,7 +179,7 @@ class Content(Outcome):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible data."""
-        topics = [
+        topics: list[dict[str, Any]] = [
             {"topic": c.topic, "type": c.schema.name if c.schema else None, "encoding": c.message_encoding}
             for c in self.channels
         ]
@@ -190,7 +190,10 @@ class Content(Outcome):
             "sampled": self.sampled,
             "duration_s": self.duration_s,
             "start_ns": self.times_ns[0] if self.times_ns else None,
-            "topics": [{**topic, "messages": self.messages[str(topic["topic"])]} for topic in topics],
+            "topics": [
+                {**topic, "messages": self.messages[topic["topic"]], "decoded": self._is_decoded(topic["topic"])}
+                for topic in topics
+            ],
             "clouds": {topic: survey.as_dict() for topic, survey in self.clouds.items()},
             "sensors": {topic: asdict(facts) for topic, facts in self.facts.items()},
             "needs": self.needs(),
@@ -204,13 +207,22 @@ class Content(Outcome):
         if self.times_ns and self.times_ns[0] > _NANO * 86400 * 365:
             began = f", from {datetime.fromtimestamp(self.times_ns[0] / _NANO, UTC):%Y-%m-%d %H:%M:%S} UTC"
         lines = [printable(f"{self.path}: {self.format}, {self.duration_s:.1f} s{began}")]
-        rows = {c.topic: (c.topic, self.messages[c.topic], c.schema.name if c.schema else "-") for c in self.channels}
+        rows = {c.topic: (c.topic, self.messages[c.topic], self._type_of(c)) for c in self.channels}
         lines.append(table(("topic", "messages", "type"), list(rows.values())))
         if self.sampled:
             lines.append("Only the first frames were read; -n N copies the log and reads N.")
         lines += [_describe(topic, survey, self.facts.get(topic)) for topic, survey in self.clouds.items()]
         lines += [printable(need) for need in self.needs()]
         return "\n".join(lines)
+
+    def _is_decoded(self, topic: str) -> bool:
+        """Return whether the clouds of a topic are decoded from packets, and not messages of the log."""
+        return topic in self.facts and self.facts[topic].from_packets
+
+    def _type_of(self, channel: Channel) -> str:
+        if self._is_decoded(channel.topic):
+            return "decoded from packets"
+        return channel.schema.name if channel.schema else "-"
 
     def line(self) -> str:
         """Return the error, if any; the result has a table of the contents."""
@@ -236,6 +248,8 @@ class Content(Outcome):
                 needs.append(f"{topic}: {survey.problem}")
             elif survey.frames and survey.intensity_name is None:
                 needs.append(f"{topic}: no intensity field with a usual name; name one with --intensity-field")
+            elif survey.frames and survey.invalid == survey.points:
+                needs.append(f"{topic}: the clouds contain no valid point, so there is nothing to filter")
             elif survey.frames and survey.intensity[1] < _DEFAULT_THRESHOLD:
                 least, most = survey.intensity
                 needs.append(f"{topic}: intensities of {least:g} to {most:g} do not fit the default thresholds; use -c")
@@ -255,21 +269,20 @@ def _describe(topic: str, survey: TopicSurvey, facts: SensorFacts | None) -> str
         ),
         ("fields", ", ".join(f"{f.name} {f.type}{f'x{f.count}' if f.count > 1 else ''}" for f in survey.fields)),
         ("intensity", f"{survey.intensity_name or 'none'}{_span(survey.intensity)}"),
-        ("range", f"{_span(survey.range_m).strip() or 'none'} m"),
-        ("sensor", f"resembles {' or '.join(survey.sensors)}" if survey.sensors else "not recognised"),
+        ("range", f"{_span(survey.range_m).strip()} m" if _span(survey.range_m) else "none"),
+        ("sensor", str(survey.sensor())),
     ]
     if facts:
         details = (f"{name}: {text}" for name, text in facts.details.items())
         rows[-1] = ("sensor", "; ".join((facts.model, *details)))
+    if facts and facts.from_packets:
         rows.append(("packets", f"{facts.lost_packets:,} missing, {facts.bad_packets:,} not decodable"))
     return "\n".join((printable(topic), *(_wrap(f"  {name:<10} {text}") for name, text in rows)))
 
 
 def _sensor(survey: TopicSurvey, facts: SensorFacts | None) -> str:
     """Return the sensor of a topic in a few words."""
-    if facts:
-        return facts.model
-    first, *others = survey.sensors or ("-",)
+    first, *others = survey.sensor(facts).models or ("-",)
     return f"{first} or others" if others else first
 
 

@@ -4,7 +4,7 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
@@ -13,7 +13,7 @@ import yaml
 from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.runs.methods import ConfigOptions, Variant
+from seaclutter_cli.runs.methods import Base, MethodOptions, Variant
 
 _RANGE = re.compile(r"\s*(-?[\d.]+)\s*:\s*(-?[\d.]+)\s*:\s*([\d.]+)\s*")
 _MAX_VARIANTS = 500
@@ -26,7 +26,8 @@ class Sweep:
     Parameters
     ----------
     key : str
-        Configuration key of the filter, without its section; nested keys are separated by dots.
+        Configuration key of the filter, without its section; nested keys are separated by dots. The name of a
+        method may come first, if other methods have the key, too: ``ror.min_neighbors``.
     values : tuple
         Values as parsed from YAML.
     """
@@ -39,6 +40,28 @@ class Sweep:
         """Values as text."""
         return [shown(value) for value in self.values]
 
+    @property
+    def method(self) -> str | None:
+        """The method that the key names; None if it names none.
+
+        Examples
+        --------
+        >>> Sweep("ror.min_neighbors", (3, 4)).method, Sweep("ror.min_neighbors", (3, 4)).own_key
+        ('ror', 'min_neighbors')
+        """
+        first, dot, _ = self.key.partition(".")
+        return first if dot and first in FILTERS else None
+
+    @property
+    def own_key(self) -> str:
+        """The key without the name of a method."""
+        return self.key.partition(".")[2] if self.method else self.key
+
+    def applies_to(self, base: Base) -> bool:
+        """Return whether a method has the parameter and is one that the key may name."""
+        named = self.method in (None, base.method or base.name)
+        return named and self.own_key.partition(".")[0] in base.keys
+
     def value_in(self, settings: Mapping[str, Any]) -> Any:
         """Return the parameter's value in a section of a configuration.
 
@@ -47,7 +70,26 @@ class Sweep:
         >>> Sweep("presets.open.min_neighbors", (3, 4)).value_in({"presets": {"open": {"min_neighbors": 4}}})
         4
         """
-        return reduce(lambda values, key: values[key], self.key.split("."), settings)
+        return reduce(lambda values, key: values[key], self.own_key.split("."), settings)
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A method with one value for each of its swept parameters.
+
+    Parameters
+    ----------
+    variant : Variant
+        Method and configuration, with a unique name.
+    method : str
+        Name of the method.
+    values : mapping of str to object
+        Value of each swept parameter that the method has, by the key of the sweep.
+    """
+
+    variant: Variant
+    method: str
+    values: Mapping[str, Any]
 
 
 def shown(value: Any) -> str:
@@ -102,29 +144,49 @@ def _steps(given: str) -> list[float]:
     return [int(value) for value in values] if whole else values
 
 
-def grid(sweeps: Sequence[Sweep], options: ConfigOptions) -> list[Variant]:
-    """Return a variant for each combination of values, the last parameter changing fastest.
+def grid(sweeps: Sequence[Sweep], options: MethodOptions) -> list[Combination]:
+    """Return all combinations of methods and values, the last parameter changing fastest.
+
+    A parameter is swept for every method that has it.
 
     Raises
     ------
     UsageError
-        If the method has no such key, or there are too many combinations.
+        If no method has a key, or there are too many combinations, or only one.
     ConfigError
         If a value is not allowed.
     """
-    base = options.load()
-    known = [field.name for field in fields(FILTERS[base.method].Params)]
-    keys = [sweep.key for sweep in sweeps]
-    for key in keys:
-        if key.partition(".")[0] not in known:
-            raise UsageError(f"--sweep {key}: unknown key; method {base.method} has: {', '.join(known)}")
-    if len(set(keys)) < len(keys):
-        raise UsageError("--sweep: the same key is given twice")
-    if (count := math.prod(len(sweep.values) for sweep in sweeps)) > _MAX_VARIANTS:
+    bases = options.bases()
+    plain = {base.name: base.variant() for base in bases}  # names and configurations are valid
+    _check_keys(sweeps, bases)
+    several = len(bases) > 1
+    own = {base.name: [sweep for sweep in sweeps if sweep.applies_to(base)] for base in bases}
+    if (count := sum(math.prod(len(one.values) for one in own[base.name]) for base in bases)) > _MAX_VARIANTS:
         raise UsageError(f"--sweep: {count} combinations; at most {_MAX_VARIANTS} are allowed")
-    variants = []
-    for values in itertools.product(*(sweep.values for sweep in sweeps)):
-        settings = [f"{key}={shown(value)}" for key, value in zip(keys, values, strict=True)]
-        config = options.load(*(f"filter.{setting}" for setting in settings))
-        variants.append(Variant(" ".join(settings), config))
-    return variants
+    if not sweeps and not several:
+        raise UsageError("nothing to compare: give --sweep KEY=VALUES, or several methods by --method or --compare")
+    combinations = []
+    for base in bases:
+        if not own[base.name]:
+            combinations.append(Combination(plain[base.name], base.name, {}))
+            continue
+        for values in itertools.product(*(sweep.values for sweep in own[base.name])):
+            settings = [f"{one.own_key}={shown(value)}" for one, value in zip(own[base.name], values, strict=True)]
+            name = " ".join((base.name, *settings) if several else settings)
+            variant = base.variant(*(f"filter.{setting}" for setting in settings), name=name)
+            section = variant.config.as_dict()["filter"]
+            used = {sweep.key: sweep.value_in(section) for sweep in own[base.name]}
+            combinations.append(Combination(variant, base.name, used))
+    return combinations
+
+
+def _check_keys(sweeps: Sequence[Sweep], bases: Sequence[Base]) -> None:
+    """Raise `UsageError` for a key that no method has, or that is given twice."""
+    for sweep in sweeps:
+        if not any(sweep.applies_to(base) for base in bases):
+            known = "; ".join(f"method {base.name} has: {', '.join(base.keys)}" for base in bases)
+            raise UsageError(f"--sweep {sweep.key}: unknown key; {known}")
+    for base in bases:
+        keys = [sweep.own_key for sweep in sweeps if sweep.applies_to(base)]
+        if len(set(keys)) < len(keys):
+            raise UsageError("--sweep: the same key is given twice")

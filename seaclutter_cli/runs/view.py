@@ -82,7 +82,7 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
     'trial.rrd'
     """
     require_rerun()
-    recordings = expand(logs)
+    recordings = expand(logs, options.reading, observer)
     if options.target:
         check_target(options.target)
     inputs = inputs_of(recordings, options.reading, options.config.file)

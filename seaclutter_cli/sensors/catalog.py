@@ -28,25 +28,32 @@ class SensorModel:
     intensity: str
     fields: frozenset[str]
 
+    @property
+    def max_intensity(self) -> float | None:
+        """Highest intensity that its driver writes; None if there is no fixed limit."""
+        return 255.0 if self.intensity == _BYTE else None
 
+
+_BYTE = "0 to 255"
 _ROBOSENSE = frozenset({"ring", "timestamp"})
 _VELODYNE = frozenset({"ring", "time"})
 _OUSTER = frozenset({"t", "reflectivity", "ring", "range"})
 _PHOTONS = "photon counts; reflectivity 0 to 255"
 _HESAI = frozenset({"ring", "timestamp"})
+_MOST_RETURNS = 2.2  # two for each shot, and a rotor that is slower than usual
 
 SENSORS: Mapping[str, SensorModel] = {
-    "RS-LiDAR-32": SensorModel("RoboSense", 32, 1800, "0 to 255", _ROBOSENSE),
-    "RS-LiDAR-16": SensorModel("RoboSense", 16, 1800, "0 to 255", _ROBOSENSE),
-    "RS-Helios": SensorModel("RoboSense", 32, 1800, "0 to 255", _ROBOSENSE),
-    "VLP-16": SensorModel("Velodyne", 16, 1800, "0 to 255", _VELODYNE),
-    "Puck Hi-Res": SensorModel("Velodyne", 16, 1800, "0 to 255", _VELODYNE),
-    "VLP-32A": SensorModel("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
-    "VLP-32B": SensorModel("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
-    "VLP-32C": SensorModel("Velodyne", 32, 1800, "0 to 255", _VELODYNE),
-    "HDL-32E": SensorModel("Velodyne", 32, 2170, "0 to 255", _VELODYNE),
-    "Alpha Prime": SensorModel("Velodyne", 128, 1800, "0 to 255", _VELODYNE),
-    "HDL-64E": SensorModel("Velodyne", 64, 2083, "0 to 255", _VELODYNE),
+    "RS-LiDAR-32": SensorModel("RoboSense", 32, 1800, _BYTE, _ROBOSENSE),
+    "RS-LiDAR-16": SensorModel("RoboSense", 16, 1800, _BYTE, _ROBOSENSE),
+    "RS-Helios": SensorModel("RoboSense", 32, 1800, _BYTE, _ROBOSENSE),
+    "VLP-16": SensorModel("Velodyne", 16, 1800, _BYTE, _VELODYNE),
+    "Puck Hi-Res": SensorModel("Velodyne", 16, 1800, _BYTE, _VELODYNE),
+    "VLP-32A": SensorModel("Velodyne", 32, 1800, _BYTE, _VELODYNE),
+    "VLP-32B": SensorModel("Velodyne", 32, 1800, _BYTE, _VELODYNE),
+    "VLP-32C": SensorModel("Velodyne", 32, 1800, _BYTE, _VELODYNE),
+    "HDL-32E": SensorModel("Velodyne", 32, 2170, _BYTE, _VELODYNE),
+    "Alpha Prime": SensorModel("Velodyne", 128, 1800, _BYTE, _VELODYNE),
+    "HDL-64E": SensorModel("Velodyne", 64, 2083, _BYTE, _VELODYNE),
     "OS0-32": SensorModel("Ouster", 32, 1024, _PHOTONS, _OUSTER),
     "OS0-64": SensorModel("Ouster", 64, 1024, _PHOTONS, _OUSTER),
     "OS0-128": SensorModel("Ouster", 128, 1024, _PHOTONS, _OUSTER),
@@ -56,8 +63,8 @@ SENSORS: Mapping[str, SensorModel] = {
     "OS2-32": SensorModel("Ouster", 32, 1024, _PHOTONS, _OUSTER),
     "OS2-64": SensorModel("Ouster", 64, 1024, _PHOTONS, _OUSTER),
     "OS2-128": SensorModel("Ouster", 128, 1024, _PHOTONS, _OUSTER),
-    "Pandar40P": SensorModel("Hesai", 40, 1800, "0 to 255", _HESAI),
-    "PandarXT-32": SensorModel("Hesai", 32, 2000, "0 to 255", _HESAI),
+    "Pandar40P": SensorModel("Hesai", 40, 1800, _BYTE, _HESAI),
+    "PandarXT-32": SensorModel("Hesai", 32, 2000, _BYTE, _HESAI),
 }
 """Sensors by name. Register new ones here."""
 
@@ -65,12 +72,15 @@ SENSORS: Mapping[str, SensorModel] = {
 def guess_sensors(fields: Collection[str], rings: int | None, points: int) -> list[str]:
     """Return the names of the sensors that match a cloud, most likely first; several sensors share a layout.
 
+    Beams that look at the sky or at calm water return nothing, so a cloud may lack rings: the sensors with the fewest
+    beams that suffice match.
+
     Parameters
     ----------
     fields : collection of str
         Field names of the cloud.
     rings : int or None
-        Number of distinct values in its ring field; None without such a field.
+        Number of rings up to the last one seen; None without such a field.
     points : int
         Points per frame.
 
@@ -81,12 +91,15 @@ def guess_sensors(fields: Collection[str], rings: int | None, points: int) -> li
     >>> guess_sensors(["x", "y", "z", "intensity"], None, 28000)
     []
     """
-    if rings is None:
-        return []
-    names = {name.lower() for name in fields}
     fitting = [
-        (abs(sensor.beams * sensor.columns - points), name)
+        (sensor.beams, abs(sensor.beams * sensor.columns - points), name)
         for name, sensor in SENSORS.items()
-        if sensor.beams == rings and sensor.fields <= names and points <= 1.2 * sensor.beams * sensor.columns
+        if can_be(name, fields, rings) and points <= _MOST_RETURNS * sensor.beams * sensor.columns
     ]
-    return [name for _, name in sorted(fitting)]
+    return [name for beams, _, name in sorted(fitting) if beams == min(fitting)[0]]
+
+
+def can_be(model: str, fields: Collection[str], rings: int | None) -> bool:
+    """Return whether a cloud with these fields and rings can be of a sensor in the catalogue; see `guess_sensors`."""
+    sensor = SENSORS[model]
+    return rings is not None and rings <= sensor.beams and sensor.fields <= {name.lower() for name in fields}

@@ -160,6 +160,24 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
             self._scratch.remove()
 
 
+class CompleteFile(AtomicFile):
+    """A file that another process has completed, and that appears under its name with a group.
+
+    Parameters
+    ----------
+    part : Path
+        The file, in a folder of the same file system.
+    path : Path
+        Target.
+    """
+
+    def __init__(self, part: Path, path: Path) -> None:
+        self.path, self.part = path, part
+        self._target, self._group = Path(os.path.realpath(path)), None
+        self._pending = self._scratch = None
+        self._remover = weakref.finalize(self, _remove, part, [])
+
+
 class OutputGroup(AbstractContextManager["OutputGroup"]):
     """Files that appear under their names together, when all are complete, or not at all.
 

@@ -1,7 +1,7 @@
 """Recordings in object storage: found by their names, copied to the scratch folder when they are opened."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from glob import escape
@@ -10,10 +10,10 @@ from pathlib import Path
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.records import Channel, Damage, Record, SensorFacts
+from seaclutter_cli.records import Channel, Damage, Message, Record, SensorFacts
 from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
 from seaclutter_cli.sensors.packets import DecoderOptions
-from seaclutter_cli.sources import Recording, find_recordings, has_metadata_beside, metadata_beside
+from seaclutter_cli.sources import Recording, Search, find_recordings, has_metadata_beside, metadata_beside, require_one
 from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
 from seaclutter_cli.storage.downloads import Prefetcher
 from seaclutter_cli.storage.locations import Url, is_url, location
@@ -42,6 +42,8 @@ class RemoteRecording(Recording):
         Whether it is a folder of frames.
     prefetcher : Prefetcher
         Fetches the recordings of a run in their order.
+    search : Search
+        How it was found.
     """
 
     title: str
@@ -49,6 +51,7 @@ class RemoteRecording(Recording):
     objects: tuple[StoredObject, ...]
     frame_folder: bool
     prefetcher: Prefetcher = field(compare=False, repr=False)
+    search: Search = field(default_factory=Search)
 
     @property
     def name(self) -> str:
@@ -72,6 +75,8 @@ class RemoteRecording(Recording):
         try:
             with mirror.naming():
                 copies = tuple(mirror.local(url) for url in self.paths if isinstance(url, Url))
+                if self.search.join is None:
+                    require_one(copies)
                 source = Recording(copies).open(rate_hz=rate_hz, decoding=decoding)
         except BaseException:
             download.remove()
@@ -185,6 +190,17 @@ class StagedSource:
         with self._mirror.naming():
             return self._inner.skipped(start_ns)
 
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message of the copy."""
+        with self._mirror.naming():
+            return self._inner.span_ns
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels of the copy."""
+        with self._mirror.naming():
+            return self._inner.latest(channels, before_ns)
+
     def close(self) -> None:
         """Close the copy; that of a recording is removed when the next is needed, or at the end of the run."""
         self._inner.close()
@@ -197,13 +213,24 @@ def _named(item: Damage, mirror: Mirror) -> Damage:
     return item
 
 
-def find_anywhere(patterns: Iterable[str], *, ahead: bool = True) -> list[Recording]:
+def find_anywhere(
+    patterns: Iterable[str],
+    search: Search | None = None,
+    note: Callable[[str], object] = lambda _: None,
+    *,
+    ahead: bool = True,
+) -> list[Recording]:
     """Return the recordings that names, folders and globs refer to, here or in object storage.
 
     Parameters
     ----------
     patterns : iterable of str
         Names, folders and globs.
+    search : Search, optional
+        How folders are searched. Numbered objects are joined by their names; if their times and topics do not fit,
+        opening them is an error.
+    note : callable, optional
+        Receives lines about what is joined or left out.
     ahead : bool, optional
         Whether opening one begins to copy the next.
 
@@ -214,11 +241,14 @@ def find_anywhere(patterns: Iterable[str], *, ahead: bool = True) -> list[Record
     InputError
         If there is no such bucket, or no access.
     """
-    prefetcher = Prefetcher()
+    prefetcher, search = Prefetcher(), search or Search()
     found: dict[object, Recording] = {}
     for pattern in patterns:
         place = location(pattern) if is_url(pattern) else None
-        recordings = _find(place, prefetcher) if isinstance(place, Url) else find_recordings([pattern])
+        if isinstance(place, Url):
+            recordings: Sequence[Recording] = _find(place, prefetcher, search, note)
+        else:
+            recordings = find_recordings([pattern], search, note)
         for recording in recordings:
             found.setdefault(recording.key, recording)
     for recording in found.values():
@@ -227,15 +257,15 @@ def find_anywhere(patterns: Iterable[str], *, ahead: bool = True) -> list[Record
     return list(found.values())
 
 
-def _find(url: Url, prefetcher: Prefetcher) -> list[RemoteRecording]:
+def _find(url: Url, prefetcher: Prefetcher, search: Search, note: Callable[[str], object]) -> list[RemoteRecording]:
     base, pattern, objects = _look_up(url)
     mirror = skeleton(base, objects)
     try:
         with mirror.naming():
             is_glob = _MAGIC.search(pattern) and not (mirror.path / pattern).exists()
             root = escape(str(mirror.path)) if is_glob else str(mirror.path)
-            found = find_recordings([f"{root}/{pattern}"])
-        return [_remote(recording, mirror, objects, prefetcher) for recording in found]
+            found = find_recordings([f"{root}/{pattern}"], search, lambda text: note(mirror.shown(text)))
+        return [_remote(recording, mirror, objects, prefetcher, search) for recording in found]
     finally:
         mirror.folder.remove()
 
@@ -269,7 +299,7 @@ def _begins_as(url: Url, base: Url, wanted: Sequence[str]) -> bool:
 
 
 def _remote(
-    recording: Recording, mirror: Mirror, objects: Sequence[StoredObject], prefetcher: Prefetcher
+    recording: Recording, mirror: Mirror, objects: Sequence[StoredObject], prefetcher: Prefetcher, search: Search
 ) -> RemoteRecording:
     files = [path for path in recording.paths if isinstance(path, Path)]
     wanted = {*files, *(beside for file in files for beside in metadata_beside(file))}
@@ -283,4 +313,6 @@ def _remote(
     base = first if is_folder and not first.key else first.parent
     urls = tuple(map(mirror.url, files))
     title = first.name if is_folder else recording.name
-    return RemoteRecording(urls, title, base, tuple(own), recording.is_frame_folder, prefetcher)
+    return RemoteRecording(
+        urls, title, base, tuple(own), recording.is_frame_folder, prefetcher, search, inside=recording.inside
+    )

@@ -1,6 +1,7 @@
 """Search for water at another attitude than that in which a lidar is said to be mounted."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -63,18 +64,21 @@ class MountingSearch:
     def __init__(self, given: Mounting) -> None:
         self._given = given
         self._starts = [given, *_around(given.up), *(Mounting.of_up(-one.up) for one in (given, *_around(given.up)))]
-        self._ups: list[Floats] = []
-        self._times_s: list[float] = []
+        self._frames: list[tuple[float, Floats | None]] = []
 
     def wants(self, time_s: float) -> bool:
         """Return whether a frame at this time should be added."""
-        due = not self._times_s or not 0 <= time_s - self._times_s[-1] < _INTERVAL_S
+        due = not self._frames or not 0 <= time_s - self._frames[-1][0] < _INTERVAL_S
         return due and not self.complete
 
     @property
     def complete(self) -> bool:
         """Whether enough frames were added; fewer are enough if none of them shows another attitude."""
-        return len(self._times_s) >= (_FRAMES if self._ups else _FRAMES_WITHOUT)
+        return len(self._frames) >= (_FRAMES if self._ups else _FRAMES_WITHOUT)
+
+    @property
+    def _ups(self) -> list[Floats]:
+        return [up for _, up in self._frames if up is not None]
 
     def add(self, xyz: Floats, time_s: float) -> None:
         """Add a frame.
@@ -86,25 +90,30 @@ class MountingSearch:
         time_s : float
             Time of the frame in seconds.
         """
-        self._times_s.append(time_s)
-        other = self._other(_thinned(xyz))
-        if other is not None:
-            self._ups.append(other)
+        self._frames.append((time_s, self._other(_thinned(xyz))))
+
+    def __iadd__(self, later: Self) -> Self:
+        """Add the frames of a search of a later recording, as long as there are not enough."""
+        for frame in later._frames:
+            if not self.complete:
+                self._frames.append(frame)
+        return self
 
     def found(self) -> Mounting | None:
         """Return the mounting that most frames show, in whole degrees; None if it is the given one, or unknown.
 
         In less than three seconds, own ship can heel but not turn over, so that only a lidar upside down is found.
         """
-        if not self._ups:
+        ups, times_s = self._ups, [time_s for time_s, _ in self._frames]
+        if not ups:
             return None
-        mean = np.mean(self._ups, axis=0)
-        agreeing = [up for up in self._ups if angle_deg(up, mean) <= _AGREEMENT_DEG]
-        if len(agreeing) < _MIN_SHARE * len(self._times_s):
+        mean = np.mean(ups, axis=0)
+        agreeing = [up for up in ups if angle_deg(up, mean) <= _AGREEMENT_DEG]
+        if len(agreeing) < _MIN_SHARE * len(times_s):
             return None
         up = np.mean(agreeing, axis=0)
         tilt = angle_deg(up, self._given.up)
-        heels = tilt < 90 and max(self._times_s) - min(self._times_s) < _MIN_SPAN_S
+        heels = tilt < 90 and max(times_s) - min(times_s) < _MIN_SPAN_S
         if heels or tilt <= TOLERANCE_DEG:
             return None
         exact = Mounting.of_up(up)

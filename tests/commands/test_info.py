@@ -5,10 +5,14 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from mcap.writer import Writer
 
+from seaclutter_cli.cloud import from_array
 from seaclutter_cli.commands import cli
-from tests.commands.test_filter import SECOND_NS, points, write_log
-from tests.paths import SAMPLE, shared
+from seaclutter_cli.messages import CODECS
+from seaclutter_cli.messages.definitions import ros2_schema
+from tests.commands.test_filter import SECOND_NS, TYPE, points, write_log
+from tests.paths import ROOT, SAMPLE, shared
 
 
 def invoke(*arguments):
@@ -72,6 +76,44 @@ def test_the_sample():
     assert content["clouds"]["/points"]["points"] == {"min": 209297, "median": 209729, "max": 209997}
 
 
+def test_samples_of_the_simulator_are_recognised():
+    (content,) = survey(ROOT / "samples" / "sea.mcap")
+    assert content["sensors"]["/points"]["model"] == "RS-LiDAR-32"
+    printed = invoke(ROOT / "samples" / "sea.mcap").stdout
+    assert "sensor     RS-LiDAR-32; origin: simulated" in printed
+    assert "packets" not in printed
+
+
+@pytest.mark.parametrize("size", [0, 10])
+def test_clouds_without_a_valid_point(tmp_path, size):
+    log = write_log(tmp_path / "log.mcap", make=lambda _: np.full(size, np.nan, points(0).dtype))
+    (content,) = survey(log)
+    assert content["clouds"]["/points"]["range_m"] is None
+    assert content["needs"] == ["/points: the clouds contain no valid point, so there is nothing to filter"]
+    printed = invoke(log).stdout
+    assert "inf" not in printed
+    assert "  range      none\n" in printed
+
+
+def test_the_rate_is_that_of_whole_revolutions(tmp_path):
+    """A recording of packets begins and ends within a revolution."""
+    times_ns = np.array([100.07, 100.1, 100.2, 100.3, 100.4, 100.41]) * SECOND_NS
+    stamps = iter(times_ns.astype(np.int64).tolist())
+    log = tmp_path / "log.mcap"
+    with log.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2")
+        schema = ros2_schema(TYPE)
+        channel = writer.register_channel(
+            "/points", "cdr", writer.register_schema(schema.name, schema.encoding, schema.data)
+        )
+        for index, stamp in enumerate(stamps):
+            data = CODECS[TYPE, "cdr"].encode(from_array(points(index), stamp_ns=stamp))
+            writer.add_message(channel, stamp, data, stamp, index)
+        writer.finish()
+    assert survey(log)[0]["clouds"]["/points"]["rate_hz"] == 10
+
+
 def test_a_log_without_frames(tmp_path):
     result = invoke(write_log(tmp_path / "log.mcap", frames=0))
     assert result.exit_code == 0
@@ -88,4 +130,9 @@ def test_a_file_that_is_not_a_log(tmp_path):
 @pytest.mark.parametrize(("name", "sensor"), [("vlp16", "VelodyneScan"), ("xt32", "PandarScan")])
 def test_packet_topics_are_listed(name, sensor):
     (content,) = survey(shared(f"nebula/{name}"))
+    decoded = {topic["type"]: topic["decoded"] for topic in content["topics"]}
+    assert decoded.pop("sensor_msgs/msg/PointCloud2")
+    assert not any(decoded.values())
+    assert "decoded from packets\n" in invoke(shared(f"nebula/{name}")).stdout
+    assert next(iter(content["clouds"].values()))["rate_hz"] == pytest.approx(10, abs=0.1)
     assert any(sensor in (topic["type"] or "") for topic in content["topics"])

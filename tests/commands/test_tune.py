@@ -1,6 +1,7 @@
 import csv
 import io
 import json
+import shutil
 
 import pytest
 from click.testing import CliRunner
@@ -28,8 +29,9 @@ def tune(trial, *arguments):
 
 
 def test_every_combination_gives_the_same_as_evaluate(trial):
-    result = tune(trial, "--sweep", "update_weight=0.2,1", "--sweep", "std_ratio=0.5:1:0.5", "--json")
-    rows = json.loads(result.stdout)["combinations"]
+    sweeps = ("--sweep", "update_weight=0.2,1", "--sweep", "std_ratio=0.5:1:0.5")
+    rows = json.loads(tune(trial, *sweeps, "--hold-out", 0, "--json").stdout)["combinations"]
+    assert not any(key.startswith("held_out") for key in rows[0])
     assert [(row["update_weight"], row["std_ratio"]) for row in rows] == [(0.2, 0.5), (0.2, 1), (1, 0.5), (1, 1)]
     for row in rows:
         settings = [f"filter.{key}={row[key]}" for key in ("update_weight", "std_ratio")]
@@ -60,7 +62,9 @@ def test_table_and_plots(trial, tmp_path):
     arguments = [part for option in options for part in option]
     result = tune(trial, "--sweep", "update_weight=0.2:0.8:0.2", *arguments)
     assert result.exit_code == 0, result.output
-    assert "best on 8 frames: update_weight=" in result.stdout
+    assert "best on 6 frames: update_weight=" in result.stdout
+    assert "held out: 2 frames at the end of the recording" in result.stdout
+    assert all(len(line) <= 80 for line in result.stdout.splitlines())
     rows = list(csv.DictReader(io.StringIO(files[0].read_text())))
     assert [row["update_weight"] for row in rows] == ["0.2", "0.4", "0.6", "0.8"]
     with Image.open(files[1]) as plot:
@@ -87,7 +91,12 @@ def test_table_and_plots(trial, tmp_path):
         (["--sweep", "update_weight=0.1", "--plot", "a.jpg"], "must end in .png or .svg"),
         (["--sweep", "update_weight=0.1", "--plot-thresholds", "a.png", "--ring", "5"], "has 4 range rings"),
         (["--sweep", "std_ratio=1", "-m", "sor", "--plot-thresholds", "a.png"], "has 0 range rings"),
-        ([], "Missing option '--sweep'"),
+        ([], "nothing to compare: give --sweep KEY=VALUES, or several methods"),
+        (["--sweep", "ror.min_neighbors=3", "-m", "joint"], "ror.min_neighbors: unknown key; method joint has"),
+        (["--sweep", "joint.std_ratio=1", "--sweep", "std_ratio=2"], "the same key is given twice"),
+        (["--sweep", "std_ratio=1", "-m", "sor", "-m", "joint", "--plot", "a.png"], "of a single method"),
+        (["-m", "sor", "-m", "joint", "--plot-thresholds", "a.png"], "needs a single method"),
+        (["--sweep", "std_ratio=1,2", "--hold-out", "1"], "--hold-out"),
     ],
 )
 def test_wrong_command_lines(trial, arguments, message):
@@ -118,3 +127,48 @@ def test_without_a_labelled_frame_there_is_no_best_configuration(trial, tmp_path
     assert result.exit_code == 0, result.output
     assert not out.exists()
     assert f"{out}: not written, because no frame is labelled" in result.stderr
+
+
+def test_methods_are_compared(trial, tmp_path):
+    """Each method is swept over the keys that it has; the scores are those of `evaluate`."""
+    out = tmp_path / "best.yaml"
+    methods = ("-m", "joint", "-m", "ror", "-m", "none")
+    sweeps = ("--sweep", "update_weight=0.2,1", "--sweep", "ror.min_neighbors=2,4")
+    found = json.loads(tune(trial, *methods, *sweeps, "--hold-out", 0, "-o", out, "--json").stdout)
+    rows = [(row["method"], row["update_weight"], row["ror.min_neighbors"]) for row in found["combinations"]]
+    assert rows == [("joint", 0.2, None), ("joint", 1, None), ("ror", None, 2), ("ror", None, 4), ("none", None, None)]
+    alone = run(
+        *("evaluate", trial, "--labels", trial.with_suffix(".labels.csv"), "-m", "ror"),
+        *("-s", "filter.min_neighbors=4", "--json"),
+    )
+    expected = json.loads(alone.stdout)["methods"]["ror"]
+    assert {key: found["combinations"][3][key] for key in ("N_FP", "f1")} == {
+        key: expected[key] for key in ("N_FP", "f1")
+    }
+    assert load_config(out).method == found["best"].split()[0]
+    text = tune(trial, "--compare", "peers").stdout
+    assert all(f"\n{name} " in text for name in ("joint", "sor", "naive"))
+
+
+def test_held_out_frames_do_not_choose(trial):
+    """The last quarter of the frames has figures of its own; both together are those of all frames."""
+    sweep = ("--sweep", "filter_rate=0.1,0.8", "-m", "global_intensity")
+    every, parts = (json.loads(tune(trial, *sweep, *hold, "--json").stdout) for hold in ((("--hold-out", 0)), ()))
+    assert (every["held_out"], parts["held_out"]) == (None, "2 frames at the end of the recording")
+    for whole, row in zip(every["combinations"], parts["combinations"], strict=True):
+        assert (row["frames"], row["held_out_frames"]) == (6, 2)
+        for key in ("N_FP", "N_FN", "false_alarms", "omitted_alarms"):
+            assert row[key] + row[f"held_out_{key}"] == whole[key]
+
+
+def test_whole_recordings_are_held_out(trial, tmp_path):
+    logs = [tmp_path / f"{name}.mcap" for name in "abcd"]
+    for log in logs:
+        shutil.copy(trial, log)
+        shutil.copy(trial.with_suffix(".labels.csv"), log.with_suffix(".labels.csv"))
+    result = run("tune", *logs, "--labels", tmp_path, "--sweep", "update_weight=0.2,1", "-n", 2)
+    assert "best on 6 frames: " in result.stdout
+    assert "held out: 2 frames (1 recording: d)" in result.stdout
+    logs[3].write_bytes(b"no log")
+    result = run("tune", *logs, "--labels", tmp_path, "--sweep", "update_weight=0.2,1", "-n", 2)
+    assert "held out: 3 frames at the ends of the recordings" in result.stdout

@@ -74,7 +74,9 @@ def test_results_are_not_modified_later(name):
     run(method, sea(seed=3))
     for result, reason, values in zip(earlier, copies, rings, strict=True):
         np.testing.assert_array_equal(result.reason, reason)
-        np.testing.assert_array_equal(dataclasses.astuple(result.rings) if result.rings else [], values)
+        later = dataclasses.astuple(result.rings) if result.rings else ()
+        for now, before in zip(later, values, strict=True):
+            np.testing.assert_array_equal(now, before)
 
 
 def test_rings_add_up(name):
@@ -82,8 +84,11 @@ def test_rings_add_up(name):
         assert (result.rings is not None) == (name in RINGS)
         if result.rings is None:
             continue
-        assert {values.shape for values in dataclasses.astuple(result.rings)} == {(RINGS[name],)}
-        assert [values.dtype for values in dataclasses.astuple(result.rings)] == ["f8", "f8", "i8", "i8", "i8"]
+        *values, beyond = dataclasses.astuple(result.rings)
+        assert {one.shape for one in values} == {(RINGS[name],)}
+        assert [one.dtype for one in (*values, beyond)] == ["f8", "f8", "i8", "i8", "i8", "i8"]
+        far = result.frame.valid & (result.frame.range_m >= 70)
+        assert beyond.tolist() == [far.sum(), (far & result.keep).sum()]
         inside = result.frame.valid & (result.frame.range_m >= 10) & (result.frame.range_m < 70)
         assert result.rings.points.sum() == inside.sum()
         # Methods that also remove points beyond the range rings count those in the rings.

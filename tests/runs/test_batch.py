@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 import seaclutter
 from seaclutter_cli.commands import cli
+from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
 from seaclutter_cli.runs.observer import Silent
 from seaclutter_cli.runs.recordings import Outcome
@@ -163,6 +164,31 @@ def test_outcomes_come_in_order(jobs):
     assert sorted(text.split(": ")[:2] for text in receiver.warnings) == [[f"r{k}", "r"] for k in range(6)]
 
 
+def test_messages_appear_when_they_come_if_recordings_come_one_after_another():
+    receiver = Receiver()
+    stages = []
+    receiver.done = lambda *_: stages.append("done")
+    receiver.warn = lambda text: stages.append(text.split(":")[0])
+    run_batch(works(2), BatchOptions(jobs=1), receiver)
+    assert stages == ["r0", "done", "r1", "done"]
+
+    class Stops(Step):
+        def run(self, observer):
+            observer.warn("careful")
+            assert stages[-1] == "r0"
+            return super().run(observer)
+
+    run_batch([Stops(Recording((Path("r0"),)))], BatchOptions(jobs=1), receiver)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+def test_results_of_use_only_together_end_with_the_first_error():
+    receiver, passed = Receiver(), []
+    with pytest.raises(SeaclutterError, match=r"r1: .*killed"):
+        run_batch(works(3, kills={1}), BatchOptions(jobs=2), receiver, passed.append, together=True)
+    assert not any(receiver.errors)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_a_recording_that_kills_its_process_fails_alone():
     receiver = Receiver()
@@ -206,6 +232,42 @@ def test_evaluations_do_not_depend_on_the_number_of_processes(labelled, tmp_path
     rows = found[0][0].splitlines()
     assert len(rows) == 1 + 3 * 6 * 5
     assert b"target_points_in" in rows[0]
+
+
+@pytest.mark.parametrize("method", ["joint", "confirmed"])
+def test_calibrations_do_not_depend_on_the_number_of_processes(labelled, tmp_path, method):
+    pytest.importorskip("matplotlib")
+    found = []
+    for jobs in ("1", "2", "8"):
+        config, plot = tmp_path / "c.yaml", tmp_path / "c.png"
+        line = ["calibrate", str(labelled), "--labels", str(labelled), "-m", method, "-j", jobs, "--force"]
+        result = CliRunner().invoke(cli, [*line, "-o", str(config), "--plot", str(plot)])
+        assert result.exit_code == 0, result.stderr
+        assert sorted(line.split(":")[0] for line in result.stderr.splitlines()) == ["s1", "s2", "s3"]
+        found.append((config.read_bytes(), plot.read_bytes(), result.stdout))
+    assert found[0] == found[1] == found[2]
+
+
+def test_sweeps_do_not_depend_on_the_number_of_processes(labelled, tmp_path):
+    found = []
+    for jobs in ("1", "2"):
+        config, table = tmp_path / "c.yaml", tmp_path / "c.csv"
+        line = ["tune", str(labelled), "--labels", str(labelled), "--sweep", "update_weight=0.2,1", "-j", jobs]
+        result = CliRunner().invoke(cli, [*line, "--force", "-o", str(config), "--csv", str(table)])
+        assert result.exit_code == 0, result.stderr
+        assert sorted(line.split(":")[0] for line in result.stderr.splitlines()) == ["s1", "s2", "s3"]
+        found.append((config.read_bytes(), table.read_bytes(), result.stdout))
+    assert found[0] == found[1]
+    assert found[0][1].splitlines()[1].startswith(b"0.2,12,"), "of 18 frames, two of each recording are held out"
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_calibration_needs_all_recordings(logs, tmp_path, jobs):
+    line = ["calibrate", str(logs), "-o", str(tmp_path / "c.yaml"), "-j", jobs, "-q"]
+    result = CliRunner().invoke(cli, line)
+    assert result.exit_code == 1
+    assert result.stderr.splitlines() == [f"Error: {logs / 'e.mcap'}: no readable record in this MCAP file"]
+    assert not list(tmp_path.iterdir())
 
 
 def test_labels_that_cannot_be_read_fail_their_recording_only(labelled, tmp_path):

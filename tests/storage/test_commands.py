@@ -158,7 +158,11 @@ def test_split_and_folder_recordings(logs, tmp_path):
     put(logs / "frames/000.csv", b"x,y,z,intensity\n1,2,3,4\n")
     put(logs / "frames/001.csv", b"x,y,z,intensity\n1,2,3,4\n")
     put(logs / "marked", b"")
-    result = done(f"filter {logs}/split {logs}/bag {logs}/frames -m none -n 1 -o out/ --json")
+    separate = run(f"filter {logs}/split -m none -n 1 -o out/")
+    assert separate.exit_code == 1
+    assert f"{logs}/split/day_0.mcap to day_1.mcap are 2 recordings" in separate.stderr
+    assert "--no-join" in separate.stderr
+    result = done(f"filter {logs}/split {logs}/bag {logs}/frames -m none -n 1 -o out/ --json --join")
     assert [one["recording"] for one in json.loads(result.stdout)] == ["day", "bag", "frames"]
 
 

@@ -162,3 +162,25 @@ def test_the_order_of_the_points_has_no_influence():
     frames = open_water()
     shuffled = [xyz[:, np.random.default_rng(3).permutation(xyz.shape[1])] for xyz in frames]
     assert searched(frames, (21.3, 0)) == searched(shuffled, (21.3, 0))
+
+
+@pytest.mark.parametrize("split", [1, 3, 6])
+def test_the_frames_of_recordings_add_up(split):
+    frames, mounting = scene_frames("rough"), Mounting(30, 0)
+    total = MountingSearch(Mounting(0, 0))
+    for part in (range(split), range(split, len(frames))):
+        search = MountingSearch(Mounting(0, 0))
+        for index in part:
+            search.add(mounting.unlevelled(frames[index]), index * STEP_S)
+        total += search
+    assert total.found() == searched(frames, (30, 0)) is not None
+
+
+def test_further_recordings_do_not_matter_once_there_are_enough_frames():
+    level, tilted = MountingSearch(Mounting(0, 0)), MountingSearch(Mounting(0, 0))
+    for search, mounting in ((level, Mounting(0, 0)), (tilted, Mounting(30, 0))):
+        for index, xyz in enumerate(open_water(8)):
+            search.add(mounting.unlevelled(xyz), index * STEP_S)
+    assert tilted.found() is not None
+    level += tilted
+    assert level.found() is None

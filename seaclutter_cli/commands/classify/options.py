@@ -2,7 +2,13 @@
 
 import click
 
-from seaclutter_cli.commands.options import config_file_option, grouped, output_or_folder_option, set_option
+from seaclutter_cli.commands.options import (
+    config_file_option,
+    grouped,
+    jobs_option_for,
+    output_or_folder_option,
+    set_option,
+)
 
 tiles_argument = click.argument("tiles", metavar="TILE...", nargs=-1, required=True)
 tiles_output_option = output_or_folder_option(
@@ -14,3 +20,5 @@ settings_options = grouped(
     (config_file_option("Settings file."), set_option("separation.window_m=30")),
 )
 """Sources of the settings; passed as ``settings``."""
+tile_jobs_option = jobs_option_for("tiles")
+"""Option for the number of processes; passed as ``batch``."""

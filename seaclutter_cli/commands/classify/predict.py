@@ -5,7 +5,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from seaclutter_cli.commands.classify.options import settings_options, tiles_argument, tiles_output_option
+from seaclutter_cli.commands.classify.options import (
+    settings_options,
+    tile_jobs_option,
+    tiles_argument,
+    tiles_output_option,
+)
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import console_options, force_option, grouped, output_option
 
@@ -25,6 +30,7 @@ _OPTIONS = (
     output_option("--plot", "plot_file", help="Draw a top view of the tile, as PNG or SVG."),
     force_option,
     settings_options,
+    tile_jobs_option,
 )
 
 

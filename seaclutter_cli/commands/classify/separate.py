@@ -4,7 +4,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from seaclutter_cli.commands.classify.options import settings_options, tiles_argument, tiles_output_option
+from seaclutter_cli.commands.classify.options import (
+    settings_options,
+    tile_jobs_option,
+    tiles_argument,
+    tiles_output_option,
+)
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import console_options, force_option, grouped
 
@@ -15,6 +20,7 @@ _OPTIONS = (
     click.option("--with-height", is_flag=True, help="Also write each point's height above the sea surface."),
     force_option,
     settings_options,
+    tile_jobs_option,
 )
 
 

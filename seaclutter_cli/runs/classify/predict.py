@@ -15,6 +15,8 @@ from seaclutter_cli.airborne.separation import WATER
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
+from seaclutter_cli.runs.batch import BatchOptions
+from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
 from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, PredictResult, TileObjects, columns_of
 from seaclutter_cli.runs.classify.tiles import (
     TileSettingsOptions,
@@ -48,6 +50,8 @@ class ClassifyTilesOptions:
         Picture of the tile in top view; for a single tile.
     force : bool
         Replace existing files.
+    batch : BatchOptions
+        How several tiles are processed.
 
     Examples
     --------
@@ -62,6 +66,7 @@ class ClassifyTilesOptions:
     geojson_file: Path | None = None
     plot_file: Path | None = None
     force: bool = False
+    batch: BatchOptions = field(default_factory=BatchOptions)
 
 
 def classify_tiles(
@@ -105,20 +110,44 @@ def classify_tiles(
         if len(paths) > 1:
             raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)
-    result = PredictResult([], model.settings.objects.min_probability)
-    # The tiles are the main output: completed first, they still appear after the tables.
-    with OutputGroup(replace=options.force) as files, OutputGroup(files) as written:
-        for path, target in zip(paths, targets, strict=True):
-            started, tile = perf_counter(), open_tile(path)
-            warn_without_intensity(tile, model.settings, observer)
-            with errors_of(path):
-                found = classify_points(TilePointReader(tile), model)
-            write_tile(tile, target, columns_of(found), DIMENSIONS, written)
-            if options.plot_file:
-                write_files({options.plot_file: _picture(tile, found, options.plot_file.suffix)}, files)
-            result.tiles.append(TileObjects.of(path.stem, found, perf_counter() - started))
+    works = [
+        PredictWork(path=path, target=target, model=model, plot_file=options.plot_file)
+        for path, target in zip(paths, targets, strict=True)
+    ]
+    # The tiles are the main output: they appear after the tables.
+    with process_tiles(works, options.batch, observer, replaced=options.force) as (found, files):
+        result = PredictResult([tile for tile, _ in found], model.settings.objects.min_probability)
+        if options.plot_file:
+            write_files({options.plot_file: found[0][1]}, files)
         write_files(_tables(result, options), files)
     return result
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictWork(TileWork[tuple[TileObjects, bytes]]):
+    """Classification of one tile; the result has the objects, and the picture if there is to be one.
+
+    Parameters
+    ----------
+    model : ObjectModel
+        Trained model.
+    plot_file : Path or None
+        File for a picture of the tile.
+    """
+
+    model: ObjectModel
+    plot_file: Path | None
+
+    def process(self, observer: Observer, files: OutputGroup | None) -> tuple[tuple[TileObjects, bytes], int]:
+        """Write the classified tile."""
+        started, tile = perf_counter(), open_tile(self.path)
+        warn_without_intensity(tile, self.model.settings, observer)
+        with errors_of(self.path):
+            found = classify_points(TilePointReader(tile), self.model)
+        write_tile(tile, self.place, columns_of(found), DIMENSIONS, files)
+        picture = _picture(tile, found, self.plot_file.suffix) if self.plot_file else b""
+        objects = TileObjects.of(self.path.stem, found, perf_counter() - started)
+        return (objects, picture), objects.points
 
 
 def _tables(result: PredictResult, options: ClassifyTilesOptions) -> dict[Path, bytes]:

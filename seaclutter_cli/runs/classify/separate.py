@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -10,6 +9,8 @@ import numpy as np
 
 from seaclutter_cli.airborne.separation import OTHER, WATER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.runs.batch import BatchOptions
+from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
 from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, plan_tiles, write_tile
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import PathLike, Result
@@ -32,6 +33,8 @@ class SeparateTilesOptions:
         Also write each point's height above the sea surface.
     force : bool
         Replace existing files.
+    batch : BatchOptions
+        How several tiles are processed.
 
     Examples
     --------
@@ -43,6 +46,7 @@ class SeparateTilesOptions:
     settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
     with_height: bool = False
     force: bool = False
+    batch: BatchOptions = field(default_factory=BatchOptions)
 
 
 def separate_tiles(
@@ -77,25 +81,41 @@ def separate_tiles(
     settings = options.settings.load()
     paths = find_tiles(tiles)
     targets = plan_tiles(paths, output, {}, {"-c": options.settings.file}, force=options.force, observer=observer)
-    with OutputGroup(replace=options.force) as files:
-        pairs = zip(paths, targets, strict=True)
-        separated = [_separate(*pair, settings.separation, files, with_height=options.with_height) for pair in pairs]
-    return SeparateResult(separated)
+    works = [
+        SeparateWork(path=path, target=target, params=settings.separation, with_height=options.with_height)
+        for path, target in zip(paths, targets, strict=True)
+    ]
+    with process_tiles(works, options.batch, observer, replaced=options.force) as (separated, _):
+        return SeparateResult(separated)
 
 
-def _separate(
-    path: Path, target: Path, params: SeparationParams, files: OutputGroup, *, with_height: bool
-) -> "SeparatedTile":
-    started = perf_counter()
-    tile = open_tile(path)
-    with errors_of(path):
-        found = separate(TilePointReader(tile), params)
-    columns: dict[str, Any] = {"classification": found.classification}
-    if with_height:
-        columns["height_above_sea"] = found.height_m
-    write_tile(tile, target, columns, HEIGHT if with_height else {}, files)
-    sea, other = (int(np.count_nonzero(found.classification == code)) for code in (WATER, OTHER))
-    return SeparatedTile(path.stem, str(target), tile.size, sea, other, perf_counter() - started)
+@dataclass(frozen=True, kw_only=True)
+class SeparateWork(TileWork["SeparatedTile"]):
+    """Separation of one tile.
+
+    Parameters
+    ----------
+    params : SeparationParams
+        Settings of the separation.
+    with_height : bool
+        Also write each point's height above the sea surface.
+    """
+
+    params: SeparationParams
+    with_height: bool
+
+    def process(self, observer: Observer, files: OutputGroup | None) -> "tuple[SeparatedTile, int]":  # noqa: ARG002
+        """Write the separated tile."""
+        started, tile = perf_counter(), open_tile(self.path)
+        with errors_of(self.path):
+            found = separate(TilePointReader(tile), self.params)
+        columns: dict[str, Any] = {"classification": found.classification}
+        if self.with_height:
+            columns["height_above_sea"] = found.height_m
+        write_tile(tile, self.place, columns, HEIGHT if self.with_height else {}, files)
+        sea, other = (int(np.count_nonzero(found.classification == code)) for code in (WATER, OTHER))
+        done = SeparatedTile(self.path.stem, str(self.target), tile.size, sea, other, perf_counter() - started)
+        return done, tile.size
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,7 @@ def predict_scenes(
     ('open', {'open': 60})
     """
     options, reading = options or ClassifierOptions(), reading or ReadOptions()
-    recordings = expand(logs)
+    recordings = expand(logs, reading, observer)
     inputs: Paths = {**inputs_of(recordings, reading), "--model": Path(options.model)}
     prepare_outputs({"--csv": options.csv_file}, inputs, force=options.force, observer=observer)
     model = SceneModel(options.model)

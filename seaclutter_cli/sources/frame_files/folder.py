@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -107,6 +107,15 @@ class FolderSource:
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the number of frames, by channel id, that `records` leaves out before ``start_ns``."""
         return {self._channel.id: self._index_at(start_ns)}
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Stamps of the first and the last frame."""
+        return self._frames[0][0], self._frames[-1][0]
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:  # noqa: ARG002
+        """Return an empty list: there are frames only."""
+        return []
 
     def _index_at(self, time_ns: int) -> int:
         """Return the index of the first frame with a stamp of at least ``time_ns``."""

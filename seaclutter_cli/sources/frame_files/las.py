@@ -1,7 +1,7 @@
 """LAS and LAZ, the file formats of surveying.
 
-laspy and lazrs trust the sizes in a file: one wrong bit can cost hours or gigabytes, or end the process. The sizes are
-therefore checked here first.
+laspy and lazrs trust the sizes in a file: one wrong bit can cost hours or gigabytes. The sizes are therefore checked
+here first.
 """
 
 import logging
@@ -20,6 +20,7 @@ from seaclutter_cli.errors import CloudError, MissingExtraError
 from seaclutter_cli.limits import above, limits
 from seaclutter_cli.sources.frame_files.guard import check_size, reading
 from seaclutter_cli.sources.frame_files.las_records import read_records
+from seaclutter_cli.sources.frame_files.laz import LazBackend
 from seaclutter_cli.text import count
 
 CHUNK_POINTS = 500_000
@@ -76,18 +77,17 @@ def open_las(path: Path, *, evlrs: bool = False) -> Iterator[Any]:
         If laspy, or its LAZ backend, is not installed.
     """
     laspy = _laspy()
-    with path.open("rb") as file:
+    with path.open("rb") as file, LazBackend(path) as laz:
         size = file.seek(0, os.SEEK_END)
         _check_head(file, size)
         if evlrs:
             _check_evlrs(file, size)
-        # The parallel backend of lazrs would trust even a damaged chunk table.
-        with laspy.open(file, read_evlrs=evlrs, laz_backend=laspy.LazBackend.Lazrs, closefd=False) as reader:
+        with laspy.open(file, read_evlrs=evlrs, laz_backend=laz, closefd=False) as reader:
             count = reader.header.point_count
             if count and not reader.header.are_points_compressed:
                 check_size(reader.header.offset_to_point_data + count * reader.header.point_format.size, size)
             elif count:
-                if not laspy.LazBackend.Lazrs.is_available():
+                if not laz.is_available():
                     raise MissingExtraError("LAZ", "las")
                 _check_compressed(reader.header, file, size)
             yield reader

@@ -1,7 +1,7 @@
 """MCAP files: indexed or not, chunked or not, every compression, intact or damaged."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import islice
@@ -28,8 +28,16 @@ from seaclutter_cli.sources.mcap.records import (
     walk,
 )
 from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, McapSurvey, Trust, index_counts
-from seaclutter_cli.sources.shared.chunked import before, fitting_messages, in_time_order, most_waiting, within
-from seaclutter_cli.sources.shared.facts import NO_FACTS
+from seaclutter_cli.sources.shared.chunked import (
+    before,
+    fitting_messages,
+    in_time_order,
+    latest_of,
+    most_waiting,
+    span_of,
+    within,
+)
+from seaclutter_cli.sources.shared.facts import simulated_facts
 from seaclutter_cli.sources.shared.log_file import FilePart, LogFile, LostDataError
 from seaclutter_cli.text import count
 
@@ -58,7 +66,6 @@ class McapSource:
     """
 
     format = "MCAP"
-    facts = NO_FACTS
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -83,6 +90,7 @@ class McapSource:
         self.profile = found.profile
         self._chunks, self._extras, self._tail = found.chunks, found.extras, found.tail
         self._counts, self._first = found.counts, found.first
+        self.facts = simulated_facts(found.extras)
         if not (self._chunks or self._extras or self._tail or self._declared.all()):
             raise InputError(f"{self.path}: no readable record in this MCAP file")
         used = (chunk.header.compression for chunk in self._chunks if chunk.header)
@@ -127,6 +135,18 @@ class McapSource:
         """Return the number of messages per channel number that `records` leaves out before ``start_ns``."""
         left_out = before(self._chunks, start_ns, self._is_counted)
         return sum((index_counts(self._file, chunk.offset + chunk.size) for chunk in left_out), Counter())
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message."""
+        return span_of(chunk for chunk in self._chunks if chunk.messages or chunk.end_ns)  # empty ones have no times
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels; only chunks that may have it are read."""
+        return latest_of(self._chunks, self._read, self._channels_in, channels, before_ns)
+
+    def _channels_in(self, chunk: McapChunk) -> Collection[int] | None:
+        return index_counts(self._file, chunk.offset + chunk.size) if self._is_counted(chunk) else None
 
     def _is_counted(self, chunk: McapChunk) -> bool:
         """Return whether the message indexes of a chunk count all of its messages."""

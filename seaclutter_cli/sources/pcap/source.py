@@ -1,7 +1,7 @@
 """Captures of lidar packets: PCAP and PCAPNG."""
 
 from collections import defaultdict, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,6 +57,7 @@ class CaptureSource:
         self._file = LogFile(path, _WINDOW)
         self.damage: list[Damage] = []
         self.warnings: list[str] = []
+        self._span_ns: tuple[int, int] | None = None
         try:
             decoders = self._usable(self._survey())
         except BaseException:
@@ -103,6 +104,10 @@ class CaptureSource:
         cut = 0
         for datagrams in self._datagrams(reader, udp):
             survey.add(datagrams)
+            if len(datagrams.times_ns):
+                first, last = int(datagrams.times_ns.min()), int(datagrams.times_ns.max())
+                known = self._span_ns or (first, last)
+                self._span_ns = (min(known[0], first), max(known[1], last))
             cut += len(datagrams.cut)
         udp.fragments.finish()
         self.damage += reader.damage
@@ -163,6 +168,15 @@ class CaptureSource:
     def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
         """Return an empty mapping: nothing is left out because frames are numbered by decoding all packets."""
         return {}
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Times of arrival of the first and the last packet."""
+        return self._span_ns
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:  # noqa: ARG002
+        """Return an empty list: a capture has clouds only."""
+        return []
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:  # noqa: ARG002
         """Yield the frames of all sensors in the order of their stamps; one at a time is decoded.

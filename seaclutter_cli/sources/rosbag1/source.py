@@ -1,7 +1,7 @@
 """ROS 1 bags (format 2.0): intact, unindexed, truncated or damaged."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +11,16 @@ from seaclutter_cli.records import Channel, Damage, Message, Record
 from seaclutter_cli.sources.rosbag1.chunks import read_index, unpack
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
 from seaclutter_cli.sources.rosbag1.survey import BagSurvey, channel_of
-from seaclutter_cli.sources.shared.chunked import Chunk, before, fitting_messages, in_time_order, most_waiting, within
+from seaclutter_cli.sources.shared.chunked import (
+    Chunk,
+    before,
+    fitting_messages,
+    in_time_order,
+    latest_of,
+    most_waiting,
+    span_of,
+    within,
+)
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.text import count
@@ -102,6 +111,19 @@ class BagSource:
             index = read_index(self._file, chunk.offset + chunk.size)
             counts += index.counts if index else Counter()
         return counts
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message."""
+        return span_of(self._chunks)
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels; only chunks that may have it are read."""
+        return latest_of(self._chunks, self._read, self._channels_in, channels, before_ns)
+
+    def _channels_in(self, chunk: Chunk) -> Collection[int] | None:
+        index = read_index(self._file, chunk.offset + chunk.size)
+        return index.counts if index else None
 
     def _is_counted(self, chunk: Chunk) -> bool:
         """Return whether an index counts the messages of a chunk."""

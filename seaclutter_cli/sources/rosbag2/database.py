@@ -157,6 +157,15 @@ def _in_time_order(database: sqlite3.Connection, bounds: tuple[int, int] | None)
     return (row for (number,) in numbers for row in _row(database, number))
 
 
+def latest_row(database: sqlite3.Connection, topic: int, before_ns: int) -> Row | None:
+    """Return the last message of a topic before a time; None if there is none."""
+    query = (
+        "SELECT rowid FROM messages WHERE topic_id = ? AND timestamp < ? ORDER BY timestamp DESC, rowid DESC LIMIT 1"
+    )
+    number = database.execute(query, (topic, before_ns)).fetchone()
+    return _row(database, number[0]).fetchone() if number else None
+
+
 def _row(database: sqlite3.Connection, number: int) -> sqlite3.Cursor:
     return database.execute(f"SELECT {_columns()} WHERE rowid = ?", (number,))
 

@@ -1,7 +1,7 @@
 """ROS 2 recordings in sqlite3 files, of every schema version of rosbag2."""
 
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,7 +12,7 @@ from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, Record, Schema
 from seaclutter_cli.sources.rosbag2.compression import is_large, unpack_file, unpack_message
-from seaclutter_cli.sources.rosbag2.database import has_table, open_database, read_rows
+from seaclutter_cli.sources.rosbag2.database import has_table, latest_row, open_database, read_rows
 from seaclutter_cli.sources.rosbag2.salvage import BROKEN
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 
@@ -104,6 +104,24 @@ class Db3Source:
         with suppress(*BROKEN):
             return dict(self._db.execute(f"{_COUNT} WHERE timestamp < ? GROUP BY topic_id", (start_ns,)))
         return {}
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message; None if damage prevents finding them."""
+        with suppress(*BROKEN):
+            first, last = self._db.execute("SELECT min(timestamp), max(timestamp) FROM messages").fetchone()
+            return (first, last) if isinstance(first, int) and isinstance(last, int) else None
+        return None
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels; none where damage prevents finding it."""
+        found, most = [], limits().message_bytes_of(self._path.stat().st_size)
+        for channel in channels:
+            with suppress(*BROKEN):
+                row = latest_row(self._db, channel, before_ns)
+                message = self._message(*row[1:], most) if row else None
+                found += [message] if message else []
+        return sorted(found, key=lambda message: (message.log_time_ns, message.channel.id))
 
     def close(self) -> None:
         """Close the file, and remove the temporary file."""

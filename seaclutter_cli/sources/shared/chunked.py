@@ -1,7 +1,7 @@
 """Reader of logs that store messages in chunks: in time order, ahead of the consumer, in bounded memory."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush, heapreplace
@@ -201,3 +201,62 @@ def _ahead(
 
 def _memory(*chunks: Chunk) -> int:
     return sum(max(chunk.size, chunk.unpacked) for chunk in chunks)
+
+
+def span_of(chunks: Iterable[Chunk]) -> tuple[int, int] | None:
+    """Return the log times of the first and the last message of chunks; None without chunks."""
+    times = [(chunk.start_ns, chunk.end_ns) for chunk in chunks]
+    return (min(start for start, _ in times), max(end for _, end in times)) if times else None
+
+
+def latest_of(
+    chunks: Iterable[C],
+    read: Callable[[C], Sequence[Message]],
+    channels_in: Callable[[C], Collection[int] | None],
+    channels: Collection[int],
+    before_ns: int,
+) -> list[Message]:
+    """Return the last message before a time of each of some channels, in log time order.
+
+    Parameters
+    ----------
+    chunks : iterable of Chunk
+        All chunks, in any order.
+    read : callable
+        Returns the messages of a chunk.
+    channels_in : callable
+        Returns the ids of the channels in a chunk; None if they are unknown.
+    channels : collection of int
+        Wanted channels.
+    before_ns : int
+        Log time.
+    """
+    found: dict[int, Message] = {}
+    earlier = (chunk for chunk in chunks if chunk.start_ns < before_ns)
+    for chunk in sorted(earlier, key=lambda chunk: chunk.end_ns, reverse=True):
+        wanted = {id_ for id_ in channels if id_ not in found or found[id_].log_time_ns <= chunk.end_ns}
+        if not wanted:
+            break
+        known = channels_in(chunk)
+        if known is None or not wanted.isdisjoint(known):
+            keep_latest(found, read(chunk), wanted, before_ns)
+    return in_order(found)
+
+
+def keep_latest(
+    found: dict[int, Message], messages: Iterable[Message], wanted: Collection[int], before_ns: int
+) -> None:
+    """Keep the last message before a time of each wanted channel, with data that outlive the source."""
+    last = {
+        message.channel.id: message
+        for message in sorted(messages, key=lambda message: message.log_time_ns)
+        if message.log_time_ns < before_ns and message.channel.id in wanted
+    }
+    for id_, message in last.items():
+        if id_ not in found or message.log_time_ns >= found[id_].log_time_ns:
+            found[id_] = replace(message, data=bytes(message.data))
+
+
+def in_order(found: Mapping[int, Message]) -> list[Message]:
+    """Return messages by channel id as a list in log time order."""
+    return sorted(found.values(), key=lambda message: (message.log_time_ns, message.channel.id))

@@ -1,6 +1,6 @@
 """Point clouds from packet topics: packets that lidar drivers publish before they are decoded."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -13,7 +13,7 @@ from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record, Schema, SensorFacts
+from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record, Schema
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.text import count
 
@@ -122,7 +122,7 @@ class PacketTopics:
         self.name, self.format = inner.name, inner.format
         self.profile, self.compression = inner.profile, inner.compression
         self.damage, self.warnings = inner.damage, list(inner.warnings)
-        self.facts: dict[str, SensorFacts] = {}
+        self.facts = dict(inner.facts)
         self._topics: dict[int, _Topic] = {}
         topics = {channel.topic for channel in inner.channels}
         # Topics whose clouds were recorded too, as in the output of `filter`, are not decoded.
@@ -192,6 +192,15 @@ class PacketTopics:
     def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
         """Return an empty mapping: nothing is left out because clouds are numbered by decoding all packets."""
         return {}
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message of the log."""
+        return self._inner.span_ns
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels of the log."""
+        return self._inner.latest(channels, before_ns)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
         """Yield the records of the log before ``end_ns``, and the clouds between them; can be called again."""

@@ -1,7 +1,7 @@
 """Recordings that consist of several files."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import cached_property
@@ -13,6 +13,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import limits
 from seaclutter_cli.records import Channel, Damage, Message, Record, SensorFacts
 from seaclutter_cli.sources.rosbag2.compression import unpack_file, unpack_message
+from seaclutter_cli.sources.shared.chunked import in_order, keep_latest
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 from seaclutter_cli.text import count
 
@@ -148,6 +149,22 @@ class SplitSource:
                     self.damage.append(Damage(file, None, "damaged compressed messages", lost_messages=broken))
         if start_ns is None and end_ns is None:
             self._compare(read)
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message of all files that state them."""
+        spans = [span for file in self._relabelled if (span := self._source(file).span_ns)]
+        return (min(first for first, _ in spans), max(last for _, last in spans)) if spans else None
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels, from the last file that has one."""
+        found: dict[int, Message] = {}
+        for file, numbers in reversed(self._relabelled.items()):
+            wanted = [number for number, channel in numbers.items() if channel.id in set(channels) - set(found)]
+            messages = self._source(file).latest(wanted, before_ns) if wanted else []
+            relabelled = [self._message(file, message) for message in messages]
+            keep_latest(found, [message for message in relabelled if message], channels, before_ns)
+        return in_order(found)
 
     def close(self) -> None:
         """Close the open file."""

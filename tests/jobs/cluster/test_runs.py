@@ -88,22 +88,42 @@ def test_a_worker_that_is_killed_again_and_again_changes_nothing(certified, tria
         assert not any(secret.encode() in data for data in written)
 
 
-@pytest.mark.parametrize("command", ["evaluate", "info"])
-def test_other_commands_give_the_same(certified, trial, tmp_path, command):
-    folder = tmp_path / "labelled"
-    folder.mkdir()
+LABELLED = ["LOGS", "--labels", "LOGS"]
+COMMANDS = {
+    "evaluate": (["evaluate", *LABELLED, "-o", "OUT/frames.csv"], "OUT/frames.csv"),
+    "calibrate": (["calibrate", *LABELLED, "-o", "OUT/config.yaml"], "OUT/config.yaml"),
+    "tune": (["tune", *LABELLED, "--sweep", "filter.update_weight=0.2,0.8", "-o", "OUT/best.yaml"], "OUT/best.yaml"),
+    "info": (["info", "LOGS", "--json"], None),
+    "simulate": (["simulate", "calm", "--seeds", "1,2", "-n", "2", "-o", "OUT/"], "OUT/calm_2.mcap"),
+}
+
+
+@pytest.fixture(scope="module")
+def labelled(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("labelled")
     for seed in ("1", "2"):
         line = ["simulate", "passing_speedboat", "-o", str(folder / f"s{seed}.mcap"), "--seed", seed, "-n", "4", "-q"]
         assert CliRunner().invoke(cli, line).exit_code == 0
-    line = [command, str(folder), *(["--labels", str(folder)] if command == "evaluate" else [])]
+    return folder
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_other_commands_give_the_same(certified, labelled, tmp_path, command):
+    words, file = COMMANDS[command]
     found = []
     for options in (["-j", "1"], ["--cluster", certified.address]):
-        table = tmp_path / f"{len(found)}.csv"
-        more = ["-o", str(table)] if command == "evaluate" else ["--json"]
-        result = CliRunner().invoke(cli, [*line, *options, *more])
+        folder = tmp_path / str(len(found))
+        folder.mkdir()
+        named = {"LOGS": str(labelled), "OUT": str(folder)}
+        line = [word.replace(key, path) for word in words for key, path in [_named(word, named)]]
+        result = CliRunner().invoke(cli, [*line, *options])
         assert result.exit_code == 0, result.output
-        found.append(table.read_bytes() if command == "evaluate" else result.stdout)
+        found.append((folder / file.removeprefix("OUT/")).read_bytes() if file else result.stdout)
     assert found[0] == found[1]
+
+
+def _named(word, named):
+    return next((pair for pair in named.items() if word.startswith(pair[0])), ("", ""))
 
 
 def test_a_single_recording_also_runs_there(certified, trial, tmp_path):

@@ -7,6 +7,7 @@ import pytest
 from pypcd4.pypcd4 import Encoding
 
 from seaclutter_cli.errors import CloudError, MissingExtraError
+from seaclutter_cli.sources.frame_files.laz import LazBackend
 from tests.sources.frame_files.writers import FOUR, XYZI, las, npy, pcd, pcd_header, ply, read, sample
 
 # PCD
@@ -190,9 +191,8 @@ def test_las_without_laspy_names_the_extra(tmp_path, monkeypatch):
 
 
 def test_laz_without_a_decompressor_names_the_extra(tmp_path, monkeypatch):
-    laspy = pytest.importorskip("laspy")
     content = las(sample(), ".laz")
-    monkeypatch.setattr(laspy.LazBackend, "is_available", lambda backend: False)
+    monkeypatch.setattr(LazBackend, "is_available", lambda backend: False)
     with pytest.raises(MissingExtraError, match=r"seaclutter\[las\]"):
         read(tmp_path / "a.laz", content)
 

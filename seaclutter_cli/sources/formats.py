@@ -1,0 +1,136 @@
+"""Formats of logs: which files are in one, and how they are opened."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.sensors.packets import DecoderOptions
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
+from seaclutter_cli.sources.pcap.magics import CAPTURE_MAGICS
+from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder, open_rosbag2
+from seaclutter_cli.sources.shared.packet_topics import wrap_packets
+
+_HEAD_BYTES = 16
+
+
+@dataclass(frozen=True)
+class Format:
+    """A log format with single-file recordings.
+
+    Parameters
+    ----------
+    title : str
+        Name shown to the user.
+    suffixes : tuple of str
+        Usual file name suffixes.
+    magics : tuple of bytes
+        First bytes of a file; they take precedence over the suffix.
+    open : callable
+        Opens a file as a source, given the settings that packets do not contain.
+    """
+
+    title: str
+    suffixes: tuple[str, ...]
+    magics: tuple[bytes, ...]
+    open: Callable[[Path, DecoderOptions], Source]
+
+
+# Each source is imported on demand, which keeps the start of a run fast.
+
+
+def _open_mcap(path: Path, _: DecoderOptions) -> Source:
+    from seaclutter_cli.sources.mcap.source import McapSource
+
+    return McapSource(path)
+
+
+def _open_bag(path: Path, _: DecoderOptions) -> Source:
+    from seaclutter_cli.sources.rosbag1.source import BagSource
+
+    return BagSource(path)
+
+
+def _open_db3(path: Path, _: DecoderOptions) -> Source:
+    from seaclutter_cli.sources.rosbag2.db3 import Db3Source
+
+    return Db3Source(path)
+
+
+def _open_capture(path: Path, decoding: DecoderOptions) -> Source:
+    from seaclutter_cli.sources.pcap.source import CaptureSource
+
+    return CaptureSource(path, decoding)
+
+
+SOURCES: Mapping[str, Format] = {
+    "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), _open_mcap),
+    "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), _open_bag),
+    "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), _open_db3),
+    "capture": Format("PCAP", (".pcap", ".pcapng", ".cap"), CAPTURE_MAGICS, _open_capture),
+}
+"""Formats of log files. Add a new format here; formats of single frames are in `FRAME_READERS`."""
+
+LOG_SUFFIXES = tuple(suffix for form in SOURCES.values() for suffix in form.suffixes)
+
+
+def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
+    """Open a recording: a log file, a rosbag2 folder, a folder of frames, or a single frame.
+
+    Parameters
+    ----------
+    path : Path
+        File or folder.
+    rate_hz : float, optional
+        Frames per second if the frames have no times.
+    decoding : DecoderOptions, optional
+        Settings that packets do not contain.
+
+    Raises
+    ------
+    InputError
+        If the path is not a readable recording.
+    """
+    decoding = decoding or DecoderOptions()
+    if path.is_dir():
+        if is_rosbag2_folder(path):
+            return wrap_packets(open_rosbag2(path, partial(open_file, decoding=decoding)), decoding)
+        if is_frame_folder(path):
+            return FolderSource(path, rate_hz=rate_hz)
+        raise InputError(f"{path}: no logs or frames in this folder; supported formats: {format_names()}")
+    if path.suffix.lower() in FRAME_READERS and not _has_magic(path):
+        return FolderSource(path, rate_hz=rate_hz)
+    return wrap_packets(open_file(path, decoding), decoding)
+
+
+def open_file(path: Path, decoding: DecoderOptions) -> Source:
+    """Open a log file, whose format its first bytes show, else its name; raise `InputError` if it cannot be read."""
+    head = _head(path)
+    for form in SOURCES.values():
+        if head.startswith(form.magics):
+            return form.open(path, decoding)
+    for form in SOURCES.values():
+        if path.name.lower().endswith(form.suffixes):
+            return form.open(path, decoding)
+    raise InputError(f"{path}: unknown format; supported formats: {format_names()}")
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEAD_BYTES)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+
+
+def _has_magic(path: Path) -> bool:
+    return _head(path).startswith(tuple(magic for form in SOURCES.values() for magic in form.magics))
+
+
+def format_names() -> str:
+    """Return the names of all formats, for messages."""
+    frames = (suffix.removeprefix(".").upper() for suffix in FRAME_READERS)
+    return ", ".join((*(form.title for form in SOURCES.values()), *frames))

@@ -1,0 +1,209 @@
+"""Recordings: which files, folders and globs refer to, and which files form one."""
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from glob import glob
+from pathlib import Path
+
+from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
+from seaclutter_cli.sensors.packets import DecoderOptions
+from seaclutter_cli.sources.formats import LOG_SUFFIXES, SOURCES, format_names, open_file, open_source
+from seaclutter_cli.sources.frame_files.folder import is_frame_folder
+from seaclutter_cli.sources.frame_files.stamps import times_beside
+from seaclutter_cli.sources.joining import difference, joined
+from seaclutter_cli.sources.rosbag2.folder import SplitSource, is_rosbag2_folder, split_groups
+from seaclutter_cli.sources.shared.packet_topics import wrap_packets
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.text import count
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording named on the command line: one path, or the files of a split recording.
+
+    Parameters
+    ----------
+    paths : tuple of Path
+        File or folder, or several files in order; in object storage, URLs.
+    inside : tuple of str, optional
+        Folders below the one that was searched, which contain it.
+    """
+
+    paths: tuple[Location, ...]
+    inside: tuple[str, ...] = field(default=(), kw_only=True)
+
+    @property
+    def _files(self) -> list[Path]:
+        return [path for path in self.paths if isinstance(path, Path)]
+
+    @property
+    def key(self) -> Location:
+        """A value that only names of the same recording have in common."""
+        first = self.paths[0]
+        return first.resolve() if isinstance(first, Path) else first
+
+    @property
+    def name(self) -> str:
+        """Name of the recording."""
+        first = self._files[0]
+        if len(self.paths) > 1 and first.stem.endswith("_0"):
+            return first.stem.rpartition("_")[0]
+        return first.resolve().name if first.is_dir() else first.stem
+
+    @property
+    def size(self) -> int:
+        """Size in bytes if it is known without a look at the files, as in object storage; otherwise 0."""
+        return 0
+
+    @property
+    def is_frame_folder(self) -> bool:
+        """Whether the recording is a folder of frames, where a damaged file keeps its frame number."""
+        path = self._files[0]
+        return len(self.paths) == 1 and path.is_dir() and not is_rosbag2_folder(path) and is_frame_folder(path)
+
+    def open(self, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
+        """Open the recording."""
+        decoding = decoding or DecoderOptions()
+        if len(self.paths) > 1:
+            return wrap_packets(SplitSource(self._files, partial(open_file, decoding=decoding)), decoding)
+        return open_source(self._files[0], rate_hz=rate_hz, decoding=decoding)
+
+
+def require_one(files: Sequence[Path]) -> None:
+    """Raise `InputError` if files that are joined by their names are not one recording."""
+    reason = difference(files, partial(open_file, decoding=DecoderOptions())) if len(files) > 1 else None
+    if reason:
+        raise InputError(f"{reason}; --no-join reads them one by one")
+
+
+def has_metadata_beside(name: str) -> bool:
+    """Return whether a file of this name may have metadata of its sensor beside it."""
+    return name.lower().endswith(SOURCES["capture"].suffixes)
+
+
+def metadata_beside(log: Path) -> list[Path]:
+    """Return the times of frames, or the metadata of a sensor, beside a log, which belong to it."""
+    if times := times_beside(log if log.is_dir() else log.parent):
+        return [times]
+    if not has_metadata_beside(log.name):
+        return []
+    files = (file for suffix in CALIBRATION_SUFFIXES.values() for file in log.parent.glob(f"*{suffix}"))
+    return [file for file in files if log.stem.startswith(file.stem) or file.stem.startswith(log.stem)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """How folders are searched for recordings.
+
+    Parameters
+    ----------
+    join : bool or None
+        Whether files with consecutive numbers are one recording; None: if their times and topics fit.
+    recursive : bool
+        Whether folders in folders are searched.
+    """
+
+    join: bool | None = None
+    recursive: bool = False
+
+
+def find_recordings(
+    patterns: Iterable[str], search: Search | None = None, note: Callable[[str], object] = lambda _: None
+) -> list[Recording]:
+    """Return the recordings that names, folders and globs on the command line refer to.
+
+    A folder that is not a recording itself refers to the recordings in it. Globs are expanded here because not every
+    shell expands them; an existing name is never treated as a glob.
+
+    Parameters
+    ----------
+    patterns : iterable of str
+        Names, folders and globs.
+    search : Search, optional
+        How folders are searched.
+    note : callable, optional
+        Receives lines about files that are joined, and about what is left out.
+
+    Raises
+    ------
+    UsageError
+        If a glob or a folder contains no recording, or a path does not exist.
+    """
+    search = search or Search()
+    found: dict[Location, Recording] = {}
+    for pattern in patterns:
+        named = Path(pattern)
+        is_glob = re.search(r"[*?\[]", pattern) and not named.exists()
+        paths = sorted(map(Path, glob(pattern, recursive=True))) if is_glob else [named]  # noqa: PTH207 - any root
+        if not paths:
+            raise UsageError(f"{pattern}: no file matches this pattern")
+        if not paths[0].exists():
+            raise UsageError(f"{pattern}: no such file or folder")
+        files = [path for path in paths if path.is_file()] if search.join else []
+        recordings = [Recording(tuple(group)) for group in split_groups(files)]
+        for path in paths:
+            recordings += _expand(path, search, note) if path not in files else []
+        for recording in recordings:
+            found.setdefault(recording.key, recording)
+    return list(found.values())
+
+
+def _expand(path: Path, search: Search, note: Callable[[str], object]) -> list[Recording]:
+    if not path.is_dir() or is_rosbag2_folder(path):
+        return [Recording((path,))]
+    children = sorted(path.iterdir())
+    files = [child for child in children if _is_log(child)]
+    if not files and is_frame_folder(path):
+        return [Recording((path,))]
+    recordings = [Recording(tuple(part)) for group in split_groups(files) for part in _joined(group, search, note)]
+    recordings += [Recording((child,)) for child in children if child.is_dir() and _is_recording(child)]
+    inner = [child for child in children if child.is_dir() and not _is_recording(child) and _has_recordings(child)]
+    if search.recursive:
+        for child in inner:
+            found = _expand(child, search, note)
+            recordings += [replace(recording, inside=(child.name, *recording.inside)) for recording in found]
+    elif inner:
+        more = f" and {count(len(inner) - 1, 'other folder')}" if len(inner) > 1 else ""
+        note(f"{path}: the recordings in {inner[0].name}{more} are left out; --recursive includes them")
+    if is_frame_folder(path):
+        note(f"{path}: the frames in this folder are left out, because it contains logs")
+    if not recordings:
+        hint = "; --recursive searches the folders in it" if inner else f"; supported formats: {format_names()}"
+        raise UsageError(f"{path}: no logs or frames in this folder{hint}")
+    return recordings
+
+
+def _joined(group: list[Path], search: Search, note: Callable[[str], object]) -> list[list[Path]]:
+    if len(group) == 1 or search.join:
+        return [group]
+    if search.join is False:
+        return [[file] for file in group]
+    return joined(group, partial(open_file, decoding=DecoderOptions()), note)
+
+
+def _has_recordings(folder: Path) -> bool:
+    """Return whether there are recordings below a folder."""
+    with suppress(OSError):
+        return any(_is_log(child) or (_is_real_folder(child) and _is_inside(child)) for child in folder.iterdir())
+    return False
+
+
+def _is_inside(folder: Path) -> bool:
+    return _is_recording(folder) or _has_recordings(folder)
+
+
+def _is_log(path: Path) -> bool:
+    return path.name.lower().endswith(LOG_SUFFIXES) and path.is_file()
+
+
+def _is_real_folder(path: Path) -> bool:
+    return path.is_dir() and not path.is_symlink()  # a link may lead back
+
+
+def _is_recording(folder: Path) -> bool:
+    return is_rosbag2_folder(folder) or is_frame_folder(folder)

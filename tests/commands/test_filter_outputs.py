@@ -1,0 +1,49 @@
+"""Names and folders of filtered logs."""
+
+import shutil
+
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.commands import cli
+from tests.paths import SAMPLE
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, ["filter", *map(str, arguments), "-n", "1", "-m", "none"])
+
+
+@pytest.mark.parametrize("name", ["out.bag", "out.DB3", "out.pcd", "out.las", "out.pcap", "out.npy"])
+def test_a_name_of_another_format_is_refused(tmp_path, name):
+    result = run(SAMPLE, "-o", tmp_path / name)
+    assert result.exit_code == 2
+    assert "filtered logs are MCAP files; choose a name such as out.mcap" in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["out.mcap", "out.MCAP", "out", "out.v2"])
+def test_other_names_are_taken_as_they_are(tmp_path, name):
+    assert run(SAMPLE, "-o", tmp_path / name).exit_code == 0
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_a_missing_folder_is_created_but_not_its_parents(tmp_path):
+    assert run(SAMPLE, "-o", f"{tmp_path}/new/").exit_code == 0
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["snow.mcap"]
+    result = run(SAMPLE, "-o", tmp_path / "nas" / "trial" / "out.mcap")
+    assert result.exit_code == 2
+    assert f"there is no folder {tmp_path / 'nas'}; --parents creates it" in result.stderr
+    assert not (tmp_path / "nas").exists()
+    assert run(SAMPLE, "-o", tmp_path / "nas" / "trial" / "out.mcap", "--parents").exit_code == 0
+    assert (tmp_path / "nas" / "trial" / "out.mcap").exists()
+
+
+def test_folders_of_a_search_are_those_of_its_outputs(tmp_path):
+    for name in ("a.mcap", "day1/run.mcap", "day2/deep/run.mcap"):
+        (tmp_path / "logs" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(SAMPLE, tmp_path / "logs" / name)
+    assert run(tmp_path / "logs", "-o", tmp_path / "out", "--recursive").exit_code == 0
+    files = sorted(path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.mcap"))
+    assert files == ["a.mcap", "day1/run.mcap", "day2/deep/run.mcap"]
+    result = run(tmp_path / "logs", "-o", tmp_path / "no" / "such", "--recursive")
+    assert (result.exit_code, (tmp_path / "no").exists()) == (2, False)

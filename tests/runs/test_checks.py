@@ -1,0 +1,97 @@
+"""Warnings about thresholds that are for another sensor, or have no effect in a range ring."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.config import load_config
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.records import SensorFacts
+from seaclutter_cli.runs.checks import Checks
+from seaclutter_cli.validation import find_file
+from tests.paths import ROOT
+
+POINT = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("intensity", "f4")])
+VELODYNE = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("intensity", "f4"), ("ring", "u2"), ("time", "f4")])
+
+
+def frame(size=4000, *, scale=1.0, dtype=POINT, seed=0, quay=None):
+    """Return clutter from 10 to 70 m that is weaker with range, and a bright quay from 40 m on."""
+    rng = np.random.default_rng(seed)
+    cloud = np.zeros(size, dtype)
+    cloud["x"] = rng.uniform(10, 70, size)
+    cloud["intensity"] = np.clip(np.floor(scale * (1 + rng.exponential(300 / cloud["x"]))), 0, 255 * scale)
+    if quay is not None:
+        cloud["intensity"][cloud["x"] > 40] = quay
+    if "ring" in dtype.names:
+        cloud["ring"] = np.arange(size) % 32
+    return Frame(from_array(cloud, stamp_ns=10**9))
+
+
+def warnings(frames, facts=None, overrides=(), file=None):
+    config = load_config(file, overrides=overrides)
+    checks, method = Checks(config, facts or {}), config.make_filter()
+    found = [text for one in frames for text in checks.add(method.step(one))]
+    return found + checks.finish()
+
+
+def test_clutter_that_fits_gives_no_warning():
+    assert warnings([frame(seed=seed) for seed in range(30)]) == []
+
+
+@pytest.mark.parametrize("number", [1, 30])
+@pytest.mark.parametrize("file", [None, "rs-lidar-32"])
+def test_thresholds_of_another_sensor_give_one_warning(number, file):
+    path = find_file(file, "", "file") if file else None
+    facts = {"/points": SensorFacts("VLP-32C")}
+    (text,) = warnings([frame(scale=300, seed=seed) for seed in range(number)], facts, file=path)
+    assert text.startswith("the thresholds are for RS-LiDAR-32, but the log is from VLP-32C; find")
+    assert "seaclutter calibrate" in text
+
+
+def test_clouds_that_resemble_another_sensor():
+    (text,) = warnings([frame(dtype=VELODYNE)])
+    assert "are for RS-LiDAR-32, but the log resembles VLP-32A or" in text
+
+
+def test_another_intensity_mode():
+    facts = {"/points": SensorFacts("RS-LiDAR-32", {"intensity": "raw (mode 2)"})}
+    (text,) = warnings([frame()], facts)
+    assert "'calibrated by the sensor (mode 3)', but the log has 'raw (mode 2)'" in text
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [("filter.initial_thresholds=[31, 16, 7, 4]",), ("filter.method=confirmed", "filter.use_intensity=false")],
+)
+def test_thresholds_of_unknown_origin_and_methods_without_any_are_not_compared(overrides):
+    assert warnings([frame()], {"/points": SensorFacts("VLP-32C")}, overrides) == []
+
+
+def test_intensities_beyond_those_of_the_sensor():
+    (text,) = warnings([frame(scale=25)])
+    assert "RS-LiDAR-32, whose intensities end at 255, but those of the log reach 2833" in text
+
+
+def test_a_range_ring_in_which_every_point_passes():
+    (text,) = warnings([frame(quay=5)], overrides=("filter.initial_thresholds=[30, 16, 5, 5]",))
+    assert text.startswith(
+        "no point from 40 to 55 m (and 1 other range ring) is below the threshold: intensities are 5"
+    )
+
+
+def test_a_range_ring_in_which_no_point_can_pass():
+    (text,) = warnings([frame(quay=5)], overrides=("filter.initial_thresholds=[30, 16, 11, 6]",))
+    assert text.startswith("no point from 40 to 55 m can pass: intensities are 5 to 5, the threshold 11;")
+
+
+def test_few_points_give_no_warning_about_a_range_ring():
+    assert warnings([frame(size=1500, quay=5)], overrides=("filter.initial_thresholds=[30, 16, 5, 5]",)) == []
+
+
+def test_the_shipped_configuration_is_the_default_and_names_its_sensor():
+    shipped, default = load_config(ROOT / "configs" / "rs-lidar-32.yaml"), load_config()
+    assert shipped.filter == default.filter
+    assert shipped.sensor == default.threshold_sensor
+    assert shipped.sensor.model == "RS-LiDAR-32"
+    assert shipped.sensor.intensity == "calibrated by the sensor (mode 3)"

@@ -1,0 +1,80 @@
+"""Several tiles in one run: outputs do not depend on the number of processes, and appear together."""
+
+import json
+import re
+
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.commands import cli
+from tests.paths import ROOT
+
+pytest.importorskip("laspy")
+
+
+@pytest.fixture
+def tiles(tmp_path):
+    """Return a folder with three tiles."""
+    folder = tmp_path / "tiles"
+    folder.mkdir()
+    for name in "abc":
+        (folder / f"{name}.laz").write_bytes((ROOT / "samples" / "tile.laz").read_bytes())
+    return folder
+
+
+def invoke(*words):
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_separation(tiles, tmp_path):
+    found = []
+    for jobs in (1, 2):
+        result = invoke("classify", "separate", tiles, "-o", f"{tmp_path / str(jobs)}/", "-j", jobs, "--json")
+        assert result.exit_code == 0, result.output
+        assert sorted(line.split(":")[0] for line in result.stderr.splitlines()) == ["a", "b", "c"]
+        rows = [{key: row[key] for key in ("tile", "points", "sea", "other")} for row in json.loads(result.stdout)]
+        outputs = [row["output"] for row in json.loads(result.stdout)]
+        assert outputs == [str(tmp_path / str(jobs) / f"{name}.laz") for name in "abc"]
+        found.append((contents(tmp_path / str(jobs)), rows))
+    assert found[0] == found[1]
+    assert sorted(found[0][0]) == ["a.laz", "b.laz", "c.laz"]
+
+
+def test_classification(tiles, tmp_path):
+    pytest.importorskip("skops")
+    model = tmp_path / "model.skops"
+    assert invoke("classify", "train", tiles / "a.laz", "-s", "forest.trees=5", "-o", model).exit_code == 0
+    found = []
+    for jobs in (1, 2):
+        folder = tmp_path / str(jobs)
+        table = tmp_path / f"{jobs}.csv"
+        line = ("classify", "predict", tiles, "--model", model, "-o", f"{folder}/", "--csv", table, "-j", jobs)
+        result = invoke(*line)
+        assert result.exit_code == 0, result.output
+        found.append((contents(folder), table.read_bytes(), re.sub(r"in [\d.]+ s", "", result.stdout)))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_error_in_one_tile_leaves_no_output(tiles, tmp_path, jobs):
+    (tiles / "b.laz").write_bytes((tiles / "a.laz").read_bytes()[:1000])
+    result = invoke("classify", "separate", tiles, "-o", f"{tmp_path / 'out'}/", "-j", jobs)
+    assert result.exit_code == 1
+    assert next(line for line in result.stderr.splitlines() if line.startswith("Error: ")).startswith(
+        f"Error: {tiles}/b.laz"
+    )
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_existing_outputs_are_not_replaced(tiles, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "b.laz").write_bytes(b"important")
+    line = ("classify", "separate", tiles, "-o", f"{tmp_path / 'out'}/", "-j", 2)
+    assert invoke(*line).exit_code == 2
+    assert contents(tmp_path / "out") == {"b.laz": b"important"}
+    assert invoke(*line, "--force").exit_code == 0
+    assert len(contents(tmp_path / "out")["b.laz"]) > 1000
