@@ -4,6 +4,8 @@ One pass in constant memory: a histogram for each range ring, and the extent of 
 """
 
 import math
+from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, Context
 from typing import Self
@@ -85,9 +87,12 @@ class RingCalibration:
     below : int
         Number of clutter points whose intensity is below the threshold.
     few : bool
-        Whether there are too few points for a reliable threshold.
-    taken_from : int or None
-        Number, from 1, of the range ring whose threshold is used because this one has no points.
+        Whether there are too few points for a threshold of its own.
+    source : (int, int)
+        Numbers, from 1, of the first and last range ring whose points determine the threshold.
+    saturated : bool
+        Whether more points than the threshold may leave have the highest intensity of the recordings, which is the
+        threshold then.
     """
 
     start_m: float
@@ -96,7 +101,8 @@ class RingCalibration:
     threshold: float
     below: int
     few: bool = False
-    taken_from: int | None = None
+    source: tuple[int, int] = (1, 1)
+    saturated: bool = False
 
     @property
     def filter_rate(self) -> float | None:
@@ -160,12 +166,15 @@ class Calibration:
         self.points = 0
         self.intensity = [math.inf, -math.inf]
         """Minimum and maximum intensity of all clutter points."""
+        self.highest = -math.inf
+        """Maximum intensity of all points, which no threshold exceeds unless the filter rate is 1."""
 
     def add(self, range_m: NDArray[np.float64], intensity: NDArray[np.float64]) -> None:
         """Add clutter points at ``start_m`` or beyond: ranges in metres and intensities, both of shape (N,)."""
         self.points += len(range_m)
         least, most = self.intensity
         self.intensity = [float(intensity.min(initial=least)), float(intensity.max(initial=most))]
+        self.see(intensity)
         self._limit.add(range_m)
         ring = np.searchsorted(self._edges, range_m, side="right") - 1
         for number in np.unique(ring[ring < len(self._edges) - 1]).tolist():
@@ -178,6 +187,7 @@ class Calibration:
         """
         self.points += other.points
         self.intensity = [min(self.intensity[0], other.intensity[0]), max(self.intensity[1], other.intensity[1])]
+        self.highest = max(self.highest, other.highest)
         self._limit += other._limit
         for number, histogram in other._rings.items():
             if number in self._rings:
@@ -186,8 +196,17 @@ class Calibration:
                 self._rings[number] = histogram
         return self
 
-    def thresholds(self) -> Thresholds:
+    def see(self, intensity: NDArray[np.float64]) -> None:
+        """Note the intensities of all valid points of a frame, shape (N,), clutter or not."""
+        self.highest = float(intensity.max(initial=self.highest))
+
+    def thresholds(self, filter_rate: float | None = None) -> Thresholds:
         """Return the thresholds and the far limit of the points added so far.
+
+        Parameters
+        ----------
+        filter_rate : float, optional
+            Share of the clutter points to remove; by default that of the calibration.
 
         Raises
         ------
@@ -200,7 +219,10 @@ class Calibration:
         if not any(number < count for number in self._rings):
             span = f"between {edges[0]:g} and {edges[-1]:g} m" if self.keep_end else f"from {edges[0]:g} m on"
             raise InputError(f"no clutter point {span}; thresholds need recordings with clutter there")
-        rings = tuple(self._ring(number, edges) for number in range(count))
+        rate = self.filter_rate if filter_rate is None else filter_rate
+        points = [self._rings[number].points if number in self._rings else 0 for number in range(count)]
+        sources = ring_sources(points, few_points(rate))
+        rings = tuple(self._ring(number, edges, sources[number], rate) for number in range(count))
         return Thresholds(rings, float(edges[-1]), last_m, self.points - sum(ring.points for ring in rings))
 
     def _up_to(self, last_m: float | None) -> NDArray[np.float64]:
@@ -214,24 +236,65 @@ class Calibration:
             )
         return np.append(self._edges[:count], round(float(self._edges[count]), 9))
 
-    def _ring(self, number: int, edges: NDArray[np.float64]) -> RingCalibration:
-        # An empty range ring gets the threshold of the nearest filled one towards the lidar, otherwise away from it.
-        filled = sorted(ring for ring in self._rings if ring < len(edges) - 1)
-        nearest = max((ring for ring in filled if ring <= number), default=filled[0])
-        histogram = self._rings[nearest]
-        threshold = self._threshold(histogram)
-        span = float(edges[number]), float(edges[number + 1])
-        if nearest != number:
-            return RingCalibration(*span, 0, threshold, 0, few=True, taken_from=nearest + 1)
-        values, counts = histogram.distribution()
+    def _ring(self, number: int, edges: NDArray[np.float64], source: range, filter_rate: float) -> RingCalibration:
+        """Return the calibration of a range ring from the points of those in ``source``."""
+        threshold = self._threshold(self._pooled(source), filter_rate)
+        saturated = filter_rate < 1 and threshold > self.highest
+        if saturated:
+            threshold = self.highest
+        values, counts = self._rings[number].distribution() if number in self._rings else (np.zeros(0), np.zeros(0))
         points, below = int(counts.sum()), int(counts[values < threshold].sum())
-        return RingCalibration(*span, points, threshold, below, few=points < few_points(self.filter_rate))
+        few = points < few_points(filter_rate)
+        span = float(edges[number]), float(edges[number + 1])
+        return RingCalibration(*span, points, threshold, below, few, (source[0] + 1, source[-1] + 1), saturated)
 
-    def _threshold(self, histogram: IntensityHistogram) -> float:
+    def _pooled(self, source: range) -> IntensityHistogram:
+        first, *others = [self._rings[number] for number in source if number in self._rings]
+        if others:
+            first = deepcopy(first)
+            for histogram in others:
+                first += deepcopy(histogram)
+        return first
+
+    def _threshold(self, histogram: IntensityHistogram, filter_rate: float) -> float:
         whole = all(ring.all_whole for ring in self._rings.values())
-        threshold = histogram.threshold(self.filter_rate, whole=whole)
+        threshold = histogram.threshold(filter_rate, whole=whole)
         values, _ = histogram.distribution()
         return threshold if whole else _shortened(threshold, float(values[values >= threshold].min(initial=math.inf)))
+
+
+def ring_sources(points: Sequence[int], enough: int) -> list[range]:
+    """Return the range rings whose points determine the threshold of each one.
+
+    Neighbours with few points are pooled, from the lidar outwards, until they have enough. If they do not, they take
+    the threshold of the nearest range ring with enough, rather towards the lidar.
+
+    Examples
+    --------
+    >>> ring_sources([900, 60, 40, 12, 500], 100)
+    [range(0, 1), range(1, 3), range(1, 3), range(1, 3), range(4, 5)]
+    >>> ring_sources([900, 60, 0], 100), ring_sources([8, 900], 100), ring_sources([8, 9], 100)
+    ([range(0, 1), range(0, 1), range(0, 1)], [range(1, 2), range(1, 2)], [range(0, 2), range(0, 2)])
+    """
+    groups: list[range] = []
+    start = 0
+    for number, one in enumerate(points):
+        if one >= enough and start < number:
+            groups.append(range(start, number))
+            start = number
+        if sum(points[start : number + 1]) >= enough:
+            groups.append(range(start, number + 1))
+            start = number + 1
+    if start < len(points):
+        groups.append(range(start, len(points)))
+    filled = [sum(points[number] for number in group) >= enough for group in groups]
+    if not any(filled):
+        return [range(len(points))] * len(points)
+    sources: list[range] = []
+    for index, group in enumerate(groups):
+        nearest = index if filled[index] else index - 1 if index else 1
+        sources += [groups[nearest]] * len(group)
+    return sources
 
 
 def few_points(filter_rate: float) -> int:

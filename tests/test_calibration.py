@@ -59,6 +59,7 @@ def params(**given):
 
 def calibrate(ranges, intensity, *, parts=1, filter_rate=0.8, keep_end=False, **given):
     calibration = Calibration(params(**given), filter_rate=filter_rate, keep_end=keep_end)
+    calibration.see(np.array([np.inf]))  # the lidar is not saturated
     for some in np.array_split(np.arange(len(ranges)), parts):
         calibration.add(np.asarray(ranges, float)[some], np.asarray(intensity, float)[some])
     return calibration.thresholds()
@@ -285,14 +286,15 @@ class TestCalibration:
         for number, ring in enumerate(found.rings):
             inside = np.sort(intensity[(ranges >= 10 + 15 * number) & (ranges < 25 + 15 * number)])
             assert ring.points == len(inside)
-            if not len(inside):
-                continue
-            last = last_below(inside, rate)
-            above = inside[inside > last].min(initial=math.inf)
-            assert last < ring.threshold <= (last + 1 if whole else above)
-            assert ring.below == np.count_nonzero(inside < ring.threshold) == np.count_nonzero(inside <= last)
-            assert ring.filter_rate >= rate
             assert ring.few == (len(inside) < few_points(rate))
+            assert ring.below == np.count_nonzero(inside < ring.threshold)
+            first, last_ring = ring.source
+            assert ring.few or first == last_ring == number + 1
+            used = np.sort(intensity[(ranges >= 15 * first - 5) & (ranges < 15 * last_ring + 10)])
+            last = last_below(used, rate)
+            above = used[used > last].min(initial=math.inf)
+            assert last < ring.threshold <= (last + 1 if whole else above)
+            assert ring.few or ring.filter_rate >= rate
 
     def test_thresholds_of_fractions_are_short(self):
         ranges = np.full(1000, 20.0)
@@ -305,12 +307,48 @@ class TestCalibration:
         intensity = np.repeat([9, 9, 9, 4, 4, 2], 100)
         found = calibrate(ranges, intensity, keep_end=True, end_m=90)
         assert found.initial_thresholds == (10, 10, 10, 5, 3, 3)
-        assert [ring.taken_from for ring in found.rings] == [2, None, 2, None, None, 5]
+        assert [ring.source for ring in found.rings] == [(2, 2), (2, 2), (2, 2), (4, 4), (5, 5), (5, 5)]
         assert [ring.points for ring in found.rings] == [0, 300, 0, 200, 100, 0]
         assert found.rings[0].filter_rate is None
 
+    def test_neighbours_with_few_points_are_pooled(self):
+        points = {12.0: 300, 26.0: 60, 41.0: 60, 56.0: 12, 71.0: 500, 86.0: 30}
+        ranges = np.repeat(list(points), list(points.values()))
+        rng = np.random.default_rng(1)
+        intensity = np.floor(rng.exponential(300 / ranges))
+        found = calibrate(ranges, intensity)
+        assert [ring.source for ring in found.rings] == [(1, 1), (2, 3), (2, 3), (2, 3), (5, 5), (5, 5)]
+        together = np.sort(intensity[300:420])
+        assert found.rings[1].threshold == found.rings[3].threshold == together[95] + 1  # 80 % of 120 are 96
+        assert [ring.few for ring in found.rings] == [False, True, True, True, False, True]
+
+    @pytest.mark.parametrize(
+        ("rate", "threshold", "saturated"), [(0.8, 255, True), (0.7, 10, False), (1.0, 256, False)]
+    )
+    def test_saturation(self, rate, threshold, saturated):
+        calibration = Calibration(JointParams(), filter_rate=rate)
+        calibration.add(np.linspace(10, 20, 1000), np.repeat([9.0, 255.0], [750, 250]))
+        (ring,) = calibration.thresholds().rings
+        assert (ring.threshold, ring.saturated) == (threshold, saturated)
+        assert ring.below == (1000 if rate == 1 else 750)
+
+    def test_equal_clutter_below_brighter_points_is_not_saturated(self):
+        """Snow returns nothing but 0; a threshold of 1 removes it and leaves the street."""
+        calibration = Calibration(JointParams())
+        calibration.see(np.array([0.0, 40.0]))
+        calibration.add(np.linspace(10, 20, 1000), np.zeros(1000))
+        (ring,) = calibration.thresholds().rings
+        assert (ring.threshold, ring.saturated, ring.below) == (1, False, 1000)
+
+    def test_another_rate_without_another_pass(self):
+        calibration = Calibration(JointParams())
+        calibration.add(np.linspace(10, 20, 1000), np.arange(1000.0))
+        assert [calibration.thresholds(rate).initial_thresholds for rate in (None, 0.5)] == [(800,), (500,)]
+
     def test_a_ring_of_whole_numbers_in_a_log_of_fractions(self):
-        found = calibrate([20.0] * 10 + [20.5, 21.4, 22, 22.9, 23.8, 24.7, 25.5], [0] * 10 + [0.5] * 6 + [0])
+        found = calibrate(
+            np.repeat([20.0, 20.5, 21.4, 22, 22.9, 23.8, 24.7, 25.5], 100), np.repeat([0, 0.5, 0], [100, 600, 100])
+        )
         assert found.initial_thresholds[1] < 0.01
 
     def test_the_last_ring_is_cut_at_a_given_end(self):

@@ -51,6 +51,11 @@ class IntensityHistogram:
         return self
 
     @property
+    def points(self) -> int:
+        """Number of intensities."""
+        return int(self.distribution()[1].sum())
+
+    @property
     def rank_error(self) -> int:
         """Maximum error of a rank in points; 0 while the histogram is exact."""
         return self._others.rank_error

@@ -25,6 +25,7 @@ from seaclutter_cli.plots.clutter import ClutterDensity, draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
 from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
+from seaclutter_cli.runs.calibrate_targets import TargetSearch
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -134,6 +135,8 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
     else:
         run_batch(works, options.batch, observer, add, together=True)
     result = pass_.result()
+    for text in result.warnings:
+        observer.warn(text)
     files = {options.output: result.config_text().encode()} if options.output else {}
     if options.plot_file:
         files[options.plot_file] = pass_.plot(result.found, options.plot_file.suffix)
@@ -255,11 +258,16 @@ class _Pass:
             raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
         selector = ClutterSelector(self._config.filter, labels, self._config.evaluation.box_margin_m)
         total = expected_frames(source, clouds, selection)
+        search = None if labels else TargetSearch(self._config.filter, self.tally.targets)
         with warnings_of(source, observer), observer.progress(source.name, total) as step:
             for frame, clutter in map_frames(source, selection, selector.clutter):
                 self._add(frame, clutter)
                 self.tally.note_frame(frame)
+                if search:
+                    search.add(frame)
                 step()
+        if search:
+            search.finish()
         require_frames(source, selector.frames + selector.unlabelled)
         finish_labels(labels, source, selection)
         self.tally.add(source, selector)
@@ -276,6 +284,7 @@ class _Pass:
 
     def _add(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
         range_m, intensity = frame.range_m[clutter], frame.intensity[clutter]
+        self.calibration.see(frame.intensity[frame.valid])
         self.calibration.add(range_m, intensity)
         if self._density is not None:
             self._density.add(range_m, intensity)

@@ -4,12 +4,13 @@ import textwrap
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Self
 
-from seaclutter_cli.calibration import Calibration, ClutterSelector, RingCalibration, Thresholds
+from seaclutter_cli.calibration import Calibration, ClutterSelector, RingCalibration, Thresholds, few_points
 from seaclutter_cli.config import Config, SensorParams
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Damage
+from seaclutter_cli.runs.calibrate_targets import TargetTally
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sensors.recognition import RecognisedSensor
 from seaclutter_cli.storage.locations import Location
@@ -38,6 +39,8 @@ class ClutterTally:
         Parts of the recordings that could not be used.
     seen : list of (str, RecognisedSensor)
         Each topic, as ``recording, topic``, and its sensor.
+    targets : TargetTally
+        Frames with objects that rise out of the water, without labels.
     """
 
     frames: int = 0
@@ -47,6 +50,7 @@ class ClutterTally:
     intensity_fields: list[str] = field(default_factory=list)
     damage: list[Damage] = field(default_factory=list)
     seen: list[tuple[str, RecognisedSensor]] = field(default_factory=list)
+    targets: TargetTally = field(default_factory=TargetTally)
     _surveys: dict[str, TopicSurvey] = field(default_factory=dict)
 
     def note_frame(self, frame: Frame) -> None:
@@ -104,6 +108,7 @@ class ClutterTally:
         self.unlabelled += other.unlabelled
         self.marked += other.marked
         self.recordings += other.recordings
+        self.targets += other.targets
         self.intensity_fields += [name for name in other.intensity_fields if name not in self.intensity_fields]
         self.damage += other.damage
         return self
@@ -161,6 +166,28 @@ class CalibrationResult(Result):
             params = replace(params, mounting_roll_deg=roll, mounting_pitch_deg=pitch)
         return replace(self.start, filter=params, sensor=self.tally.sensor)
 
+    @property
+    def warnings(self) -> list[str]:
+        """Reasons to doubt the thresholds, one sentence each."""
+        rings, tally = self.found.rings, self.tally
+        used = sum(ring.points for ring in rings)
+        found = []
+        if tally.targets.are_there:
+            found.append(
+                f"objects rise out of the water in {tally.targets}, and raise the thresholds; label them (--labels), "
+                "or choose a log without targets"
+            )
+        if used < few_points(self.calibration.filter_rate):
+            found.append(f"the thresholds are from {count(used, 'clutter point')} only; use longer logs")
+        saturated = [ring for ring in rings if ring.saturated]
+        if saturated:
+            spans = ", ".join(f"{ring.start_m:g} to {ring.end_m:g} m" for ring in saturated)
+            found.append(
+                f"{spans}: too many points have the highest intensity, {self.calibration.highest:g}: the lidar is "
+                "saturated, or these are targets; thresholds end there and remove less than the filter rate"
+            )
+        return found
+
     def config_text(self) -> str:
         """Return the configuration as YAML, with comments that describe its origin."""
         head = [
@@ -203,6 +230,7 @@ class CalibrationResult(Result):
             "end_kept": self.calibration.keep_end,
             "rings": [_ring_dict(*pair) for pair in zip(found.rings, found.initial_thresholds, strict=True)],
             **({"mounting": asdict(self.mounting)} if self.mounting else {}),
+            "warnings": self.warnings,
             "damage": [str(item) for item in tally.damage],
         }
 
@@ -240,7 +268,8 @@ class CalibrationResult(Result):
     def _table(self) -> str:
         rows = [_ring_row(ring) for ring in self.found.rings]
         lines = table(("range ring", "clutter points", "threshold", "below"), rows).splitlines()
-        notes = ["", *(_note(ring) for ring in self.found.rings)]
+        rate = self.calibration.filter_rate
+        notes = ["", *(_note(number, ring, rate) for number, ring in enumerate(self.found.rings, 1))]
         return "\n".join(f"{line}  {note}".rstrip() for line, note in zip(lines, notes, strict=True))
 
 
@@ -253,10 +282,15 @@ def _ring_row(ring: RingCalibration) -> tuple[str, ...]:
     return span, f"{ring.points:,}", f"{ring.threshold:.9g}", share(ring.below, ring.points)
 
 
-def _note(ring: RingCalibration) -> str:
-    if ring.taken_from is not None:
-        return f"no points: threshold of ring {ring.taken_from}"
-    notes = ["few points"] * ring.few + ["no point passes"] * (ring.below == ring.points)
+def _note(number: int, ring: RingCalibration, filter_rate: float) -> str:
+    notes = ["saturated"] if ring.saturated else ["no point passes"] * (filter_rate == 1 and ring.points > 0)
+    if ring.few:
+        first, last = ring.source
+        amount = "few points" if ring.points else "no points"
+        if first <= number <= last:
+            notes.append(f"{amount}: pooled, rings {first} to {last}" if first < last else amount)
+        else:
+            notes.append(f"{amount}: threshold of ring {last}")
     return ", ".join(notes)
 
 
@@ -269,5 +303,6 @@ def _ring_dict(ring: RingCalibration, threshold: float) -> dict[str, Any]:
         "below": ring.below,
         "filter_rate": ring.filter_rate,
         "few_points": ring.few,
-        "taken_from": ring.taken_from,
+        "source_rings": list(ring.source),
+        "saturated": ring.saturated,
     }

@@ -181,8 +181,8 @@ def test_rings_with_few_or_no_points(tmp_path, out):
     for span, threshold, note in (
         ("10 to 25 m", 8, "no points: threshold of ring 2"),
         ("25 to 40 m", 8, ""),
-        ("40 to 55 m", 8, "few points"),
-        ("55 to 70 m", 8, "no points: threshold of ring 3"),
+        ("40 to 55 m", 8, "few points: threshold of ring 2"),
+        ("55 to 70 m", 8, "no points: threshold of ring 2"),
     ):
         (row,) = (line for line in table if span in line)
         assert (row.split()[5], row.endswith(note)) == (str(threshold), True)
@@ -313,7 +313,9 @@ def test_the_plot(log, out, tmp_path, suffix):
 def test_the_sample(out):
     found = data(SAMPLE, "-o", out, "-c", "snow")
     assert (found["frames"], found["start_m"]) == (3, 0)
-    assert all(ring["filter_rate"] >= 0.8 for ring in found["rings"])
+    own = [ring for number, ring in enumerate(found["rings"], 1) if ring["source_rings"] == [number, number]]
+    assert [ring["saturated"] for ring in own] == [ring["filter_rate"] < 0.8 for ring in own]
+    assert {ring["threshold"] for ring in own if ring["saturated"]} == {255}
 
 
 @pytest.mark.parametrize(
