@@ -46,7 +46,9 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
         If the run could not start, whatever the recordings.
     """
     plan = plan_works(logs, output, options, observer, ahead=False)
-    check_outputs(plan.outputs, plan.inputs, options.labels.paths, force=True, root=plan.root)
+    log_file = getattr(observer, "log_file", None)
+    labels = options.labels.paths
+    check_outputs(plan.outputs, plan.inputs, labels, force=True, log_file=log_file, root=plan.root)
     check_suffixes(work.target for work in plan.works)
     others = {option: place for option, place in plan.outputs.items() if option != "-o"}
     check_outputs(others, {}, force=options.force or options.batch.resume)
