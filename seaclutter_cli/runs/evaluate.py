@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
+from seaclutter_cli.evaluation.labelling.check import LabelCheck
 from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
@@ -284,12 +285,15 @@ class _FrameScorer:
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant for variant in self._variants if not variant.config.make_filter().needs_first_pass]
         self._checks = {variant.name: Checks(variant.config, source.facts) for variant in given}
+        self._label_check = LabelCheck(self._variants[0].config.evaluation)
         self._warned: set[str] = set()
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
         """Score a frame for every method that could use it."""
         truth = self._labels.truth(frame) if self._labels else None
         scores = score_frame(frame, results, truth, self._variants[0].config.evaluation)
+        if truth:
+            self._label_check.add(frame, truth)
         for listener in self._listeners:
             listener.add_frame(frame, results, truth, scores)
         for variant, result, found, spent in zip(self._variants, results, scores, seconds, strict=True):
@@ -302,9 +306,12 @@ class _FrameScorer:
                 self._warn(self._checks[variant.name].add(result))
 
     def finish(self) -> None:
-        """Warn about settings that do not fit, even after only a few frames."""
+        """Warn about settings and labels that do not fit, even after only a few frames."""
         for checks in self._checks.values():
             self._warn(checks.finish())
+        found = max(self._outcome.methods.values(), key=lambda summary: summary.frames)
+        findings = self._label_check.findings(found.targets, found.visible)
+        self._warn(f"labels: {finding.text}" for finding in findings)
 
     def _warn(self, texts: Iterable[str]) -> None:
         for text in texts:
