@@ -13,6 +13,7 @@ from .api.work import plan_filter as plan_filter
 from .api.work import simulate as simulate
 from .config import Config as Config
 from .errors import CloudError as CloudError
+from .errors import ClusterError as ClusterError
 from .errors import ConfigError as ConfigError
 from .errors import FieldError as FieldError
 from .errors import InputError as InputError

@@ -7,6 +7,7 @@
     ├── LabelError         labels cannot be read or do not match the recording
     ├── ModelError         a trained model cannot be read or does not match the task
     ├── OutputError        the output cannot be written
+    ├── ClusterError       a cluster cannot be used, or is gone
     ├── MissingExtraError  an optional dependency is not installed
     └── UsageError         exit status 2
         ├── ConfigError    a config file or value is not valid
@@ -14,6 +15,8 @@
 
 A message says what is wrong, where, and what to do.
 """
+
+from typing import Self
 
 
 class RenamedKeyWarning(FutureWarning):
@@ -111,6 +114,17 @@ class OutputError(SeaclutterError):
     """
 
 
+class ClusterError(SeaclutterError):
+    """A cluster, its scheduler or its workers cannot be used.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> issubclass(seaclutter.ClusterError, seaclutter.SeaclutterError)
+    True
+    """
+
+
 class MissingExtraError(SeaclutterError):
     """A required optional dependency is not installed.
 
@@ -124,6 +138,11 @@ class MissingExtraError(SeaclutterError):
     def __init__(self, feature: str, extra: str) -> None:
         """Name the feature and the extra that provides it."""
         super().__init__(f"{feature} requires an optional dependency: pip install 'seaclutter[{extra}]'")
+        self._given = feature, extra
+
+    def __reduce__(self) -> tuple[type[Self], tuple[str, str]]:
+        """Let pickle copy the error, which comes from other processes, too."""
+        return type(self), self._given
 
 
 class UsageError(SeaclutterError):

@@ -319,16 +319,27 @@ def _jobs_option(what: str) -> Option:
     return click.option("-j", "--jobs", metavar="N", callback=_jobs, help=text)
 
 
+_CLUSTER = (
+    click.option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="Process recordings on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers.",
+    ),
+    click.option("--cluster-insecure", is_flag=True, help="Allow a cluster without encryption, tcp://HOST:PORT."),
+)
+
+
 def jobs_option_for(what: str) -> Option:
     """Return the option for the number of processes, as ``batch``, for results that need all inputs."""
     return grouped("batch", "runs.batch:BatchOptions", (_jobs_option(what),))
 
 
-jobs_option = jobs_option_for("recordings")
-"""The option for the number of processes for recordings, as ``batch``."""
+jobs_option = grouped("batch", "runs.batch:BatchOptions", (_jobs_option("recordings"), *_CLUSTER))
+"""The options for the number of processes or workers for recordings, as ``batch``, for results that need all inputs."""
 _BATCH = (
     _jobs_option("recordings"),
     click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
+    *_CLUSTER,
 )
 batch_options = grouped("batch", "runs.batch:BatchOptions", _BATCH)
 """Options for several recordings, as ``batch``."""

@@ -109,7 +109,7 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
         with ExitStack() as stack:
             table = stack.enter_context(FrameTable(options.frames_file, files)) if options.frames_file else None
             summary = stack.enter_context(AtomicFile(options.summary_file, files)) if options.summary_file else None
-            if len(works) == 1:
+            if options.batch.runs_here(len(works)):
                 outcomes = [works[0].run(observer, [table] if table else [])]
             else:
                 outcomes = run_batch(works, options.batch, observer, partial(_append, table))
@@ -153,6 +153,11 @@ class EvaluateWork(Work[Evaluated]):
     recording: Recording
     labels: LabelFile | None
     tabulated: bool = False
+
+    @property
+    def reads(self) -> Sequence[Location]:
+        """Files and folders that the work reads."""
+        return *self.recording.paths, *self.reading.beside(), *((self.labels.path,) if self.labels else ())
 
     def run(
         self, observer: Observer, tables: Sequence[FrameRows] = (), listeners: Sequence[FrameListener] = ()

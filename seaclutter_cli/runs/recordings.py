@@ -84,6 +84,10 @@ class ReadOptions:
             intensity_field=self.intensity_field,
         )
 
+    def beside(self) -> tuple[Path, ...]:
+        """Return the files that are read with each recording."""
+        return (self.calibration,) if self.calibration else ()
+
     def open(self, recording: Recording) -> Source:
         """Open a recording; raise `InputError` if it cannot be read."""
         return recording.open(rate_hz=self.rate_hz, decoding=DecoderOptions(self.calibration, self.sensor))
