@@ -12,6 +12,7 @@ from seaclutter_cli.simulation.airborne.water import TileWater, water
 Floats = NDArray[np.float64]
 
 _BEAMS = 7
+_BLOCK = 2**15
 _RESOLUTION_M = 0.6
 _WEAKEST = 0.0015
 _MEAN_SQUARE_SLOPE = 0.03
@@ -55,13 +56,49 @@ class Pulses:
     times_s: Floats
 
 
-@dataclass
-class Hits:
-    """End of each ray of each pulse, shape (P, B): height, reflectivity, and number of the object, 0 for none."""
+_RAY = np.dtype([("z", "f8"), ("reflectivity", "f8"), ("number", "u2")])
 
-    z: Floats
-    reflectivity: Floats
-    number: NDArray[np.int64]
+Groups = tuple[NDArray[np.intp], Floats, Floats, NDArray[np.uint16]]
+"""Pulses with a possible echo of one number; its mean height and power, and the object of the ray in its middle."""
+
+
+class Hits:
+    """Ends of the rays of P pulses. Nearly all rays of a pulse end on the water at one height, which is stored once.
+
+    Parameters
+    ----------
+    z, reflectivity : ndarray, shape (P,), float64
+        Height and reflectivity of the water at each pulse.
+    """
+
+    def __init__(self, z: Floats, reflectivity: Floats) -> None:
+        self._water = {"z": z, "reflectivity": reflectivity}
+        self._row = np.full(len(z), -1, np.int32)
+        self._rows = 0
+        self._rays = np.zeros((0, _BEAMS), _RAY)
+
+    def __len__(self) -> int:
+        """Return the number of pulses."""
+        return len(self._row)
+
+    def rays(self, pulses: NDArray[np.intp]) -> NDArray[np.void]:
+        """Return height, reflectivity and number of the object (0: water) of each ray, shape (N, 7)."""
+        rays = np.zeros((len(pulses), _BEAMS), _RAY)
+        for name, values in self._water.items():
+            rays[name] = values[pulses][:, None]
+        row = self._row[pulses]
+        rays[row >= 0] = self._rays[row[row >= 0]]
+        return rays
+
+    def put(self, pulses: NDArray[np.intp], rays: NDArray[np.void]) -> None:
+        """Replace the rays of some pulses."""
+        new = pulses[self._row[pulses] < 0]
+        self._row[new] = np.arange(self._rows, self._rows + len(new))
+        self._rows += len(new)
+        if self._rows > len(self._rays):
+            room = np.zeros((2 * self._rows - len(self._rays), _BEAMS), _RAY)
+            self._rays = np.concatenate((self._rays, room))
+        self._rays[self._row[pulses]] = rays
 
 
 def strips(lidar: AirborneParams, size_m: tuple[float, ...]) -> list[float]:
@@ -149,12 +186,7 @@ class TileRenderer:
         mirror = np.exp(-tilt / (2 * _MEAN_SQUARE_SLOPE))
         reflectivity = params.reflectivity * (_DIFFUSE + (1 - _DIFFUSE) * mirror) * rng.gamma(2.0, 0.5, len(tilt))
         z = sea.height(pulses.x, pulses.y) + rng.normal(0, 0.02, len(tilt))
-        shape = (len(z), _BEAMS)
-        return Hits(
-            np.broadcast_to(z[:, None], shape).copy(),
-            np.broadcast_to(reflectivity[:, None], shape).copy(),
-            np.zeros(shape, np.int64),
-        )
+        return Hits(z, reflectivity)
 
     def _hit_object(
         self, item: TileObject, patch: Patch, pulses: Pulses, sea: TileWater, hits: Hits, rng: np.random.Generator
@@ -173,11 +205,12 @@ class TileRenderer:
         waterline = self._waterline(item, patch, sea, x, y)
         z, reflectivity = _trace(item, patch, (x, y, slope), waterline, highest, rng)
         tilt = np.cos(np.arctan(slope)) ** (0.5 if patch.motion == "fixed" else 1)
-        hit = (z > hits.z[near].reshape(-1)).reshape(-1, _BEAMS)
-        for target, values in (("z", z), ("reflectivity", reflectivity * tilt)):
-            column = getattr(hits, target)
-            column[near] = np.where(hit, values.reshape(-1, _BEAMS), column[near])
-        hits.number[near] = np.where(hit, item.number, hits.number[near])
+        z, reflectivity = z.reshape(-1, _BEAMS), (reflectivity * tilt).reshape(-1, _BEAMS)
+        rays = hits.rays(near)
+        hit = z > rays["z"]
+        rays["z"][hit], rays["reflectivity"][hit], rays["number"][hit] = z[hit], reflectivity[hit], item.number
+        some = hit.any(axis=1)
+        hits.put(near[some], rays[some])
 
     def _waterline(self, item: TileObject, patch: Patch, sea: TileWater, x: Floats, y: Floats) -> Floats:
         """Return the height of an object's waterline at given positions, shape (R,)."""
@@ -242,29 +275,40 @@ def _cells_below(
 
 def _echoes(pulses: Pulses, hits: Hits, lidar: AirborneParams, rng: np.random.Generator) -> NDArray[np.void]:
     """Combine rays into echoes and discard weak ones."""
-    order = np.argsort(-hits.z, axis=1, kind="stable")
-    z, reflectivity, number = (
-        np.take_along_axis(values, order, 1) for values in (hits.z, hits.reflectivity, hits.number)
-    )
-    group = np.concatenate((np.zeros((len(z), 1), np.int64), np.cumsum(-np.diff(z, axis=1) > _RESOLUTION_M, axis=1)), 1)
+    starts = range(0, len(hits), _BLOCK)
+    blocks = [_groups(hits, np.arange(start, min(start + _BLOCK, len(hits))), lidar) for start in starts]
     found = []
     for echo in range(lidar.max_returns):
-        in_echo = group == echo
-        count = in_echo.sum(axis=1)
-        power = (reflectivity * in_echo).sum(axis=1) / _BEAMS
-        detected = np.flatnonzero((count > 0) & (power > _WEAKEST * rng.exponential(3.0, len(power))))
-        first = np.argmax(in_echo[detected], axis=1)
-        height = (z[detected] * in_echo[detected]).sum(axis=1) / count[detected]
-        strongest = number[detected, first + (count[detected] - 1) // 2]
-        found.append((detected, height, power[detected], strongest))
+        possible = [np.concatenate(column) for column in zip(*(block[echo] for block in blocks), strict=True)]
+        weakest = _WEAKEST * rng.exponential(3.0, len(hits))
+        detected = possible[2] > weakest[possible[0]]
+        found.append([column[detected] for column in possible])
     pulse, height, power, label = (np.concatenate(column) for column in zip(*found, strict=True))
     order = np.argsort(pulse, kind="stable")
     return _points(pulses, (pulse[order], height[order], power[order], label[order]), lidar, rng)
 
 
+def _groups(hits: Hits, block: NDArray[np.intp], lidar: AirborneParams) -> list[Groups]:
+    """Return the possible echoes of a block of pulses, from the highest down."""
+    rays = hits.rays(block)
+    order = np.argsort(-rays["z"], axis=1, kind="stable")
+    z, reflectivity, number = (np.take_along_axis(rays[name], order, 1) for name in _RAY.names or ())
+    group = np.concatenate((np.zeros((len(z), 1), np.int64), np.cumsum(-np.diff(z, axis=1) > _RESOLUTION_M, axis=1)), 1)
+    found = []
+    for echo in range(lidar.max_returns):
+        rows = np.flatnonzero((group == echo).any(axis=1))
+        in_echo = group[rows] == echo
+        count = in_echo.sum(axis=1)
+        middle = np.argmax(in_echo, axis=1) + (count - 1) // 2
+        height = (z[rows] * in_echo).sum(axis=1) / count
+        power = (reflectivity[rows] * in_echo).sum(axis=1) / _BEAMS
+        found.append((block[rows], height, power, number[rows, middle]))
+    return found
+
+
 def _points(
     pulses: Pulses,
-    echoes: tuple[NDArray[np.intp], Floats, Floats, NDArray[np.int64]],
+    echoes: Groups,
     lidar: AirborneParams,
     rng: np.random.Generator,
 ) -> NDArray[np.void]:
