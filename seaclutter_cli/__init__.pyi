@@ -2,6 +2,7 @@ from .api.logs import Log as Log
 from .api.logs import open_log as open_log
 from .api.points import filter_points as filter_points
 from .api.points import make_filter as make_filter
+from .api.studies import check_labels as check_labels
 from .api.studies import info as info
 from .api.studies import report as report
 from .api.studies import tune as tune
@@ -12,6 +13,7 @@ from .api.work import plan_filter as plan_filter
 from .api.work import simulate as simulate
 from .config import Config as Config
 from .errors import CloudError as CloudError
+from .errors import ClusterError as ClusterError
 from .errors import ConfigError as ConfigError
 from .errors import FieldError as FieldError
 from .errors import InputError as InputError
@@ -20,6 +22,7 @@ from .errors import MissingExtraError as MissingExtraError
 from .errors import ModelError as ModelError
 from .errors import OutputError as OutputError
 from .errors import SeaclutterError as SeaclutterError
+from .errors import SelectionError as SelectionError
 from .errors import UsageError as UsageError
 from .frame import FilterResult as FilterResult
 from .frame import Frame as Frame

@@ -93,10 +93,11 @@ def count(number: int, noun: str) -> str:
 
     Examples
     --------
-    >>> count(1, "point"), count(1200, "point")
-    ('1 point', '1,200 points')
+    >>> count(1, "point"), count(1200, "point"), count(2, "box")
+    ('1 point', '1,200 points', '2 boxes')
     """
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+    plural = "es" if noun.endswith("x") else "s"
+    return f"{number:,} {noun}{'' if number == 1 else plural}"
 
 
 def duration(seconds: float) -> str:

@@ -50,6 +50,11 @@ class Boxes:
     def __len__(self) -> int:
         return len(self.tracks)
 
+    def chosen(self, rows: NDArray[np.int64]) -> "Boxes":
+        """Return the boxes with these indices."""
+        tracks, classes = (tuple(names[row] for row in rows.tolist()) for names in (self.tracks, self.classes))
+        return Boxes(tracks, classes, self.centers[rows], self.sizes[rows], self.yaws[rows])
+
     def contains(self, xyz: NDArray[np.float64], margin_m: float) -> NDArray[np.bool_]:
         """Return which points are inside which box, inflated by a margin on every side; faces count as inside.
 

@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.config import Config, ConfigSource
@@ -59,6 +60,11 @@ class Raising:
     """
 
     inner: Observer
+
+    @property
+    def log_file(self) -> Path | None:
+        """File that the inner observer writes, if there is one."""
+        return getattr(self.inner, "log_file", None)
 
     def progress(self, title: str, total: int | None, unit: str = "frame") -> AbstractContextManager[Step]:
         """Pass on progress."""

@@ -11,6 +11,7 @@ from seaclutter_cli.api.arguments import (
     run_observer,
 )
 from seaclutter_cli.runs.batch import BatchOptions
+from seaclutter_cli.runs.label_check import LabelCheckResult, check_label_files
 from seaclutter_cli.runs.methods import MethodOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
@@ -60,6 +61,48 @@ def info(
     ('MCAP', 60, [1.0, 255.0])
     """
     return survey_logs(logs, reading, run_observer(observer, keep_going=keep_going), batch)
+
+
+def check_labels(
+    logs: Logs,
+    labels: PathLike | Sequence[PathLike],
+    *,
+    reading: ReadOptions | None = None,
+    keep_going: bool = False,
+    batch: BatchOptions | None = None,
+    observer: Observer = SILENT,
+) -> LabelCheckResult:
+    """Compare labels with the points of logs, and return probable mistakes with their remedies.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    labels : path, or sequence of paths
+        Labels of the recordings in the same order, or a folder with ``RECORDING.labels.csv`` for each.
+    reading : ReadOptions, optional
+        Part of each recording to read, and how.
+    keep_going : bool, optional
+        Store an error of a recording in its outcome and continue with the others, instead of raising it.
+    batch : BatchOptions, optional
+        How several recordings are processed; by default one after another.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If a log or its labels cannot be used.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> (checked,) = seaclutter.check_labels("samples/sea.mcap", "samples/sea.labels.csv").outcomes
+    >>> checked.boxes, checked.visible, checked.findings
+    (120, 120, [])
+    """
+    checked = run_observer(observer, keep_going=keep_going)
+    return check_label_files(logs, label_sources(labels), reading, batch, checked)
 
 
 def tune(  # noqa: PLR0913 - each an option of its own

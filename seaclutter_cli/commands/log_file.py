@@ -29,6 +29,7 @@ class LogFile:
             known = _beginning(path)
             if known and known != _FIRST_LINE.encode():
                 raise OutputError(f"{path}: is not a log file; choose another one for --log-file")
+            path.parent.mkdir(exist_ok=True)  # as for other outputs: the last folder
             with path.open("a", encoding="utf-8") as file:
                 file.write("" if known else _FIRST_LINE)
             handler = logging.FileHandler(path, encoding="utf-8", errors="backslashreplace")

@@ -151,7 +151,7 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         nonlocal pass_
         pass_ += outcome.take()
 
-    if len(works) == 1:
+    if options.batch.runs_here(len(works)):
         pass_ += works[0].read(observer)
         observer.damage(pass_.tally.damage)
     else:
@@ -254,6 +254,11 @@ class CalibrateWork(Work[Calibrated]):
     labels: LabelFile | None
     labelled_frames: range | None = None
 
+    @property
+    def reads(self) -> Sequence[Location]:
+        """Files and folders that the work reads."""
+        return *self.recording.paths, *self.options.reading.beside(), *((self.labels.path,) if self.labels else ())
+
     def run(self, observer: Observer) -> Calibrated:
         """Return the sums over the recording; an error ends the whole run."""
         started, found = perf_counter(), self.read(observer)
@@ -314,7 +319,7 @@ class _Pass:
                 step()
         if search:
             search.finish()
-        require_frames(source, selector.frames + selector.unlabelled)
+        require_frames(source, selector.frames + selector.unlabelled, selection)
         finish_labels(labels, source, selection)
         self.tally.add(source, selector)
 

@@ -1,8 +1,8 @@
 """Filtering of recordings into drop-in MCAP files."""
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -10,14 +10,14 @@ from tempfile import TemporaryDirectory
 from time import perf_counter
 
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import UsageError
-from seaclutter_cli.frame import FilterResult, Reason
+from seaclutter_cli.errors import OutputError, UsageError
+from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels, Sink, Source
-from seaclutter_cli.pipeline import TopicTally, run
+from seaclutter_cli.jobs.together import in_threads
+from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Metadata
-from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch, size_of
-from seaclutter_cli.runs.checks import Checks
+from seaclutter_cli.runs.filter_fit import FitWarnings
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.manifest import manifest_of
@@ -26,6 +26,7 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import (
     Paths,
     check_suffixes,
+    existing,
     inputs_of,
     may_appear,
     plan_outputs,
@@ -43,16 +44,15 @@ from seaclutter_cli.runs.recordings import (
     storing_errors,
 )
 from seaclutter_cli.runs.resume import earlier_run, identity_of
+from seaclutter_cli.runs.resume_rows import rows_in
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
-from seaclutter_cli.selection import cloud_channels, was_filtered
+from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location, location
 from seaclutter_cli.storage.scratch import copies_removed
-from seaclutter_cli.text import count, printable, share
-
-_FEW_WATER = 0.05
+from seaclutter_cli.text import printable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,19 +111,19 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     replaces = options.force or batch.resume
     prepare_outputs(plan.outputs, plan.inputs, options.labels.paths, force=replaces, observer=observer, root=plan.root)
     check_suffixes(work.target for work in plan.works)
-    known = [_earlier(work, observer) if batch.resume else None for work in plan.works]
-    works = [work for work, outcome in zip(plan.works, known, strict=True) if outcome is None]
+    earlier = _earlier(plan.works, observer) if batch.resume else [None] * len(plan.works)
+    works = _works(plan.works, earlier, with_table=options.csv_file is not None)
     with OutputGroup(replace=replaces) as files:
         with ExitStack() as stack:
-            # A single log appears together with the table. Of several, each appears when it is complete.
-            log_written = stack.enter_context(OutputGroup(files)) if len(works) == 1 else None
-            csv_file = options.csv_file
+            # A single log appears together with the table, after it. Of several, each appears when it is complete.
+            is_alone, csv_file = batch.runs_here(len(works)), options.csv_file
+            log_written = stack.enter_context(OutputGroup(files)) if is_alone else None
             table = stack.enter_context(frame_table(plan.config, csv_file, files)) if csv_file else None
-            if len(works) == 1:
+            if is_alone and isinstance(works[0], FilterWork):
                 done = iter([works[0].run(observer, table, log_written)])
             else:
                 done = iter(run_batch(works, batch, observer, partial(_append, table)))
-            outcomes = [outcome or next(done) for outcome in known]
+            outcomes = list(done) if csv_file else [outcome or next(done) for outcome in earlier]
         if not may_appear([options.csv_file], outcomes, observer):
             files.discard()
     for outcome in outcomes:
@@ -173,16 +173,12 @@ def plan_works(
     if options.labels.paths and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
     targets = plan_outputs(recordings, output)
-    batch, labels = options.batch, options.labels.assign(recordings)
-    if batch.resume and not all(isinstance(place, Path) for place in (*targets, *(r.paths[0] for r in recordings))):
-        raise UsageError("--resume: is for logs and outputs on this machine; leave it out")
-    if batch.resume and options.csv_file:
-        raise UsageError("--resume: there are no rows of frames for recordings that are skipped; leave out --csv")
+    labels = options.labels.assign(recordings)
     return PlannedWorks(
         config,
         [FilterWork(options, config, *each) for each in zip(recordings, targets, labels, strict=True)],
         inputs_of(recordings, options.reading, options.config.file, [config]),
-        {"-o": targets, "--csv": options.csv_file, "--manifest": batch.manifest},
+        {"-o": targets, "--csv": options.csv_file, "--manifest": options.batch.manifest},
         location(output),
     )
 
@@ -193,14 +189,26 @@ def frame_table(config: Config, path: Location, group: OutputGroup | None = None
     return CsvSink(path, rings, scenes=config.has_scenes, water=config.has_water, group=group)
 
 
-def _earlier(work: "FilterWork", observer: Observer) -> FilterOutcome | None:
-    """Return the outcome of an earlier run whose output is complete; None if the recording must be filtered."""
-    outcome, difference = work.earlier()
-    if outcome is None and difference:
-        observer.note(f"{work.recording.name}: filtered again; {difference}")
-    if outcome is not None:
-        observer.damage(outcome.damage)
-    return outcome
+def _earlier(works: Sequence["FilterWork"], observer: Observer) -> list[FilterOutcome | None]:
+    """Return the outcomes of earlier runs whose outputs are complete; None for recordings that must be filtered."""
+    present = existing(work.target for work in works)
+    found = in_threads(lambda work: work.earlier() if work.target in present else (None, ""), works)
+    for work, (outcome, difference) in zip(works, found, strict=True):
+        if difference:
+            observer.note(f"{work.recording.name}: filtered again; {difference}")
+        if outcome is not None:
+            observer.damage(outcome.damage)
+    return [outcome for outcome, _ in found]
+
+
+def _works(
+    works: Sequence["FilterWork"], earlier: Sequence[FilterOutcome | None], *, with_table: bool
+) -> list[Work[FilterOutcome]]:
+    """Return the work that is left; with a table, also the reading of the rows in complete outputs."""
+    pairs = list(zip(works, earlier, strict=True))
+    if not with_table:
+        return [work for work, outcome in pairs if outcome is None]
+    return [work if outcome is None else ReadBackWork(work, outcome) for work, outcome in pairs]
 
 
 def _append(table: CsvSink | None, outcome: FilterOutcome) -> None:
@@ -234,6 +242,16 @@ class FilterWork(Work[FilterOutcome]):
     target: Location
     labels: LabelFile | None = None
 
+    @property
+    def reads(self) -> Sequence[Location]:
+        """Files and folders that the work reads."""
+        return *self.recording.paths, *self.options.reading.beside(), *((self.labels.path,) if self.labels else ())
+
+    @property
+    def writes(self) -> Sequence[Location]:
+        """The filtered file."""
+        return (self.target,)
+
     def run(self, observer: Observer, table: CsvSink | None = None, group: OutputGroup | None = None) -> FilterOutcome:
         """Filter the recording; store an error in the outcome.
 
@@ -247,8 +265,8 @@ class FilterWork(Work[FilterOutcome]):
             Files with which the filtered file appears; by default it appears by itself.
         """
         outcome = self.without_result(None)
-        with storing_errors(outcome, observer), ExitStack() as stack:
-            own = None if table or not self.options.csv_file else stack.enter_context(self._own_table())
+        with storing_errors(outcome, observer), self._same_output_accepted(), ExitStack() as stack:
+            own = None if table or not self.options.csv_file else stack.enter_context(self.own_table())
             source = stack.enter_context(opened(self.recording, self.options.reading, observer, outcome))
             written = stack.enter_context(OutputGroup(group, replace=self.options.force or self.options.batch.resume))
             self._stream(source, outcome, observer, table or own, written)
@@ -257,7 +275,18 @@ class FilterWork(Work[FilterOutcome]):
         return outcome
 
     @contextmanager
-    def _own_table(self) -> Iterator[CsvSink]:
+    def _same_output_accepted(self) -> Iterator[None]:
+        """Accept an output that another process has completed, which died or was given up before its answer came."""
+        try:
+            yield
+        except OutputError:
+            with suppress(UsageError, OSError):  # not an output of a run, or none at all
+                if isinstance(self.target, Path) and self.earlier()[0] is not None:
+                    return
+            raise
+
+    @contextmanager
+    def own_table(self) -> Iterator[CsvSink]:
         """Return a table for the frames of this recording alone, which is removed at the end."""
         with TemporaryDirectory(prefix="seaclutter-") as folder, frame_table(self.config, Path(folder, "t.csv")) as own:
             yield own
@@ -286,17 +315,18 @@ class FilterWork(Work[FilterOutcome]):
         table: CsvSink | None,
         group: OutputGroup,
     ) -> None:
-        selection = self.options.reading.selection
+        selection = replace(self.options.reading.selection, latched=self.options.written.latched)
         clouds = cloud_channels(source, selection.topics)
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
         labels = self.labels.open() if self.labels else None
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose one with -t")
         if self.config.method != "none" and was_filtered(source, selection.topics):
-            observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
+            by = filtered_by(source, selection.topics)
+            observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
-        fit = _FitWarnings(self.config, source, topics, observer)
+        fit = FitWarnings(self.config, source, topics, observer)
         with (
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             McapSink(
@@ -310,7 +340,7 @@ class FilterWork(Work[FilterOutcome]):
 
             sinks: list[Sink] = [sink, table] if table else [sink]
             run(source, self.config.make_filter, sinks, selection, on_result, outcome.topics)
-            require_frames(source, outcome.frames)
+            require_frames(source, outcome.frames, selection)
         fit.finish(outcome.topics)
 
     def identity(self, source: Source | None = None, labels: Labels | None = None) -> RunIdentity:
@@ -324,7 +354,12 @@ class FilterWork(Work[FilterOutcome]):
 
     def _written(self, labels: Labels | None, record: Callable[[], Metadata]) -> McapOptions:
         written = replace(
-            self.options.written, config=self.config.to_yaml(), water=self.config.has_water, record=record
+            self.options.written,
+            config=self.config.to_yaml(),
+            water=self.config.has_water,
+            record=record,
+            method=self.config.method,
+            is_part=not self.options.reading.selection.is_whole,
         )
         if not self.options.with_scene:
             return written
@@ -333,41 +368,36 @@ class FilterWork(Work[FilterOutcome]):
         return replace(written, scene=scene_maker(self.config.evaluation, labels))
 
 
-class _FitWarnings:
-    """Warnings about settings that do not fit the frames of a recording."""
+@dataclass(frozen=True)
+class ReadBackWork(Work[FilterOutcome]):
+    """Reading of the rows of the table from a complete output; without them, the recording is filtered again.
 
-    def __init__(self, config: Config, source: Source, topics: Sequence[str], observer: Observer) -> None:
-        self._config, self._observer = config, observer
-        self._checks = {topic: Checks(config, source.facts) for topic in topics}
+    Parameters
+    ----------
+    work : FilterWork
+        Filtering of the recording.
+    outcome : FilterOutcome
+        Outcome of the earlier run.
+    """
 
-    def add(self, result: FilterResult) -> None:
-        """Check a frame."""
-        for warning in self._checks[result.frame.topic].add(result):
-            self._warn(result.frame.topic, warning)
+    work: FilterWork
+    outcome: FilterOutcome
 
-    def finish(self, tallies: Mapping[str, TopicTally]) -> None:
-        """Check the sums over all frames."""
-        for topic, tally in tallies.items():
-            unfit: Sequence[str | None] = self._checks[topic].finish()
-            for warning in unfit or [_nothing_left(tally, self._config.ring_edges) or self._no_water(tally)]:
-                self._warn(topic, warning)
+    @property
+    def recording(self) -> Recording:  # type: ignore[override]
+        """The recording."""
+        return self.work.recording
 
-    def _no_water(self, tally: TopicTally) -> str | None:
-        """Return a warning if nearly all frames of a topic are without the water that the method needs."""
-        if not (self._config.has_water and tally.points_in) or tally.water_frames > _FEW_WATER * tally.frames:
-            return None
-        without = f"{tally.frames - tally.water_frames:,} of {count(tally.frames, 'frame')}"
-        return f"no water seen in {without}; heights are then unknown, and every object that stays is kept"
+    def run(self, observer: Observer) -> FilterOutcome:
+        """Return the outcome of the earlier run with its rows."""
+        with self.work.own_table() as table:
+            rows = rows_in(self.work.target, self.recording.name, self.outcome.topics, table)
+        if rows is None:
+            observer.note("filtered again; the output lacks the diagnostics that the table needs")
+            return self.work.run(observer)
+        self.outcome.rows = zlib.compress(rows)
+        return self.outcome
 
-    def _warn(self, topic: str, text: str | None) -> None:
-        if text:
-            self._observer.warn(f"{topic}: {text}")
-
-
-def _nothing_left(tally: TopicTally, edges: Sequence[float]) -> str | None:
-    """Return a warning if no point of a topic was kept."""
-    most = Reason(int(tally.counts.argmax()))
-    if not tally.points_in or tally.counts[Reason.KEPT]:
-        return None
-    reason = reason_names(edges)[most]
-    return f"no points are left; {share(int(tally.counts[most]), tally.points_in)} were removed: {reason}"
+    def without_result(self, reason: str | None) -> FilterOutcome:
+        """Return an outcome without frames."""
+        return self.work.without_result(reason)

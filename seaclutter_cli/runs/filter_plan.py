@@ -3,7 +3,7 @@
 import shutil
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from seaclutter_cli.errors import SeaclutterError
@@ -46,14 +46,16 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
         If the run could not start, whatever the recordings.
     """
     plan = plan_works(logs, output, options, observer, ahead=False)
-    check_outputs(plan.outputs, plan.inputs, options.labels.paths, force=True, root=plan.root)
+    log_file = getattr(observer, "log_file", None)
+    labels = options.labels.paths
+    check_outputs(plan.outputs, plan.inputs, labels, force=True, log_file=log_file, root=plan.root)
     check_suffixes(work.target for work in plan.works)
     others = {option: place for option, place in plan.outputs.items() if option != "-o"}
     check_outputs(others, {}, force=options.force or options.batch.resume)
     taken = existing(work.target for work in plan.works)
     works = [PlanWork(work, exists=work.target in taken) for work in plan.works]
     single = len(works) == 1
-    planned = [works[0].run(observer)] if single else run_batch(works, replace(options.batch, manifest=None), observer)
+    planned = [works[0].run(observer)] if single else run_batch(works, options.batch.here(), observer)
     todo = [(one, work) for one, work in zip(planned, plan.works, strict=True) if one.status == "do"]
     result = FilterPlan(planned, estimate(todo, options.batch), _free_bytes(plan.works[0].target))
     if result.is_too_large:

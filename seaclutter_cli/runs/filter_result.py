@@ -59,6 +59,8 @@ class FilterOutcome(Outcome):
 
     def figures(self) -> str:
         """Return frames, share of the points kept, and duration, for a line about the outcome."""
+        if self.skipped:
+            return f"{count(self.frames, 'frame')}; skipped, the output was complete"
         kept = f"{share(self.points_out, self.points_in)} of the points kept"
         return f"{count(self.frames, 'frame')}, {kept}, {self.seconds:.1f} s -> {printable(str(self.output))}"
 

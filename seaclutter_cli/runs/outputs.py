@@ -13,13 +13,14 @@ from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.runs.object_outputs import check_objects, is_object_folder
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import Outcome, PathLike, ReadOptions
-from seaclutter_cli.runs.same_file import Identity, files_in, identity
+from seaclutter_cli.runs.same_file import Identities, Identity, files_in
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources import SOURCES, Recording, metadata_beside
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.storage.locations import Location, Url, location
 from seaclutter_cli.storage.objects import exists, list_folder
 from seaclutter_cli.storage.parts import remove_stale
+from seaclutter_cli.storage.real_paths import RealPaths
 from seaclutter_cli.text import count, named_folder
 
 _OTHER_SUFFIXES = {suffix for kind in SOURCES.values() for suffix in kind.suffixes} - {".mcap"} | set(FRAME_READERS)
@@ -115,13 +116,16 @@ def prepare_outputs(
     """Check the paths of output files before anything is read or written, and prepare their folders.
 
     Folders in ``root``, and within `making_parents` all, are created. Incomplete files that killed runs left are
-    removed, with a note to the observer. `check_outputs` describes the other parameters and the errors.
+    removed, with a note to the observer. A file that the observer writes, its ``log_file``, is an output, too.
+    `check_outputs` describes the other parameters and the errors.
     """
-    check_outputs(outputs, inputs, labels, force=force, root=root)
-    for _, path in _local(_flat(outputs)):
-        if _making_parents.get() or _is_below(Path(os.path.realpath(path)).parent, root):
-            _make(Path(os.path.realpath(path)).parent, path)
-    _tidy({Path(os.path.realpath(path)).parent for _, path in _local(_flat(outputs))}, observer)
+    check_outputs(outputs, inputs, labels, force=force, log_file=getattr(observer, "log_file", None), root=root)
+    real = RealPaths()
+    folders = {real(path).parent: path for _, path in _local(_flat(outputs))}
+    for folder, path in folders.items():
+        if _making_parents.get() or _is_below(folder, root):
+            _make(folder, path)
+    _tidy(folders, observer)
 
 
 @contextmanager
@@ -135,7 +139,13 @@ def making_parents() -> Iterator[None]:
 
 
 def check_outputs(
-    outputs: Paths, inputs: Paths, labels: Sequence[Location] = (), *, force: bool, root: Location | None = None
+    outputs: Paths,
+    inputs: Paths,
+    labels: Sequence[Location] = (),
+    *,
+    force: bool,
+    log_file: Path | None = None,
+    root: Location | None = None,
 ) -> None:
     """Check the paths of output files.
 
@@ -150,6 +160,8 @@ def check_outputs(
         Files of labels, and folders whose files are labels; new files in such folders are allowed.
     force : bool
         Whether existing files may be replaced.
+    log_file : Path, optional
+        File to which the observer appends messages; it may exist.
     root : Path or Url, optional
         Folder of the outputs, below which folders are created.
 
@@ -160,16 +172,20 @@ def check_outputs(
         folder whose parent does not exist, or exists and may not be replaced.
     """
     check_objects(list(_flat(outputs)), list(_flat(inputs)), labels, force=force)
-    targets = [_Target(path, option) for option, path in _local(_flat(outputs))]
-    _check_distinct(targets)
-    read, labelled = _Inputs(_local(_flat(inputs))), _Inputs(_local(("--labels", path) for path in labels))
-    for target in targets:
+    known = _Known()
+    targets = [_Target(path, option, known) for option, path in _local(_flat(outputs))]
+    log = [_Target(log_file, "--log-file", known)] if log_file else []
+    _check_distinct([*targets, *log], known)
+    read = _Inputs(_local(_flat(inputs)), known)
+    labelled = _Inputs(_local(("--labels", path) for path in labels), known)
+    for target in [*targets, *log]:
         if option := read.option_of(target, new=True) or labelled.option_of(target, new=False):
             raise UsageError(
                 f"{target.path}: is part of the input, {option}; choose another output for {target.option}"
             )
     for target in targets:
-        _check_place(target, force=force, root=root)
+        _check_place(target, force=force)
+    _check_folders(targets, root)
 
 
 def existing(places: Iterable[Location]) -> set[Location]:
@@ -190,23 +206,31 @@ def _local(places: Iterable[tuple[str, Location]]) -> Iterator[tuple[str, Path]]
     yield from ((option, place) for option, place in places if isinstance(place, Path))
 
 
+class _Known:
+    """What a check knows about paths."""
+
+    def __init__(self) -> None:
+        self.real, self.identities = RealPaths(), Identities()
+
+
 class _Target:
     """An output file, and the option that gives it."""
 
-    def __init__(self, path: Path, option: str) -> None:
+    def __init__(self, path: Path, option: str, known: _Known) -> None:
         self.path, self.option = path, option
-        self.file = Path(os.path.realpath(path))
+        self.file = known.real(path)
         self.exists = os.path.lexists(self.file)
-        self.identity = identity(self.file)
+        self.identity = known.identities.of(self.file)
 
 
 class _Inputs:
     """Files and folders that a run reads."""
 
-    def __init__(self, paths: Iterable[tuple[str, Path]]) -> None:
-        existing = [(option, Path(os.path.realpath(path))) for option, path in paths]
-        self._paths = [(option, path) for option, path in existing if os.path.lexists(path)]
-        self._options = {identity(path): option for option, path in self._paths}
+    def __init__(self, paths: Iterable[tuple[str, Path]], known: _Known) -> None:
+        given = [(option, known.real(path)) for option, path in paths]
+        self._paths = [(option, path) for option, path in given if os.path.lexists(path)]
+        self._options = {known.identities.of(path): option for option, path in self._paths}
+        self._identities = known.identities
 
     @cached_property
     def _inside(self) -> dict[Identity, str]:
@@ -217,11 +241,12 @@ class _Inputs:
         """Return the option of the input that an output would change; ``new``: also by a new file in a folder."""
         found = self._options.get(target.identity)
         if found is None and self._options and (target.exists or new):
-            found = next(filter(None, (self._options.get(identity(above)) for above in target.file.parents)), None)
+            above = map(self._identities.of_folder, target.file.parents)
+            found = next(filter(None, map(self._options.get, above)), None)
         return self._inside.get(target.identity) if found is None and target.exists else found
 
 
-def _check_distinct(targets: Sequence[_Target]) -> None:
+def _check_distinct(targets: Sequence[_Target], known: _Known) -> None:
     """Check that no two outputs are the same file, and that none is the folder of another."""
     first: dict[Identity, _Target] = {}
     for target in targets:
@@ -229,21 +254,26 @@ def _check_distinct(targets: Sequence[_Target]) -> None:
         if other is not target:
             raise UsageError(f"{target.path}: is given for two outputs, {other.option} and {target.option}")
     for inner in targets:
-        outer = first.get(identity(inner.file.parent))
+        outer = first.get(known.identities.of_folder(inner.file.parent))
         if outer and not outer.exists:
             raise UsageError(f"{outer.path}: is given for a file, {outer.option}, and a folder, {inner.option}")
 
 
-def _check_place(target: _Target, *, force: bool, root: Location | None) -> None:
-    path, folder = target.path, target.file.parent
-    if isinstance(root, Path) and _is_below(folder, root):
-        folder = Path(os.path.realpath(root))
+def _check_place(target: _Target, *, force: bool) -> None:
+    path = target.path
     if target.exists and target.file.is_dir():
         raise UsageError(f"{path}: is a folder; {target.option} takes a file")
     if target.exists and not force:
         raise UsageError(f"{path}: already exists; use --force to replace it")
-    if not (os.path.lexists(folder) or os.path.lexists(folder.parent) or _making_parents.get()):
-        raise UsageError(f"{path}: there is no folder {path.parent.parent}; --parents creates it")
+
+
+def _check_folders(targets: Iterable[_Target], root: Location | None) -> None:
+    """Check that folders of outputs exist, or can be created; each is looked at only once."""
+    first = {target.file.parent: target.path for target in reversed(list(targets))}
+    for folder, path in reversed(first.items()):
+        above = Path(os.path.realpath(root)) if isinstance(root, Path) and _is_below(folder, root) else folder
+        if not (os.path.lexists(above) or os.path.lexists(above.parent) or _making_parents.get()):
+            raise UsageError(f"{path}: there is no folder {path.parent.parent}; --parents creates it")
 
 
 def _is_below(folder: Path, root: Location | None) -> bool:

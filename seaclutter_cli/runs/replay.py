@@ -7,6 +7,7 @@ from typing import TypeVar
 
 from seaclutter_cli.config import parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
+from seaclutter_cli.evaluation.labelling.check import LabelCheck
 from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.reporting.listener import ReplayListener
@@ -15,7 +16,7 @@ from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.evaluate import Evaluator
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.recordings import ReadOptions, finish_labels, opened, storing_errors
+from seaclutter_cli.runs.recordings import ReadOptions, finish_labels, opened, require_frames, storing_errors
 from seaclutter_cli.selection import was_filtered
 from seaclutter_cli.sources import Recording
 
@@ -159,21 +160,25 @@ class ReplayReader:
         total = sum(source.counts.get(channel.id, 0) for channel in source.channels if channel.topic == topic)
         if (selection.start_s, selection.end_s) == (None, None):
             self.listener.expect(min(selection.frames or total, total))
-        found = False
+        found, check = False, LabelCheck(self.variant.config.evaluation)
         with self.observer.progress(source.name, selection.frames or total or None) as step:
             for one in replay(source, topic, selection):
-                self._add(one, labels, summary)
+                self._add(one, labels, summary, check)
                 step()
                 found = True
         if not found:
+            require_frames(source, 0, selection)
             reason = source.damage[0] if source.damage else f"no frame of {topic} has removed points and diagnostics"
             raise InputError(f"{source.name}: nothing to show; {reason}")
         finish_labels(labels, source, selection)
+        for finding in check.findings(summary.targets, summary.visible):
+            self.observer.warn(f"{source.name}: labels: {finding.text}")
 
-    def _add(self, one: Replayed, labels: Labels | None, summary: Summary) -> None:
+    def _add(self, one: Replayed, labels: Labels | None, summary: Summary, check: LabelCheck) -> None:
         truth = labels.truth(one.frame) if labels else None
         score = None
         if truth is not None:
+            check.add(one.frame, truth)
             score = score_frame(one.frame, [one.result], truth, self.variant.config.evaluation)[0]
         if score is not None:
             summary.add(score, None)

@@ -1,8 +1,10 @@
 """Going on where a run stopped: which recordings are already filtered."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
+from typing import BinaryIO
 
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
@@ -15,6 +17,10 @@ from seaclutter_cli.runs.recordings import ReadOptions
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, digest_of, digest_of_paths, from_entries
 from seaclutter_cli.sinks import McapOptions
 from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.objects import find_object, open_object
+
+_OF_THE_RUN = ("config", "water", "scene", "record", "method", "is_part")
+"""Fields of `McapOptions` that the run fills in."""
 
 
 def identity_of(
@@ -32,7 +38,9 @@ def identity_of(
     calibration = reading.calibration
     options = {
         "reading": {**asdict(reading), "calibration": digest_of_paths([calibration]) if calibration else None},
-        "written": {k: v for k, v in vars(written).items() if k not in ("config", "water", "scene", "record")},
+        "written": {
+            k: v for k, v in vars(written).items() if k not in ("config", "water", "scene", "record", "method")
+        },
         "with_scene": with_scene,
     }
     label_parts = [digest_of_paths([labels.path]), asdict(labels.options)] if labels else []
@@ -90,10 +98,15 @@ def record_in(output: Location) -> Mapping[str, str] | None:
     UsageError
         If the file is not a complete output of this program.
     """
-    if not isinstance(output, Path) or not output.exists():
-        return None
     try:
-        with output.open("rb") as stream:
+        with ExitStack() as stack:
+            stream: BinaryIO | None = None
+            if isinstance(output, Path):
+                stream = stack.enter_context(output.open("rb")) if output.exists() else None
+            elif stored := find_object(output):
+                stream = stack.enter_context(open_object(stored))
+            if stream is None:
+                return None
             found = [record for record in make_reader(stream).iter_metadata() if record.name == NAME]
     except (McapError, OSError, ValueError, EOFError) as error:
         raise UsageError(f"{output}: not a filtered log, not replaced ({error}); use --force to replace it") from error

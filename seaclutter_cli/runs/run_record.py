@@ -3,8 +3,9 @@
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,8 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import Rings
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage
-from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.locations import Location, Url
+from seaclutter_cli.storage.objects import find_object, list_objects, read_range
 
 NAME = "seaclutter.run"
 """Name of the metadata record in a filtered MCAP file."""
@@ -61,7 +63,7 @@ class RunIdentity:
 def digest_of_paths(paths: Iterable[Location]) -> str:
     """Return a digest of files by their sizes, and first and last MiB; of folders, by their files and names.
 
-    Of more than 64 files, names and sizes are enough; of objects in object storage, their URLs.
+    Of more than 64 files, names and sizes are enough. Objects have the digest that their copies would have.
 
     Raises
     ------
@@ -70,30 +72,46 @@ def digest_of_paths(paths: Iterable[Location]) -> str:
     """
     digest = hashlib.sha256()
     try:
-        places = list(paths)
-        digest.update("".join(f"{place}\0" for place in places if not isinstance(place, Path)).encode())
-        found = [(path, name) for top in places if isinstance(top, Path) for path, name in _files(top)]
-        for path, name in found:
-            size = path.stat().st_size
-            digest.update(os.fsencode(f"{name}\0{size}\0"))  # the same in every locale
+        found = [file for place in paths for file in _files(place)]
+        for file in found:
+            digest.update(os.fsencode(f"{file.name}\0{file.size}\0"))  # the same in every locale
             if len(found) <= _MAX_DIGESTS:
-                digest.update(_ends(path, size))
+                ends = file.read(0, _MIB) + file.read(max(file.size - _MIB, 0), file.size)
+                digest.update(hashlib.sha256(ends).digest())
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be read ({error.strerror})") from error
     return digest.hexdigest()
 
 
-def _files(top: Path) -> list[tuple[Path, str]]:
-    if not top.is_dir():
-        return [(top, "")]
-    return [(path, path.relative_to(top).as_posix()) for path in sorted(top.rglob("*")) if path.is_file()]
+@dataclass(frozen=True)
+class _File:
+    """A file or an object: its name within what was given, its size, and a function that reads from it."""
+
+    name: str
+    size: int
+    read: Callable[[int, int], bytes]
 
 
-def _ends(path: Path, size: int) -> bytes:
+def _files(place: Location) -> list[_File]:
+    if isinstance(place, Url):
+        found = find_object(place)
+        inside = [] if found else sorted(list_objects(place), key=lambda one: one.url.key.split("/"))
+        start = len(place.key) + 1 if place.key else 0
+        return [
+            _File(one.url.key[start:], one.size, partial(read_range, one)) for one in ([found] if found else inside)
+        ]
+    inner = sorted(place.rglob("*")) if place.is_dir() else [place]
+    return [
+        _File("" if path == place else path.relative_to(place).as_posix(), path.stat().st_size, partial(_read, path))
+        for path in inner
+        if path == place or path.is_file()
+    ]
+
+
+def _read(path: Path, start: int, stop: int) -> bytes:
     with path.open("rb") as file:
-        first = file.read(_MIB)
-        file.seek(max(size - _MIB, 0))
-        return hashlib.sha256(first + file.read(_MIB)).digest()
+        file.seek(start)
+        return file.read(stop - start)
 
 
 def digest_of(value: Any) -> str:

@@ -19,14 +19,37 @@ def identity(path: Path) -> Identity:
     path : Path
         Absolute path without links. Hard links to a file are the same file.
     """
-    try:
-        found = path.stat()
-    except (OSError, ValueError):
-        above = path.parent
-        if above == path:
-            return (str(path),)
-        return (*identity(above), path.name.casefold() if _ignores_case(above) else path.name)
-    return (found.st_dev, found.st_ino) if found.st_ino else (os.path.normcase(path),)
+    return Identities().of(path)
+
+
+class Identities:
+    """Identities of many files, with one look at each folder.
+
+    **State**: the identities of folders so far, and whether they ignore case.
+    """
+
+    def __init__(self) -> None:
+        self._folders: dict[Path, Identity] = {}
+        self._ignoring: dict[Path, bool] = {}
+
+    def of(self, path: Path) -> Identity:
+        """Return the identity of a file, as `identity` does."""
+        try:
+            found = path.stat()
+        except (OSError, ValueError):
+            above = path.parent
+            if above == path:
+                return (str(path),)
+            if above not in self._ignoring:
+                self._ignoring[above] = _ignores_case(above)
+            return (*self.of_folder(above), path.name.casefold() if self._ignoring[above] else path.name)
+        return (found.st_dev, found.st_ino) if found.st_ino else (os.path.normcase(path),)
+
+    def of_folder(self, folder: Path) -> Identity:
+        """Return the identity of a folder, which is looked at only once."""
+        if folder not in self._folders:
+            self._folders[folder] = self.of(folder)
+        return self._folders[folder]
 
 
 def _ignores_case(folder: Path) -> bool:

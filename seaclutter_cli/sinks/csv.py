@@ -8,7 +8,10 @@ from dataclasses import astuple
 from types import TracebackType
 from typing import Self
 
-from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, WaterState
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, WaterState
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
@@ -84,13 +87,25 @@ class CsvSink(AbstractContextManager["CsvSink"]):
 
     def write(self, result: FilterResult) -> None:
         """Write the row of a frame."""
-        frame, counts, rings = result.frame, result.counts, result.rings
-        values = (self._recording, frame.topic, frame.index, frame.stamp_ns, frame.size)
+        frame = result.frame
+        place = frame.topic, frame.index, frame.stamp_ns, frame.size
+        self.write_row(self._recording, place, result.counts, result.rings, result.scene, result.water)
+
+    def write_row(
+        self,
+        recording: str,
+        place: tuple[str, int, int, int],
+        counts: NDArray[np.int64],
+        rings: Rings | None,
+        scene: str | None,
+        water: WaterState | None,
+    ) -> None:
+        """Write the row of a frame, given its topic, index, stamp in nanoseconds and number of points as ``place``."""
         states = [""] * self._states if rings is None else [*rings.thresholds.tolist(), *rings.corrections.tolist()]
-        scene = [result.scene or ""] if self._scenes else []
-        water = [counts[Reason.UNCONFIRMED], *_numbers(result.water)] if self._water else []
+        scenes = [scene or ""] if self._scenes else []
+        waters = [counts[Reason.UNCONFIRMED], *_numbers(water)] if self._water else []
         by_reason = (counts[reason] for reason in _REASONS)
-        self._write_row((*values, *by_reason, counts[Reason.KEPT], *states, *scene, *water))
+        self._write_row((recording, *place, *by_reason, counts[Reason.KEPT], *states, *scenes, *waters))
 
     def end(self) -> None:
         """End a recording and keep its rows."""

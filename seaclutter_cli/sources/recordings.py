@@ -1,5 +1,6 @@
 """Recordings: which files, folders and globs refer to, and which files form one."""
 
+import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -19,6 +20,7 @@ from seaclutter_cli.sources.joining import difference, joined
 from seaclutter_cli.sources.rosbag2.folder import SplitSource, is_rosbag2_folder, split_groups
 from seaclutter_cli.sources.shared.packet_topics import wrap_packets
 from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.real_paths import RealPaths
 from seaclutter_cli.text import count
 
 
@@ -136,6 +138,7 @@ def find_recordings(
     """
     search = search or Search()
     found: dict[Location, Recording] = {}
+    real = RealPaths()
     for pattern in patterns:
         named = Path(pattern)
         is_glob = re.search(r"[*?\[]", pattern) and not named.exists()
@@ -149,20 +152,24 @@ def find_recordings(
         for path in paths:
             recordings += _expand(path, search, note) if path not in files else []
         for recording in recordings:
-            found.setdefault(recording.key, recording)
+            first = recording.paths[0]
+            found.setdefault(real(first) if isinstance(first, Path) else first, recording)
     return list(found.values())
 
 
 def _expand(path: Path, search: Search, note: Callable[[str], object]) -> list[Recording]:
     if not path.is_dir() or is_rosbag2_folder(path):
         return [Recording((path,))]
-    children = sorted(path.iterdir())
-    files = [child for child in children if _is_log(child)]
+    with os.scandir(path) as entries:  # knows the kinds without a look at each file
+        kinds = {path / entry.name: (entry.is_file(), entry.is_dir()) for entry in entries}
+    children = sorted(kinds)
+    files = [child for child in children if kinds[child][0] and _has_suffix(child)]
+    folders = [child for child in children if kinds[child][1]]
     if not files and is_frame_folder(path):
         return [Recording((path,))]
     recordings = [Recording(tuple(part)) for group in split_groups(files) for part in _joined(group, search, note)]
-    recordings += [Recording((child,)) for child in children if child.is_dir() and _is_recording(child)]
-    inner = [child for child in children if child.is_dir() and not _is_recording(child) and _has_recordings(child)]
+    recordings += [Recording((child,)) for child in folders if _is_recording(child)]
+    inner = [child for child in folders if not _is_recording(child) and _has_recordings(child)]
     if search.recursive:
         for child in inner:
             found = _expand(child, search, note)
@@ -198,7 +205,11 @@ def _is_inside(folder: Path) -> bool:
 
 
 def _is_log(path: Path) -> bool:
-    return path.name.lower().endswith(LOG_SUFFIXES) and path.is_file()
+    return _has_suffix(path) and path.is_file()
+
+
+def _has_suffix(path: Path) -> bool:
+    return path.name.lower().endswith(LOG_SUFFIXES)
 
 
 def _is_real_folder(path: Path) -> bool:

@@ -1,9 +1,10 @@
 """Objects in buckets: finding, listing, reading and writing them, by obstore."""
 
+import io
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from seaclutter_cli.errors import InputError, OutputError
 from seaclutter_cli.storage.failures import explained
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 _PART = 8 * 2**20
 _MAX_PARTS = 9_000
+_BLOCK = 64 * 2**10
 _AT_ONCE = 4
 """Parts sent at once; these are still on their way when an object is completed."""
 
@@ -119,6 +121,34 @@ def read_range(found: StoredObject, start: int, stop: int) -> bytes:
     if len(data) != stop - start or result.meta["size"] != found.size:
         raise InputError(f"{found.url}: the object changed while it was read")
     return data
+
+
+def open_object(found: StoredObject) -> BinaryIO:
+    """Return an object as a file that fetches only what is read, 64 KiB or more at a time."""
+    return io.BufferedReader(_Ranges(found), _BLOCK)
+
+
+class _Ranges(io.RawIOBase):
+    """An object as an unbuffered file."""
+
+    def __init__(self, found: StoredObject) -> None:
+        self._found, self._position = found, 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET, /) -> int:
+        self._position = max(offset + {io.SEEK_CUR: self._position, io.SEEK_END: self._found.size}.get(whence, 0), 0)
+        return self._position
+
+    def readinto(self, buffer: Any, /) -> int:
+        data = read_range(self._found, self._position, self._position + len(buffer))
+        buffer[: len(data)] = data
+        self._position += len(data)
+        return len(data)
 
 
 def range_options(found: StoredObject, start: int, stop: int) -> "GetOptions":

@@ -361,3 +361,37 @@ def test_a_log_file_replaces_nothing(logs, tmp_path):
     assert "is not a log file" in result.stderr
     assert victim.read_text() == "important\n"
     assert CliRunner().invoke(cli, [*line, str(tmp_path / "no" / "folder" / "x.log")]).exit_code == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ("filter {0}/a.mcap -o {1}/x.log --log-file {1}/x.log", "is given for two outputs, -o and --log-file"),
+        ("filter {0} -o {1}/out/ --manifest {1}/x.log --log-file {1}/x.log", "two outputs, --manifest and --log-file"),
+        ("filter {0} -o {1}/out/ --csv {1}/m.csv --manifest {1}/m.csv", "two outputs, --csv and --manifest"),
+        ("filter {0} -o {1}/out/ --manifest {1}/out/a.mcap", "two outputs, -o and --manifest"),
+        ("filter {1}/a.mcap -o {1}/out/ --manifest {1}/a.mcap --force", "is part of the input, LOGS"),
+        ("filter {1}/a.mcap -o {1}/out/ --log-file {1}/a.mcap", "is not a log file"),
+        ("filter {1}/empty.mcap -o {1}/out/ --log-file {1}/empty.mcap", "is part of the input, LOGS"),
+        ("evaluate {0} --labels {1}/l.csv --log-file {1}/l.csv", "is not a log file"),
+        ("calibrate {1}/frames -o {1}/c.yaml --log-file {1}/frames/x.log", "is part of the input, LOGS"),
+    ],
+)
+def test_files_about_a_run_are_no_input_and_no_other_output(logs, tmp_path, line, text):
+    (tmp_path / "a.mcap").write_bytes((logs / "b.mcap").read_bytes())
+    (tmp_path / "empty.mcap").touch()
+    (tmp_path / "l.csv").write_text("frame,track_id,class,x,y,z,length,width,height,yaw\n")
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "0.bin").write_bytes(bytes(16))
+    result = CliRunner().invoke(cli, line.format(logs, tmp_path).split())
+    assert result.exit_code in (1, 2)
+    assert text in result.stderr
+    assert (tmp_path / "a.mcap").read_bytes() == (logs / "b.mcap").read_bytes()
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_log_file_may_be_beside_the_outputs(logs, tmp_path):
+    line = ["filter", str(logs / "b.mcap"), "-o", f"{tmp_path / 'out'}/", "--log-file", str(tmp_path / "out" / "x.log")]
+    assert CliRunner().invoke(cli, line).exit_code == 0
+    assert CliRunner().invoke(cli, [*line, "--force"]).exit_code == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["b.mcap", "x.log"]

@@ -151,10 +151,46 @@ def test_a_manifest_lists_skipped_recordings(trial):
     assert [(row["status"], row["frames"]) for row in rows[:2]] == [("skipped", 6), ("skipped", 3)]
 
 
-def test_a_table_of_frames_is_refused(trial):
-    result = run(trial, "--resume", "--csv", str(trial / "t.csv"))
-    assert result.exit_code == 2
-    assert "--csv" in result.stderr
+@pytest.mark.parametrize(
+    "options",
+    [
+        (),
+        ("-m", "confirmed"),
+        ("-m", "none"),
+        ("-m", "adaptive_radius", "-s", "filter.scene=open"),
+    ],
+)
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_the_table_of_frames_is_complete(trial, options, jobs):
+    first, again = str(trial / "first.csv"), str(trial / "again.csv")
+    run(trial, "--csv", first, *options)
+    (trial / "out" / "b.mcap").unlink()
+    before = files(trial)
+    result = run(trial, "--resume", "--csv", again, "-j", jobs, *options)
+    assert result.exit_code == 3
+    assert result.stdout.startswith("1 done, 2 skipped; ")
+    assert (trial / "again.csv").read_bytes() == (trial / "first.csv").read_bytes()
+    assert {name: kept for name, kept in files(trial).items() if name != "b.mcap"} == before
+
+
+def test_the_table_of_two_topics_and_of_one_recording(trial):
+    logs = trial / "logs"
+    for path in logs.iterdir():
+        path.unlink()
+    cloud_log(logs / "two.mcap", frames=5, points=100, topics=("/left", "/right"))
+    for name in ("first.csv", "again.csv"):
+        options = ("-t", "/left", "-t", "/right", "--csv", str(trial / name), "--resume")
+        assert run(trial, *options).exit_code == 0
+    assert (trial / "again.csv").read_bytes() == (trial / "first.csv").read_bytes()
+    assert len((trial / "first.csv").read_bytes().splitlines()) == 11
+
+
+def test_without_diagnostics_the_table_needs_another_run(trial):
+    run(trial, "--no-diagnostics", "--csv", str(trial / "first.csv"))
+    result = run(trial, "--resume", "--no-diagnostics", "--csv", str(trial / "again.csv"))
+    assert result.stdout.startswith("2 done, 1 damaged; ")
+    assert result.stderr.count("filtered again; the output lacks the diagnostics that the table needs") == 3
+    assert (trial / "again.csv").read_bytes() == (trial / "first.csv").read_bytes()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
@@ -162,7 +198,7 @@ def test_a_table_of_frames_is_refused(trial):
 def test_a_killed_run_goes_on(trial, moments):
     for name in "defgh":
         cloud_log(trial / "logs" / f"{name}.mcap", frames=20, points=2000)
-    assert run(trial).exit_code == 3
+    assert run(trial, "--csv", str(trial / "all.csv")).exit_code == 3
     expected = contents(trial)
     command = [sys.executable, "-m", "seaclutter_cli", "filter", str(trial / "logs"), "-o", f"{trial / 'out'}/", "-q"]
     rng = random.Random(5)
@@ -174,6 +210,7 @@ def test_a_killed_run_goes_on(trial, moments):
         time.sleep(rng.uniform(0.5, 4.0))
         process.send_signal(signal.SIGKILL)
         process.wait()
-        result = run(trial, "--resume")
+        result = run(trial, "--resume", "--csv", str(trial / "table.csv"))
         assert result.exit_code == 3
+        assert (trial / "table.csv").read_bytes() == (trial / "all.csv").read_bytes()
         assert {name: data for name, data in contents(trial).items() if not name.startswith(".")} == expected

@@ -1,0 +1,173 @@
+"""Check of the labels of a recording against its points."""
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.labelling.fit import DEGREES, Guess, LabelFit
+from seaclutter_cli.evaluation.labelling.sample import FrameSample
+from seaclutter_cli.evaluation.labelling.sizes import limit_m, too_long, without_size
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.text import count, printable
+from seaclutter_cli.truth import Boxes, Truth
+
+_FEW = 0.1
+_MIN_BOXES = 5
+_MOST = 0.85
+_FULL_TURN = 2 * np.pi + 0.01
+_SAME_M = 1e-3
+_MEANINGS = {"ignore": "areas to ignore", "none": "frames without a target"}
+_SIMILAR = {
+    "ignore": re.compile("ignor|dontcare"),
+    "none": re.compile("(empty|nothing|no(object|target|label)s?|null|nan)$"),
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A probable mistake in labels.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the mistake, for programs.
+    text : str
+        What was found, what it may mean, and what to do.
+    """
+
+    kind: str
+    text: str
+
+
+@dataclass
+class LabelCheck:
+    """Check of the labels of a recording, frame by frame, in bounded memory.
+
+    Parameters
+    ----------
+    params : EvaluationParams
+        Margin of boxes, and minimum number of points of visible targets.
+    """
+
+    params: EvaluationParams
+    boxes: int = 0
+    _over_full_turn: int = 0
+    _without_size: int = 0
+    _duplicates: Counter[int] = field(default_factory=Counter)
+    _too_long: Counter[str] = field(default_factory=Counter)
+    _longest_m: dict[str, float] = field(default_factory=dict)
+    _classes: Counter[str] = field(default_factory=Counter)
+    _sample: FrameSample = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._sample = FrameSample(self.params.box_margin_m)
+
+    def add(self, frame: Frame, truth: Truth) -> None:
+        """Check the boxes of a frame; frames with labels of points only have none."""
+        boxes = truth.targets
+        if not boxes:
+            return
+        self.boxes += len(boxes)
+        self._classes.update(boxes.classes)
+        self._over_full_turn += int(np.count_nonzero(np.abs(boxes.yaws) > _FULL_TURN))
+        self._without_size += without_size(boxes)
+        if same := _duplicates(boxes):
+            self._duplicates[frame.index] = same
+        for kind, longest_m in too_long(boxes):
+            self._too_long[kind] += 1
+            self._longest_m[kind] = max(longest_m, self._longest_m.get(kind, 0.0))
+        others = np.array([not _resembles(kind, "ignore") for kind in boxes.classes])
+        self._sample.offer(frame, replace(truth, targets=boxes.chosen(np.flatnonzero(others))))
+
+    def findings(self, targets: int, visible: int) -> list[Finding]:
+        """Return the probable mistakes.
+
+        Parameters
+        ----------
+        targets, visible : int
+            Number of targets in all frames, and of those with enough points.
+        """
+        found = [*self._class_names(), *self._counted()]
+        fitted = self._fitted() if sum(len(one.targets) for one in self._sample.frames) >= _MIN_BOXES else []
+        found += fitted
+        if not any("sizes" in finding.text for finding in fitted):
+            found += [_long(kind, number, self._longest_m[kind]) for kind, number in self._too_long.items()]
+        if not fitted and targets >= _MIN_BOXES and visible < _FEW * targets:
+            found.append(_invisible(targets, visible, self.params.min_visible_points))
+        return found
+
+    def _fitted(self) -> list[Finding]:
+        """Return what the fit of the boxes shows."""
+        fit = LabelFit(self._sample.frames, self.params.box_margin_m, self.params.min_visible_points)
+        if (share := fit.share_in_middle()) > _MOST:
+            return [_too_large(share)]
+        return [_guessed(guess) for guess in fit.guesses([DEGREES] if self._over_full_turn else [])]
+
+    def _counted(self) -> list[Finding]:
+        """Return what is wrong whatever the points are."""
+        found = []
+        if self._over_full_turn:
+            text = f"yaws of {self._of(self._over_full_turn)} exceed 2 pi; they seem to be in degrees"
+            found.append(Finding("yaw", f"{text}: convert them to radians"))
+        if self._duplicates:
+            first = ", ".join(map(str, sorted(self._duplicates)[:3])) + (", …" if len(self._duplicates) > 3 else "")
+            text = f"{self._of(self._duplicates.total())} repeat another one and count twice (frame {first})"
+            found.append(Finding("duplicate", f"{text}: delete them"))
+        if self._without_size:
+            text = f"{self._of(self._without_size)} have a side of 0 m: set length, width and height"
+            found.append(Finding("size", text))
+        return found
+
+    def _of(self, number: int) -> str:
+        return f"{number:,} of {count(self.boxes, 'box')}"
+
+    def _class_names(self) -> list[Finding]:
+        """Return classes that look like one with a meaning, but count as targets."""
+        found = []
+        for kind, number in self._classes.items():
+            for name, meaning in _MEANINGS.items():
+                if _resembles(kind, name):
+                    text = f"{self._of(number)} have the class {kind!r} and count as targets; {meaning} have the class "
+                    found.append(Finding("class", f"{printable(text)}{name!r}: rename it"))
+        return found
+
+
+def _resembles(kind: str, name: str) -> bool:
+    """Return whether a class is probably meant to be one of `_MEANINGS`."""
+    return bool(_SIMILAR[name].match(re.sub(r"[^a-z]", "", kind.lower())))
+
+
+def _duplicates(boxes: Boxes) -> int:
+    """Return the number of boxes that are the same as another one, whatever their track."""
+    rows = np.round(np.column_stack([boxes.centers, boxes.sizes]) / _SAME_M)
+    return len(rows) - len(np.unique(rows, axis=0))
+
+
+def _guessed(guess: Guess) -> Finding:
+    after, before = (f"{100 * fit:.0f} %" for fit in (guess.after, guess.before))
+    evidence = f"then {after} of the points in and around boxes are inside, not {before}"
+    return Finding("fit", f"it seems that {guess.change.mistake}: {guess.change.remedy} ({evidence})")
+
+
+def _long(kind: str, number: int, longest_m: float) -> Finding:
+    subject = printable(f"{count(number, 'box')} of class {kind!r} {'is' if number == 1 else 'are'}")
+    return Finding(
+        "size", f"{subject} longer than {limit_m(kind):g} m (up to {longest_m:,.1f} m): check unit and class"
+    )
+
+
+def _too_large(share: float) -> Finding:
+    text = f"boxes seem too large: {100 * share:.0f} % of the points inside are in the middle third of length and width"
+    return Finding("size", f"{text}: check the sizes and their unit")
+
+
+def _invisible(targets: int, visible: int, least: int) -> Finding:
+    text = f"only {visible:,}" if visible else "none"
+    return Finding(
+        "points",
+        f"{text} of {count(targets, 'box')} with at least {count(least, 'point')} inside"
+        "; check that the labels belong to this recording, and are in metres and radians in the frame of the lidar",
+    )

@@ -1,0 +1,276 @@
+"""Check of labels against the points of recordings."""
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.config import load_config
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.labelling.check import Finding, LabelCheck
+from seaclutter_cli.evaluation.matching import targets_of
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.pipeline import run_each
+from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
+from seaclutter_cli.runs.labels import LabelFile, LabelSources
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.recordings import (
+    Logs,
+    Outcome,
+    ReadOptions,
+    RecordingsResult,
+    expand,
+    expected_frames,
+    finish_labels,
+    opened,
+    require_frames,
+    storing_errors,
+)
+from seaclutter_cli.selection import cloud_channels
+from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.scratch import copies_removed
+from seaclutter_cli.text import UNKNOWN, count, printable, table
+from seaclutter_cli.truth import Boxes, Truth
+
+_LINE_CHARACTERS = 80
+
+
+@copies_removed()
+def check_label_files(
+    logs: Logs,
+    labels: LabelSources,
+    reading: ReadOptions | None = None,
+    batch: BatchOptions | None = None,
+    observer: Observer = SILENT,
+) -> "LabelCheckResult":
+    """Check labels against the points of recordings, for mistakes that give wrong rates without an error.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    labels : LabelSources
+        Labels of the recordings.
+    reading : ReadOptions, optional
+        Part of each recording to read, and how.
+    batch : BatchOptions, optional
+        How several recordings are processed.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If the run cannot start or continue; an error in a single recording is stored in its outcome.
+    """
+    recordings = expand(logs)
+    files = labels.assign(recordings)
+    options = reading or ReadOptions()
+    works = [LabelCheckWork(options, *each) for each in zip(recordings, files, strict=True)]
+    if len(works) == 1:
+        return LabelCheckResult([works[0].run(observer)])
+    return LabelCheckResult(run_batch(works, batch or BatchOptions(), observer))
+
+
+@dataclass
+class ClassCounts:
+    """Boxes of one class: their number, how many are visible, and sums of their sizes and points."""
+
+    boxes: int = 0
+    visible: int = 0
+    sizes_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    points: int = 0
+
+    def means(self) -> dict[str, float]:
+        """Return mean length, width and height in metres, and the mean number of points inside."""
+        sizes = (self.sizes_m / max(self.boxes, 1)).tolist()
+        names = ("length_m", "width_m", "height_m")
+        return {**dict(zip(names, sizes, strict=True)), "points": self.points / max(self.boxes, 1)}
+
+
+@dataclass(kw_only=True)
+class CheckedLabels(Outcome):
+    """Outcome of the check of one recording.
+
+    Parameters
+    ----------
+    labels : str
+        Path of the labels.
+    labelled, unlabelled : int
+        Number of frames.
+    classes : dict of str to ClassCounts
+        Boxes of targets by class.
+    areas : int
+        Number of areas to ignore.
+    point_frames : int
+        Number of frames with labels of points.
+    findings : list of Finding
+        Probable mistakes.
+    """
+
+    labels: str
+    labelled: int = 0
+    unlabelled: int = 0
+    classes: dict[str, ClassCounts] = field(default_factory=dict)
+    areas: int = 0
+    point_frames: int = 0
+    findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def boxes(self) -> int:
+        """Number of boxes of targets."""
+        return sum(one.boxes for one in self.classes.values())
+
+    @property
+    def visible(self) -> int:
+        """Number of boxes with enough points."""
+        return sum(one.visible for one in self.classes.values())
+
+    def add(self, frame: Frame, truth: Truth | None, params: EvaluationParams) -> None:
+        """Count a frame."""
+        if truth is None:
+            self.unlabelled += 1
+            return
+        self.labelled += 1
+        self.areas += len(truth.ignored)
+        self.point_frames += truth.points is not None
+        if truth.targets:
+            self._add_boxes(truth.targets, [len(one) for one in targets_of(frame, truth, params).members], params)
+
+    def _add_boxes(self, boxes: Boxes, points: Sequence[int], params: EvaluationParams) -> None:
+        for kind, size_m, inside in zip(boxes.classes, boxes.sizes, points, strict=True):
+            own = self.classes.setdefault(kind, ClassCounts())
+            own.boxes += 1
+            own.visible += inside >= params.min_visible_points
+            own.sizes_m += size_m
+            own.points += inside
+
+    def figures(self) -> str:
+        """Return the main figures, for a line about the outcome."""
+        found = count(len(self.findings), "probable mistake") if self.findings else "no mistake found"
+        return f"{count(self.labelled, 'labelled frame')}, {count(self.boxes, 'box')}: {found}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the outcome as JSON-compatible data."""
+        return {
+            "recording": self.recording,
+            "labels": self.labels,
+            "error": self.error,
+            "damage": [str(item) for item in self.damage],
+            "frames": self.labelled,
+            "unlabelled_frames": self.unlabelled,
+            "boxes": self.boxes,
+            "visible": self.visible,
+            "areas_to_ignore": self.areas,
+            "frames_with_labelled_points": self.point_frames,
+            "classes": {
+                kind: {"boxes": one.boxes, "visible": one.visible, **one.means()} for kind, one in self.classes.items()
+            },
+            "findings": [asdict(one) for one in self.findings],
+        }
+
+    def as_text(self) -> str:
+        """Return the outcome as human-readable text."""
+        frames = f"{count(self.labelled, 'labelled frame')}, {self.unlabelled:,} unlabelled"
+        more = [f"{count(self.areas, 'area')} to ignore"] if self.areas else []
+        more += [f"labels of points in {count(self.point_frames, 'frame')}"] if self.point_frames else []
+        lines = [f"{printable(self.recording)} with {printable(self.labels)}", frames, "; ".join(more)]
+        blocks = ["\n".join(filter(None, lines))]
+        if self.classes:
+            rows = [(kind, one.boxes, one.visible, *_cells(one)) for kind, one in self.classes.items()]
+            blocks.append(table(("class", "boxes", "visible", "length m", "width m", "height m", "points"), rows))
+        found = [_item(finding.text) for finding in self.findings]
+        blocks.append("\n".join(["Probable mistakes:", *found]) if found else "No mistake found.")
+        return "\n\n".join(blocks)
+
+
+def _cells(one: ClassCounts) -> list[str]:
+    """Return means as text."""
+    *sizes, points = one.means().values()
+    return [*(f"{size:.2f}" for size in sizes), f"{points:.0f}" if one.visible else UNKNOWN]
+
+
+def _item(text: str) -> str:
+    return textwrap.fill(text, _LINE_CHARACTERS, initial_indent="* ", subsequent_indent="  ")
+
+
+@dataclass(frozen=True)
+class LabelCheckWork(Work[CheckedLabels]):
+    """Check of the labels of one recording.
+
+    Parameters
+    ----------
+    reading : ReadOptions
+        Part of the recording to read, and how.
+    recording : Recording
+        The recording.
+    labels : LabelFile or None
+        Its labels.
+    """
+
+    reading: ReadOptions
+    recording: Recording
+    labels: LabelFile | None
+
+    def run(self, observer: Observer) -> CheckedLabels:
+        """Check the labels; store an error in the outcome."""
+        outcome = self.without_result(None)
+        with storing_errors(outcome, observer):
+            labels = self.labels.open() if self.labels else None
+            with opened(self.recording, self.reading, observer, outcome) as source:
+                self._check(source, labels, outcome, observer)
+        return outcome
+
+    def _check(self, source: Source, labels: Labels | None, outcome: CheckedLabels, observer: Observer) -> None:
+        selection = self.reading.selection
+        unfiltered = load_config(None, method="none")
+        check = LabelCheck(unfiltered.evaluation)
+        clouds = cloud_channels(source, selection.topics)
+        with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+
+            def on_frame(frame: Frame, *_: object) -> None:
+                truth = labels.truth(frame) if labels else None
+                outcome.add(frame, truth, unfiltered.evaluation)
+                if truth:
+                    check.add(frame, truth)
+                step()
+
+            run_each(source, [unfiltered.make_filter()], selection, on_frame)
+        require_frames(source, outcome.labelled + outcome.unlabelled, selection)
+        finish_labels(labels, source, selection)
+        outcome.findings = check.findings(outcome.boxes, outcome.visible)
+
+    def without_result(self, reason: str | None) -> CheckedLabels:
+        """Return an outcome without frames."""
+        path = str(self.labels.path) if self.labels else ""
+        return CheckedLabels(recording=self.recording.name, labels=path, error=reason)
+
+
+@dataclass(frozen=True)
+class LabelCheckResult(RecordingsResult):
+    """Result of the check of the labels of several recordings.
+
+    Parameters
+    ----------
+    outcomes : sequence of CheckedLabels
+        Outcome of each recording.
+    """
+
+    outcomes: Sequence[CheckedLabels]
+
+    @property
+    def failed(self) -> bool:
+        """Whether any labels have a probable mistake, or any recording could not be read."""
+        return any(outcome.error or outcome.findings for outcome in self.outcomes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as JSON-compatible data."""
+        return {"recordings": [outcome.as_dict() for outcome in self.outcomes]}
+
+    def as_text(self) -> str:
+        """Return the result as human-readable text."""
+        return "\n\n".join(outcome.as_text() for outcome in self.outcomes if not outcome.error)
