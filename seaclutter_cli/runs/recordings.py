@@ -12,7 +12,7 @@ from typing import Any
 
 from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, UsageError
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.records import Channel, Damage
+from seaclutter_cli.records import Channel, Damage, SensorFacts
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sensors.packets import DecoderOptions
@@ -104,6 +104,8 @@ class Outcome:
         Reason why there is no result; None if there is one.
     skipped : bool
         Whether the result is that of an earlier run.
+    facts : dict of str to SensorFacts
+        Facts about the sensor of each topic, from packets or metadata.
     """
 
     recording: str
@@ -111,6 +113,7 @@ class Outcome:
     seconds: float = 0.0
     error: str | None = None
     skipped: bool = False
+    facts: dict[str, SensorFacts] = field(default_factory=dict, repr=False)
 
     @property
     def status(self) -> str:
@@ -214,7 +217,7 @@ def opened(recording: Recording, reading: ReadOptions, observer: Observer, outco
     with closing(reading.open(recording)) as source:
         with warnings_of(source, observer):
             yield source
-        outcome.damage = source.damage
+        outcome.damage, outcome.facts = source.damage, dict(source.facts)
         observer.damage(source.damage)
 
 
