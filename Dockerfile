@@ -1,7 +1,9 @@
 # As a command, which writes files of the user who runs it:
 #   docker run --rm --user "$(id -u):$(id -g)" -v "$PWD:/data" seaclutter filter trial.mcap -o filtered.mcap
 # As a cluster worker, which the scheduler and other workers must be able to reach:
-#   docker run --rm --network host -v /mnt/nas:/data --entrypoint dask seaclutter worker tcp://scheduler:8786 --nthreads 1
+#   docker run --rm --network host -v /mnt/nas:/mnt/nas -e DASK_CONFIG=/mnt/nas/dask --entrypoint dask seaclutter \
+#     worker tls://scheduler:8786 --nworkers 8 --nthreads 1 --memory-limit 1GB --no-dashboard
+# docs/guide/cluster.md has more.
 FROM python:3.13-slim AS build
 WORKDIR /src
 COPY pyproject.toml README.md LICENSE ./

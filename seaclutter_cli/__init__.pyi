@@ -13,6 +13,7 @@ from .api.work import plan_filter as plan_filter
 from .api.work import simulate as simulate
 from .config import Config as Config
 from .errors import CloudError as CloudError
+from .errors import ClusterError as ClusterError
 from .errors import ConfigError as ConfigError
 from .errors import FieldError as FieldError
 from .errors import InputError as InputError
@@ -21,6 +22,7 @@ from .errors import MissingExtraError as MissingExtraError
 from .errors import ModelError as ModelError
 from .errors import OutputError as OutputError
 from .errors import SeaclutterError as SeaclutterError
+from .errors import SelectionError as SelectionError
 from .errors import UsageError as UsageError
 from .frame import FilterResult as FilterResult
 from .frame import Frame as Frame

@@ -7,12 +7,16 @@
     ├── LabelError         labels cannot be read or do not match the recording
     ├── ModelError         a trained model cannot be read or does not match the task
     ├── OutputError        the output cannot be written
+    ├── ClusterError       a cluster cannot be used, or is gone
     ├── MissingExtraError  an optional dependency is not installed
     └── UsageError         exit status 2
-        └── ConfigError    a config file or value is not valid
+        ├── ConfigError    a config file or value is not valid
+        └── SelectionError no frame is in the selected part of a recording
 
 A message says what is wrong, where, and what to do.
 """
+
+from typing import Self
 
 
 class RenamedKeyWarning(FutureWarning):
@@ -110,6 +114,17 @@ class OutputError(SeaclutterError):
     """
 
 
+class ClusterError(SeaclutterError):
+    """A cluster, its scheduler or its workers cannot be used.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> issubclass(seaclutter.ClusterError, seaclutter.SeaclutterError)
+    True
+    """
+
+
 class MissingExtraError(SeaclutterError):
     """A required optional dependency is not installed.
 
@@ -123,6 +138,11 @@ class MissingExtraError(SeaclutterError):
     def __init__(self, feature: str, extra: str) -> None:
         """Name the feature and the extra that provides it."""
         super().__init__(f"{feature} requires an optional dependency: pip install 'seaclutter[{extra}]'")
+        self._given = feature, extra
+
+    def __reduce__(self) -> tuple[type[Self], tuple[str, str]]:
+        """Let pickle copy the error, which comes from other processes, too."""
+        return type(self), self._given
 
 
 class UsageError(SeaclutterError):
@@ -148,4 +168,17 @@ class ConfigError(UsageError):
     >>> seaclutter.make_filter("joint", star_m=5)
     Traceback (most recent call last):
     seaclutter_cli.errors.ConfigError: configuration: filter.star_m: unknown key; ...
+    """
+
+
+class SelectionError(UsageError):
+    """No frame is in the selected part of a recording.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> part = seaclutter.ReadOptions(start_s=10.0)
+    >>> seaclutter.filter_log("samples/sea.mcap", folder / "none.mcap", reading=part)
+    Traceback (most recent call last):
+    seaclutter_cli.errors.SelectionError: sea: no frames from 10 s on; ...
     """

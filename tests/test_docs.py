@@ -22,7 +22,14 @@ PAGES = sorted(path for path in DOCS.rglob("*") if path.suffix in (".md", ".ipyn
 TEXTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(page for page in PAGES if page.suffix == ".md")]
 SCRIPTS = sorted((ROOT / "examples").glob("*.sh"))
 SHELLS = ("bash", "zsh", "fish")
-FOREIGN = {"--hypothesis-profile", "--quick", "--user", *("--format", "--hours", "--inputs", "--replay")}
+FOREIGN = {
+    "--hypothesis-profile",
+    "--quick",
+    "--user",
+    *("--format", "--hours", "--inputs", "--replay"),
+    "--memory-limit",
+    "--nthreads",
+}
 """Options of other programs."""
 
 

@@ -192,6 +192,19 @@ def _known_sensor(_: click.Context, __: click.Parameter, value: str | None) -> s
     return names[value.casefold()]
 
 
+def _moment(_: click.Context, parameter: click.Parameter, text: str | None) -> Any:
+    """Return a point in time, as `parse_moment` does."""
+    if text is None:
+        return None
+    from seaclutter_cli.selection import parse_moment
+
+    try:
+        return parse_moment(text)
+    except (ValueError, OverflowError) as error:
+        problem = "expected seconds from the start, a time such as 2026-05-01T12:30:00Z, or seconds since 1970"
+        raise click.BadParameter(problem, param=parameter) from error
+
+
 reading_options = grouped(
     "reading",
     "runs.recordings:ReadOptions",
@@ -200,16 +213,16 @@ reading_options = grouped(
         click.option(
             "--start",
             "start_s",
-            type=float,
-            metavar="SECONDS",
-            help="Skip the first SECONDS of the recording.",
+            callback=_moment,
+            metavar="TIME",
+            help="Start at TIME: seconds from the start of the recording, ISO 8601 (UTC), or seconds since 1970.",
         ),
         click.option(
             "--end",
             "end_s",
-            type=float,
-            metavar="SECONDS",
-            help="Stop SECONDS after the start of the recording.",
+            callback=_moment,
+            metavar="TIME",
+            help="Stop before TIME.",
         ),
         click.option(
             "-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Stop after N frames of each topic."
@@ -306,16 +319,27 @@ def _jobs_option(what: str) -> Option:
     return click.option("-j", "--jobs", metavar="N", callback=_jobs, help=text)
 
 
+_CLUSTER = (
+    click.option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="Process recordings on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers.",
+    ),
+    click.option("--cluster-insecure", is_flag=True, help="Allow a cluster without encryption, tcp://HOST:PORT."),
+)
+
+
 def jobs_option_for(what: str) -> Option:
     """Return the option for the number of processes, as ``batch``, for results that need all inputs."""
     return grouped("batch", "runs.batch:BatchOptions", (_jobs_option(what),))
 
 
-jobs_option = jobs_option_for("recordings")
-"""The option for the number of processes for recordings, as ``batch``."""
+jobs_option = grouped("batch", "runs.batch:BatchOptions", (_jobs_option("recordings"), *_CLUSTER))
+"""The options for the number of processes or workers for recordings, as ``batch``, for results that need all inputs."""
 _BATCH = (
     _jobs_option("recordings"),
     click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
+    *_CLUSTER,
 )
 batch_options = grouped("batch", "runs.batch:BatchOptions", _BATCH)
 """Options for several recordings, as ``batch``."""

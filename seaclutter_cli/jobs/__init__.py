@@ -1,1 +1,1 @@
-"""Work on many recordings: engines that run tasks one after another, or in processes."""
+"""Work on many recordings: engines that run tasks one after another, in processes, or on a cluster."""

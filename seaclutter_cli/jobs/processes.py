@@ -2,24 +2,21 @@
 
 import multiprocessing as mp
 import os
-import pickle
 import signal
 import sys
-import traceback
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from multiprocessing.connection import Connection, wait
 from time import monotonic
 from typing import Any
 
-from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.interrupts import handle_interrupts
-from seaclutter_cli.jobs.engine import Lost, R, Report, Results, Task
+from seaclutter_cli.jobs.answers import DIED, SHARE, answer
+from seaclutter_cli.jobs.crew import run_tasks
+from seaclutter_cli.jobs.engine import R, Results, Task
 from seaclutter_cli.threads import VARIABLE, cores, threads
 
-_SHARE, _DONE, _ERROR, _DIED = "share", "done", "error", "died"
-_ATTEMPTS = 2
 _REPORT_S = 0.2
 _END_S = 10.0
 _PRELOADED = ["seaclutter_cli.runs.filter", "seaclutter_cli.runs.evaluate"]
@@ -47,21 +44,8 @@ class Processes:
 
     def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
         """Run tasks, as `Engine.run` says."""
-        waiting, attempts = deque(range(len(tasks))), Counter[int]()
         with _Crew(self._context, min(self._jobs, len(tasks))) as crew:
-            while waiting or crew.is_busy:
-                attempts.update(crew.give(waiting, tasks))
-                for number, kind, content in crew.answers(block=not (waiting and crew.has_room)):
-                    if kind == _SHARE:
-                        on_share(number, content)
-                    elif kind == _DONE:
-                        yield number, content
-                    elif kind == _ERROR:
-                        raise content
-                    elif attempts[number] < _ATTEMPTS:
-                        waiting.appendleft(number)
-                    else:
-                        yield number, Lost(f"its process {content}, {_ATTEMPTS} times")
+            yield from run_tasks(crew, tasks, on_share)
 
 
 class _Crew(AbstractContextManager["_Crew"]):
@@ -92,13 +76,14 @@ class _Crew(AbstractContextManager["_Crew"]):
                 worker.start(given[-1], tasks[given[-1]])
         return given
 
-    def answers(self, *, block: bool) -> Iterator[tuple[int, str, Any]]:
-        """Yield number of the task, kind and content of what processes have sent; wait for one, or only look."""
+    def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:
+        """Yield answers, as `Crew.answers` says."""
+        block = not (waiting and self.has_room)
         busy = {worker.pipe: worker for worker in self._workers if worker.is_busy}
         for pipe in wait(list(busy), None if block else 0):
             worker = busy[pipe]
             kind, content = worker.answer()
-            if kind == _DIED:
+            if kind == DIED:
                 self._workers.remove(worker)
             yield worker.number, kind, content
 
@@ -133,8 +118,8 @@ class _Worker:
             kind, content = self.pipe.recv()
         except (EOFError, OSError):
             self.is_busy = False
-            return _DIED, self.end()
-        self.is_busy = kind == _SHARE
+            return DIED, f"its process {self.end()}"
+        self.is_busy = kind == SHARE
         return kind, content
 
     def stop(self) -> None:
@@ -165,20 +150,7 @@ def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
     os.environ.update(environment)
     with suppress(EOFError, OSError, KeyboardInterrupt):  # the first process closed the pipe, or is gone
         while True:
-            pipe.send_bytes(_answer(pipe.recv(), _Reporter(pipe)))
-
-
-def _answer(task: Task[Any], report: Report) -> bytes:
-    """Return the pickled answer to a task, its result or its error."""
-    try:
-        return pickle.dumps((_DONE, task(report)))
-    except (BrokenPipeError, ConnectionResetError):
-        raise
-    except SeaclutterError as error:
-        return pickle.dumps((_ERROR, error))
-    except Exception as error:  # noqa: BLE001 - raised again in the first process
-        error.add_note(traceback.format_exc())
-        return pickle.dumps((_ERROR, error))
+            pipe.send_bytes(answer(pipe.recv(), _Reporter(pipe)))
 
 
 class _Reporter:
@@ -190,4 +162,4 @@ class _Reporter:
     def __call__(self, share: float) -> None:
         if monotonic() >= self._next_s:
             self._next_s = monotonic() + _REPORT_S
-            self._pipe.send((_SHARE, share))
+            self._pipe.send((SHARE, share))

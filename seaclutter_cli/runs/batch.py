@@ -1,19 +1,22 @@
-"""Work on several recordings, in this process or in several."""
+"""Work on several recordings: in this process, in several, or on a cluster."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.jobs.budget import default_jobs
+from seaclutter_cli.jobs.cluster.engine import Cluster
+from seaclutter_cli.jobs.cluster.place import place_of
 from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
 from seaclutter_cli.jobs.processes import Processes
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.runs.relay import Relay
+from seaclutter_cli.runs.shared_places import shared_places
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.scratch import copies_removed
@@ -38,6 +41,11 @@ class BatchOptions:
         Skip recordings whose output of the same run is complete, and replace outputs of other runs.
     manifest : Path or None
         File for a table with a row for each recording; JSON if the name ends in ``.json``, otherwise CSV.
+    cluster : str or None
+        Dask cluster whose workers process the recordings, ``jobs`` of them or all: ``tls://HOST:PORT`` of its
+        scheduler, or ``slurm`` to start workers. None: this machine.
+    cluster_insecure : bool
+        Allow a scheduler without encryption (``tcp://``).
 
     Examples
     --------
@@ -52,11 +60,28 @@ class BatchOptions:
     fail_fast: bool = False
     resume: bool = False
     manifest: Path | None = None
+    cluster: str | None = None
+    cluster_insecure: bool = False
 
-    def engine(self, recordings: int) -> Engine:
-        """Return the engine for a number of recordings."""
+    def runs_here(self, recordings: int) -> bool:
+        """Return whether the work is on a single recording, in this process."""
+        return recordings == 1 and self.cluster is None
+
+    def here(self) -> "BatchOptions":
+        """Return the options for a look at the recordings on this machine."""
+        return BatchOptions(jobs=None if self.cluster else self.jobs, fail_fast=self.fail_fast)
+
+    @contextmanager
+    def engine(self, works: "Sequence[Work[Any]]", observer: Observer) -> Iterator[Engine]:
+        """Return the engine for work on some recordings."""
+        if self.cluster is not None:
+            place = place_of(self.cluster, insecure=self.cluster_insecure, workers=self.jobs)
+            with shared_places(works) as check:
+                yield Cluster(place, check, observer.warn, self.jobs)
+            return
+        recordings = len(works)
         jobs = default_jobs(recordings) if self.jobs is None else self.jobs
-        return InTurn() if min(jobs, recordings) <= 1 else Processes(jobs)
+        yield InTurn() if min(jobs, recordings) <= 1 else Processes(jobs)
 
 
 class Work(ABC, Generic[O]):
@@ -64,6 +89,16 @@ class Work(ABC, Generic[O]):
 
     recording: Recording
     """The recording."""
+
+    @property
+    def reads(self) -> Sequence[Location]:
+        """Files and folders that the work reads."""
+        return self.recording.paths
+
+    @property
+    def writes(self) -> Sequence[Location]:
+        """Files that the work writes."""
+        return ()
 
     @abstractmethod
     def run(self, observer: Observer) -> O:
@@ -84,7 +119,11 @@ class _Task(Generic[O]):
     def __call__(self, report: Report) -> tuple[O, Relay]:
         relay = Relay(report, self.work.recording.name, self.observer)
         with copies_removed():
-            outcome = self.work.run(relay)
+            try:
+                outcome = self.work.run(relay)
+            except SelectionError as error:
+                outcome = self.work.without_result("")
+                outcome.error, outcome.skipped, outcome.reason = None, True, str(error)
         relay.report, relay.observer = _no_report, None
         return outcome, relay
 
@@ -119,10 +158,11 @@ def run_batch(
     """
     outcomes: list[O | None] = [None] * len(works)
     passed = 0
-    engine = options.engine(len(works))
-    shown = observer if isinstance(engine, InTurn) else None
-    tasks = [_Task(work, shown) for work in works]
-    with _progress(works, observer) as on_share, closing(engine.run(tasks, on_share)) as results:
+    with (
+        _progress(works, observer) as on_share,
+        options.engine(works, observer) as engine,
+        closing(engine.run(_tasks(works, engine, observer), on_share)) as results,
+    ):
         for number, result in results:
             work, error = works[number], None
             if isinstance(result, Lost):
@@ -142,7 +182,15 @@ def run_batch(
                 passed += 1
             if error and options.fail_fast:
                 break
-    return [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
+    done = [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
+    if done and all(one.skipped and one.reason for one in done):
+        raise SelectionError("no recording has a frame in the selected time")
+    return done
+
+
+def _tasks(works: Sequence[Work[O]], engine: Engine, observer: Observer) -> list[_Task[O]]:
+    shown = observer if isinstance(engine, InTurn) else None
+    return [_Task(work, shown) for work in works]
 
 
 @contextmanager

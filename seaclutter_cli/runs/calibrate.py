@@ -2,6 +2,7 @@
 
 import pickle
 import zlib
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -128,7 +129,7 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         nonlocal pass_
         pass_ += outcome.take()
 
-    if len(works) == 1:
+    if options.batch.runs_here(len(works)):
         pass_ += works[0].read(observer)
         observer.damage(pass_.tally.damage)
     else:
@@ -206,6 +207,11 @@ class CalibrateWork(Work[Calibrated]):
     recording: Recording
     labels: LabelFile | None
 
+    @property
+    def reads(self) -> Sequence[Location]:
+        """Files and folders that the work reads."""
+        return *self.recording.paths, *self.options.reading.beside(), *((self.labels.path,) if self.labels else ())
+
     def run(self, observer: Observer) -> Calibrated:
         """Return the sums over the recording; an error ends the whole run."""
         started, found = perf_counter(), self.read(observer)
@@ -262,7 +268,7 @@ class _Pass:
                 step()
         if search:
             search.finish()
-        require_frames(source, selector.frames + selector.unlabelled)
+        require_frames(source, selector.frames + selector.unlabelled, selection)
         finish_labels(labels, source, selection)
         self.tally.add(source, selector)
 

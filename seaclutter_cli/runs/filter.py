@@ -2,7 +2,7 @@
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from time import perf_counter
 
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.jobs.together import in_threads
@@ -46,7 +46,7 @@ from seaclutter_cli.runs.recordings import (
 from seaclutter_cli.runs.resume import earlier_run, identity_of
 from seaclutter_cli.runs.resume_rows import rows_in
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
-from seaclutter_cli.selection import cloud_channels, was_filtered
+from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
@@ -116,10 +116,10 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     with OutputGroup(replace=replaces) as files:
         with ExitStack() as stack:
             # A single log appears together with the table, after it. Of several, each appears when it is complete.
-            log_written = stack.enter_context(OutputGroup(files)) if len(works) == 1 else None
-            csv_file = options.csv_file
+            is_alone, csv_file = batch.runs_here(len(works)), options.csv_file
+            log_written = stack.enter_context(OutputGroup(files)) if is_alone else None
             table = stack.enter_context(frame_table(plan.config, csv_file, files)) if csv_file else None
-            if len(works) == 1 and isinstance(works[0], FilterWork):
+            if is_alone and isinstance(works[0], FilterWork):
                 done = iter([works[0].run(observer, table, log_written)])
             else:
                 done = iter(run_batch(works, batch, observer, partial(_append, table)))
@@ -242,6 +242,16 @@ class FilterWork(Work[FilterOutcome]):
     target: Location
     labels: LabelFile | None = None
 
+    @property
+    def reads(self) -> Sequence[Location]:
+        """Files and folders that the work reads."""
+        return *self.recording.paths, *self.options.reading.beside(), *((self.labels.path,) if self.labels else ())
+
+    @property
+    def writes(self) -> Sequence[Location]:
+        """The filtered file."""
+        return (self.target,)
+
     def run(self, observer: Observer, table: CsvSink | None = None, group: OutputGroup | None = None) -> FilterOutcome:
         """Filter the recording; store an error in the outcome.
 
@@ -255,7 +265,7 @@ class FilterWork(Work[FilterOutcome]):
             Files with which the filtered file appears; by default it appears by itself.
         """
         outcome = self.without_result(None)
-        with storing_errors(outcome, observer), ExitStack() as stack:
+        with storing_errors(outcome, observer), self._same_output_accepted(), ExitStack() as stack:
             own = None if table or not self.options.csv_file else stack.enter_context(self.own_table())
             source = stack.enter_context(opened(self.recording, self.options.reading, observer, outcome))
             written = stack.enter_context(OutputGroup(group, replace=self.options.force or self.options.batch.resume))
@@ -263,6 +273,17 @@ class FilterWork(Work[FilterOutcome]):
             if own:
                 outcome.rows = zlib.compress(own.rows())
         return outcome
+
+    @contextmanager
+    def _same_output_accepted(self) -> Iterator[None]:
+        """Accept an output that another process has completed, which died or was given up before its answer came."""
+        try:
+            yield
+        except OutputError:
+            with suppress(UsageError, OSError):  # not an output of a run, or none at all
+                if isinstance(self.target, Path) and self.earlier()[0] is not None:
+                    return
+            raise
 
     @contextmanager
     def own_table(self) -> Iterator[CsvSink]:
@@ -294,14 +315,15 @@ class FilterWork(Work[FilterOutcome]):
         table: CsvSink | None,
         group: OutputGroup,
     ) -> None:
-        selection = self.options.reading.selection
+        selection = replace(self.options.reading.selection, latched=self.options.written.latched)
         clouds = cloud_channels(source, selection.topics)
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
         labels = self.labels.open() if self.labels else None
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose one with -t")
         if self.config.method != "none" and was_filtered(source, selection.topics):
-            observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
+            by = filtered_by(source, selection.topics)
+            observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
         fit = FitWarnings(self.config, source, topics, observer)
@@ -318,7 +340,7 @@ class FilterWork(Work[FilterOutcome]):
 
             sinks: list[Sink] = [sink, table] if table else [sink]
             run(source, self.config.make_filter, sinks, selection, on_result, outcome.topics)
-            require_frames(source, outcome.frames)
+            require_frames(source, outcome.frames, selection)
         fit.finish(outcome.topics)
 
     def identity(self, source: Source | None = None, labels: Labels | None = None) -> RunIdentity:
@@ -332,7 +354,12 @@ class FilterWork(Work[FilterOutcome]):
 
     def _written(self, labels: Labels | None, record: Callable[[], Metadata]) -> McapOptions:
         written = replace(
-            self.options.written, config=self.config.to_yaml(), water=self.config.has_water, record=record
+            self.options.written,
+            config=self.config.to_yaml(),
+            water=self.config.has_water,
+            record=record,
+            method=self.config.method,
+            is_part=not self.options.reading.selection.is_whole,
         )
         if not self.options.with_scene:
             return written

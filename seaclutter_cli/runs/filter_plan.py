@@ -3,7 +3,7 @@
 import shutil
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from seaclutter_cli.errors import SeaclutterError
@@ -55,7 +55,7 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     taken = existing(work.target for work in plan.works)
     works = [PlanWork(work, exists=work.target in taken) for work in plan.works]
     single = len(works) == 1
-    planned = [works[0].run(observer)] if single else run_batch(works, replace(options.batch, manifest=None), observer)
+    planned = [works[0].run(observer)] if single else run_batch(works, options.batch.here(), observer)
     todo = [(one, work) for one, work in zip(planned, plan.works, strict=True) if one.status == "do"]
     result = FilterPlan(planned, estimate(todo, options.batch), _free_bytes(plan.works[0].target))
     if result.is_too_large:

@@ -15,6 +15,7 @@ from seaclutter_cli.runs.simulate import TILE_SUFFIXES, simulate_scene
 from seaclutter_cli.runs.simulation import SimulateOptions, SimulationResult, TileSimulationResult
 from seaclutter_cli.simulation.airborne.scene import is_tile_scene
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import printable
 
 _RANGE = re.compile(r"\s*(\d{1,9})(?:\s*(?:\.\.|-)\s*(\d{1,9}))?\s*")
@@ -147,6 +148,16 @@ class SimulateWork(Work[Simulated]):
     def recording(self) -> Recording:  # type: ignore[override]
         """The recording that is made."""
         return Recording((self.output,))
+
+    @property
+    def reads(self) -> Sequence[Location]:
+        """The scene, if it is a file."""
+        return (Path(self.scene),) if Path(self.scene).is_file() else ()
+
+    @property
+    def writes(self) -> Sequence[Location]:
+        """The recording or tile."""
+        return (self.output,)
 
     def run(self, observer: Observer) -> Simulated:
         """Simulate; store an error in the outcome."""

@@ -67,9 +67,10 @@ def survey_logs(
     """
     recordings = expand(logs, reading, observer, ahead=False)  # an excerpt may suffice
     works = [SurveyWork(reading or ReadOptions(), recording) for recording in recordings]
-    if len(works) == 1:
+    batch = batch or BatchOptions()
+    if batch.runs_here(len(works)):
         return SurveyResult([works[0].run(observer)])
-    return SurveyResult(run_batch(works, batch or BatchOptions(), observer))
+    return SurveyResult(run_batch(works, batch, observer))
 
 
 @dataclass(frozen=True)

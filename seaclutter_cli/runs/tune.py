@@ -109,7 +109,7 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     history = ThresholdHistory(variants, options.ring) if options.thresholds_file else None
     labels = options.labels.assign(recordings)
     works = [TuneWork(variants, options.reading, *each) for each in zip(recordings, labels, strict=True)]
-    if len(works) == 1:
+    if history or options.batch.runs_here(len(works)):
         outcomes = [works[0].run(observer, listeners=[history] if history else [])]
     else:
         outcomes = run_batch(works, options.batch, observer)

@@ -1,0 +1,244 @@
+"""The engine for clusters."""
+
+import asyncio
+import pickle
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent import futures
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from time import monotonic
+from typing import TYPE_CHECKING, Any, NoReturn, Self
+from uuid import uuid4
+
+from seaclutter_cli.errors import ClusterError
+from seaclutter_cli.jobs.answers import DIED, DONE, ERROR, SHARE
+from seaclutter_cli.jobs.cluster.logs import quiet
+from seaclutter_cli.jobs.cluster.place import Place
+from seaclutter_cli.jobs.cluster.remote import TOPIC, run_remotely
+from seaclutter_cli.jobs.cluster.versions import versions_question
+from seaclutter_cli.jobs.cluster.workers import Workers
+from seaclutter_cli.jobs.crew import run_tasks
+from seaclutter_cli.jobs.engine import R, Report, Results, Task
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Check = Task[str | None]
+"""Task that returns why a worker cannot be used; None if it can."""
+
+_CANCELLED = (asyncio.CancelledError, futures.CancelledError)
+_LOOK_S = 1.0
+_END_S = 10.0
+_DEAD = "its worker died, perhaps because memory ran out"
+
+
+class Cluster:
+    """Engine that runs tasks on the workers of a Dask cluster.
+
+    Each task is bound to one idle worker, so neither queues of workers nor work stealing ever put two tasks of a run on
+    one worker, whatever the settings of the scheduler. There are never more tasks in the cluster than workers.
+
+    Parameters
+    ----------
+    place : Place
+        The cluster.
+    check : Task
+        Returns on a worker why it cannot be used; None if it can.
+    warn : callable
+        Receives warnings.
+    limit : int or None, optional
+        Number of workers to use at the same time; None: all.
+    """
+
+    def __init__(self, place: Place, check: Check, warn: Callable[[str], object], limit: int | None = None) -> None:
+        self._place, self._check, self._warn, self._limit = place, check, warn, limit
+
+    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
+        """Run tasks, as `Engine.run` says.
+
+        Raises
+        ------
+        ClusterError
+            If there is no scheduler or no worker, the versions of their software differ, or the scheduler disappears.
+        """
+        if not tasks:
+            return
+        with quiet(), self._place.connected() as client:
+            workers = Workers(client, self._place, self._warn)
+            with _Crew(client, workers, self._check, self._limit or len(tasks)) as crew:
+                yield from run_tasks(crew, tasks, on_share)
+
+
+@dataclass
+class _Job:
+    """A task on a worker, which ``home`` starts again after its death.
+
+    Either ``number`` is that of a task of the run, or ``receive`` takes the result.
+    """
+
+    worker: str
+    home: str
+    future: "Future[Any]"
+    number: int | None = None
+    receive: Callable[[str, Any], None] | None = None
+
+
+class _Crew:
+    """The workers of a cluster, each with at most one task."""
+
+    def __init__(self, client: "Client", workers: Workers, check: Check, limit: int) -> None:
+        self._client, self._workers, self._check, self._limit = client, workers, check, limit
+        self._jobs: dict[str, _Job] = {}
+        self._events: SimpleQueue[tuple[str, str, Any]] = SimpleQueue()
+        run = uuid4().hex
+        self._keys = (f"seaclutter-{run}-{number}" for number in count())
+        self._next_look_s = 0.0
+
+    def __enter__(self) -> Self:
+        """Compare the versions of the scheduler, and listen to the workers."""
+        with self._workers.connection():
+            self._workers.compare_scheduler()
+        self._client.subscribe_topic(TOPIC, lambda event: self._events.put((event[1][0], SHARE, event[1][1])))
+        return self
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether any worker has a task of the run."""
+        return self._busy > 0
+
+    @property
+    def _busy(self) -> int:
+        return sum(job.number is not None for job in self._jobs.values())
+
+    def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
+        """Give waiting tasks to idle workers and return their numbers; ask new workers whether they can be used."""
+        given: list[int] = []
+        with self._workers.connection():
+            busy = {job.worker for job in self._jobs.values()}
+            for address in self._workers.new():
+                if address not in busy:
+                    self._ask(address)
+            for address in self._workers.usable():
+                number = next((n for n in waiting if not self._workers.is_avoided(address, n)), None)
+                if number is not None and address not in busy and self._busy < self._limit:
+                    waiting.remove(number)
+                    self._submit(address, run_remotely, *_sent(tasks[number]), number=number)
+                    given.append(number)
+        return given
+
+    def _ask(self, address: str) -> None:
+        """Ask a worker for its versions, then for other obstacles, as tasks: a worker that hangs delays nothing."""
+        if self._workers.has_same_versions(address):
+            self._submit(address, run_remotely, *_sent(self._check), receive=self._receive_check)
+        else:
+            self._submit(address, *versions_question(), receive=self._workers.set_versions)
+
+    def _submit(self, address: str, function: Callable[..., Any], *arguments: Any, **kind: Any) -> None:
+        key = next(self._keys)
+        future = self._client.submit(function, *arguments, key=key, workers=[address], pure=False)
+        self._jobs[key] = _Job(address, self._workers.home(address), future, **kind)
+        self._client.loop.add_callback(self._fetch, key, future)
+
+    async def _fetch(self, key: str, future: "Future[Any]") -> None:
+        """Wait for a result, which a worker may keep until it is known to be dead."""
+        try:
+            self._events.put((key, DONE, await self._client.gather(future, asynchronous=True)))
+        except (Exception, *_CANCELLED) as error:  # noqa: BLE001 - raised again in the main thread
+            self._events.put((key, ERROR, error))
+
+    def _receive_check(self, address: str, found: bytes) -> None:
+        kind, content = pickle.loads(found)  # noqa: S301 - of our worker
+        if kind != DONE:
+            raise content
+        self._workers.set_checked(address, content)
+
+    def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:  # noqa: ARG002 - the cluster starts workers
+        """Yield answers, as `Crew.answers` says."""
+        with self._workers.connection():
+            with suppress(Empty):
+                key, kind, content = self._events.get(timeout=max(0.0, self._next_look_s - monotonic()))
+                if key in self._jobs:
+                    yield from self._answer(key, kind, content)
+            if monotonic() >= self._next_look_s:
+                self._next_look_s = monotonic() + _LOOK_S
+                yield from self._look()
+
+    def _answer(self, key: str, kind: str, content: Any) -> Iterator[tuple[int, str, Any]]:
+        """Yield the answer of a task whose share, result or error has come; receive those of questions."""
+        job = self._jobs[key]
+        if kind == SHARE:
+            if job.number is not None:
+                yield job.number, SHARE, content
+            return
+        del self._jobs[key]
+        job.future.release()
+        if kind == ERROR and type(content).__name__ == "KilledWorker":
+            yield from self._died(job)
+        elif kind == ERROR:
+            _raise(content, job.worker)
+        elif job.receive is not None:
+            job.receive(job.worker, content)
+        elif job.number is not None:
+            yield job.number, *pickle.loads(content)  # noqa: S301 - of our worker
+
+    def _died(self, job: _Job) -> Iterator[tuple[int, str, Any]]:
+        if job.number is not None:
+            self._workers.note_death(job.number, job.home)
+            yield job.number, DIED, _DEAD
+
+    def _look(self) -> Iterator[tuple[int, str, Any]]:
+        """See which workers have come, and yield the deaths of those that are gone."""
+        here = self._workers.update(is_busy=self.is_busy)
+        for key, job in list(self._jobs.items()):
+            if job.worker not in here:
+                del self._jobs[key]
+                job.future.cancel()
+                yield from self._died(job)
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Cancel the tasks that run, and wait until they have removed their incomplete files."""
+        if self._client.status != "running":
+            return
+        with suppress(Exception):  # workers and the scheduler may end meanwhile
+            stopped = list(self._jobs.values())
+            self._jobs.clear()
+            self._client.cancel([job.future for job in stopped])
+            if kind is not None:
+                self._wait_for(job.worker for job in stopped)
+            self._client.unsubscribe_topic(TOPIC)
+
+    def _wait_for(self, workers: Iterable[str]) -> None:
+        """Wait until workers begin another task, but not for long."""
+        until = monotonic() + _END_S
+        for address in workers:
+            self._submit(address, run_remotely, *_sent(_NOTHING))
+        while self._jobs:
+            key, kind, _ = self._events.get(timeout=max(0.0, until - monotonic()))
+            if kind != SHARE:
+                self._jobs.pop(key, None)
+
+
+def _raise(error: BaseException, worker: str) -> NoReturn:
+    """Raise an error that is not of a task: the connection is lost, or a worker does not understand us."""
+    if isinstance(error, _CANCELLED):  # not by us
+        raise ConnectionError from error
+    raise ClusterError(f"worker {worker}: {type(error).__name__}: {error}") from error
+
+
+class _Nothing:
+    """A task that does nothing."""
+
+    def __call__(self, report: Report) -> None:
+        """Return."""
+
+
+_NOTHING = _Nothing()
+
+
+def _sent(task: Task[Any]) -> tuple[bytes, str]:
+    """Return the arguments of `run_remotely`."""
+    return pickle.dumps(task), str(Path.cwd())

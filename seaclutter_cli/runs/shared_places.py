@@ -1,0 +1,123 @@
+"""Files that workers on other machines must see under the same paths."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from time import sleep
+from typing import Protocol
+
+from seaclutter_cli.errors import OutputError
+from seaclutter_cli.jobs.engine import Report
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.parts import part_path, release, remove_stale
+
+_MAX_FOLDERS = 100
+_ATTEMPTS, _PAUSE_S = 5, 1.0
+
+
+class Places(Protocol):
+    """Work with files."""
+
+    @property
+    def reads(self) -> Sequence[Location]:
+        """Files and folders that the work reads."""
+        ...
+
+    @property
+    def writes(self) -> Sequence[Location]:
+        """Files that the work writes."""
+        ...
+
+
+@contextmanager
+def shared_places(works: Iterable[Places]) -> Iterator["SharedPlaces"]:
+    """Return the check that a worker sees the folders of a run; an empty file marks the folders of outputs meanwhile.
+
+    Raises
+    ------
+    OutputError
+        If a folder of outputs cannot be written.
+    """
+    read: dict[Path, Path] = {}
+    written: dict[Path, None] = {}
+    for work in works:
+        for place in work.reads:
+            if isinstance(place, Path):
+                read.setdefault(place.parent, place)
+        written.update((place.parent, None) for place in work.writes if isinstance(place, Path))
+    samples = [(path, _size(path)) for path in list(read.values())[:_MAX_FOLDERS]]
+    with ExitStack() as stack:
+        marks = [stack.enter_context(_marked(folder)) for folder in written]
+        yield SharedPlaces(tuple(samples), tuple(marks))
+
+
+@contextmanager
+def _marked(folder: Path) -> Iterator[Path]:
+    mark = part_path(folder / "seaclutter")
+    try:
+        folder.mkdir(exist_ok=True)
+        mark.touch()
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error
+    try:
+        yield mark
+    finally:
+        with suppress(OSError):
+            mark.unlink()
+            release(mark)
+            remove_stale(folder)  # of workers here that died
+            folder.rmdir()  # only if it is empty
+
+
+@dataclass(frozen=True)
+class SharedPlaces:
+    """Check that a worker sees the files of a run; it returns why not, or None.
+
+    Parameters
+    ----------
+    samples : sequence of (Path, int or None)
+        A file of each folder that is read with its size in bytes, or a folder.
+    marks : sequence of Path
+        A file in each folder that is written.
+    """
+
+    samples: Sequence[tuple[Path, int | None]]
+    marks: Sequence[Path]
+
+    def __call__(self, report: Report) -> str | None:
+        """Check the files; network file systems show new ones with a delay."""
+        for _ in range(_ATTEMPTS):
+            report(0.0)
+            if not (reason := self._difference()):
+                break
+            sleep(_PAUSE_S)
+        return reason
+
+    def _difference(self) -> str | None:
+        for path, size in self.samples:
+            if not path.exists():
+                return f"cannot see {path.absolute()}; workers need the files of a run under the same paths"
+            if _size(path) != size:
+                return (
+                    f"sees another file under {path.absolute()}; workers need the files of a run under the same paths"
+                )
+        for mark in self.marks:
+            if not mark.exists():
+                return f"cannot see the folder {mark.parent.absolute()}; outputs need a folder that all workers share"
+            try:
+                remove_stale(mark.parent)
+                probe = part_path(mark)
+                probe.touch()
+                probe.unlink()
+                release(probe)
+            except OSError as error:
+                return f"cannot write to {mark.parent.absolute()} ({error.strerror})"
+        return None
+
+
+def _size(path: Path) -> int | None:
+    try:
+        return None if path.is_dir() else path.stat().st_size
+    except OSError:
+        return None
