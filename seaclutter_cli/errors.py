@@ -10,7 +10,8 @@
     ├── ClusterError       a cluster cannot be used, or is gone
     ├── MissingExtraError  an optional dependency is not installed
     └── UsageError         exit status 2
-        └── ConfigError    a config file or value is not valid
+        ├── ConfigError    a config file or value is not valid
+        └── SelectionError no frame is in the selected part of a recording
 
 A message says what is wrong, where, and what to do.
 """
@@ -167,4 +168,17 @@ class ConfigError(UsageError):
     >>> seaclutter.make_filter("joint", star_m=5)
     Traceback (most recent call last):
     seaclutter_cli.errors.ConfigError: configuration: filter.star_m: unknown key; ...
+    """
+
+
+class SelectionError(UsageError):
+    """No frame is in the selected part of a recording.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> part = seaclutter.ReadOptions(start_s=10.0)
+    >>> seaclutter.filter_log("samples/sea.mcap", folder / "none.mcap", reading=part)
+    Traceback (most recent call last):
+    seaclutter_cli.errors.SelectionError: sea: no frames from 10 s on; ...
     """

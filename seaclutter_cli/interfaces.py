@@ -34,6 +34,11 @@ class Source(Protocol):
     """Warnings for the user about conditions that lose no data."""
 
     @property
+    def metadata(self) -> Sequence[Metadata]:
+        """Metadata records known before reading."""
+        ...
+
+    @property
     def channels(self) -> Sequence[Channel]:
         """Channels known before reading, including those without messages."""
         ...

@@ -14,6 +14,7 @@ from seaclutter_cli.errors import CloudError, FieldError, UsageError
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.holding import HeldFrame, HeldRecord, RecordHolder
 from seaclutter_cli.interfaces import CloudCodec, Filter, Sink, Source
+from seaclutter_cli.latched import latched_before
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Channel, Damage, Message, Record
 from seaclutter_cli.selection import Selection, Window, cloud_channels
@@ -52,14 +53,19 @@ def map_frames(source: Source, selection: Selection, use: Callable[[Frame], T]) 
         _require_fields(source, topic, tally)
 
 
-def read(source: Source, clouds: Sequence[Channel], selection: Selection) -> Iterator[tuple[Record, Frame | None]]:
+def read(
+    source: Source, clouds: Sequence[Channel], selection: Selection, *, with_latched: bool = False
+) -> Iterator[tuple[Record, Frame | None]]:
     """Yield the selected records of a source, clouds together with their frames.
 
     A message that is not a valid cloud is left out and added to the damage of the source. The index of a frame counts
-    from the start of the recording, within its topic, even if the selection starts later.
+    from the start of the recording, within its topic, even if the selection starts later. If it does, the last messages
+    before it on latched topics come first, if ``with_latched``.
     """
     codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
     window = Window(source, clouds, selection)
+    if with_latched and window.start_ns is not None:
+        yield from ((message, None) for message in latched_before(source, window.start_ns, selection.latched))
     for record in source.records(window.start_ns, window.end_ns):
         if not isinstance(record, Message):
             yield record, None
@@ -187,7 +193,7 @@ def run(
     for sink in sinks:
         sink.begin(source, clouds)
     holder = RecordHolder({topic: [method] for topic, method in filters.items()})
-    for held in _held(holder, read(source, clouds, selection)):
+    for held in _held(holder, read(source, clouds, selection, with_latched=True)):
         if not isinstance(held, HeldFrame):
             for sink in sinks:
                 sink.copy(held.record)

@@ -3,13 +3,22 @@
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from fractions import Fraction
 
-from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.errors import InputError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import diagnostics, find_codec
+from seaclutter_cli.messages.recorded import FILTERED, REMOVED, recorded_topics
 from seaclutter_cli.records import Channel, Message
 
 _NANO = 1_000_000_000
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_LEAST_EPOCH_S = 1e8
+
+
+Moment = float | datetime
+"""Seconds from the start of a recording, or a date and time; without a time zone, UTC."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,24 +29,88 @@ class Selection:
     ----------
     topics : collection of str
         Topics of clouds; empty selects the only one.
-    start_s, end_s : float or None
-        Seconds from the start of the recording; the end is exclusive.
+    start_s, end_s : float, datetime or None
+        Log times: seconds from the start of the recording, or dates and times; the end is exclusive.
     frames : int or None
         Maximum number of frames per topic, from the start of the selection.
     intensity_field : str or None
         Name of the intensity field; None selects a usual one.
+    latched : collection of str
+        Topics whose last message before the start is selected too, beside those of `is_latched`.
+
+    Raises
+    ------
+    SelectionError
+        If the end is before the start.
     """
 
     topics: Collection[str] = ()
-    start_s: float | None = None
-    end_s: float | None = None
+    start_s: Moment | None = None
+    end_s: Moment | None = None
     frames: int | None = None
     intensity_field: str | None = None
+    latched: Collection[str] = ()
+
+    def __post_init__(self) -> None:
+        """Check the order of the limits; whether a time and seconds are in order is only known with a recording."""
+        start, end = self.start_s, self.end_s
+        if start is None or end is None:
+            return
+        start, end = (_in_utc(limit) if isinstance(limit, datetime) else limit for limit in (start, end))
+        if type(start) is type(end) and start > end:  # type: ignore[operator]
+            raise SelectionError(f"the end, {_shown(end)}, is before the start, {_shown(start)}")
 
     @property
     def is_whole(self) -> bool:
         """Whether the selected topics are read from the first frame to the last."""
         return self.start_s is None and self.end_s is None and self.frames is None
+
+    @property
+    def period(self) -> str:
+        """The selected period in words; empty if all times are selected."""
+        start = "" if self.start_s is None else f"from {_shown(self.start_s)}"
+        end = "" if self.end_s is None else f"to {_shown(self.end_s)}"
+        return f"{start} {end or 'on'}" if start else f"up {end}" if end else ""
+
+
+def parse_moment(text: str) -> Moment:
+    """Return a moment: seconds from the start of a recording, seconds since 1970, or ISO 8601.
+
+    Numbers from 10⁸ on, which would be three years of recording, are seconds since 1970.
+
+    Raises
+    ------
+    ValueError
+        If the text is something else.
+
+    Examples
+    --------
+    >>> parse_moment("12.5")
+    12.5
+    >>> parse_moment("2026-05-01T12:00:00+02:00") == parse_moment("1777629600")
+    True
+    """
+    try:
+        number = float(text)
+    except ValueError:
+        return _in_utc(datetime.fromisoformat(text.strip()))
+    if not math.isfinite(number):
+        raise ValueError(text)
+    return number if abs(number) < _LEAST_EPOCH_S else _EPOCH + timedelta(microseconds=round(Fraction(text) * 10**6))
+
+
+def _in_utc(time: datetime) -> datetime:
+    return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
+
+
+def _shown(moment: Moment) -> str:
+    if isinstance(moment, datetime):
+        return _in_utc(moment).isoformat(sep=" ").replace("+00:00", " UTC")
+    return f"{moment:g} s"
+
+
+def _nanoseconds(time: datetime) -> int:
+    return (_in_utc(time) - _EPOCH) // timedelta(microseconds=1) * 1000
 
 
 def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel]:
@@ -67,9 +140,34 @@ def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel
 
 def was_filtered(source: Source, topics: Collection[str] = ()) -> bool:
     """Return whether the selected cloud topics, by default all, contain only filtered clouds of an earlier run."""
+    recorded = recorded_topics(source.metadata)
+    if recorded:
+        named = topics or [channel.topic for channel in source.channels if find_codec(channel)]
+        return all(topic in recorded and recorded[topic].content in (FILTERED, REMOVED) for topic in named)
     names = {channel.topic for channel in source.channels}
     clouds = topics or [channel.topic for channel in source.channels if find_codec(channel)]
     return diagnostics.TOPIC in names and not any(f"{topic}/filtered" in names for topic in clouds)
+
+
+def filtered_by(source: Source, topics: Collection[str] = ()) -> str:
+    """Return the methods that filtered the selected cloud topics before, as in " by joint"; empty if unknown."""
+    recorded = recorded_topics(source.metadata)
+    named = topics or [channel.topic for channel in source.channels if find_codec(channel)]
+    methods = dict.fromkeys(name for topic in named if topic in recorded for name in recorded[topic].methods)
+    return f" by {', '.join(methods)}" if methods else ""
+
+
+def is_part(source: Source, topics: Collection[str] = ()) -> bool:
+    """Return whether a log was made from a part of a recording, so that labels may be of other frames."""
+    recorded = recorded_topics(source.metadata)
+    return any(recorded[c.topic].is_part for c in cloud_channels(source, topics) if c.topic in recorded)
+
+
+def first_frame(source: Source, topics: Collection[str] = ()) -> int:
+    """Return the number of the first frame of the selected topics in the recording from which a log was made."""
+    recorded = recorded_topics(source.metadata)
+    names = (channel.topic for channel in cloud_channels(source, topics))
+    return min((recorded[name].first_frame for name in names if name in recorded), default=0)
 
 
 def _describe(channel: Channel) -> str:
@@ -88,22 +186,27 @@ class Window:
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         topics = {channel.topic for channel in clouds}
-        self._index = dict.fromkeys(topics, -1)
+        recorded = recorded_topics(source.metadata)
+        self._index = {topic: recorded[topic].first_frame - 1 if topic in recorded else -1 for topic in topics}
         self._selected = dict.fromkeys(topics, 0)
         if selection.start_s is not None or selection.end_s is not None:
             self._begin(source, clouds)
 
     def _begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Find the bounds in log time and the index of the first frame of each topic within them."""
-        self._first_ns = first_ns = _first_log_time(source)
-        # A float of seconds may be off by less than a nanosecond; `contains` decides.
-        if self._selection.start_s is not None:
-            self.start_ns = first_ns + math.floor(self._selection.start_s * _NANO) - 1
+        self._first_ns = _first_log_time(source)
+        self.start_ns, self.end_ns = self._bound(self._selection.start_s, -1), self._bound(self._selection.end_s, 1)
+        if self.start_ns is not None:
             skipped = source.skipped(self.start_ns)
             for channel in clouds:
                 self._index[channel.topic] += skipped.get(channel.id, 0)
-        if self._selection.end_s is not None:
-            self.end_ns = first_ns + math.ceil(self._selection.end_s * _NANO) + 1
+
+    def _bound(self, moment: Moment | None, margin_ns: int) -> int | None:
+        """Return a limit as log time; a float of seconds may be off by less than a nanosecond, `contains` decides."""
+        if moment is None or isinstance(moment, datetime):
+            return None if moment is None else _nanoseconds(moment)
+        exact_ns = moment * _NANO
+        return self._first_ns + (math.ceil(exact_ns) if margin_ns > 0 else math.floor(exact_ns)) + margin_ns
 
     def count(self, message: Message) -> int:
         """Return the index of the next cloud message within its topic."""
@@ -123,11 +226,16 @@ class Window:
     def contains(self, message: Message) -> bool:
         """Return whether a message is selected."""
         start, end, frames = self._selection.start_s, self._selection.end_s, self._selection.frames
-        if start is not None or end is not None:
-            seconds = (message.log_time_ns - self._first_ns) / _NANO
-            if (start is not None and seconds < start) or (end is not None and seconds >= end):
-                return False
+        if (start is not None and self._is_before(message, start)) or (
+            end is not None and not self._is_before(message, end)
+        ):
+            return False
         return frames is None or self._selected.get(message.channel.topic, -1) < frames
+
+    def _is_before(self, message: Message, moment: Moment) -> bool:
+        if isinstance(moment, datetime):
+            return message.log_time_ns < _nanoseconds(moment)
+        return (message.log_time_ns - self._first_ns) / _NANO < moment
 
 
 def _first_log_time(source: Source) -> int:

@@ -56,7 +56,8 @@ ALLOWED = {
     "filters": BASE | {"airborne", "clustering", "scenes", "water"},
     "holding": BASE,
     "selection": BASE | {"messages"},
-    "pipeline": BASE | {"holding", "messages", "selection"},
+    "latched": BASE | {"messages"},
+    "pipeline": BASE | {"holding", "latched", "messages", "selection"},
     "survey": BASE | {"sensors"},
     "calibration": BASE | {"filters"},
     "config": BASE | {"filters", "evaluation", "validation"},
@@ -68,7 +69,7 @@ ALLOWED = {
     | {"airborne", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "survey"}
     | {"validation", "viewing"},
     "api": BASE | {"calibration", "config", "messages", "pipeline", "runs", "selection", "sinks", "validation"},
-    "commands": BASE | {"config", "interrupts", "runs", "sensors"},
+    "commands": BASE | {"config", "interrupts", "runs", "selection", "sensors"},
 }
 """Parts of the package and the other parts that each may import."""
 

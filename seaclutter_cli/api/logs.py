@@ -12,6 +12,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.pipeline import frames
 from seaclutter_cli.records import Damage, SensorFacts
 from seaclutter_cli.runs.recordings import PathLike, ReadOptions, expand
+from seaclutter_cli.selection import Moment, Selection
 
 
 def open_log(
@@ -122,8 +123,8 @@ class Log:
         self,
         topics: str | Sequence[str] = (),
         *,
-        start_s: float | None = None,
-        end_s: float | None = None,
+        start_s: Moment | None = None,
+        end_s: Moment | None = None,
         limit: int | None = None,
         intensity_field: str | None = None,
     ) -> Iterator[Frame]:
@@ -133,9 +134,9 @@ class Log:
         ----------
         topics : str or sequence of str, optional
             Point-cloud topics; by default the only one.
-        start_s, end_s : float, optional
-            Limits in seconds from the start of the recording; the end is not included. Parts outside are skipped if
-            the format allows it.
+        start_s, end_s : float or datetime, optional
+            Limits: seconds from the start of the recording, or dates and times; the end is not included. Parts
+            outside are skipped if the format allows it.
         limit : int, optional
             Maximum number of frames of each topic.
         intensity_field : str, optional
@@ -155,8 +156,6 @@ class Log:
         ...     [(frame.topic, frame.index, frame.size) for frame in log.frames(start_s=1.0, limit=2)]
         [('/points', 10, 2145), ('/points', 11, 2214)]
         """
-        from seaclutter_cli.selection import Selection
-
         chosen = (topics,) if isinstance(topics, str) else tuple(topics)
         selection = Selection(
             topics=chosen, start_s=start_s, end_s=end_s, frames=limit, intensity_field=intensity_field

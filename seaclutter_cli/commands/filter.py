@@ -46,6 +46,12 @@ _WRITTEN = (
         callback=_compression,
         help="Compression of the output; by default that of the input, or zstd.",
     ),
+    click.option(
+        "--latched",
+        multiple=True,
+        metavar="TOPIC",
+        help="Keep the last message of TOPIC before --start, as of /tf_static and other latched topics; repeatable.",
+    ),
 )
 _OPTIONS = (
     force_option,

@@ -192,6 +192,19 @@ def _known_sensor(_: click.Context, __: click.Parameter, value: str | None) -> s
     return names[value.casefold()]
 
 
+def _moment(_: click.Context, parameter: click.Parameter, text: str | None) -> Any:
+    """Return a point in time, as `parse_moment` does."""
+    if text is None:
+        return None
+    from seaclutter_cli.selection import parse_moment
+
+    try:
+        return parse_moment(text)
+    except (ValueError, OverflowError) as error:
+        problem = "expected seconds from the start, a time such as 2026-05-01T12:30:00Z, or seconds since 1970"
+        raise click.BadParameter(problem, param=parameter) from error
+
+
 reading_options = grouped(
     "reading",
     "runs.recordings:ReadOptions",
@@ -200,16 +213,16 @@ reading_options = grouped(
         click.option(
             "--start",
             "start_s",
-            type=float,
-            metavar="SECONDS",
-            help="Skip the first SECONDS of the recording.",
+            callback=_moment,
+            metavar="TIME",
+            help="Start at TIME: seconds from the start of the recording, ISO 8601 (UTC), or seconds since 1970.",
         ),
         click.option(
             "--end",
             "end_s",
-            type=float,
-            metavar="SECONDS",
-            help="Stop SECONDS after the start of the recording.",
+            callback=_moment,
+            metavar="TIME",
+            help="Stop before TIME.",
         ),
         click.option(
             "-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Stop after N frames of each topic."

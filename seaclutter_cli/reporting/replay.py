@@ -17,6 +17,7 @@ from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
+from seaclutter_cli.messages.recorded import DIAGNOSTICS, recorded_topics
 from seaclutter_cli.pipeline import read
 from seaclutter_cli.records import Damage, Message, Metadata
 from seaclutter_cli.reporting.history import Numbers
@@ -30,9 +31,18 @@ def filtered_topics(source: Source) -> list[str]:
     """Return the cloud topics whose kept points, removed points and diagnostics are all in the log."""
     names = {channel.topic for channel in source.channels}
     clouds = [channel.topic for channel in source.channels if find_codec(channel)]
-    if TOPIC not in names:
-        return []
-    return [topic for topic in clouds if {f"{topic}{_FILTERED}", f"{topic}{_REMOVED}"} <= names]
+    return [topic for topic in clouds if _parts(source, topic) <= names]
+
+
+def _parts(source: Source, topic: str) -> set[str]:
+    return {f"{topic}{_FILTERED}", f"{topic}{_REMOVED}", diagnostics_topic(source, topic)}
+
+
+def diagnostics_topic(source: Source, topic: str) -> str:
+    """Return the topic with the diagnostics of a cloud topic."""
+    recorded = recorded_topics(source.metadata)
+    found = (name for name, one in recorded.items() if (one.content, one.clouds) == (DIAGNOSTICS, topic))
+    return next(found, TOPIC)
 
 
 def recorded_config(source: Source) -> str | None:
@@ -94,6 +104,7 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replaye
     Frames without removed points or valid diagnostics are left out.
     """
     clouds = [channel for channel in source.channels if channel.topic == topic]
+    diagnostics = diagnostics_topic(source, topic)
     frame: Frame | None = None
     removed: Message | None = None
     for record, found_frame in read(source, clouds, selection):
@@ -103,7 +114,7 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replaye
             continue
         elif record.channel.topic == f"{topic}{_REMOVED}":
             removed = record
-        elif record.channel.topic == TOPIC and removed is not None:
+        elif record.channel.topic == diagnostics and removed is not None:
             name = record.channel.schema.name if record.channel.schema else ""
             try:
                 found = read_diagnostics(record.data, record.channel.message_encoding, name)
@@ -124,7 +135,7 @@ def _reason_field(names: Sequence[str]) -> str:
 
 def _keys(points: NDArray[np.void], size: int) -> NDArray[np.uint64]:
     """Return a hash of the first ``size`` bytes of each point, shape (N,)."""
-    raw = np.ascontiguousarray(points).view(np.uint8).reshape(len(points), -1)[:, :size]
+    raw = np.ascontiguousarray(points).view(np.uint8).reshape(len(points), points.dtype.itemsize)[:, :size]
     words = np.zeros((len(raw), -(-size // 8) * 8), np.uint8)
     words[:, :size] = raw
     keys = np.zeros(len(raw), np.uint64)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.jobs.budget import default_jobs
 from seaclutter_cli.jobs.cluster.engine import Cluster
 from seaclutter_cli.jobs.cluster.place import place_of
@@ -119,7 +119,11 @@ class _Task(Generic[O]):
     def __call__(self, report: Report) -> tuple[O, Relay]:
         relay = Relay(report, self.work.recording.name, self.observer)
         with copies_removed():
-            outcome = self.work.run(relay)
+            try:
+                outcome = self.work.run(relay)
+            except SelectionError as error:
+                outcome = self.work.without_result("")
+                outcome.error, outcome.skipped, outcome.reason = None, True, str(error)
         relay.report, relay.observer = _no_report, None
         return outcome, relay
 
@@ -178,7 +182,10 @@ def run_batch(
                 passed += 1
             if error and options.fail_fast:
                 break
-    return [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
+    done = [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
+    if done and all(one.skipped and one.reason for one in done):
+        raise SelectionError("no recording has a frame in the selected time")
+    return done
 
 
 def _tasks(works: Sequence[Work[O]], engine: Engine, observer: Observer) -> list[_Task[O]]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
+from seaclutter_cli.errors import LabelError
 from seaclutter_cli.evaluation.labelling.check import LabelCheck
 from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.frame import FilterResult, Frame
@@ -32,7 +33,7 @@ from seaclutter_cli.runs.recordings import (
     require_frames,
     storing_errors,
 )
-from seaclutter_cli.selection import cloud_channels, was_filtered
+from seaclutter_cli.selection import cloud_channels, filtered_by, first_frame, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
@@ -246,8 +247,9 @@ class Evaluator:
         clouds = cloud_channels(source, selection.topics)
         filtering = any(variant.config.method != "none" for variant in self.variants)
         if filtering and was_filtered(source, selection.topics):
-            text = "already filtered; this run only filters the remaining points, and lost targets count as not visible"
-            self.observer.warn(f"{source.name}: {text}")
+            by = filtered_by(source, selection.topics)
+            text = "this run only filters the remaining points, and lost targets count as not visible"
+            self.observer.warn(f"{source.name}: already filtered{by}; {text}")
         methods = ", ".join(variant.name for variant in self.variants)
         self.observer.note(f"{source.name}: {source.format}, {methods} on {printable(clouds[0].topic)}", detail=True)
         filters = [variant.config.make_filter() for variant in self.variants]
@@ -261,9 +263,13 @@ class Evaluator:
 
     def _check(self, source: Source, labels: Labels | None, outcome: Evaluated) -> None:
         """Check that frames could be read, and that they match the labels."""
-        require_frames(source, outcome.frames)
+        require_frames(source, outcome.frames, self.reading.selection)
         finish_labels(labels, source, self.reading.selection)
         if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
+            first = first_frame(source, self.reading.topics)
+            if first:
+                text = f"it is a part of a recording, with frames from {first} on"
+                raise LabelError(f"{source.name}: no frame is labelled; {text}")
             self.observer.warn(f"{source.name}: no frame is labelled; check that the labels belong to this recording")
 
 

@@ -46,7 +46,7 @@ from seaclutter_cli.runs.recordings import (
 from seaclutter_cli.runs.resume import earlier_run, identity_of
 from seaclutter_cli.runs.resume_rows import rows_in
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
-from seaclutter_cli.selection import cloud_channels, was_filtered
+from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
@@ -315,14 +315,15 @@ class FilterWork(Work[FilterOutcome]):
         table: CsvSink | None,
         group: OutputGroup,
     ) -> None:
-        selection = self.options.reading.selection
+        selection = replace(self.options.reading.selection, latched=self.options.written.latched)
         clouds = cloud_channels(source, selection.topics)
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
         labels = self.labels.open() if self.labels else None
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose one with -t")
         if self.config.method != "none" and was_filtered(source, selection.topics):
-            observer.warn(f"{source.name}: already filtered; this run only filters the remaining points")
+            by = filtered_by(source, selection.topics)
+            observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
         fit = FitWarnings(self.config, source, topics, observer)
@@ -339,7 +340,7 @@ class FilterWork(Work[FilterOutcome]):
 
             sinks: list[Sink] = [sink, table] if table else [sink]
             run(source, self.config.make_filter, sinks, selection, on_result, outcome.topics)
-            require_frames(source, outcome.frames)
+            require_frames(source, outcome.frames, selection)
         fit.finish(outcome.topics)
 
     def identity(self, source: Source | None = None, labels: Labels | None = None) -> RunIdentity:
@@ -353,7 +354,12 @@ class FilterWork(Work[FilterOutcome]):
 
     def _written(self, labels: Labels | None, record: Callable[[], Metadata]) -> McapOptions:
         written = replace(
-            self.options.written, config=self.config.to_yaml(), water=self.config.has_water, record=record
+            self.options.written,
+            config=self.config.to_yaml(),
+            water=self.config.has_water,
+            record=record,
+            method=self.config.method,
+            is_part=not self.options.reading.selection.is_whole,
         )
         if not self.options.with_scene:
             return written

@@ -240,7 +240,7 @@ class LabelCheckWork(Work[CheckedLabels]):
                 step()
 
             run_each(source, [unfiltered.make_filter()], selection, on_frame)
-        require_frames(source, outcome.labelled + outcome.unlabelled)
+        require_frames(source, outcome.labelled + outcome.unlabelled, selection)
         finish_labels(labels, source, selection)
         outcome.findings = check.findings(outcome.boxes, outcome.visible)
 

@@ -6,19 +6,20 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, UsageError
+from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.records import Channel, Damage
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.selection import Selection
+from seaclutter_cli.selection import Moment, Selection, is_part
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources import Recording, Search, find_recordings
 from seaclutter_cli.storage.locations import is_url
-from seaclutter_cli.text import count, printable
+from seaclutter_cli.text import count, duration, printable
 
 _STATUSES = ("done", "damaged", "failed", "skipped")
 
@@ -35,8 +36,8 @@ class ReadOptions:
     ----------
     topics : tuple of str
         Point-cloud topics; empty: the only one.
-    start_s, end_s : float or None
-        Limits in seconds from the start of the recording; the end is not included.
+    start_s, end_s : float, datetime or None
+        Limits: seconds from the start of the recording, or dates and times; the end is not included.
     frames : int or None
         Maximum number of frames of each topic, from the start of the selection.
     intensity_field : str or None
@@ -62,8 +63,8 @@ class ReadOptions:
     """
 
     topics: tuple[str, ...] = ()
-    start_s: float | None = None
-    end_s: float | None = None
+    start_s: Moment | None = None
+    end_s: Moment | None = None
     frames: int | None = None
     intensity_field: str | None = None
     rate_hz: float = 10.0
@@ -107,7 +108,9 @@ class Outcome:
     error : str or None
         Reason why there is no result; None if there is one.
     skipped : bool
-        Whether the result is that of an earlier run.
+        Whether the result is that of an earlier run, or there is nothing to do.
+    reason : str
+        Why there is nothing to do; empty otherwise.
     """
 
     recording: str
@@ -115,6 +118,7 @@ class Outcome:
     seconds: float = 0.0
     error: str | None = None
     skipped: bool = False
+    reason: str = ""
 
     @property
     def status(self) -> str:
@@ -127,6 +131,8 @@ class Outcome:
         """Return a line about the outcome, for runs over several recordings."""
         if self.error:
             return f"{printable(self.recording)}: failed: {self.error}"
+        if self.skipped and self.reason:
+            return f"{printable(self.recording)}: skipped: {self.reason}"
         more = f" and {count(len(self.damage) - 1, 'other part')}" if len(self.damage) > 1 else ""
         damaged = f"; damaged: {self.damage[0]}{more}" if self.damage else ""
         return f"{printable(self.recording)}: {self.figures()}{damaged}"
@@ -261,13 +267,24 @@ def expected_frames(source: Source, clouds: Sequence[Channel], selection: Select
     return selection.frames or total or None
 
 
-def require_frames(source: Source, frames: int) -> None:
-    """Raise `InputError` if damage leaves no frame that can be read."""
-    if not frames and source.damage:
+def require_frames(source: Source, frames: int, selection: Selection) -> None:
+    """Raise `SelectionError` if no frame is in the selected period, `InputError` if damage leaves none."""
+    if frames:
+        return
+    if source.damage:
         raise InputError(f"{source.name}: no frame can be read; {source.damage[0]}")
+    if selection.period:
+        span = f"; the log is {_span(*source.span_ns)}" if source.span_ns else ""
+        raise SelectionError(f"{source.name}: no frames {selection.period}{span}")
+
+
+def _span(first_ns: int, last_ns: int) -> str:
+    """Return the time of a log in words."""
+    start = datetime.fromtimestamp(first_ns // 10**9, UTC).isoformat(sep=" ").removesuffix("+00:00")
+    return f"{duration((last_ns - first_ns) / 10**9)} long, from {start} UTC"
 
 
 def finish_labels(labels: Labels | None, source: Source, selection: Selection) -> None:
     """Raise `LabelError` if a recording that was read completely and without damage lacks a frame for a label."""
-    if labels and selection.is_whole and not source.damage:
+    if labels and selection.is_whole and not source.damage and not is_part(source, selection.topics):
         labels.finish()

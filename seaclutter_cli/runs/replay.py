@@ -16,7 +16,7 @@ from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.evaluate import Evaluator
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.recordings import ReadOptions, finish_labels, opened, storing_errors
+from seaclutter_cli.runs.recordings import ReadOptions, finish_labels, opened, require_frames, storing_errors
 from seaclutter_cli.selection import was_filtered
 from seaclutter_cli.sources import Recording
 
@@ -167,6 +167,7 @@ class ReplayReader:
                 step()
                 found = True
         if not found:
+            require_frames(source, 0, selection)
             reason = source.damage[0] if source.damage else f"no frame of {topic} has removed points and diagnostics"
             raise InputError(f"{source.name}: nothing to show; {reason}")
         finish_labels(labels, source, selection)

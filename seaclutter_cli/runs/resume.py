@@ -19,6 +19,9 @@ from seaclutter_cli.sinks import McapOptions
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.objects import find_object, open_object
 
+_OF_THE_RUN = ("config", "water", "scene", "record", "method", "is_part")
+"""Fields of `McapOptions` that the run fills in."""
+
 
 def identity_of(
     paths: Sequence[Location],
@@ -35,7 +38,9 @@ def identity_of(
     calibration = reading.calibration
     options = {
         "reading": {**asdict(reading), "calibration": digest_of_paths([calibration]) if calibration else None},
-        "written": {k: v for k, v in vars(written).items() if k not in ("config", "water", "scene", "record")},
+        "written": {
+            k: v for k, v in vars(written).items() if k not in ("config", "water", "scene", "record", "method")
+        },
         "with_scene": with_scene,
     }
     label_parts = [digest_of_paths([labels.path]), asdict(labels.options)] if labels else []

@@ -13,6 +13,15 @@ from seaclutter_cli.interfaces import CloudCodec, Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format
 from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
+from seaclutter_cli.messages.recorded import (
+    DIAGNOSTICS,
+    FILTERED,
+    RAW,
+    REMOVED,
+    RecordedTopic,
+    recorded_topics,
+    to_metadata,
+)
 from seaclutter_cli.messages.scene import TOPIC as SCENE_TOPIC
 from seaclutter_cli.messages.scene import SceneUpdate, scene_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata
@@ -40,6 +49,8 @@ class McapOptions:
         Write a message with thresholds, corrections and counts for each frame.
     compression : str or None
         ``zstd``, ``lz4`` or empty for none; None uses the compression of the input, zstd if unknown.
+    latched : tuple of str
+        Topics whose last message before the start of a part is written, beside those that are known as latched.
     config : str
         Effective configuration as YAML, for the metadata of the file.
     water : bool
@@ -48,6 +59,10 @@ class McapOptions:
         Function that returns the boxes of a filtered frame, which are written to ``/seaclutter/scene``.
     record : callable, optional
         Function that returns a metadata record about the run when all frames are written.
+    method : str
+        Name of the method, for the metadata of the file.
+    is_part : bool
+        Whether only a part of the recording is written.
 
     Examples
     --------
@@ -64,10 +79,13 @@ class McapOptions:
     keep_organized: bool = False
     diagnostics: bool = True
     compression: str | None = None
+    latched: tuple[str, ...] = ()
     config: str = ""
     water: bool = False
     scene: Callable[[FilterResult], SceneUpdate] | None = None
     record: Callable[[], Metadata] | None = None
+    method: str = ""
+    is_part: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +122,8 @@ class McapSink(AbstractContextManager["McapSink"]):
         self._channels: dict[Channel, int] = {}
         self._used: set[int] = set()
         self._outputs: dict[Channel, _Outputs] = {}
+        self._topics: dict[str, RecordedTopic] = {}
+        self._first_frames: dict[str, int] = {}
 
     def __enter__(self) -> Self:
         """Return the sink."""
@@ -129,8 +149,13 @@ class McapSink(AbstractContextManager["McapSink"]):
         taken = {channel.topic for channel in source.channels}
         for channel in source.channels:
             self._declare(channel)
+        several = len({channel.topic for channel in clouds}) > 1
+        before = recorded_topics(source.metadata)
         for channel in clouds:
-            self._outputs[channel] = self._add_outputs(channel, taken)
+            earlier = before.get(channel.topic, RecordedTopic(RAW, channel.topic))
+            methods, is_part = (*earlier.methods, self._options.method), self._options.is_part or earlier.is_part
+            known = RecordedTopic(RAW, channel.topic, methods, is_part=is_part)
+            self._outputs[channel] = self._add_outputs(channel, taken, known, several=several)
 
     def copy(self, record: Message | Attachment | Metadata) -> None:
         """Write a record unchanged."""
@@ -147,6 +172,7 @@ class McapSink(AbstractContextManager["McapSink"]):
     def write(self, result: FilterResult) -> None:
         """Write the messages of a filtered frame."""
         message, cloud = _record_of(result), result.frame.cloud
+        self._first_frames.setdefault(message.channel.topic, result.frame.index)
         outputs = self._outputs[message.channel]
         if self._options.keep_raw:
             self.copy(message)
@@ -161,7 +187,11 @@ class McapSink(AbstractContextManager["McapSink"]):
             self._put(outputs.scene, message, outputs.draw(self._options.scene(result)))
 
     def end(self) -> None:
-        """Write the record of the run and the summary."""
+        """Write the records about topics and the run, and the summary."""
+        first = self._first_frames
+        self._open_writer.add_metadata(
+            to_metadata({name: replace(t, first_frame=first.get(t.clouds, 0)) for name, t in self._topics.items()})
+        )
         if self._options.record is not None:
             self._open_writer.add_metadata(self._options.record())
         self._open_writer.finish()
@@ -175,35 +205,42 @@ class McapSink(AbstractContextManager["McapSink"]):
             return codec.encode(cloud.blank(~result.keep))
         return codec.encode(cloud.select(result.keep))
 
-    def _add_outputs(self, channel: Channel, taken: set[str]) -> _Outputs:
+    def _add_outputs(self, channel: Channel, taken: set[str], known: RecordedTopic, *, several: bool) -> _Outputs:
         codec = find_codec(channel)
         if codec is None:
             raise UsageError(f"topic {channel.topic} contains no point clouds")
         options = self._options
         encoding, schema, serialise = diagnostics_format(channel.message_encoding, self._layout)
         filtered, removed, diagnostics = self._channels[channel], None, None
+        self._topics[channel.topic] = known if options.keep_raw else replace(known, content=FILTERED)
         if options.keep_raw:
-            filtered = self._add(replace(channel, topic=f"{channel.topic}/filtered"), taken)
+            name = f"{channel.topic}/filtered"
+            filtered = self._add(replace(channel, topic=name), taken)
+            self._topics[name] = replace(known, content=FILTERED)
         if options.with_removed:
-            removed = self._add(replace(channel, topic=f"{channel.topic}/removed"), taken)
+            name = f"{channel.topic}/removed"
+            removed = self._add(replace(channel, topic=name), taken)
+            self._topics[name] = replace(known, content=REMOVED)
         if options.diagnostics:
-            diagnostics = self._shared_channel(Channel(_NEW, DIAGNOSTICS_TOPIC, encoding, schema), taken)
+            name = DIAGNOSTICS_TOPIC + channel.topic * several
+            diagnostics, name = self._shared_channel(Channel(_NEW, name, encoding, schema), taken)
+            self._topics[name] = replace(known, content=DIAGNOSTICS)
         draw: Callable[[SceneUpdate], bytes] = _no_scene
         scene = None
         if options.scene:
             encoding, schema, draw = scene_format(channel.message_encoding)
-            scene = self._shared_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
+            scene, _ = self._shared_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
         return _Outputs(codec, filtered, removed, diagnostics, serialise, scene, draw)
 
-    def _shared_channel(self, channel: Channel, taken: set[str]) -> int:
-        """Return the id of a channel shared by all topics; a number is added if the log already has the topic."""
+    def _shared_channel(self, channel: Channel, taken: set[str]) -> tuple[int, str]:
+        """Return id and topic of a channel for several topics; a number is added if the log already has the topic."""
         number, name = 2, channel.topic
         while channel.topic in taken:
             channel = replace(channel, topic=f"{name}_{number}")
             number += 1
         if channel not in self._channels:
             self._declare(channel)
-        return self._channels[channel]
+        return self._channels[channel], channel.topic
 
     def _add(self, channel: Channel, taken: set[str]) -> int:
         if channel.topic in taken:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.records import Channel, Damage, Message, Record, SensorFacts
+from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, SensorFacts
 from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources import Recording, Search, find_recordings, has_metadata_beside, metadata_beside, require_one
@@ -161,6 +161,11 @@ class StagedSource:
         mirror = self._mirror
         self.damage[:] = [_named(item, mirror) for item in self._inner.damage]
         self.warnings[:] = [mirror.shown(text) for text in self._inner.warnings]
+
+    @property
+    def metadata(self) -> Sequence[Metadata]:
+        """Metadata records of the copy."""
+        return self._inner.metadata
 
     @property
     def channels(self) -> Sequence[Channel]:

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import pytest
 
+from tests.logs import cloud_log
 from tests.paths import ROOT
 from tests.reporting.pages import SMALL_CONTROLS
 from tests.reporting.runs import HOSTILE, LABELLED, make_labels, make_log, report
@@ -223,7 +224,7 @@ def test_unusual_logs(visit, tmp_path, name):
 
 
 def test_a_log_without_frames(visit, tmp_path):
-    log = make_log(tmp_path / "log.mcap")
-    report(log, "--start", 100, "-o", tmp_path / "page.html")
+    log = cloud_log(tmp_path / "log.mcap", frames=0)
+    report(log, "-o", tmp_path / "page.html")
     page = visit(tmp_path / "page.html")
     assert "No frames" in page.page.locator("#summary").inner_text()

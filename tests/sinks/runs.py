@@ -41,6 +41,7 @@ class FakeSource:
     name: str = "log"
     profile: str = "ros2"
     compression: str | None = None
+    metadata: tuple = ()
 
 
 def filter_log(path, target, *, topics=(), method="joint", overrides=(), sinks=(), **options):

@@ -10,7 +10,7 @@ from pathlib import Path
 from seaclutter_cli.errors import CloudError, InputError, UsageError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message
+from seaclutter_cli.records import Channel, Damage, Message, Metadata
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.csv import is_point_table
 from seaclutter_cli.sources.frame_files.stamps import from_names, from_time_files
@@ -47,6 +47,7 @@ class FolderSource:
     profile = "ros2"
     compression: str | None = None
     facts = NO_FACTS
+    metadata: Sequence[Metadata] = ()
 
     def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
         """List the frames without reading them."""

@@ -107,6 +107,11 @@ class McapSource:
         self._declared.report_missing_schemas()
 
     @property
+    def metadata(self) -> Sequence[Metadata]:
+        """All metadata records."""
+        return [record for record in self._extras if isinstance(record, Metadata)]
+
+    @property
     def channels(self) -> Sequence[Channel]:
         """Channels in numerical order."""
         return self._declared.all()

@@ -11,7 +11,7 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message, SensorFacts
+from seaclutter_cli.records import Channel, Damage, Message, Metadata, SensorFacts
 from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES, PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFrame, Packets
 from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS, PCAPNG_MAGIC
@@ -50,6 +50,7 @@ class CaptureSource:
 
     profile = "ros2"
     compression: str | None = None
+    metadata: Sequence[Metadata] = ()
 
     def __init__(self, path: Path, options: DecoderOptions | None = None) -> None:
         self.name, self._path = path.stem, path

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
-from seaclutter_cli.records import Channel, Damage, Message, Record
+from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sources.rosbag1.chunks import read_index, unpack
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
 from seaclutter_cli.sources.rosbag1.survey import BagSurvey, channel_of
@@ -51,6 +51,7 @@ class BagSource:
     format = "ROS 1 bag"
     profile = "ros1"
     facts = NO_FACTS
+    metadata: Sequence[Metadata] = ()
 
     def __init__(self, path: Path) -> None:
         self.name = path.name.removesuffix(".active").removesuffix(".bag")

@@ -10,7 +10,7 @@ from typing import Any
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message, Record, Schema
+from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.rosbag2.compression import is_large, unpack_file, unpack_message
 from seaclutter_cli.sources.rosbag2.database import has_table, latest_row, open_database, read_rows
 from seaclutter_cli.sources.rosbag2.salvage import BROKEN
@@ -47,6 +47,7 @@ class Db3Source:
     format = "ROS 2 bag (sqlite3)"
     profile = "ros2"
     facts = NO_FACTS
+    metadata: Sequence[Metadata] = ()
 
     def __init__(self, path: Path) -> None:
         self.name = path.name.removesuffix(".zstd").removesuffix(".db3")

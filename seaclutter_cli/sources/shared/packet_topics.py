@@ -13,7 +13,7 @@ from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Buffer, Channel, Damage, Message, Record, Schema
+from seaclutter_cli.records import Buffer, Channel, Damage, Message, Metadata, Record, Schema
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.text import count
 
@@ -129,6 +129,11 @@ class PacketTopics:
         undecoded = [channel for channel in inner.channels if _points_topic(channel.topic) not in topics]
         waiting = {c.id: f for c in undecoded if (f := _find_family(c, families.values()))}
         self._probe({number: family for number, family in waiting.items() if inner.counts.get(number) != 0})
+
+    @property
+    def metadata(self) -> Sequence[Metadata]:
+        """Metadata records of the log."""
+        return self._inner.metadata
 
     @property
     def channels(self) -> Sequence[Channel]:

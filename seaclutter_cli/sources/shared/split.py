@@ -84,6 +84,7 @@ class SplitSource:
                 continue
             if not self._relabelled:
                 self.format, self.profile, self.compression = source.format, source.profile, source.compression
+                self.metadata = source.metadata
             self._relabelled[file] = {}
             for channel in source.channels:
                 self._relabel(file, channel)

@@ -85,6 +85,8 @@ class Log:
 
     name, format, profile, compression = "log", "a list", "ros2", None
     facts = MappingProxyType({})
+    metadata = ()
+    span_ns = None
 
     def __init__(self, records, channels, *, counts=None):
         self._records, self.channels = records, channels
@@ -96,6 +98,9 @@ class Log:
 
     def skipped(self, start_ns):
         return {}
+
+    def latest(self, channels, before_ns):
+        return []
 
     def close(self):
         self.closed = True
