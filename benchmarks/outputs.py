@@ -53,6 +53,8 @@ evaluate-dbscan: evaluate {LABELLED} --clustering dbscan -o OUT/e.csv --json
 evaluate-cloud: evaluate sea.mcap --labels sea.mcap -o OUT/e.csv --json
 evaluate-capture: evaluate rs-lidar-32.pcap --labels rs-lidar-32.labels.csv -o OUT/e.csv --json
 tune: tune {LABELLED} --sweep update_weight=0.2:0.8:0.2 -o OUT/t.yaml --csv OUT/t.csv --json
+tune-methods: tune {LABELLED} -m joint -m ror --sweep ror.min_neighbors=3,5 --csv OUT/t.csv --json
+labels-check: labels check {LABELLED} --json
 tune-plot: tune {LABELLED} --sweep std_ratio=0.5,1 --plot OUT/t.svg --plot-thresholds OUT/h.svg --json
 tune-two: tune {LABELLED} --sweep std_ratio=0.5,1 --sweep max_neighbors=10,30 -o OUT/t.yaml --json
 report: report {LABELLED} --compare paper -o OUT/r.html --figures OUT/figures --json

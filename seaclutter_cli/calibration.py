@@ -150,14 +150,23 @@ class Calibration:
         Provides ``start_m``, ``ring_width_m`` and, with ``keep_end``, ``end_m``.
     filter_rate : float, optional
         Share of the clutter points of each range ring to remove.
+    max_left : float or None, optional
+        Number of clutter points per frame that a range ring may keep; where it would keep more, its filter rate is
+        higher.
     keep_end : bool, optional
         Keep ``end_m`` instead of deriving it.
     """
 
     def __init__(
-        self, params: RingIntensityParams, *, filter_rate: float = FILTER_RATE, keep_end: bool = False
+        self,
+        params: RingIntensityParams,
+        *,
+        filter_rate: float = FILTER_RATE,
+        max_left: float | None = None,
+        keep_end: bool = False,
     ) -> None:
-        self.params, self.filter_rate, self.keep_end = params, filter_rate, keep_end
+        self.params, self.filter_rate, self.max_left, self.keep_end = params, filter_rate, max_left, keep_end
+        self.frames = 0
         count = max(1, min(MAX_RINGS, math.ceil((MAX_RANGE_M - params.start_m) / params.ring_width_m)))
         whole_rings = np.asarray(params.start_m + np.arange(count + 1) * params.ring_width_m, np.float64)
         self._edges: NDArray[np.float64] = params.edges if keep_end else whole_rings
@@ -174,7 +183,7 @@ class Calibration:
         self.points += len(range_m)
         least, most = self.intensity
         self.intensity = [float(intensity.min(initial=least)), float(intensity.max(initial=most))]
-        self.see(intensity)
+        self.highest = max(self.highest, self.intensity[1])
         self._limit.add(range_m)
         ring = np.searchsorted(self._edges, range_m, side="right") - 1
         for number in np.unique(ring[ring < len(self._edges) - 1]).tolist():
@@ -188,6 +197,7 @@ class Calibration:
         self.points += other.points
         self.intensity = [min(self.intensity[0], other.intensity[0]), max(self.intensity[1], other.intensity[1])]
         self.highest = max(self.highest, other.highest)
+        self.frames += other.frames
         self._limit += other._limit
         for number, histogram in other._rings.items():
             if number in self._rings:
@@ -197,16 +207,12 @@ class Calibration:
         return self
 
     def see(self, intensity: NDArray[np.float64]) -> None:
-        """Note the intensities of all valid points of a frame, shape (N,), clutter or not."""
+        """Note the intensities of all valid points of a frame, shape (N,), clutter or not; call it for each frame."""
+        self.frames += 1
         self.highest = float(intensity.max(initial=self.highest))
 
-    def thresholds(self, filter_rate: float | None = None) -> Thresholds:
-        """Return the thresholds and the far limit of the points added so far.
-
-        Parameters
-        ----------
-        filter_rate : float, optional
-            Share of the clutter points to remove; by default that of the calibration.
+    def thresholds(self) -> Thresholds:
+        """Return the thresholds and the far limit of the points added so far; depends on attributes set meanwhile.
 
         Raises
         ------
@@ -219,10 +225,9 @@ class Calibration:
         if not any(number < count for number in self._rings):
             span = f"between {edges[0]:g} and {edges[-1]:g} m" if self.keep_end else f"from {edges[0]:g} m on"
             raise InputError(f"no clutter point {span}; thresholds need recordings with clutter there")
-        rate = self.filter_rate if filter_rate is None else filter_rate
         points = [self._rings[number].points if number in self._rings else 0 for number in range(count)]
-        sources = ring_sources(points, few_points(rate))
-        rings = tuple(self._ring(number, edges, sources[number], rate) for number in range(count))
+        sources = ring_sources(points, few_points(self.filter_rate))
+        rings = tuple(self._ring(number, edges, sources[number]) for number in range(count))
         return Thresholds(rings, float(edges[-1]), last_m, self.points - sum(ring.points for ring in rings))
 
     def _up_to(self, last_m: float | None) -> NDArray[np.float64]:
@@ -236,17 +241,25 @@ class Calibration:
             )
         return np.append(self._edges[:count], round(float(self._edges[count]), 9))
 
-    def _ring(self, number: int, edges: NDArray[np.float64], source: range, filter_rate: float) -> RingCalibration:
+    def _ring(self, number: int, edges: NDArray[np.float64], source: range) -> RingCalibration:
         """Return the calibration of a range ring from the points of those in ``source``."""
-        threshold = self._threshold(self._pooled(source), filter_rate)
-        saturated = filter_rate < 1 and threshold > self.highest
+        histogram = self._pooled(source)
+        threshold = self._threshold(histogram, self._rate(histogram.points))
+        saturated = self.filter_rate < 1 and threshold > self.highest
         if saturated:
             threshold = self.highest
         values, counts = self._rings[number].distribution() if number in self._rings else (np.zeros(0), np.zeros(0))
         points, below = int(counts.sum()), int(counts[values < threshold].sum())
-        few = points < few_points(filter_rate)
+        few = points < few_points(self.filter_rate)
         span = float(edges[number]), float(edges[number + 1])
         return RingCalibration(*span, points, threshold, below, few, (source[0] + 1, source[-1] + 1), saturated)
+
+    def _rate(self, points: int) -> float:
+        """Return the filter rate at which so many points leave no more than ``max_left`` per frame."""
+        if self.max_left is None:
+            return self.filter_rate
+        left = max(self.max_left * self.frames, _FEW_ABOVE)
+        return max(self.filter_rate, 1 - left / points)
 
     def _pooled(self, source: range) -> IntensityHistogram:
         first, *others = [self._rings[number] for number in source if number in self._rings]

@@ -343,7 +343,21 @@ class TestCalibration:
     def test_another_rate_without_another_pass(self):
         calibration = Calibration(JointParams())
         calibration.add(np.linspace(10, 20, 1000), np.arange(1000.0))
-        assert [calibration.thresholds(rate).initial_thresholds for rate in (None, 0.5)] == [(800,), (500,)]
+        assert calibration.thresholds().initial_thresholds == (800,)
+        calibration.filter_rate = 0.5
+        assert calibration.thresholds().initial_thresholds == (500,)
+
+    @pytest.mark.parametrize(("max_left", "below"), [(None, 800), (100, 800), (10, 900), (4, 960), (0.1, 980)])
+    def test_dense_clutter_gets_a_higher_rate(self, max_left, below):
+        """At most ``max_left`` points are left in each of ten frames, but at least 20 in all determine a threshold."""
+        calibration = Calibration(JointParams(), max_left=max_left)
+        for _ in range(10):
+            calibration.see(np.array([np.inf]))
+        ranges = np.append(np.linspace(10, 20, 1000), np.linspace(25, 39, 100))
+        calibration.add(ranges, np.append(np.arange(1000.0), np.arange(100.0)))
+        near, far = calibration.thresholds().rings
+        assert near.below == below
+        assert far.below == 80
 
     def test_a_ring_of_whole_numbers_in_a_log_of_fractions(self):
         found = calibrate(

@@ -13,6 +13,7 @@ import click
 
 from seaclutter_cli import __version__
 from seaclutter_cli.commands.address_space import check_imports
+from seaclutter_cli.commands.command_line import ARGUMENTS
 from seaclutter_cli.commands.console import DEBUG, LOG, show_each_warning_once
 from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
@@ -44,9 +45,14 @@ _SIGNS_OF_LITTLE_MEMORY = ("can't start new thread", "failed to map segment", "c
 class _Program(LazyGroup):
     """Root group, which reports errors as one line and an exit status."""
 
-    def make_context(self, *arguments: Any, **options: Any) -> click.Context:
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        given = list(args)
         with _reported_errors():
-            return super().make_context(*arguments, **options)
+            context = super().make_context(info_name, args, parent, **extra)
+        context.meta[ARGUMENTS] = given
+        return context
 
     def invoke(self, ctx: click.Context) -> Any:
         with _reported_errors(), warnings.catch_warnings():

@@ -34,6 +34,21 @@ _OPTIONS = (
         help="Share of the clutter points in each range ring that its threshold must remove.",
     ),
     click.option(
+        "--choose",
+        is_flag=True,
+        help="With --labels: compare values of --filter-rate and --max-left on held-out frames, and use the one with "
+        "the fewest frames with an error.",
+    ),
+    click.option(
+        "--trade-off", is_flag=True, help="With --labels: show what these values cost and gain, without choosing."
+    ),
+    click.option(
+        "--max-left",
+        type=click.FloatRange(min=0, min_open=True),
+        metavar="POINTS",
+        help="Raise the filter rate of a range ring until at most POINTS clutter points per frame are left.",
+    ),
+    click.option(
         "--keep-end",
         is_flag=True,
         help="Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES.",

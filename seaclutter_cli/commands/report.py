@@ -1,9 +1,11 @@
 """``seaclutter report``: the effect and quality of a filter, in a page that opens offline."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
+from seaclutter_cli.commands.command_line import command_line
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import (
     console_options,
@@ -75,4 +77,4 @@ def command(logs: tuple[str, ...], options: "ReportOptions", console: Console) -
     """
     from seaclutter_cli.runs.report import report_on
 
-    console.finish(report_on(logs, options, console))
+    console.finish(report_on(logs, replace(options, command=command_line()), console))

@@ -4,7 +4,7 @@ import pickle
 import zlib
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Self
 
@@ -24,10 +24,19 @@ from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import ClutterDensity, draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
+from seaclutter_cli.runs.calibrate_choice import (
+    Candidate,
+    OnlyProgress,
+    TradeOff,
+    candidates,
+    held_out_scores,
+    is_enough,
+    training_frames,
+)
 from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
 from seaclutter_cli.runs.calibrate_targets import TargetSearch
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
-from seaclutter_cli.runs.methods import ConfigOptions
+from seaclutter_cli.runs.methods import ConfigOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import (
@@ -40,6 +49,7 @@ from seaclutter_cli.runs.recordings import (
     require_frames,
     warnings_of,
 )
+from seaclutter_cli.runs.tune import TuneWork
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
@@ -58,8 +68,15 @@ class CalibrateOptions:
         Configuration to start from; its method must have a threshold for each range ring.
     filter_rate : float
         Share of the clutter points in each range ring that its threshold must remove.
+    max_left : float or None
+        Number of clutter points per frame that a range ring may keep; where it would keep more, its filter rate is
+        higher.
     keep_end : bool
         Keep the far limit of the configuration; an override of ``filter.end_m`` has the same effect.
+    choose : bool
+        Use the filter rate or ``max_left`` with the fewest frames with an error on held-out frames; needs labels.
+    trade_off : bool
+        Compare them without using the best one; needs labels.
     labels : LabelSources
         Labels of targets and areas to leave out.
     reading : ReadOptions
@@ -76,7 +93,10 @@ class CalibrateOptions:
 
     config: ConfigOptions = field(default_factory=ConfigOptions)
     filter_rate: float = FILTER_RATE
+    max_left: float | None = None
     keep_end: bool = False
+    choose: bool = False
+    trade_off: bool = False
     labels: LabelSources = field(default_factory=LabelSources)
     reading: ReadOptions = field(default_factory=ReadOptions)
     output: Location | None = None
@@ -111,6 +131,8 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         from all of them.
     """
     config = _starting_config(options.config)
+    if (options.choose or options.trade_off) and not options.labels.paths:
+        raise UsageError(f"{'--choose' if options.choose else '--trade-off'}: filter rates are compared by --labels")
     recordings = expand(logs, options.reading, observer)
     if options.plot_file:
         check_target(options.plot_file)
@@ -134,7 +156,8 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         observer.damage(pass_.tally.damage)
     else:
         run_batch(works, options.batch, observer, add, together=True)
-    result = pass_.result()
+    trade_off = _trade_off(works, pass_, observer) if options.choose or options.trade_off else None
+    result = pass_.result(trade_off)
     for text in result.warnings:
         observer.warn(text)
     files = {options.output: result.config_text().encode()} if options.output else {}
@@ -142,6 +165,27 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         files[options.plot_file] = pass_.plot(result.found, options.plot_file.suffix)
     write_files(files, replace=options.force)
     return result
+
+
+def _trade_off(works: Sequence["CalibrateWork"], found: "_Pass", observer: Observer) -> TradeOff:
+    """Return the scores of several filter rates and limits on held-out frames; with ``choose``, use the best one."""
+    config, options, frames = works[0].config, works[0].options, found.tally.frames_each
+    if not is_enough(frames):
+        raise LabelError(f"{count(sum(frames), 'labelled frame')}: too few to compare filter rates")
+    used = Candidate(options.filter_rate, options.max_left)
+    compared = candidates(used)
+    variants = []
+    for half in (0, 1):
+        training = _Pass(config, options)
+        for work, number in zip(works, frames, strict=True):
+            training += replace(work, labelled_frames=training_frames(number)[half]).read(OnlyProgress(observer))
+        variants += [Variant(f"{one.name} ({half})", training.config(one)) for one in compared]
+    judged = [TuneWork(variants, options.reading, work.recording, work.labels) for work in works]
+    trade_off = TradeOff(dict(zip(compared, held_out_scores(judged, observer), strict=True)), used)
+    if not options.choose:
+        return trade_off
+    found.use(trade_off.best)
+    return replace(trade_off, used=trade_off.best)
 
 
 def _starting_config(options: ConfigOptions) -> Config:
@@ -200,12 +244,15 @@ class CalibrateWork(Work[Calibrated]):
         The recording.
     labels : LabelFile or None
         Its labels.
+    labelled_frames : range, optional
+        Labelled frames to use, counted from 0; by default all.
     """
 
     config: Config
     options: CalibrateOptions
     recording: Recording
     labels: LabelFile | None
+    labelled_frames: range | None = None
 
     @property
     def reads(self) -> Sequence[Location]:
@@ -232,7 +279,7 @@ class CalibrateWork(Work[Calibrated]):
         """Return the sums over the recording."""
         found = _Pass(self.config, self.options)
         with closing(self.options.reading.open(self.recording)) as source:
-            found.read(source, self.labels.open() if self.labels else None, observer)
+            found.read(source, self.labels.open() if self.labels else None, observer, self.labelled_frames)
         return found
 
 
@@ -242,15 +289,17 @@ class _Pass:
     def __init__(self, config: Config, options: CalibrateOptions) -> None:
         self._config, self._options = config, options
         params: RingIntensityParams = config.filter
-        self.calibration = Calibration(params, filter_rate=options.filter_rate, keep_end=options.keeps_end)
+        self.calibration = Calibration(
+            params, filter_rate=options.filter_rate, max_left=options.max_left, keep_end=options.keeps_end
+        )
         self.tally = ClutterTally()
         self._search = MountingSearch(params.mounting) if isinstance(params, ConfirmedParams) else None
         self._density: ClutterDensity | None = None
         if options.plot_file:
             self._density = ClutterDensity(params.start_m, params.ring_width_m, MAX_RINGS)
 
-    def read(self, source: Source, labels: Labels | None, observer: Observer) -> None:
-        """Add the clutter of a recording."""
+    def read(self, source: Source, labels: Labels | None, observer: Observer, part: range | None = None) -> None:
+        """Add the clutter of a recording, or of a part of its labelled frames, counted from 0."""
         selection = self._options.reading.selection
         clouds = cloud_channels(source, selection.topics)
         topics = sorted({channel.topic for channel in clouds})
@@ -261,6 +310,8 @@ class _Pass:
         search = None if labels else TargetSearch(self._config.filter, self.tally.targets)
         with warnings_of(source, observer), observer.progress(source.name, total) as step:
             for frame, clutter in map_frames(source, selection, selector.clutter):
+                if part is not None and selector.frames - 1 not in part:
+                    continue
                 self._add(frame, clutter)
                 self.tally.note_frame(frame)
                 if search:
@@ -271,6 +322,17 @@ class _Pass:
         require_frames(source, selector.frames + selector.unlabelled, selection)
         finish_labels(labels, source, selection)
         self.tally.add(source, selector)
+
+    def use(self, candidate: Candidate) -> None:
+        """Use a filter rate, and a limit of the points that are left, from now on."""
+        self.calibration.filter_rate, self.calibration.max_left = candidate.filter_rate, candidate.max_left
+
+    def config(self, candidate: Candidate) -> Config:
+        """Return the configuration with the thresholds of a candidate."""
+        self.use(candidate)
+        found = self.calibration.thresholds()
+        params = replace(self._config.filter, end_m=found.end_m, initial_thresholds=found.initial_thresholds)
+        return replace(self._config, filter=params)
 
     def __iadd__(self, other: Self) -> Self:
         """Add the sums over later recordings, which must not be used afterwards."""
@@ -292,7 +354,7 @@ class _Pass:
         if self._search is not None and self._search.wants(time_s):
             self._search.add(frame.coordinates[:, clutter], time_s)
 
-    def result(self) -> CalibrationResult:
+    def result(self, trade_off: TradeOff | None) -> CalibrationResult:
         """Return the calibration from all recordings."""
         tally, calibration = self.tally, self.calibration
         if tally.unlabelled and not tally.frames:
@@ -301,7 +363,8 @@ class _Pass:
         labelled = bool(self._options.labels.paths)
         output = self._options.output
         mounting = self._search.found() if self._search is not None else None
-        return CalibrationResult(self._config, calibration, calibration.thresholds(), tally, labelled, output, mounting)
+        thresholds = calibration.thresholds()
+        return CalibrationResult(self._config, calibration, thresholds, tally, labelled, output, mounting, trade_off)
 
     def plot(self, found: Thresholds, suffix: str) -> bytes:
         """Return the content of the plot file."""

@@ -10,6 +10,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Damage
+from seaclutter_cli.runs.calibrate_choice import TradeOff
 from seaclutter_cli.runs.calibrate_targets import TargetTally
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sensors.recognition import RecognisedSensor
@@ -33,6 +34,8 @@ class ClutterTally:
         Frames used, and frames left out because they have no labels.
     marked : int
         Points left out because labels mark them as targets or areas to ignore.
+    frames_each : list of int
+        Frames used of each recording.
     recordings, intensity_fields : list of str
         Names of the recordings, and of their intensity fields.
     damage : list of Damage
@@ -46,6 +49,7 @@ class ClutterTally:
     frames: int = 0
     unlabelled: int = 0
     marked: int = 0
+    frames_each: list[int] = field(default_factory=list)
     recordings: list[str] = field(default_factory=list)
     intensity_fields: list[str] = field(default_factory=list)
     damage: list[Damage] = field(default_factory=list)
@@ -74,6 +78,7 @@ class ClutterTally:
         self._surveys.clear()
         self.recordings.append(source.name)
         self.frames += selector.frames
+        self.frames_each.append(selector.frames)
         self.unlabelled += selector.unlabelled
         self.marked += selector.marked
         self.damage += source.damage
@@ -105,6 +110,7 @@ class ClutterTally:
         for where, sensor in other.seen:
             self._add_sensor(where, sensor)
         self.frames += other.frames
+        self.frames_each += other.frames_each
         self.unlabelled += other.unlabelled
         self.marked += other.marked
         self.recordings += other.recordings
@@ -141,6 +147,8 @@ class CalibrationResult(Result):
         File that the configuration was written to.
     mounting : Mounting or None
         Mounting of the lidar, if the water shows another one than the start configuration.
+    trade_off : TradeOff or None
+        Scores of filter rates, if they were compared.
     """
 
     start: Config
@@ -150,6 +158,7 @@ class CalibrationResult(Result):
     labelled: bool
     output: Location | None = None
     mounting: Mounting | None = None
+    trade_off: TradeOff | None = None
 
     @property
     def damaged(self) -> bool:
@@ -191,7 +200,7 @@ class CalibrationResult(Result):
     def config_text(self) -> str:
         """Return the configuration as YAML, with comments that describe its origin."""
         head = [
-            f"Thresholds found by seaclutter calibrate with a filter rate of {self.calibration.filter_rate:g}",
+            f"Thresholds found by seaclutter calibrate with a filter rate of {self._rate}",
             f"in {', '.join(map(printable, self.tally.recordings))}.",
         ]
         lines = [*_wrapped(" ".join(head)), *(line for text in self._sentences() for line in _wrapped(text))]
@@ -206,7 +215,8 @@ class CalibrationResult(Result):
         title = printable(", ".join(self.tally.recordings))
         if self.output:
             title += f" -> {printable(str(self.output))}"
-        return "\n".join((title, *(f"  {line}" for line in body)))
+        text = "\n".join((title, *(f"  {line}" for line in body)))
+        return f"{text}\n\n{self.trade_off.as_text()}" if self.trade_off else text
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as JSON-compatible data."""
@@ -219,6 +229,7 @@ class CalibrationResult(Result):
             "labelled": self.labelled,
             "labelled_points": tally.marked,
             "filter_rate": self.calibration.filter_rate,
+            "max_left": self.calibration.max_left,
             "sensors": tally.sensors,
             "intensity_fields": tally.intensity_fields,
             "intensity": self.calibration.intensity,
@@ -230,9 +241,16 @@ class CalibrationResult(Result):
             "end_kept": self.calibration.keep_end,
             "rings": [_ring_dict(*pair) for pair in zip(found.rings, found.initial_thresholds, strict=True)],
             **({"mounting": asdict(self.mounting)} if self.mounting else {}),
+            **({"trade_off": self.trade_off.as_dict()} if self.trade_off else {}),
             "warnings": self.warnings,
             "damage": [str(item) for item in tally.damage],
         }
+
+    @property
+    def _rate(self) -> str:
+        left = self.calibration.max_left
+        limit = "" if left is None else f" and at most {left:g} clutter points per frame left in a range ring"
+        return f"{self.calibration.filter_rate:g}{limit}"
 
     def _sentences(self) -> list[str]:
         """Return sentences about the input and the far limit of clutter."""
@@ -269,7 +287,7 @@ class CalibrationResult(Result):
         rows = [_ring_row(ring) for ring in self.found.rings]
         lines = table(("range ring", "clutter points", "threshold", "below"), rows).splitlines()
         rate = self.calibration.filter_rate
-        notes = ["", *(_note(number, ring, rate) for number, ring in enumerate(self.found.rings, 1))]
+        notes = ["", *(_note(ring, rate) for ring in self.found.rings)]
         return "\n".join(f"{line}  {note}".rstrip() for line, note in zip(lines, notes, strict=True))
 
 
@@ -282,16 +300,13 @@ def _ring_row(ring: RingCalibration) -> tuple[str, ...]:
     return span, f"{ring.points:,}", f"{ring.threshold:.9g}", share(ring.below, ring.points)
 
 
-def _note(number: int, ring: RingCalibration, filter_rate: float) -> str:
-    notes = ["saturated"] if ring.saturated else ["no point passes"] * (filter_rate == 1 and ring.points > 0)
+def _note(ring: RingCalibration, filter_rate: float) -> str:
+    note = "saturated" if ring.saturated else ""
     if ring.few:
         first, last = ring.source
-        amount = "few points" if ring.points else "no points"
-        if first <= number <= last:
-            notes.append(f"{amount}: pooled, rings {first} to {last}" if first < last else amount)
-        else:
-            notes.append(f"{amount}: threshold of ring {last}")
-    return ", ".join(notes)
+        rings = f"rings {first} to {last}" if first < last else f"ring {last}"
+        note = f"{note or ('few points' if ring.points else 'no points')}: {rings}"
+    return note or "no point passes" * (filter_rate == 1)
 
 
 def _ring_dict(ring: RingCalibration, threshold: float) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any
 
 from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.records import Channel, Damage
+from seaclutter_cli.records import Channel, Damage, SensorFacts
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.selection import Moment, Selection, is_part
 from seaclutter_cli.sensors.packets import DecoderOptions
@@ -111,6 +111,8 @@ class Outcome:
         Whether the result is that of an earlier run, or there is nothing to do.
     reason : str
         Why there is nothing to do; empty otherwise.
+    facts : dict of str to SensorFacts
+        Facts about the sensor of each topic, from packets or metadata.
     """
 
     recording: str
@@ -119,6 +121,7 @@ class Outcome:
     error: str | None = None
     skipped: bool = False
     reason: str = ""
+    facts: dict[str, SensorFacts] = field(default_factory=dict, repr=False)
 
     @property
     def status(self) -> str:
@@ -224,7 +227,7 @@ def opened(recording: Recording, reading: ReadOptions, observer: Observer, outco
     with closing(reading.open(recording)) as source:
         with warnings_of(source, observer):
             yield source
-        outcome.damage = source.damage
+        outcome.damage, outcome.facts = source.damage, dict(source.facts)
         observer.damage(source.damage)
 
 

@@ -16,6 +16,7 @@ from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import Paths, inputs_of, is_file, may_appear, prepare_outputs, write_files
+from seaclutter_cli.runs.provenance import SurveyingCollector, provenance
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
 from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.storage.locations import Location
@@ -47,6 +48,8 @@ class ReportOptions:
         Indices of frames to include in any case.
     force : bool
         Replace existing files.
+    command : str or None
+        Command line, which the page shows.
     """
 
     output: Location
@@ -58,6 +61,7 @@ class ReportOptions:
     shown: int = 12
     picks: tuple[int, ...] = ()
     force: bool = False
+    command: str | None = None
 
     @property
     def figures(self) -> list[Location]:
@@ -99,7 +103,8 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
     files: dict[Location, bytes] = {}
     if may_appear([options.output, *options.figures], comparison.outcomes, observer):
-        files[options.output] = _page(comparison, collected)
+        origin = provenance(collected, recordings, comparison.outcomes, options.labels.paths, options.command)
+        files[options.output] = _page(comparison, collected, origin)
         if folder := options.figure_folder:
             figures = draw_figures(collected, options.figure_format)
             files |= {folder / name: content for name, content in figures.items()}
@@ -107,11 +112,11 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
     return ReportResult(comparison, collected, {path: len(content) for path, content in files.items()})
 
 
-def _collector(variants: Sequence[Variant], options: ReportOptions) -> Collector:
+def _collector(variants: Sequence[Variant], options: ReportOptions) -> SurveyingCollector:
     methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
     labelled = bool(options.labels.paths)
     params = variants[0].config.evaluation
-    return Collector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
+    return SurveyingCollector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
 
 
 def _missing(collected: Collector, picks: Sequence[int]) -> list[int]:
@@ -119,7 +124,7 @@ def _missing(collected: Collector, picks: Sequence[int]) -> list[int]:
     return sorted(set(picks) - {one.item.frame for one in collected.chosen if one.why == "picked"})
 
 
-def _page(comparison: Comparison, collected: Collector) -> bytes:
+def _page(comparison: Comparison, collected: Collector, origin: Mapping[str, Any]) -> bytes:
     """Return the page, without processing times: the same input must give the same bytes."""
     summaries = {name: summary.as_dict() for name, summary in comparison.totals().items()}
     for summary in summaries.values():
@@ -127,7 +132,7 @@ def _page(comparison: Comparison, collected: Collector) -> bytes:
     outcomes = comparison.outcomes
     notes = [f"{outcome.recording} is left out: {outcome.error}" for outcome in outcomes if outcome.error]
     notes += [f"Damaged: {item}" for outcome in outcomes for item in outcome.damage[:20]]
-    return render_page(report_data(collected, summaries, notes))
+    return render_page({**report_data(collected, summaries, notes), "provenance": origin})
 
 
 @dataclass(frozen=True)

@@ -145,8 +145,6 @@ class Content(Outcome):
         Log times of the first and last message; empty without messages.
     clouds : mapping of str to TopicSurvey
         Content of each cloud topic.
-    facts : mapping of str to SensorFacts
-        Facts about the sensor of each topic, from packets.
     sampled : bool
         Whether only the first frames were read; numbers of messages and times are of the whole recording.
     """
@@ -157,7 +155,6 @@ class Content(Outcome):
     messages: Counter[str] = field(default_factory=Counter)
     times_ns: list[int] = field(default_factory=list)
     clouds: Mapping[str, TopicSurvey] = field(default_factory=dict)
-    facts: Mapping[str, SensorFacts] = field(default_factory=dict)
     sampled: bool = False
 
     def note_summary(self, messages: Mapping[int, int], times_ns: tuple[int, int]) -> None:

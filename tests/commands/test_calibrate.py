@@ -179,10 +179,10 @@ def test_rings_with_few_or_no_points(tmp_path, out):
     assert result.exit_code == 0, result.output
     table = result.stdout.splitlines()
     for span, threshold, note in (
-        ("10 to 25 m", 8, "no points: threshold of ring 2"),
+        ("10 to 25 m", 8, "no points: ring 2"),
         ("25 to 40 m", 8, ""),
-        ("40 to 55 m", 8, "few points: threshold of ring 2"),
-        ("55 to 70 m", 8, "no points: threshold of ring 2"),
+        ("40 to 55 m", 8, "few points: ring 2"),
+        ("55 to 70 m", 8, "no points: ring 2"),
     ):
         (row,) = (line for line in table if span in line)
         assert (row.split()[5], row.endswith(note)) == (str(threshold), True)

@@ -68,4 +68,4 @@ def test_few_points_in_all(tmp_path):
     cloud["x"], cloud["intensity"] = np.linspace(12, 35, 99), np.arange(99) % 7
     result = invoke(tmp_path, write_log(tmp_path / "log.mcap", frames=1, make=lambda _: cloud))
     assert "the thresholds are from 99 clutter points only" in result.stderr
-    assert result.stdout.count("few points: pooled, rings 1 to 2") == 2
+    assert result.stdout.count("few points: rings 1 to 2") == 2

@@ -210,7 +210,7 @@ def test_classes_that_could_not_be_tested_are_reported(tmp_path):
     tile = labelled(tmp_path / "t.laz", [1, 1, 2])
     result = run("classify", "train", tile, "-o", tmp_path / "m", "-s", "forest.trees=5")
     assert "no points of reef were held out" in result.stderr
-    assert "kappa -\n" in result.stdout, "a test with ships only has no kappa"
+    assert "kappa –\n" in result.stdout, "a test with ships only has no kappa"
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
 
 

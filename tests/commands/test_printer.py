@@ -66,6 +66,8 @@ COMMAND_LINES = [
     "evaluate @.mcap --labels @.csv -v -o >.csv",
     "evaluate @.mcap --labels @.junk",
     "tune @.mcap --labels @.csv --sweep @=1",
+    "labels check @.mcap --labels @.csv",
+    "labels check @.mcap --labels @.junk",
     "report @.mcap -o >.html",
     "simulate @.scene.yaml -o >.mcap -n 1",
     "simulate @ -o >.mcap",

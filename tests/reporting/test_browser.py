@@ -94,6 +94,51 @@ def test_a_click_on_the_timeline_shows_the_nearest_frame(sea, visit):
     assert page.shown().startswith(f"frame {max(numbers)},")
 
 
+def test_the_slider_goes_through_the_frames_in_their_order(sea, visit):
+    page = visit(sea)
+    slider = page.page.get_by_role("slider", name="frame, by time")
+    rows = page.page.evaluate("data.samples.map(sample => frames.number[sample.row])")
+    assert rows != sorted(rows), "the list begins with the worst"
+    slider.focus()
+    page.page.keyboard.press("Home")
+    passed = [page.shown().split(",")[0]]
+    for _ in rows[1:]:
+        page.page.keyboard.press("ArrowRight")
+        passed.append(page.shown().split(",")[0])
+    assert passed == [f"frame {number}" for number in sorted(rows)]
+    assert slider.get_attribute("aria-valuetext").startswith(passed[-1])
+    page.page.get_by_role("button", name="2 false alarms").first.click()
+    assert slider.get_attribute("aria-valuetext").startswith(page.shown().split(".")[0])
+
+
+def test_wide_tables_say_that_they_scroll(sea, visit):
+    for width, hidden in ((390, False), (1280, True)):
+        page = visit(sea, width=width)
+        page.settle()
+        hint = page.page.get_by_role("region", name="method").locator("xpath=preceding-sibling::p")
+        assert hint.is_hidden() == hidden
+    narrow = visit(sea, width=390)
+    cell = narrow.page.get_by_role("region", name="method").get_by_text("joint", exact=True)
+    before = cell.bounding_box()["x"]
+    narrow.page.get_by_role("region", name="method").evaluate("box => { box.scrollLeft = 200 }")
+    assert cell.bounding_box()["x"] == before, "names stay in view"
+
+
+def test_the_best_filters_are_bold(sea, visit):
+    table = visit(sea).page.get_by_role("region", name="method")
+    heads = table.locator("th").all_inner_texts()
+    rows = {row.locator("td").first.inner_text(): row for row in table.locator("tbody tr").all()}
+    missed = {name: row.locator("td").nth(heads.index("N_FN")).locator("strong").count() for name, row in rows.items()}
+    assert missed == {"joint": 0, "ring_intensity": 1, "none": 0}
+
+
+def test_provenance_is_shown(sea, visit):
+    text = visit(sea).page.locator("#provenance").inner_text()
+    assert "seaclutter report " in text
+    assert "2023-11-14 22:13:20 to 22:13:26 UTC" in text
+    assert "RS-LiDAR-32" in text
+
+
 def test_stage_by_stage(sea, visit):
     page = visit(sea)
     page.page.get_by_role("button", name="Stage by stage").click()

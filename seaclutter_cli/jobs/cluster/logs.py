@@ -4,6 +4,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+_NEVER = logging.CRITICAL + 1
 _LIBRARIES = ("distributed", "dask_jobqueue", "tornado")
 
 
@@ -12,16 +13,15 @@ def quiet() -> Iterator[None]:
     """Silence the logs of Dask until the context ends."""
     with suppress(ImportError):
         import distributed  # noqa: F401 - makes its loggers
-    loggers = [
-        logger
-        for name, logger in logging.root.manager.loggerDict.items()
-        if isinstance(logger, logging.Logger) and name.partition(".")[0] in _LIBRARIES
-    ]
-    before = [logger.disabled for logger in loggers]
-    for logger in loggers:
-        logger.disabled = True
+    for name in _LIBRARIES:
+        logging.getLogger(name)
+    known = [logger for name, logger in logging.root.manager.loggerDict.items() if name.partition(".")[0] in _LIBRARIES]
+    loggers = [logger for logger in known if isinstance(logger, logging.Logger)]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:  # those that are made later have the level of the first of their name
+        logger.setLevel(_NEVER)
     try:
         yield
     finally:
-        for logger, was_disabled in zip(loggers, before, strict=True):
-            logger.disabled = was_disabled
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.runs.recordings import Result
-from seaclutter_cli.text import count, table
+from seaclutter_cli.text import UNKNOWN, count, table
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class TrainingReport(Result):
 
 
 def _3(value: float) -> str:
-    return f"{value:.3f}" if np.isfinite(value) else "-"
+    return f"{value:.3f}" if np.isfinite(value) else UNKNOWN
 
 
 def _plain(value: Any) -> Any:

@@ -181,7 +181,7 @@ def test_addresses_that_are_refused(trial, tmp_path, address, text):
 
 def test_encryption_is_not_needed_where_it_is_not_asked_for(trial, tmp_path, monkeypatch):
     """The scheduler is not reached, but the address is accepted."""
-    monkeypatch.setattr(place, "_CONNECT_S", 0.5)
+    monkeypatch.setattr(place, "CONNECT_S", 0.5)
     result = run(trial / "logs", tmp_path, "--cluster", "tcp://127.0.0.1:1", "--cluster-insecure")
     assert result.exit_code == 1
     assert "tcp://127.0.0.1:1: no connection to a scheduler" in result.stderr

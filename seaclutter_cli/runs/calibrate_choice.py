@@ -1,0 +1,168 @@
+"""Choice of the filter rates of a calibration: what they cost and gain on frames that are held out.
+
+One filter rate for all range rings leaves many points where clutter is dense, which cluster to false alarms, and
+removes faint targets where there is hardly any clutter. Rates that leave the same number of points per frame do
+neither.
+
+Each half of the labelled frames is judged with thresholds from the other half. A fifth of the frames, in the middle,
+gives no thresholds: neighbouring frames are alike.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.evaluation.parts import Parts
+from seaclutter_cli.evaluation.scores import Summary
+from seaclutter_cli.evaluation.tuning import best
+from seaclutter_cli.runs.observer import Observer, Silent, Step
+from seaclutter_cli.runs.score_table import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
+from seaclutter_cli.runs.tune import TuneWork
+from seaclutter_cli.text import count, table
+
+_RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
+_MAX_LEFT = (20.0, 10.0, 5.0, 2.0)
+_TRAINED, _HELD_OUT = 0.4, 0.5
+_MIN_FRAMES = 20
+_COLUMNS = (N_FP, N_FN, F1, FALSE_ALARMS, POINTS[1])
+_BEST, _USED = "<", "used"
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A way to set the thresholds.
+
+    Parameters
+    ----------
+    filter_rate : float
+        Share of the clutter points of each range ring to remove.
+    max_left : float or None
+        Number of clutter points per frame that a range ring may keep.
+    """
+
+    filter_rate: float
+    max_left: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Name in messages."""
+        return f"{self.filter_rate:g}" + ("" if self.max_left is None else f", at most {self.max_left:g} left")
+
+
+def candidates(given: Candidate) -> list[Candidate]:
+    """Return the candidates that are compared, the least strict first: single rates, then limits of what is left."""
+    rates = [Candidate(rate) for rate in sorted({*_RATES, given.filter_rate})]
+    limits = [Candidate(given.filter_rate, left) for left in sorted({*_MAX_LEFT, given.max_left or 2.0}, reverse=True)]
+    return [*rates, *limits]
+
+
+@dataclass(frozen=True)
+class TradeOff:
+    """Scores of candidates on held-out frames.
+
+    Parameters
+    ----------
+    scores : mapping of Candidate to Summary
+        Scores on frames that gave no thresholds.
+    used : Candidate
+        What the calibration uses.
+    """
+
+    scores: Mapping[Candidate, Summary]
+    used: Candidate
+
+    @property
+    def best(self) -> Candidate:
+        """Candidate with the fewest frames with an error, then the fewest errors; in a tie, the first."""
+        name = best({one.name: summary for one, summary in self.scores.items()})
+        return next((one for one in self.scores if one.name == name), self.used)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the scores as JSON-compatible data."""
+        rows = [
+            {**asdict(one), **summary.as_dict(), "best": one == self.best, "used": one == self.used}
+            for one, summary in self.scores.items()
+        ]
+        for row in rows:
+            del row["filter_ms"]  # differs from run to run
+        return {"candidates": rows}
+
+    def as_text(self) -> str:
+        """Return the scores as a table."""
+        cells = score_cells({one.name: summary for one, summary in self.scores.items()}, _COLUMNS)
+        rows = []
+        for one in self.scores:
+            notes = [_BEST] * (one == self.best) + [_USED] * (one == self.used)
+            left = "" if one.max_left is None else f"{one.max_left:g}"
+            rows.append((f"{one.filter_rate:g}", left, *cells[one.name], " ".join(notes)))
+        frames = max(summary.frames for summary in self.scores.values())
+        title = f"On {count(frames, 'labelled frame')}, each half with thresholds from the other:"
+        lines = table(("filter rate", "max left", *(column.head for column in _COLUMNS), ""), rows)
+        others = {
+            "max left": "clutter points per frame that a range ring may keep",
+            _BEST: "fewest frames with an error, then fewest errors; in a tie, the first",
+        }
+        return f"{title}\n\n{lines}\n\n{score_legend(lines, _COLUMNS, others)}"
+
+
+def training_frames(frames: int) -> tuple[range, range]:
+    """Return the labelled frames of a recording that give thresholds for its last half, and for its first half.
+
+    Examples
+    --------
+    >>> training_frames(60)
+    (range(0, 24), range(36, 60))
+    """
+    part = math.floor(_TRAINED * frames)
+    return range(part), range(frames - part, frames)
+
+
+def is_enough(frames: Sequence[int]) -> bool:
+    """Return whether there are enough labelled frames to compare candidates, given those of each recording."""
+    return sum(frames) >= _MIN_FRAMES
+
+
+def held_out_scores(works: Sequence[TuneWork], observer: Observer) -> list[Summary]:
+    """Return the scores of candidates on the frames that gave no thresholds.
+
+    Parameters
+    ----------
+    works : sequence of TuneWork
+        Evaluation of each recording. The first half of the variants are the candidates with thresholds from the first
+        frames, the second half those with thresholds from the last frames.
+    observer : Observer
+        Shows the progress.
+    """
+    number = len(works[0].variants)
+    scores = [Summary() for _ in range(number // 2)]
+    for work in works:
+        outcome = work.run(OnlyProgress(observer))
+        if outcome.error:
+            raise InputError(outcome.error)
+        first, last = (outcome.parts or Parts(number)).split(_HELD_OUT)
+        for total, *halves in zip(scores, last[: number // 2], first[number // 2 :], strict=True):
+            for summary in halves:
+                total.update(summary)
+    return scores
+
+
+class OnlyProgress(Silent):
+    """Observer that shows progress only: warnings and damage were reported when the log was read before.
+
+    Parameters
+    ----------
+    observer : Observer
+        Shows the progress.
+    """
+
+    def __init__(self, observer: Observer) -> None:
+        self._observer = observer
+
+    @contextmanager
+    def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Step]:
+        """Show the progress."""
+        with self._observer.progress(title, total, unit) as step:
+            yield step
