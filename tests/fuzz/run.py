@@ -10,7 +10,8 @@ Every run must end like this:
   because the file as a whole was changed, the exit status is not 0. Where content was changed and packed again, with
   checksums that fit, nobody could tell.
 * JSON is valid. No incomplete or temporary file remains.
-* At most 20 seconds, and 500 MB of memory (`filter`: 300 MB; `simulate`: 600 MB, as a scene may ask for a large tile).
+* At most 20 seconds of processor time, 120 seconds by the clock, and 500 MB of memory (`filter`: 300 MB; `simulate`:
+  600 MB, as a scene may ask for a large tile).
 
 The campaign judges times and memory; tests do not, because they depend on the machine.
 """
@@ -57,6 +58,9 @@ class Recipe(NamedTuple):
     def parse(cls, text):
         name, seed, number = text.rsplit(":", 2)
         return cls(name, int(seed), int(number))
+
+
+_MOST_DELAY = 6
 
 
 @dataclass
@@ -154,9 +158,10 @@ def _measured(words, temporary):
     try:
         if CLEAR.exists():
             CLEAR.write_text("5")  # start a new peak
-        began = time.perf_counter()
+        began, used = time.perf_counter(), time.process_time()
         result = CliRunner().invoke(cli, words)
-        seconds = time.perf_counter() - began
+        # Other programs of the machine delay a run, but a run that only waits must not pass either.
+        seconds = max(time.process_time() - used, (time.perf_counter() - began) / _MOST_DELAY)
     finally:
         tempfile.tempdir = before
     peak = None
