@@ -1,5 +1,6 @@
 """Simulated tiles as LAS or LAZ files, with the truth of every point."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -19,6 +20,7 @@ from seaclutter_cli.sinks.las import LasSink
 from seaclutter_cli.threads import threads
 
 TRUTH = {"object_class": ("u1", "0 none, 1 ship ... 8 garbage"), "object_id": ("u2", "number of the object, 0 none")}
+_MOST_PULSES = 300_000
 _SCALE_M = 0.001
 _ANGLE_UNIT_DEG = 0.006
 _CREATION_DATE = date(2024, 1, 1)
@@ -27,7 +29,8 @@ _CREATION_DATE = date(2024, 1, 1)
 def simulate_strips(scene: TileScene) -> Iterator[NDArray[np.void]]:
     """Yield the echoes of a scene strip by strip, rendered in threads; the number of threads does not change them."""
     renderer = TileRenderer(scene)
-    workers = min(2, threads())  # a strip takes a few hundred megabytes
+    pulses = math.prod(scene.tile.size_m) * scene.lidar.pulses_m2 / len(renderer.lines)
+    workers = min(2, threads()) if pulses < _MOST_PULSES else 1  # a strip of a million takes 400 MB
     pending: deque[Future[NDArray[np.void]]] = deque()
     with ThreadPoolExecutor(workers, thread_name_prefix="simulate") as pool:
         try:
