@@ -26,7 +26,7 @@ from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.storage.copies import copy_of
 from seaclutter_cli.storage.locations import Location, Url
-from seaclutter_cli.text import count
+from seaclutter_cli.text import count, suggestion
 from seaclutter_cli.validation import (
     build,
     find_file,
@@ -290,7 +290,7 @@ def _validate(raw: Mapping[str, Any], where: str) -> Config:
             problems.append(f"{name}: must be a section with keys, got {kind_of(value)}")
     method = sections["filter"].pop("method", DEFAULT_METHOD)
     if not isinstance(method, str) or method not in FILTERS:
-        problems.append(f"filter.method: unknown method {method!r}; allowed: {', '.join(FILTERS)}")
+        problems.append(f"filter.method: unknown method {method!r}; {_methods(method)}")
         params = None
     else:
         params = build(FILTERS[method].Params, sections["filter"], "filter", f"method {method}", problems)
@@ -302,7 +302,11 @@ def _validate(raw: Mapping[str, Any], where: str) -> Config:
 
 def _check_method(method: str, where: str) -> None:
     if method not in FILTERS:
-        raise ConfigError(f"{where}: unknown method {method!r}; allowed: {', '.join(FILTERS)}")
+        raise ConfigError(f"{where}: unknown method {method!r}; {_methods(method)}")
+
+
+def _methods(method: object) -> str:
+    return f"{suggestion(str(method), FILTERS)}allowed: {', '.join(FILTERS)}"
 
 
 def _yaml_value(value: Any) -> str:

@@ -11,6 +11,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import diagnostics, find_codec
 from seaclutter_cli.messages.recorded import FILTERED, REMOVED, recorded_topics
 from seaclutter_cli.records import Channel, Message
+from seaclutter_cli.text import suggestion
 
 _NANO = 1_000_000_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -134,7 +135,9 @@ def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel
     for topic in topics:
         if topic not in names:
             choices = " ".join(f"-t {name}" for name in names)
-            raise UsageError(f"{source.name}: no point-cloud topic {topic}; choose from: {choices}")
+            raise UsageError(
+                f"{source.name}: no point-cloud topic {topic}; {suggestion(topic, names)}choose from: {choices}"
+            )
     return [channel for channel in clouds if not topics or channel.topic in topics]
 
 

@@ -2,7 +2,8 @@
 
 import os
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from difflib import get_close_matches
 
 UNKNOWN = "–"
 """Stands for a value that is not known, or a rate without anything to count."""
@@ -34,6 +35,19 @@ def shortened(text: str, limit: int) -> str:
     """
     end = (limit - 1) // 2
     return text if len(text) <= limit else f"{text[: limit - 1 - end]}…{text[-end:]}"
+
+
+def suggestion(name: str, known: Collection[str]) -> str:
+    """Return a question whether a similar name is meant, to be put before a list of those that are known.
+
+    Examples
+    --------
+    >>> suggestion("jiont", ["joint", "sor"]), suggestion("x", ["joint", "sor"])
+    ("did you mean 'joint'? ", '')
+    """
+    close = get_close_matches(name.casefold()[:_CELL_CHARACTERS], {text.casefold(): text for text in known}, n=1)
+    meant = next((text for text in known if close and text.casefold() == close[0]), None)
+    return f"did you mean {meant!r}? " if meant else ""
 
 
 def named_folder(path: str | os.PathLike[str]) -> bool:

@@ -10,7 +10,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
-from seaclutter_cli.text import count, printable
+from seaclutter_cli.text import count, printable, suggestion
 
 _SHOWN_PROBLEMS = 100
 
@@ -37,7 +37,7 @@ def find_file(name: str, folder: str, kind: str) -> Path:
     builtin = builtin_files(folder)
     if name.removesuffix(".yaml") in builtin:
         return builtin[name.removesuffix(".yaml")]
-    raise ConfigError(f"{name}: no such {kind}; built-in ones: {', '.join(builtin)}")
+    raise ConfigError(f"{name}: no such {kind}; {suggestion(name, builtin)}built-in ones: {', '.join(builtin)}")
 
 
 def read_yaml(path: Path, sections: Sequence[str]) -> dict[str, Any]:
@@ -88,7 +88,11 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
     values = _with_current_names(kind, values, section)
     known = [field.name for field in fields(kind)]
     allowed = ", ".join(known) or "no keys"
-    wrong = [f"{section}.{key}: unknown key; allowed for {owner}: {allowed}" for key in values if key not in known]
+    wrong = [
+        f"{section}.{key}: unknown key; {suggestion(str(key), known)}allowed for {owner}: {allowed}"
+        for key in values
+        if key not in known
+    ]
     unknown = len(wrong)
     nested = {name: entry for name, hint in get_type_hints(kind).items() if (entry := _entry_kind(hint))}
     given = {key: _tuples(values[key]) for key in known if key in values and key not in nested}

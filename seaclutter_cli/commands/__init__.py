@@ -11,12 +11,12 @@ from typing import Any
 
 import click
 
-from seaclutter_cli import __version__
 from seaclutter_cli.commands.address_space import check_imports
 from seaclutter_cli.commands.command_line import ARGUMENTS
 from seaclutter_cli.commands.console import DEBUG, LOG, show_each_warning_once
 from seaclutter_cli.commands.lazy import LazyGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
+from seaclutter_cli.commands.version import version_option
 from seaclutter_cli.errors import AdaptedThresholdsWarning, RenamedKeyWarning, SeaclutterError
 from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.text import printable
@@ -107,7 +107,7 @@ def _lacks_memory(error: BaseException) -> bool:
     commands=COMMANDS,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-@click.version_option(__version__, prog_name="seaclutter")
+@version_option
 def cli() -> None:
     """Filter sea clutter out of recorded marine lidar logs.
 

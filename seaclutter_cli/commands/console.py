@@ -24,8 +24,13 @@ if TYPE_CHECKING:
 
 DEBUG = "seaclutter.debug"
 """Key in a context's ``meta`` that requests tracebacks."""
+NOTES = "seaclutter.notes"
+"""Key in a context's ``meta`` for notes about options, which the console shows."""
 LOG = "seaclutter.log"
 """Key in a context's ``meta`` for the log file."""
+
+SCHEMA_VERSION = 1
+"""Version of the JSON output; it changes when a key is removed or gets another meaning."""
 
 _LINE_SECONDS = 10.0
 _SHOWN_DAMAGE = 10
@@ -59,6 +64,8 @@ class Console:
         context = click.get_current_context(silent=True)
         if self._log and context:
             context.meta[LOG] = self._log
+        for text in context.meta.pop(NOTES, ()) if context else ():
+            self.note(text)
 
     @cached_property
     def _log(self) -> "LogFile | None":
@@ -138,15 +145,23 @@ class Console:
         """Print a result, or ``text`` in its place, and exit with the status of the result."""
         if text is None:
             text = "\n\n".join(filter(None, (result.details() if self.verbose else "", result.as_text())))
-        self.show(result.as_dict() if self.as_json else text)
+        if self.as_json or not (self.quiet and result.is_summary):
+            self.show(result.as_dict() if self.as_json else text)
         raise click.exceptions.Exit(_FAILED if result.failed else _DAMAGED if result.damaged else 0)
 
     def show(self, result: Any) -> None:
-        """Print data as JSON, or text unless it is empty."""
+        """Print data as JSON with the version of its schema, or text unless it is empty."""
         if self.as_json:
-            show_exactly(json.dumps(result, indent=2))
+            show_exactly(json.dumps(_versioned(result), indent=2))
         elif result:
             show(result)
+
+
+def _versioned(data: Any) -> Any:
+    """Return JSON data with the version of their schema, in each element of a list."""
+    if isinstance(data, list):
+        return [_versioned(item) for item in data]
+    return {"schema_version": SCHEMA_VERSION, **data} if isinstance(data, dict) else data
 
 
 class _PlainProgress:

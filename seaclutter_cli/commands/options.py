@@ -1,18 +1,23 @@
 """Options shared by several commands. A command receives each group as one options object."""
 
 import os
+import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
 from importlib import import_module
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
-from seaclutter_cli.commands.console import DEBUG
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.commands.console import DEBUG, NOTES
+from seaclutter_cli.errors import ConfigError, UsageError
 from seaclutter_cli.storage.locations import Url, location
 from seaclutter_cli.storage.scratch import VARIABLE
-from seaclutter_cli.text import named_folder
+from seaclutter_cli.text import named_folder, suggestion
+
+WORKING_CONFIG = Path("seaclutter.yaml")
+"""Configuration that is used if it is in the working folder and no other is given."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 Option = Callable[[Any], Any]
@@ -64,6 +69,8 @@ class _Place(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ARG002
         option = param.opts[0] if param else "the option"
+        if value == "-":
+            raise UsageError(f"-: {option} takes a file, not a standard stream (./- is a file of this name)")
         if self._output and named_folder(value):
             raise UsageError(f"{value}: names a folder by the slash at its end; {option} takes a file")
         place = location(value)
@@ -170,7 +177,9 @@ def force_option(command: F) -> F:
 logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=True)
 
 _TALK = (
-    click.option("-q", "--quiet", is_flag=True, help="Show no progress and no warnings."),
+    click.option(
+        "-q", "--quiet", is_flag=True, help="Show no progress, no warnings, and no summary of what was written."
+    ),
     click.option("-v", "--verbose", is_flag=True, help="Show details."),
     path_option("--log-file", help="Append all messages to FILE, with times and details."),
     debug_option,
@@ -188,7 +197,9 @@ def _known_sensor(_: click.Context, __: click.Parameter, value: str | None) -> s
 
     names = {name.casefold(): name for name in SENSORS}
     if value.casefold() not in names:
-        raise click.BadParameter(f"unknown sensor {value}; choose from: {', '.join(SENSORS)}")
+        raise click.BadParameter(
+            f"unknown sensor {value}; {suggestion(value, SENSORS)}choose from: {', '.join(SENSORS)}"
+        )
     return names[value.casefold()]
 
 
@@ -262,6 +273,40 @@ def config_file_option(text: str, *, remote: bool = False) -> Option:
     return path_option("-c", "--config", "file", remote=remote, help=text)
 
 
+class _ConfigFile(_Place):
+    """A configuration: a file, the name of a built-in one, or ``-`` for standard input."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value != "-":
+            return super().convert(value, param, ctx)
+        from seaclutter_cli.documents import DocumentError, load_yaml
+
+        try:
+            return load_yaml(sys.stdin.read())
+        except (DocumentError, UnicodeDecodeError) as error:
+            raise ConfigError(f"standard input: {error}") from error
+
+
+def _of_working_folder(context: click.Context, _: click.Parameter, value: Any) -> Any:
+    """Return the configuration in the working folder if none is given."""
+    if value is None and WORKING_CONFIG.is_file():
+        context.meta[NOTES] = [f"using {WORKING_CONFIG} in the working folder; -c chooses another configuration"]
+        return WORKING_CONFIG
+    return value
+
+
+_filter_config_option = click.option(
+    "-c",
+    "--config",
+    "file",
+    type=_ConfigFile(remote=True),
+    metavar="FILE",
+    callback=_of_working_folder,
+    help="Configuration file, the name of a built-in one, or - for standard input. "
+    f"[default: {WORKING_CONFIG} in the working folder, if there is one]",
+)
+
+
 def set_option(example: str, subject: str = "a key") -> Option:
     """Return the option for single settings."""
     text = f"Set {subject}, such as {example}; repeatable."
@@ -272,7 +317,7 @@ config_options = grouped(
     "config",
     "runs.methods:ConfigOptions",
     (
-        config_file_option("Configuration file, or the name of a built-in one.", remote=True),
+        _filter_config_option,
         click.option("-m", "--method", metavar="NAME", help="Filter method; overrides the configuration."),
         set_option("filter.start_m=5"),
     ),
@@ -284,7 +329,7 @@ methods_options = grouped(
     "methods",
     "runs.methods:MethodOptions",
     (
-        config_file_option("Configuration file, or the name of a built-in one.", remote=True),
+        _filter_config_option,
         click.option(
             "-m",
             "--method",

@@ -75,7 +75,7 @@ def command(
     of the target. LOG.labels.csv has a box for each target and frame. LOG.pcap has packets, which carry no labels. A
     layout generates a different scene for each seed. A scene with a section `tile` is recorded from the air: the output
     is a LAS or LAZ file with the true class of each point (classification, object_class, object_id). `seaclutter
-    config sensors` lists the built-in scenes, layouts, tiles and lidars. With --seeds, the recordings are
+    config list` lists the built-in scenes, layouts, tiles and lidars. With --seeds, the recordings are
     OUT/SCENE_SEED.mcap, and tiles OUT/SCENE_SEED.laz.
     """
     if seeds is not None:

@@ -1,7 +1,7 @@
 """Names of built-in sensors, methods, formats, configurations, scenes, layouts, tiles and lidars to simulate."""
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,6 +50,18 @@ class Builtin(Result):
     methods: Mapping[str, str]
     lists: Mapping[str, Sequence[str]]
 
+    def only(self, kinds: Collection[str], text: str) -> "Builtin":
+        """Return the items of some kinds whose names or descriptions contain a text, in upper or lower case."""
+
+        def fits(kind: str, *texts: str) -> bool:
+            return kind in kinds and any(text.casefold() in one.casefold() for one in texts)
+
+        return Builtin(
+            {name: model for name, model in self.sensors.items() if fits("sensors", name, model.maker)},
+            {name: summary for name, summary in self.methods.items() if fits("methods", name, summary)},
+            {kind: [name for name in names if fits(kind, name)] for kind, names in self.lists.items() if kind in kinds},
+        )
+
     def as_dict(self) -> dict[str, Any]:
         """Return the lists as JSON-compatible data."""
         sensors = {name: {"maker": s.maker, "beams": s.beams, "columns": s.columns} for name, s in self.sensors.items()}
@@ -58,8 +70,8 @@ class Builtin(Result):
     def as_text(self) -> str:
         """Return the lists as human-readable text."""
         rows = [(name, s.maker, s.beams, s.columns, s.intensity) for name, s in self.sensors.items()]
-        sensors = table(("sensor", "maker", "beams", "columns", "intensity"), rows)
+        sensors = table(("sensor", "maker", "beams", "columns", "intensity"), rows) if rows else ""
         methods = table(("method", ""), [(f"{name:<24}{summary}", "") for name, summary in self.methods.items()])
-        lines = (f"{name:<9} {', '.join(values)}" for name, values in self.lists.items())
+        lines = (f"{name:<9} {', '.join(values)}" for name, values in self.lists.items() if values)
         lists = "\n".join(textwrap.fill(line, 79, subsequent_indent=" " * 10) for line in lines)
-        return f"{sensors}\n\n{methods}\n\n{lists}"
+        return "\n\n".join(filter(None, (sensors, methods if self.methods else "", lists))) or "nothing matches"

@@ -151,6 +151,8 @@ class CalibrationResult(Result):
         Scores of filter rates, if they were compared.
     """
 
+    is_summary = True
+
     start: Config
     calibration: Calibration
     found: Thresholds

@@ -202,6 +202,8 @@ class FilterSummary(RecordingsResult):
         Duration of the run.
     """
 
+    is_summary = True
+
     outcomes: Sequence[FilterOutcome]
     seconds: float = 0.0
 

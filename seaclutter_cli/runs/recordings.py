@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
 from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Labels, Source
@@ -151,6 +151,9 @@ class Outcome:
 
 class Result(ABC):
     """Result of a run, as text and as data."""
+
+    is_summary: ClassVar[bool] = False
+    """Whether the text sums up what was written to files, so that quiet output leaves it out."""
 
     @property
     def failed(self) -> bool:

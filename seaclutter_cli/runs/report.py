@@ -149,6 +149,8 @@ class ReportResult(Result):
         Written files, and their sizes in bytes.
     """
 
+    is_summary = True
+
     comparison: Comparison
     collected: Collector
     sizes: Mapping[Location, int]

@@ -181,6 +181,8 @@ class SeedsResult(RecordingsResult):
         Outcome for each seed.
     """
 
+    is_summary = True
+
     outcomes: Sequence[Simulated]
 
     def as_dict(self) -> list[dict[str, Any]]:

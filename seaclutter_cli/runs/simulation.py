@@ -81,6 +81,8 @@ class SimulationResult(Result):
         Duration of the simulation.
     """
 
+    is_summary = True
+
     scene: Scene
     tally: PointTally
     log: Path
@@ -133,6 +135,8 @@ class TileSimulationResult(Result):
     seconds : float
         Duration of the simulation.
     """
+
+    is_summary = True
 
     scene: TileScene
     points: Counter[int]

@@ -124,6 +124,8 @@ class ViewResult(Result):
         File that was written; None for the viewer.
     """
 
+    is_summary = True
+
     comparison: Comparison
     target: Path | None
 

@@ -140,6 +140,8 @@ def find_recordings(
     found: dict[Location, Recording] = {}
     real = RealPaths()
     for pattern in patterns:
+        if pattern == "-":
+            raise UsageError("-: logs are read more than once, so not from standard input; save it to a file first")
         named = Path(pattern)
         is_glob = re.search(r"[*?\[]", pattern) and not named.exists()
         paths = sorted(map(Path, glob(pattern, recursive=True))) if is_glob else [named]  # noqa: PTH207 - any root

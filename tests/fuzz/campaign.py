@@ -17,7 +17,7 @@ from tests.fuzz.run import Outcome, Recipe, check_honest, run
 ROOT = Path(__file__).resolve().parents[2]
 ROUND = 1000
 MOST_S = 20
-MOST_MB = {"filter": 300, "simulate": 600, "": 500}
+MOST_MB = {"filter": 300, "": 500}
 """Limits by the beginning of the command line; a simulation makes what its scene asks for."""
 _HANG_S, _START_S = 40, 60
 

@@ -10,8 +10,7 @@ Every run must end like this:
   because the file as a whole was changed, the exit status is not 0. Where content was changed and packed again, with
   checksums that fit, nobody could tell.
 * JSON is valid. No incomplete or temporary file remains.
-* At most 20 seconds of processor time, 120 seconds by the clock, and 500 MB of memory (`filter`: 300 MB; `simulate`:
-  600 MB, as a scene may ask for a large tile).
+* At most 20 seconds of processor time, 120 seconds by the clock, and 500 MB of memory (`filter`: 300 MB).
 
 The campaign judges times and memory; tests do not, because they depend on the machine.
 """

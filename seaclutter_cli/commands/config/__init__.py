@@ -7,7 +7,8 @@ command = LazyGroup(
     commands={
         "show": "Print the effective configuration, ready to save and edit.",
         "check": "Check configuration files and list all errors.",
-        "sensors": "List built-in sensors, methods, formats, configurations, scenes and lidars.",
+        "list": "List built-in sensors, methods, formats, configurations, scenes and lidars.",
     },
+    former={"sensors": "list"},
     help="Show and check configurations; list built-in sensors, methods and scenes.",
 )

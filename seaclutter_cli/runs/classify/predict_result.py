@@ -112,6 +112,8 @@ class PredictResult(Result):
         Clusters with a lower probability were left out.
     """
 
+    is_summary = True
+
     tiles: list[TileObjects]
     min_probability: float
 

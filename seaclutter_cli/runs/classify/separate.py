@@ -151,6 +151,8 @@ class SeparateResult(Result):
         Separation of each tile.
     """
 
+    is_summary = True
+
     tiles: Sequence[SeparatedTile]
 
     def as_dict(self) -> list[dict[str, Any]]:

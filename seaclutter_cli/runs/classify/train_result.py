@@ -32,6 +32,8 @@ class TrainingReport(Result):
         Number of points in training and in the test.
     """
 
+    is_summary = True
+
     codes: tuple[int, ...]
     points: Confusion
     objects: Confusion

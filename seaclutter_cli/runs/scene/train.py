@@ -158,6 +158,8 @@ class SceneTraining(Result):
         Parts of the recordings that could not be used.
     """
 
+    is_summary = True
+
     trained: Trained
     examples: Examples
     output: Path

@@ -10,6 +10,7 @@ from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import confined_water, open_water, plantations
 from seaclutter_cli.simulation.layouts.rule import scene_class
 from seaclutter_cli.simulation.marine.scene import Scene, builtin_scenes, load_scene
+from seaclutter_cli.text import suggestion
 
 _TRIES = 200
 Maker = Callable[[np.random.Generator], Scene]
@@ -78,5 +79,6 @@ def find_scene(name: str, seed: int | None = None) -> Scene:
         return load_scene(name).with_recording(seed=seed)
     if name not in LAYOUTS:
         known = f"built-in scenes: {', '.join(builtin_scenes())}; layouts: {', '.join(LAYOUTS)}"
-        raise ConfigError(f"{name}: no such scene; {known}")
+        meant = suggestion(name, [*builtin_scenes(), *LAYOUTS])
+        raise ConfigError(f"{name}: no such scene; {meant}{known}")
     return LAYOUTS[name].make(np.random.default_rng(1 if seed is None else seed))
