@@ -18,7 +18,10 @@ Vector = NDArray[np.float64]
 SMALLEST_M, LARGEST_M = 0.2, 500.0
 """The longest side of a target is not smaller or larger."""
 
-_MIN_GAIN, _MIN_FIT = 0.15, 0.5
+_MIN_FIT = {1: 0.5, 2: 0.65}
+"""Fit with a mistake undone, or two at once: among many pairs, one fits a little by chance."""
+
+_MIN_GAIN = 0.15
 _MIN_GAIN_OF_INACCURACY = 0.3
 """For changes that could also undo inaccurate work."""
 
@@ -204,7 +207,7 @@ class LabelFit:
     def _best(self, made: Sequence[Change], fit: float, ways: Sequence[Sequence[Change]]) -> list[Guess]:
         fits = [self.of((*made, *way)) for way in ways]
         probable = [
-            after if after >= max(fit + max(change.min_gain for change in way), _MIN_FIT) else 0.0
+            after if after >= max(fit + max(change.min_gain for change in way), _MIN_FIT[len(way)]) else 0.0
             for way, after in zip(ways, fits, strict=True)
         ]
         top = max(probable, default=0.0)
