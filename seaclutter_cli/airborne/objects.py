@@ -3,10 +3,10 @@
 import csv
 import io
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval
@@ -83,10 +83,18 @@ class FoundObject:
         """Name of the class."""
         return class_name(self.code)
 
+    def placed(self, unit_m: float) -> Self:
+        """Return the object with its centre in another unit of length, given in metres."""
+        return self if unit_m == 1 else replace(self, center=(self.center[0] / unit_m, self.center[1] / unit_m))
+
     @property
     def corners(self) -> Values:
-        """Corners of the box, shape (4, 2), counter-clockwise."""
-        half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(self.size) / 2
+        """Corners of the box in metres, shape (4, 2), counter-clockwise."""
+        return self.corners_in(1.0)
+
+    def corners_in(self, unit_m: float) -> Values:
+        """Return the corners around a centre that is given in a unit of length, which is given in metres."""
+        half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(self.size) / (2 * unit_m)
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return np.asarray(half @ np.array([[c, s], [-s, c]]) + self.center)
 
@@ -191,14 +199,32 @@ def as_csv(tiles: Sequence[tuple[str, Sequence[FoundObject]]]) -> str:
     return text.getvalue()
 
 
-def as_geojson(tiles: Sequence[tuple[str, Sequence[FoundObject]]]) -> str:
-    """Return the boxes as a GeoJSON feature collection, in the coordinates of the tiles."""
-    return json.dumps({"type": "FeatureCollection", "features": [_feature(t, one) for t, own in tiles for one in own]})
+Place = tuple[float, Callable[[Values], Values] | None]
+"""Unit of a tile's positions in metres, and their conversion to longitude and latitude; None if it is unknown."""
 
 
-def _feature(tile: str, one: FoundObject) -> dict[str, Any]:
-    outline = [[round(float(x), 3), round(float(y), 3)] for x, y in (*one.corners, one.corners[0])]
+def as_geojson(tiles: Sequence[tuple[str, Sequence[FoundObject]]], places: Sequence[Place] | None = None) -> str:
+    """Return the boxes as a GeoJSON feature collection, in WGS 84 where a conversion is given.
+
+    Parameters
+    ----------
+    tiles : sequence of (str, sequence of FoundObject)
+        Name and objects of each tile; centres in its coordinates.
+    places : sequence of Place, optional
+        Unit and conversion of each tile; by default metres, and none.
+    """
+    where = places or [(1.0, None)] * len(tiles)
+    features = [_feature(name, one, *place) for (name, own), place in zip(tiles, where, strict=True) for one in own]
+    return json.dumps({"type": "FeatureCollection", "features": features})
+
+
+def _feature(tile: str, one: FoundObject, unit_m: float, convert: Callable[[Values], Values] | None) -> dict[str, Any]:
+    corners = one.corners_in(unit_m)
+    digits = 3 if convert is None else 8
+    ring = corners if convert is None else convert(corners)
+    outline = [[round(float(x), digits), round(float(y), digits)] for x, y in (*ring, ring[0])]
     properties = {
+        "coordinates": "tile" if convert is None else "WGS 84",
         "tile": tile,
         "object": one.number,
         "class": one.name,

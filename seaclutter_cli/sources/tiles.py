@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError, InputError
 from seaclutter_cli.frame import INTENSITY_NAMES
+from seaclutter_cli.sources.crs import Crs, read_crs
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.guard import reading
 from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, with_records
@@ -28,6 +29,7 @@ class Tile(Protocol):
 
     path: Path
     size: int
+    crs: Crs
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -70,6 +72,7 @@ class LasTile:
         with reading("LAS"), open_las(path, evlrs=True) as reader:
             self.header = with_records(reader.header, path)
             self.size = int(reader.header.point_count)
+        self.crs = read_crs([*self.header.vlrs, *(self.header.evlrs or ())])
         self._small = self.size * self.header.point_format.size <= _KEPT_BYTES
         self._kept: list[Any] | None = None
 
@@ -94,8 +97,11 @@ class LasTile:
             raise CloudError(f"{count(found, 'point')} found, but the header declares {self.size:,}")
 
     def xyz(self, part: Any) -> NDArray[np.float64]:
-        """Return coordinates in metres, shape (3, n), with scale and offset applied."""
-        return np.stack([np.asarray(part[axis], np.float64) for axis in "xyz"])
+        """Return coordinates in metres, shape (3, n), with scale, offset and the unit of the file's CRS applied."""
+        xyz = np.stack([np.asarray(part[axis], np.float64) for axis in "xyz"])
+        if (self.crs.unit_m, self.crs.height_unit_m) != (1.0, 1.0):
+            xyz *= np.array([[self.crs.unit_m], [self.crs.unit_m], [self.crs.height_unit_m]])
+        return xyz
 
     def column(self, part: Any, name: str) -> NDArray[Any]:
         """Return a dimension, shape (n,)."""
@@ -115,6 +121,8 @@ class CloudTile:
     CloudError
         If it cannot be read, or has no x, y and z.
     """
+
+    crs = Crs()
 
     def __init__(self, path: Path) -> None:
         self.path = path

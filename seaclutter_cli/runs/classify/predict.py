@@ -11,8 +11,9 @@ from seaclutter_cli.airborne.classification import ClassifiedPoints, classify_po
 from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.model import ObjectModel, load_model
 from seaclutter_cli.airborne.objects import as_csv, as_geojson
+from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.separation import WATER
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import MissingExtraError, UsageError
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.batch import BatchOptions
@@ -22,6 +23,7 @@ from seaclutter_cli.runs.classify.tiles import (
     TileSettingsOptions,
     errors_of,
     plan_tiles,
+    warn_of_doubts,
     warn_without_intensity,
     write_tile,
 )
@@ -29,6 +31,7 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sources.crs import ToLongitudeLatitude
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
 
 
@@ -119,7 +122,7 @@ def classify_tiles(
         result = PredictResult([tile for tile, _ in found], model.settings.objects.min_probability)
         if options.plot_file:
             write_files({options.plot_file: found[0][1]}, files)
-        write_files(_tables(result, options), files)
+        write_files(_tables(result, options, observer), files)
     return result
 
 
@@ -144,19 +147,34 @@ class PredictWork(TileWork[tuple[TileObjects, bytes]]):
         warn_without_intensity(tile, self.model.settings, observer)
         with errors_of(self.path):
             found = classify_points(TilePointReader(tile), self.model)
+        warn_of_doubts(tile, found.tile.separation, observer)
+        for text in doubts_about_objects(found.objects):
+            observer.warn(f"{tile.path.stem}: {text}")
         write_tile(tile, self.place, columns_of(found), DIMENSIONS, files)
         picture = _picture(tile, found, self.plot_file.suffix) if self.plot_file else b""
-        objects = TileObjects.of(self.path.stem, found, perf_counter() - started)
+        objects = TileObjects.of(self.path.stem, found, perf_counter() - started, tile.crs)
         return (objects, picture), objects.points
 
 
-def _tables(result: PredictResult, options: ClassifyTilesOptions) -> dict[Path, bytes]:
+def _to_wgs84(tile: TileObjects, observer: Observer) -> ToLongitudeLatitude | None:
+    """Return the conversion of a tile's positions to WGS 84; warn if there is none."""
+    try:
+        conversion, reason = tile.crs.to_wgs84(), "its CRS is unknown"
+    except MissingExtraError as error:
+        conversion, reason = None, str(error)
+    if conversion is None:
+        observer.warn(f"{tile.name}: GeoJSON is in the coordinates of the tile, not in WGS 84: {reason}")
+    return conversion
+
+
+def _tables(result: PredictResult, options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
     objects = [(tile.name, tile.objects) for tile in result.tiles]
     tables: dict[Path, bytes] = {}
     if options.csv_file:
         tables[options.csv_file] = as_csv(objects).encode()
     if options.geojson_file:
-        tables[options.geojson_file] = as_geojson(objects).encode()
+        places = [(tile.crs.unit_m, _to_wgs84(tile, observer)) for tile in result.tiles]
+        tables[options.geojson_file] = as_geojson(objects, places).encode()
     return tables
 
 

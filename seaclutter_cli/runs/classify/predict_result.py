@@ -1,7 +1,7 @@
 """Objects found in tiles, as text and as data."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.classification import ClassifiedPoints
 from seaclutter_cli.airborne.objects import FoundObject
 from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.text import count, printable, table
 
 DIMENSIONS = {
@@ -40,11 +41,13 @@ class TileObjects:
     points : int
         Number of points of the tile.
     objects : list of FoundObject
-        Objects of the tile.
+        Objects of the tile, with centres in its coordinates.
     clusters_left_out, points_left_out : int
         Number of clusters that are too unlikely to be objects, and number of their points.
     seconds : float
         Processing time.
+    crs : Crs
+        Coordinate reference system of the tile.
     """
 
     name: str
@@ -53,13 +56,16 @@ class TileObjects:
     clusters_left_out: int
     points_left_out: int
     seconds: float
+    crs: Crs = field(default_factory=Crs)
 
     @classmethod
-    def of(cls, name: str, found: ClassifiedPoints, seconds: float) -> Self:
+    def of(cls, name: str, found: ClassifiedPoints, seconds: float, crs: Crs) -> Self:
         """Return the objects of a classified tile."""
         left_out = found.left_out
         clusters, points = int(left_out.max(initial=0)), int(np.count_nonzero(left_out))
-        return cls(name, len(found.tile.separation.classification), found.objects, clusters, points, seconds)
+        size = len(found.tile.separation.classification)
+        objects = [one.placed(crs.unit_m) for one in found.objects]
+        return cls(name, size, objects, clusters, points, seconds, crs)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the objects as JSON-compatible data."""

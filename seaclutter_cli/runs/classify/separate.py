@@ -11,7 +11,7 @@ from seaclutter_cli.airborne.separation import OTHER, WATER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
-from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, plan_tiles, write_tile
+from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, plan_tiles, warn_of_doubts, write_tile
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import PathLike, Result
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -104,11 +104,12 @@ class SeparateWork(TileWork["SeparatedTile"]):
     params: SeparationParams
     with_height: bool
 
-    def process(self, observer: Observer, files: OutputGroup | None) -> "tuple[SeparatedTile, int]":  # noqa: ARG002
+    def process(self, observer: Observer, files: OutputGroup | None) -> "tuple[SeparatedTile, int]":
         """Write the separated tile."""
         started, tile = perf_counter(), open_tile(self.path)
         with errors_of(self.path):
             found = separate(TilePointReader(tile), self.params)
+        warn_of_doubts(tile, found, observer)
         columns: dict[str, Any] = {"classification": found.classification}
         if self.with_height:
             columns["height_above_sea"] = found.height_m

@@ -8,6 +8,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.plausibility import doubts_about_sea
+from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings, load_settings
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.runs.observer import Observer
@@ -17,7 +19,7 @@ from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, write_las
 from seaclutter_cli.sinks.points import POINT_WRITERS, with_columns
 from seaclutter_cli.sources.frame_files import FRAME_READERS
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, intensity_name
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name
 
 _LAS = (".las", ".laz")
 
@@ -61,6 +63,17 @@ def warn_without_intensity(tile: LasTile | CloudTile, settings: TileSettings, ob
     """Warn if a tile lacks the intensities that the features need."""
     if settings.features.features == "full" and intensity_name(tile) is None:
         observer.warn(f"{tile.path}: no intensity field; intensities count as 0")
+
+
+def warn_of_doubts(tile: LasTile | CloudTile, found: Separation, observer: Observer) -> None:
+    """Warn about signs that a tile is not of the sea, and say if its unit is not the metre."""
+    if tile.crs.is_geographic:
+        observer.warn(f"{tile.path}: coordinates are degrees (its CRS is geographic); project the tile first")
+        return
+    if tile.crs.unit_m != 1:
+        observer.note(f"{tile.path.stem}: the unit of its CRS is {tile.crs.unit_m:.6g} m; lengths are in metres")
+    for text in doubts_about_sea(TilePointReader(tile), found):
+        observer.warn(f"{tile.path.stem}: {text}")
 
 
 def plan_tiles(

@@ -1,0 +1,56 @@
+"""Signs that a tile is not of the sea, or that an object is not what it is called."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.objects import FoundObject
+from seaclutter_cli.airborne.separation import WATER, Separation
+from seaclutter_cli.text import count, share
+
+_MAX_SPREAD_M = 4.0
+_MIN_SEA = 0.05
+_LARGEST_M = {"ship": (460.0, 130.0, 80.0)}  # length, width, height of the largest ships ever built, and a margin
+
+
+def doubts_about_sea(parts: Iterable[NDArray[np.float64]], found: Separation) -> list[str]:
+    """Return reasons to doubt that a tile is of the sea.
+
+    Parameters
+    ----------
+    parts : iterable of ndarray, shape (3, n), float64
+        Coordinates of the points in metres.
+    found : Separation
+        Their classes and heights.
+    """
+    is_sea = found.classification == WATER
+    points = int(np.count_nonzero(is_sea))
+    doubts = []
+    if points < _MIN_SEA * len(is_sea):
+        doubts.append(f"only {share(points, len(is_sea))} of the points are sea")
+    elevation = np.concatenate([xyz[2] for xyz in parts])[is_sea] - found.height_m[is_sea]
+    if len(elevation):
+        low, high = np.quantile(elevation, (0.01, 0.99))
+        if high - low > _MAX_SPREAD_M:
+            doubts.append(
+                f"what was taken for the sea is not level: it lies between {low:.1f} and {high:.1f} m; if the tile "
+                "is of land, neither classes nor objects mean anything"
+            )
+    return doubts
+
+
+def doubts_about_objects(objects: Sequence[FoundObject]) -> list[str]:
+    """Return a line for each class with objects that are larger than any of its kind."""
+    doubts = []
+    for name, limits in _LARGEST_M.items():
+        own = [one for one in objects if one.name == name]
+        sizes = [(*one.size, one.height_m) for one in own]
+        beyond = [size for size in sizes if any(value > limit for value, limit in zip(size, limits, strict=True))]
+        if beyond:
+            largest = " by ".join(f"{value:.0f}" for value in max(beyond))
+            doubts.append(
+                f"{count(len(beyond), name)} of implausible size, up to {largest} m; check that the tile is of the sea "
+                "and that its unit is right"
+            )
+    return doubts

@@ -1,0 +1,56 @@
+"""Doubts about tiles over land, and about objects of impossible size."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.airborne.objects import FoundObject, as_csv, as_geojson
+from seaclutter_cli.airborne.plausibility import doubts_about_objects, doubts_about_sea
+from seaclutter_cli.airborne.separation import OTHER, WATER, Separation
+
+SHIP = FoundObject(1, 1, 0.9, 500, (1000.0, 2000.0), (120.0, 20.0), 0.0, 25.0, 2000.0)
+
+
+def separation(elevation, other=0):
+    classes = np.append(np.full(len(elevation), WATER, np.uint8), np.full(other, OTHER, np.uint8))
+    points = np.append(np.zeros((2, len(classes))), [np.append(elevation, np.full(other, 50.0))], axis=0)
+    return [points], Separation(classes, np.zeros(len(classes), np.float32), 1)
+
+
+@pytest.mark.parametrize(
+    ("elevation", "other", "doubts"),
+    [
+        (np.linspace(-1.5, 1.5, 1000), 500, []),
+        (np.append(np.zeros(995), [30] * 5), 0, []),  # a few cliffs
+        (np.linspace(120, 140, 1000), 0, ["not level: it lies between 120.2 and 139.8 m"]),
+        (np.zeros(40), 960, ["only 4.0 % of the points are sea"]),
+        (np.zeros(0), 10, ["only 0.0 % of the points are sea"]),
+    ],
+)
+def test_tiles_over_land(elevation, other, doubts):
+    found = doubts_about_sea(*separation(elevation, other))
+    assert len(found) == len(doubts)
+    assert all(text in line for text, line in zip(doubts, found, strict=True))
+
+
+def test_ships_of_a_kilometre():
+    assert doubts_about_objects([SHIP, replace(SHIP, size=(459.0, 60.0))]) == []
+    islands = replace(SHIP, code=6, size=(1156.0, 492.0), height_m=88.0)
+    assert doubts_about_objects([islands]) == []
+    (text,) = doubts_about_objects([SHIP, replace(islands, code=1), replace(SHIP, height_m=90.0)])
+    assert text.startswith("2 ships of implausible size, up to 1156 by 492 by 88 m")
+
+
+def test_boxes_in_feet_and_in_degrees():
+    feet = SHIP.placed(0.3048)
+    assert feet.center == pytest.approx((1000 / 0.3048, 2000 / 0.3048))
+    assert ",3280.840,6561.680,120.000,20.000," in as_csv([("t", [feet])])
+    (feature,) = json.loads(as_geojson([("t", [feet])], [(0.3048, None)]))["features"]
+    ring = np.array(feature["geometry"]["coordinates"][0][:4])
+    np.testing.assert_allclose(ring * 0.3048, SHIP.corners, atol=1e-3)
+    assert feature["properties"]["coordinates"] == "tile"
+    (feature,) = json.loads(as_geojson([("t", [SHIP])], [(1.0, lambda xy: xy / 1e5)]))["features"]
+    np.testing.assert_allclose(feature["geometry"]["coordinates"][0][:4], SHIP.corners / 1e5, atol=1e-8)
+    assert feature["properties"]["coordinates"] == "WGS 84"
