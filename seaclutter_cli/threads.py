@@ -1,6 +1,8 @@
 """Threads that this process may use."""
 
 import os
+from functools import cache
+from pathlib import Path
 
 try:
     import resource
@@ -11,6 +13,8 @@ from seaclutter_cli.errors import UsageError
 
 VARIABLE = "SEACLUTTER_THREADS"
 """Environment variable that limits the threads of a process."""
+
+_QUOTA = Path("/sys/fs/cgroup/cpu.max")
 
 
 def threads() -> int:
@@ -35,7 +39,16 @@ def threads() -> int:
 
 
 def cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    """Return the number of cores that this process may use, also in a container with a limit."""
+    found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(found, _quota(_QUOTA) or found)
+
+
+@cache
+def _quota(file: Path) -> int | None:
+    """Return the limit of the control group in cores, rounded up; None without a limit."""
+    try:
+        share, period = file.read_text().split()
+        return max(1, -(-int(share) // int(period)))
+    except (OSError, ValueError):  # not Linux; no limit: "max 100000"
+        return None

@@ -4,6 +4,7 @@ import os
 
 import pytest
 
+from seaclutter_cli import threads as module
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.threads import cores, threads
 
@@ -12,7 +13,7 @@ def test_all_cores_by_default(monkeypatch):
     monkeypatch.delenv("SEACLUTTER_THREADS", raising=False)
     assert threads() == cores() >= 1
     if hasattr(os, "sched_getaffinity"):
-        assert cores() == len(os.sched_getaffinity(0))
+        assert cores() <= len(os.sched_getaffinity(0))
 
 
 def test_the_environment_sets_it(monkeypatch):
@@ -25,3 +26,22 @@ def test_other_texts_are_refused(monkeypatch, text):
     monkeypatch.setenv("SEACLUTTER_THREADS", text)
     with pytest.raises(UsageError, match="SEACLUTTER_THREADS: expected a positive whole number"):
         threads()
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        ("150000 100000\n", 2),
+        ("50000 100000\n", 1),
+        ("9999900000 100000\n", 64),
+        ("max 100000\n", 64),
+        ("", 64),
+        (None, 64),
+    ],
+)
+def test_the_limit_of_a_container_counts(content, expected, tmp_path, monkeypatch):
+    if content is not None:
+        (tmp_path / "cpu.max").write_text(content)
+    monkeypatch.setattr(module, "_QUOTA", tmp_path / "cpu.max")
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(64)), raising=False)
+    assert module.cores() == expected
