@@ -159,6 +159,9 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
     method: str | None = None,
     config: Settings | None = None,
     filter_rate: float = FILTER_RATE,
+    max_left: float | None = None,
+    choose: bool = False,
+    trade_off: bool = False,
     keep_end: bool = False,
     labels: PathLike | Sequence[PathLike] | None = None,
     reading: ReadOptions | None = None,
@@ -180,6 +183,10 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
         Configuration to start from; provides the range rings and all settings that are not derived.
     filter_rate : float, optional
         Share of the clutter points in each range ring that its threshold must remove.
+    max_left : float, optional
+        Number of clutter points per frame that a range ring may keep; where it would keep more, its rate is higher.
+    choose, trade_off : bool, optional
+        Compare values of the two by labels, on held-out frames; with ``choose``, use the best.
     keep_end : bool, optional
         Keep the far limit of the configuration.
     labels : path, or sequence of paths, optional
@@ -217,6 +224,9 @@ def calibrate(  # noqa: PLR0913 - each an option of its own
     options = CalibrateOptions(
         config=config_options(method, config),
         filter_rate=filter_rate,
+        max_left=max_left,
+        choose=choose,
+        trade_off=trade_off,
         keep_end=keep_end,
         labels=label_sources(labels),
         reading=reading or ReadOptions(),

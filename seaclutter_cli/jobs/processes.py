@@ -44,8 +44,23 @@ class Processes:
 
     def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
         """Run tasks, as `Engine.run` says."""
+        if self._context.get_start_method() == "forkserver":
+            _start_server()
         with _Crew(self._context, min(self._jobs, len(tasks))) as crew:
             yield from run_tasks(crew, tasks, on_share)
+
+
+def _start_server() -> None:
+    """Start the server of forks with interrupts blocked: Ctrl-C reaches it while it imports, and would be printed."""
+    from multiprocessing import resource_tracker
+    from multiprocessing.forkserver import ensure_running
+
+    resource_tracker.ensure_running()  # by itself: it unblocks interrupts
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Crew(AbstractContextManager["_Crew"]):

@@ -6,7 +6,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import perf_counter
 
 from seaclutter_cli.config import Config
@@ -18,7 +17,9 @@ from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Metadata
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch, size_of
 from seaclutter_cli.runs.filter_fit import FitWarnings
+from seaclutter_cli.runs.filter_read_back import ReadBackWork
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
+from seaclutter_cli.runs.filter_table import frame_table, own_table
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import ConfigOptions
@@ -44,13 +45,13 @@ from seaclutter_cli.runs.recordings import (
     storing_errors,
 )
 from seaclutter_cli.runs.resume import earlier_run, identity_of
-from seaclutter_cli.runs.resume_rows import rows_in
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
 from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location, location
+from seaclutter_cli.storage.objects import find_object
 from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import printable
 
@@ -126,8 +127,8 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
             outcomes = list(done) if csv_file else [outcome or next(done) for outcome in earlier]
         if not may_appear([options.csv_file], outcomes, observer):
             files.discard()
-    for outcome in outcomes:
-        outcome.bytes_out = 0 if outcome.error else size_of(outcome.output)
+    for outcome, size in zip(outcomes, in_threads(_output_size, outcomes), strict=True):
+        outcome.bytes_out = size
     if batch.manifest:
         recordings = [work.recording for work in plan.works]
         write_files(manifest_of(batch.manifest, recordings, outcomes), replace=replaces)
@@ -183,12 +184,6 @@ def plan_works(
     )
 
 
-def frame_table(config: Config, path: Location, group: OutputGroup | None = None) -> CsvSink:
-    """Return the table for the frames of recordings."""
-    rings = len(config.ring_edges[1:])
-    return CsvSink(path, rings, scenes=config.has_scenes, water=config.has_water, group=group)
-
-
 def _earlier(works: Sequence["FilterWork"], observer: Observer) -> list[FilterOutcome | None]:
     """Return the outcomes of earlier runs whose outputs are complete; None for recordings that must be filtered."""
     present = existing(work.target for work in works)
@@ -208,7 +203,15 @@ def _works(
     pairs = list(zip(works, earlier, strict=True))
     if not with_table:
         return [work for work, outcome in pairs if outcome is None]
-    return [work if outcome is None else ReadBackWork(work, outcome) for work, outcome in pairs]
+    return [work if outcome is None else ReadBackWork(work, work.config, outcome) for work, outcome in pairs]
+
+
+def _output_size(outcome: FilterOutcome) -> int:
+    """Return the size of an output in bytes; 0 if there is none."""
+    if outcome.error or isinstance(outcome.output, Path):
+        return 0 if outcome.error else size_of(outcome.output)
+    found = find_object(outcome.output)
+    return found.size if found else 0
 
 
 def _append(table: CsvSink | None, outcome: FilterOutcome) -> None:
@@ -266,7 +269,7 @@ class FilterWork(Work[FilterOutcome]):
         """
         outcome = self.without_result(None)
         with storing_errors(outcome, observer), self._same_output_accepted(), ExitStack() as stack:
-            own = None if table or not self.options.csv_file else stack.enter_context(self.own_table())
+            own = None if table or not self.options.csv_file else stack.enter_context(own_table(self.config))
             source = stack.enter_context(opened(self.recording, self.options.reading, observer, outcome))
             written = stack.enter_context(OutputGroup(group, replace=self.options.force or self.options.batch.resume))
             self._stream(source, outcome, observer, table or own, written)
@@ -284,12 +287,6 @@ class FilterWork(Work[FilterOutcome]):
                 if isinstance(self.target, Path) and self.earlier()[0] is not None:
                     return
             raise
-
-    @contextmanager
-    def own_table(self) -> Iterator[CsvSink]:
-        """Return a table for the frames of this recording alone, which is removed at the end."""
-        with TemporaryDirectory(prefix="seaclutter-") as folder, frame_table(self.config, Path(folder, "t.csv")) as own:
-            yield own
 
     def earlier(self) -> tuple[FilterOutcome | None, str]:
         """Return the outcome of an earlier run whose output is complete, or what differs; see `earlier_run`."""
@@ -366,38 +363,3 @@ class FilterWork(Work[FilterOutcome]):
         from seaclutter_cli.reporting.scene import scene_maker
 
         return replace(written, scene=scene_maker(self.config.evaluation, labels))
-
-
-@dataclass(frozen=True)
-class ReadBackWork(Work[FilterOutcome]):
-    """Reading of the rows of the table from a complete output; without them, the recording is filtered again.
-
-    Parameters
-    ----------
-    work : FilterWork
-        Filtering of the recording.
-    outcome : FilterOutcome
-        Outcome of the earlier run.
-    """
-
-    work: FilterWork
-    outcome: FilterOutcome
-
-    @property
-    def recording(self) -> Recording:  # type: ignore[override]
-        """The recording."""
-        return self.work.recording
-
-    def run(self, observer: Observer) -> FilterOutcome:
-        """Return the outcome of the earlier run with its rows."""
-        with self.work.own_table() as table:
-            rows = rows_in(self.work.target, self.recording.name, self.outcome.topics, table)
-        if rows is None:
-            observer.note("filtered again; the output lacks the diagnostics that the table needs")
-            return self.work.run(observer)
-        self.outcome.rows = zlib.compress(rows)
-        return self.outcome
-
-    def without_result(self, reason: str | None) -> FilterOutcome:
-        """Return an outcome without frames."""
-        return self.work.without_result(reason)

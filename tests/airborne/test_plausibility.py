@@ -5,10 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from seaclutter_cli.airborne.objects import FoundObject, as_csv, as_geojson
 from seaclutter_cli.airborne.plausibility import doubts_about_objects, doubts_about_sea
 from seaclutter_cli.airborne.separation import OTHER, WATER, Separation
+from seaclutter_cli.commands import cli
+from tests.paths import ROOT, shared
 
 SHIP = FoundObject(1, 1, 0.9, 500, (1000.0, 2000.0), (120.0, 20.0), 0.0, 25.0, 2000.0)
 
@@ -54,3 +57,21 @@ def test_boxes_in_feet_and_in_degrees():
     (feature,) = json.loads(as_geojson([("t", [SHIP])], [(1.0, lambda xy: xy / 1e5)]))["features"]
     np.testing.assert_allclose(feature["geometry"]["coordinates"][0][:4], SHIP.corners / 1e5, atol=1e-8)
     assert feature["properties"]["coordinates"] == "WGS 84"
+
+
+def separate(tile, out):
+    pytest.importorskip("lazrs", reason="needs the extra las")
+    return CliRunner().invoke(cli, ["classify", "separate", str(tile), "-o", str(out)])
+
+
+def test_a_real_tile_over_land_in_feet(tmp_path):
+    result = separate(shared("las") / "autzen_trim.laz", tmp_path / "s.laz")
+    assert result.exit_code == 0
+    assert "the unit of its CRS is 0.3048 m" in result.stderr
+    assert "not level: it lies between 124.0 and 130.8 m" in result.stderr
+
+
+@pytest.mark.parametrize("tile", ["sample", "airborne"])
+def test_real_and_simulated_water_gives_no_warning(tmp_path, tile):
+    path = ROOT / "samples" / "tile.laz" if tile == "sample" else shared("airborne") / "ahn3_sluice.laz"
+    assert separate(path, tmp_path / "s.laz").stderr == ""

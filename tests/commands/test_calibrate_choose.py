@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import seaclutter
 from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
 from seaclutter_cli.evaluation.scores import Summary
@@ -122,3 +123,9 @@ def test_a_limit_without_labels(tmp_path):
     assert ring["points"] - ring["below"] <= 180
     assert ring["filter_rate"] > 0.98
     assert load_config(tmp_path / "c.yaml").filter.initial_thresholds[1] == ring["threshold"]
+
+
+def test_the_function_chooses_too(chosen):
+    found = seaclutter.calibrate(SEA, labels=LABELS, choose=True)
+    assert (found.trade_off.used, found.trade_off.best) == (Candidate(0.8, chosen[0]["max_left"]),) * 2
+    assert found.config.filter == load_config(chosen[1]).filter

@@ -14,7 +14,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.jobs.engine import InTurn, Lost
 from seaclutter_cli.jobs.processes import Processes
 from seaclutter_cli.threads import cores
-from tests.jobs.work import Ask, Fail, Kill, Meet, Square, Unsendable, Variable, Wait
+from tests.jobs.work import Ask, Blocked, Fail, Kill, Meet, Square, Unsendable, Variable, Wait
 
 ENGINES = {"in turn": InTurn(), "one process": Processes(1), "three processes": Processes(3)}
 
@@ -55,6 +55,13 @@ def test_tasks_run_at_the_same_time(tmp_path):
 def test_processes_have_the_environment_of_the_run(value, monkeypatch):
     monkeypatch.setenv("SEACLUTTER_TEST", value)
     assert dict(Processes(2).run([Variable()] * 2, lambda *_: None)) == {0: value, 1: value}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no server of forks")
+def test_an_interrupt_of_all_processes_does_not_reach_those_that_import():
+    """Ctrl-C reaches the whole group; the server of forks prints a traceback if it is interrupted while it imports."""
+    assert dict(Processes(1).run([Blocked()], lambda *_: None)) == {0: {signal.SIGINT}}
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 def test_a_result_that_cannot_be_sent_is_an_error():

@@ -95,3 +95,11 @@ class Ask:
 
     def __call__(self, report):
         return threads(), os.getpid()
+
+
+@dataclass(frozen=True)
+class Blocked:
+    """Return the signals that are blocked in the process."""
+
+    def __call__(self, report):
+        return signal.pthread_sigmask(signal.SIG_BLOCK, [])

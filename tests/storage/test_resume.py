@@ -38,7 +38,14 @@ def test_complete_outputs_are_skipped(logs, bucket, tmp_path, remote):
     given = "in" if remote == "outputs" else str(logs)
     out = "out" if remote == "logs" else f"{bucket}/out"
     line = f"filter {given} -o {out}/ -j 2 --resume --csv"
-    assert run(f"{line} first.csv").stdout.startswith("2 done; ")
+    first = run(f"{line} first.csv --manifest runs.json --force")
+    assert first.stdout.startswith("2 done; ")
+    assert " 0 B out" not in first.stdout
+    sizes = [row["bytes_out"] for row in json.loads((tmp_path / "runs.json").read_text())]
+    assert sizes == [
+        len((tmp_path / "out" / name).read_bytes() if remote == "logs" else get(bucket / "out" / name))
+        for name in ("a.mcap", "b.mcap")
+    ]
     again = run(f"{line} again.csv")
     assert again.exit_code == 0
     assert again.stdout.startswith("2 skipped; ")

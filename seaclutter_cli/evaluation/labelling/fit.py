@@ -18,15 +18,20 @@ Vector = NDArray[np.float64]
 SMALLEST_M, LARGEST_M = 0.2, 500.0
 """The longest side of a target is not smaller or larger."""
 
-_MIN_GAIN, _MIN_FIT = 0.15, 0.5
-_MIN_GAIN_OF_SIZE = 0.3
+_MIN_FIT = {1: 0.5, 2: 0.65}
+"""Fit with a mistake undone, or two at once: among many pairs, one fits a little by chance."""
+
+_MIN_GAIN = 0.15
+_MIN_GAIN_OF_INACCURACY = 0.3
+"""For changes that could also undo inaccurate work."""
+
 _ALIKE = 0.02
 _HOPELESS = 0.3
 _MAX_CHANGES = 3
 _LEAST_REACH_M = 2.0
 _MANY_POINTS, _LONG_M = 20, 10.0
 _SHIFT_STEPS, _SHIFT_STARTS = 3, 4
-_BIN_M = 0.5
+_BIN_M, _SMALL_SHIFT_M = 0.5, 2.0
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,7 @@ CHANGES = (
     Change("positions and sizes are in millimetres", "divide them by 1000", _scaled(0.001)),
     Change("sizes are in centimetres", "divide them by 100", _scaled(0.01, centers=False)),
     Change("sizes are in millimetres", "divide them by 1000", _scaled(0.001, centers=False)),
-    Change("sizes are half sizes", "multiply them by 2", _scaled(2, centers=False), _MIN_GAIN_OF_SIZE),
+    Change("sizes are half sizes", "multiply them by 2", _scaled(2, centers=False), _MIN_GAIN_OF_INACCURACY),
 )
 """Usual mistakes, the likelier of two alike first."""
 
@@ -202,7 +207,7 @@ class LabelFit:
     def _best(self, made: Sequence[Change], fit: float, ways: Sequence[Sequence[Change]]) -> list[Guess]:
         fits = [self.of((*made, *way)) for way in ways]
         probable = [
-            after if after >= max(fit + max(change.min_gain for change in way), _MIN_FIT) else 0.0
+            after if after >= max(fit + max(change.min_gain for change in way), _MIN_FIT[len(way)]) else 0.0
             for way, after in zip(ways, fits, strict=True)
         ]
         top = max(probable, default=0.0)
@@ -292,7 +297,10 @@ def _shift(distance_m: NDArray[np.float64]) -> Change:
     where = " and ".join(f"{-amount:+g} m in {axis}" for axis, amount in amounts)
     how = " and ".join(f"{amount:+g} m to {axis}" for axis, amount in amounts)
     return Change(
-        f"positions are off by about {where}", f"add {how}", lambda one: replace(one, centers=one.centers + shift_m)
+        f"positions are off by about {where}",
+        f"add {how}",
+        lambda one: replace(one, centers=one.centers + shift_m),
+        _MIN_GAIN if np.linalg.norm(shift_m) >= _SMALL_SHIFT_M else _MIN_GAIN_OF_INACCURACY,
     )
 
 

@@ -9,11 +9,15 @@ from tests.jobs.cluster.clusters import Certificates, Cluster, wait_for
 NAMES = ("one", "two", "three")
 
 
-@pytest.fixture(scope="session")
-def cluster(tmp_path_factory):
+def _require_system():
     pytest.importorskip("distributed")
     if sys.platform == "win32":
         pytest.skip("no SIGKILL")
+
+
+@pytest.fixture(scope="session")
+def cluster(tmp_path_factory):
+    _require_system()
     folder = tmp_path_factory.mktemp("cluster")
     started = Cluster(folder / "run", Certificates(folder / "certificates"))
     try:
@@ -39,7 +43,7 @@ def certified(cluster, monkeypatch):
 @pytest.fixture
 def own_cluster(tmp_path, monkeypatch):
     """Return a cluster without workers for one test."""
-    pytest.importorskip("distributed")
+    _require_system()
     certificates = Certificates(tmp_path / "certificates")
     for name, path in certificates.environment().items():
         monkeypatch.setenv(name, path)
