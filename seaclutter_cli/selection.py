@@ -163,14 +163,13 @@ def filtered_by(source: Source, topics: Collection[str] = ()) -> str:
 def is_part(source: Source, topics: Collection[str] = ()) -> bool:
     """Return whether a log was made from a part of a recording, so that labels may be of other frames."""
     recorded = recorded_topics(source.metadata)
-    return any(recorded[c.topic].is_part for c in cloud_channels(source, topics) if c.topic in recorded)
+    return any(one.is_part for name, one in recorded.items() if not topics or name in topics)
 
 
 def first_frame(source: Source, topics: Collection[str] = ()) -> int:
     """Return the number of the first frame of the selected topics in the recording from which a log was made."""
     recorded = recorded_topics(source.metadata)
-    names = (channel.topic for channel in cloud_channels(source, topics))
-    return min((recorded[name].first_frame for name in names if name in recorded), default=0)
+    return min((one.first_frame for name, one in recorded.items() if not topics or name in topics), default=0)
 
 
 def _describe(channel: Channel) -> str:

@@ -30,9 +30,11 @@ def command(*arguments):
 
 
 def timeless(value):
-    """Return parsed JSON without times and paths."""
+    """Return parsed JSON without times, paths and the version of its schema."""
     if isinstance(value, dict):
-        return {k: timeless(v) for k, v in value.items() if k not in ("seconds", "filter_ms", "output")}
+        return {
+            k: timeless(v) for k, v in value.items() if k not in ("seconds", "filter_ms", "output", "schema_version")
+        }
     return [timeless(item) for item in value] if isinstance(value, list) else value
 
 

@@ -44,11 +44,12 @@ class LazyGroup(click.Group):
         """Import and return a command; None if there is no such command."""
         if cmd_name not in self._commands and cmd_name not in self._modules:
             return None
-        module = importlib.import_module(f"{self._package}.{self._modules.get(cmd_name, cmd_name)}")
+        name = self._modules.get(cmd_name, cmd_name)
+        module = importlib.import_module(f"{self._package}.{name}")
         command: click.Command = module.command
         for parameter in command.params:
             if isinstance(parameter, click.Option) and parameter.expose_value:
-                parameter.envvar = self._variable(cmd_name, parameter)
+                parameter.envvar = self._variable(name, parameter)
         return command
 
     def _variable(self, command: str, option: click.Option) -> str:

@@ -164,7 +164,7 @@ def test_warnings_of_libraries_are_one_line_each(monkeypatch, tmp_path):
         "filter LOG -o out.mcap --csv @",
         "filter LOG -o out.mcap -c @",
         "evaluate LOG --labels @",
-        "calibrate LOG -o @.yaml",
+        "calibrate LOG -q -o @.yaml",
         "report LOG -o @.html",
         "report LOG -o out.html --figures @",
         "tune LOG --sweep update_weight=0,1 --labels @",

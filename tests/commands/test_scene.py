@@ -57,6 +57,7 @@ def test_predict_prints_the_scene_of_each_log(toys, model, tmp_path):
 def test_predict_as_json(toys, model):
     result = run("predict", toys / "open", "--model", model, "--json")
     assert json.loads(result.stdout)[0] == {
+        "schema_version": 1,
         "recording": "open0",
         "topics": {"/points": {"scene": "open", "changes": 0, "frames": {"open": 2, "confined": 0}}},
         "damage": [],

@@ -1,5 +1,6 @@
 """``seaclutter config show``: the effective configuration."""
 
+import json
 from typing import TYPE_CHECKING
 
 import click
@@ -19,6 +20,6 @@ def command(config: "ConfigOptions", console: Console) -> None:
     """Print the effective configuration, ready to save and edit."""
     effective = config.load()
     if console.as_json:
-        console.show(effective.as_dict())
+        show_exactly(json.dumps(effective.as_dict(), indent=2))  # a configuration, which has no version of a schema
     else:
         show_exactly(effective.to_yaml(comments=True).rstrip("\n"))
