@@ -67,6 +67,9 @@ def _reported_errors() -> Iterator[None]:
     """Print errors as one line and exit; with ``--debug``, let them pass."""
     try:
         yield
+    except click.exceptions.NoArgsIsHelpError as error:
+        show(error.format_message(), err=True)
+        raise click.exceptions.Exit(error.exit_code) from error
     except click.ClickException as error:
         text = io.StringIO()
         error.show(file=text)

@@ -187,3 +187,12 @@ def test_lists_of_built_in_items():
 def test_former_names_of_commands_are_not_listed():
     assert "sensors" not in run("config", "--help").stdout.split("Commands:")[1].split("list")[0]
     assert set(COMMANDS) == set(cli.list_commands(click.Context(cli)))
+
+
+@pytest.mark.parametrize(
+    "group", [*(name for name in COMMANDS if isinstance(cli.get_command(None, name), click.Group))]
+)
+def test_a_group_without_a_command_shows_its_help(group):
+    result = run(group)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr == run(group, "--help").stdout
