@@ -42,6 +42,8 @@ def write_pages(folder: Path) -> None:
 
     def load(command: click.Command) -> None:
         """Put the commands of groups, which are imported when they are called, where click-man looks for them."""
+        first = " ".join((command.help or "").partition("\n\n")[0].split())
+        command.short_help = command.short_help or first  # click-man would cut it
         if isinstance(command, click.Group):
             context = click.Context(command)
             found = {name: command.get_command(context, name) for name in command.list_commands(context)}
@@ -50,6 +52,5 @@ def write_pages(folder: Path) -> None:
                 load(one)
 
     load(cli)
-    cli.short_help = (cli.help or "").partition("\n")[0]  # click-man would cut it
     # A space is no date: the bytes of a version must not depend on the day.
     write_man_pages("seaclutter", cli, version=__version__, target_dir=str(folder), date=" ")
