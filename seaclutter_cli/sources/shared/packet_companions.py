@@ -31,6 +31,8 @@ class Companion:
 COMPANIONS = (
     Companion("rslidar_msgs/msg/rslidarPacket", "", ("rslidar_msgs/msg/rslidarScan",)),
     Companion("rslidar_msg/msg/RslidarPacket", "difop", ("rslidar_msg/msg/RslidarScan",)),
+    Companion("std_msgs/msg/String", "metadata", ("ouster_ros/msg/PacketMsg", "ouster_sensor_msgs/msg/PacketMsg")),
+    Companion("std_msgs/msg/UInt8MultiArray", "correction", ("hesai_ros_driver/msg/UdpFrame",)),
 )
 """Kinds of topics with calibrations: packets, texts or bytes."""
 

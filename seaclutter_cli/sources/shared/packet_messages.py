@@ -66,7 +66,18 @@ PACKET_LAYOUTS: Mapping[str, tuple[Layout, ...]] = {
         Layout(header=header, stamp=stamp, sized=True) for header in (True, False) for stamp in (True, False)
     ),
 }
-"""Layouts by message type. Versions of drivers that share a type name are told apart by the length of the message."""
+"""Layouts by message type; add new ones here, and to a family's ``scan_types``. Versions of drivers that share a type name are told
+apart by the length of the message."""
+
+_CLOUDS = "record the driver's sensor_msgs/PointCloud2"
+UNSUPPORTED: Mapping[str, str] = {
+    "livox_ros_driver/msg/CustomMsg": "set the driver's xfer_format to 0, which publishes sensor_msgs/PointCloud2",
+    "livox_ros_driver2/msg/CustomMsg": "set the driver's xfer_format to 0, which publishes sensor_msgs/PointCloud2",
+    "robosense_msgs/msg/RobosenseScan": f"{_CLOUDS}, or the packets with rslidar_sdk",
+    "innovusion_msgs/msg/InnovusionScan": _CLOUDS,
+    "vanjee_lidar_msg/msg/VanjeelidarPacket": _CLOUDS,
+}
+"""Known messages of lidar drivers that are not decoded, and what to record instead."""
 
 
 def ros2_type(channel: Channel) -> str | None:

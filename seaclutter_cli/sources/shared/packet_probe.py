@@ -15,6 +15,8 @@ from seaclutter_cli.sources.shared.packet_messages import has_single_packets, pa
 
 _MAX_TRIES = 10
 _SAMPLES, _CALIBRATIONS = 64, 32
+_IMU_BYTES = (48,)
+"""Lengths of Ouster's IMU packets, which the driver publishes in messages of the same type."""
 
 
 def find_families(channel: Channel, families: Iterable[PacketFamily]) -> list[PacketFamily]:
@@ -63,7 +65,10 @@ class Candidate:
             return None
         self.family = self.family or self._recognise(longest)
         if self.family is None:
-            self._fail(_unknown(longest, self.families))
+            if longest.payloads.shape[1] in _IMU_BYTES:
+                self.is_done = True
+            else:
+                self._fail(_unknown(longest, self.families))
             return None
         if not self._gathers:
             return self.decoder(longest)

@@ -1,5 +1,6 @@
 """Point clouds from packet topics: packets that lidar drivers publish before they are decoded."""
 
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -12,7 +13,14 @@ from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Buffer, Channel, Damage, Message, Metadata, Record, Schema
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
-from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_packets, runs
+from seaclutter_cli.sources.shared.packet_messages import (
+    UNSUPPORTED,
+    has_single_packets,
+    packet_type,
+    read_packets,
+    ros2_type,
+    runs,
+)
 from seaclutter_cli.sources.shared.packet_probe import find_families, make_candidates, probe
 from seaclutter_cli.text import count
 
@@ -23,7 +31,9 @@ _DECODED_AT_ONCE, _DECODED_WITHIN_NS = 64, 50_000_000
 def wrap_packets(
     source: Source, options: DecoderOptions | None = None, families: Mapping[str, PacketFamily] | None = None
 ) -> Source:
-    """Return a source with point clouds for its packet topics; a source without them is returned unchanged.
+    """Return a source with point clouds for its packet topics; a source without them is returned as it is.
+
+    Known topics that cannot be decoded become warnings.
 
     Parameters
     ----------
@@ -34,6 +44,11 @@ def wrap_packets(
     families : mapping of str to PacketFamily, optional
         Sensors that can be decoded; all if not given.
     """
+    source.warnings += [
+        f"{channel.topic} is not decoded: {channel.schema.name} is not supported; {UNSUPPORTED[typename]}"
+        for channel in source.channels
+        if channel.schema and (typename := ros2_type(channel)) in UNSUPPORTED
+    ]
     if not any(map(packet_type, source.channels)):
         return source
     if families is None:
@@ -109,7 +124,7 @@ class PacketTopics:
         self._topics: dict[int, _Topic] = {}
         topics = {channel.topic for channel in inner.channels}
         # Topics whose clouds were recorded too, as in the output of `filter`, are not decoded.
-        undecoded = [channel for channel in inner.channels if _points_topic(channel.topic) not in topics]
+        undecoded = [channel for channel in inner.channels if _points_topic(channel) not in topics]
         self._probe([channel for channel in undecoded if inner.counts.get(channel.id) != 0], families)
 
     @property
@@ -156,7 +171,7 @@ class PacketTopics:
         number = next(id_ for id_ in range(_MAX_IDS, 0, -1) if id_ not in taken)
         ros1 = packets.message_encoding == "ros1"
         schema = _ros1_schema() if ros1 else ros2_schema("sensor_msgs/msg/PointCloud2")
-        topic = _points_topic(packets.topic)
+        topic = _points_topic(packets)
         return Channel(number, topic, packets.message_encoding, schema)
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
@@ -257,16 +272,20 @@ class PacketTopics:
             self.damage.append(damage)
 
 
-def _points_topic(packets: str) -> str:
-    """Return the topic of the clouds of a packet topic.
+def _points_topic(packets: Channel) -> str:
+    """Return the topic of the clouds of a packet topic, as the sensor's driver names it.
 
     Examples
     --------
-    >>> _points_topic("/front/velodyne_packets"), _points_topic("/lidar/scan")
-    ('/front/velodyne_points', '/lidar/scan/points')
+    >>> _points_topic(Channel(1, "/front/velodyne_packets", "cdr", None))
+    '/front/velodyne_points'
+    >>> _points_topic(Channel(2, "/scan", "cdr", None))
+    '/scan/points'
     """
-    front = packets.removesuffix("packets")
-    return f"{front}points" if front != packets else f"{packets}/points"
+    of_ouster = (packet_type(packets) or "").endswith("/PacketMsg")
+    topic = re.sub("lidar_packets$", "packets", packets.topic) if of_ouster else packets.topic
+    front = topic.removesuffix("packets")
+    return f"{front}points" if front != topic else f"{topic}/points"
 
 
 @cache
