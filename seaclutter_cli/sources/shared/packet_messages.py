@@ -66,8 +66,10 @@ PACKET_LAYOUTS: Mapping[str, tuple[Layout, ...]] = {
         Layout(header=header, stamp=stamp, sized=True) for header in (True, False) for stamp in (True, False)
     ),
 }
-"""Layouts by message type; add new ones here, and to a family's ``scan_types``. Versions of drivers that share a type name are told
-apart by the length of the message."""
+"""Layouts by message type; add new ones here, and to a family's ``scan_types``.
+
+Versions of drivers that share a type name are told apart by the length of the message.
+"""
 
 _CLOUDS = "record the driver's sensor_msgs/PointCloud2"
 UNSUPPORTED: Mapping[str, str] = {

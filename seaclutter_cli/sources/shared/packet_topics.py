@@ -47,7 +47,7 @@ def wrap_packets(
     source.warnings += [
         f"{channel.topic} is not decoded: {channel.schema.name} is not supported; {UNSUPPORTED[typename]}"
         for channel in source.channels
-        if channel.schema and (typename := ros2_type(channel)) in UNSUPPORTED
+        if channel.schema and (typename := ros2_type(channel) or "") in UNSUPPORTED
     ]
     if not any(map(packet_type, source.channels)):
         return source
