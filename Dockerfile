@@ -6,7 +6,7 @@
 # docs/guide/cluster.md has more.
 FROM python:3.13-slim AS build
 WORKDIR /src
-COPY pyproject.toml README.md LICENSE ./
+COPY pyproject.toml hatch_build.py README.md LICENSE ./
 COPY seaclutter_cli seaclutter_cli
 COPY seaclutter seaclutter
 COPY configs configs

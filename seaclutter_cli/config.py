@@ -4,15 +4,13 @@ The keys of a method are the fields of its ``Params`` dataclass. Their types, li
 there, and its docstring provides the comments of written configurations. Unknown keys are errors.
 """
 
-import re
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from seaclutter_cli.documents import MAX_DEPTH
@@ -24,6 +22,7 @@ from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.ring_params import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
+from seaclutter_cli.parameters import descriptions, yaml_value
 from seaclutter_cli.storage.copies import copy_of
 from seaclutter_cli.storage.locations import Location, Url
 from seaclutter_cli.text import count, suggestion
@@ -132,14 +131,14 @@ class Config:
         """Return the configuration as YAML, optionally with a comment for every key."""
         lines: list[str] = []
         for section, values in self.as_dict().items():
-            descriptions = {"method": f"one of {', '.join(FILTERS)}", **_descriptions(getattr(self, section))}
+            described = {"method": f"one of {', '.join(FILTERS)}", **descriptions(type(getattr(self, section)))}
             lines.append(f"{section}:")
             for key, value in values.items():
                 nested = isinstance(value, dict)
-                line = f"  {key}:" if nested else f"  {key}: {_yaml_value(value)}"
-                lines.append(f"{line:<40} # {descriptions[key]}" if comments and key in descriptions else line)
+                line = f"  {key}:" if nested else f"  {key}: {yaml_value(value)}"
+                lines.append(f"{line:<40} # {described[key]}" if comments and key in described else line)
                 entries = value.items() if nested else ()
-                lines += [f"    {_yaml_value(name)}: {_yaml_value(entry)}" for name, entry in entries]
+                lines += [f"    {yaml_value(name)}: {yaml_value(entry)}" for name, entry in entries]
         return "\n".join(lines) + "\n"
 
 
@@ -260,7 +259,7 @@ def _with_adapted_thresholds(
     warnings.warn(
         AdaptedThresholdsWarning(
             f"filter.initial_thresholds: {changed} instead of {len(given.initial_thresholds)}; each has the threshold "
-            f"of the nearest one before: {_yaml_value(thresholds)}"
+            f"of the nearest one before: {yaml_value(thresholds)}"
         ),
         stacklevel=3,
     )
@@ -307,23 +306,3 @@ def _check_method(method: str, where: str) -> None:
 
 def _methods(method: object) -> str:
     return f"{suggestion(str(method), FILTERS)}allowed: {', '.join(FILTERS)}"
-
-
-def _yaml_value(value: Any) -> str:
-    return str(yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False)).splitlines()[0]
-
-
-def _descriptions(params: Any) -> dict[str, str]:
-    """Return the description of each key from the docstrings of a parameter class and its bases."""
-    found: dict[str, str] = {}
-    for base in reversed(type(params).__mro__):
-        found |= _documented(base.__doc__ or "")
-    return found
-
-
-def _documented(docstring: str) -> Iterable[tuple[str, str]]:
-    found = re.findall(r"^    (\w[\w, ]*) : .*\n((?:        .*\n)+)", docstring, re.MULTILINE)
-    for names, text in found:
-        plain = re.sub(r":math:`([^`]*)`|``([^`]*)``", r"\1\2", " ".join(text.split()))
-        for name in names.split(", "):
-            yield name, plain

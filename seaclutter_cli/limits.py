@@ -16,7 +16,7 @@ CHANNEL_BYTES = 1024
 _PREFIX = "SEACLUTTER_MAX_"
 _MIB, _GIB = 2**20, 2**30
 _ALWAYS_BYTES = 16 * _MIB
-_CHUNK_SHARE, _MESSAGE_SHARE = 2, 4
+_CHUNK_SHARE, _MESSAGE_SHARE = 2, 8
 _UNITS = {
     "chunk_mib": "MiB",
     "chunk_messages": "messages",
@@ -42,7 +42,7 @@ class Limits:
         Size in GiB of the unpacked content of a file that is compressed as a whole.
     file_ratio : int, optional
         Ratio of this size to that of the file; ratios of files that unpack to at most 16 MiB are not limited. A chunk
-        may have half of this ratio to its file, or 32 MiB; a message a quarter, or 16 MiB.
+        may have half of this ratio to its file, or 32 MiB; a message an eighth, or 8 MiB.
 
     Examples
     --------
@@ -94,9 +94,9 @@ class Limits:
         Examples
         --------
         >>> [Limits().message_bytes_of(size) // 2**20 for size in (10_000, 2 * 2**20, 2**30)]
-        [16, 32, 48]
+        [8, 16, 48]
         """
-        return min(self.message_bytes, max(self.file_ratio * file // _MESSAGE_SHARE, _ALWAYS_BYTES))
+        return min(self.message_bytes, max(self.file_ratio * file // _MESSAGE_SHARE, _ALWAYS_BYTES // 2))
 
     def file_bytes(self, packed: int) -> int:
         """Return the limit in bytes of the content of a compressed file of ``packed`` bytes."""
@@ -131,7 +131,7 @@ def above_in_file(amount: str, part: Literal["chunk", "message"], file: int) -> 
     Examples
     --------
     >>> above_in_file("20,000,000 bytes", "message", 10_000)
-    '20,000,000 bytes, above the limit of 16 MiB in a file of 10,000 bytes (SEACLUTTER_MAX_FILE_RATIO)'
+    '20,000,000 bytes, above the limit of 8 MiB in a file of 10,000 bytes (SEACLUTTER_MAX_FILE_RATIO)'
     >>> above_in_file("90,000,000 bytes", "chunk", 10**9)
     '90,000,000 bytes, above the limit of 80 MiB (SEACLUTTER_MAX_CHUNK_MIB)'
     """

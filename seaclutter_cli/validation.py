@@ -10,6 +10,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
+from seaclutter_cli.parameters import name_choices
 from seaclutter_cli.text import count, printable, suggestion
 
 _SHOWN_PROBLEMS = 100
@@ -253,6 +254,20 @@ def _explain(problem: Any, schema: Any, section: str) -> str:
     return f"{place}: must be {expected}, got {_shown(problem['input'])}"
 
 
+def allowed_values(kind: type[Any]) -> dict[str, str]:
+    """Return the values that each parameter of a class allows, in words.
+
+    Examples
+    --------
+    >>> from seaclutter_cli.evaluation import EvaluationParams
+    >>> allowed_values(EvaluationParams)["min_cluster_points"]
+    'a whole number greater than or equal to 1'
+    """
+    schema, names = _model(kind).model_json_schema(), name_choices(kind)  # type: ignore[arg-type]
+    words = {key: _expected(value) for key, value in schema["properties"].items()}
+    return {**words, **{key: f"one of {', '.join(choice.names)}" for key, choice in names.items()}}
+
+
 def _item(schema: Any, index: int) -> Any:
     return schema["items"] if "items" in schema else schema["prefixItems"][index]
 
@@ -331,10 +346,11 @@ def kind_of(value: Any) -> str:
     return "a number" if type(value) in (int, float) else kinds.get(type(value), f"a {type(value).__name__}")
 
 
-def raise_problems(where: str, problems: Sequence[str]) -> None:
-    """Raise `ConfigError` with all problems, if there are any; a single problem on one line."""
+def raise_problems(where: str, problems: Sequence[str], advice: str = "") -> None:
+    """Raise `ConfigError` with all problems, if there are any, and advice; a single problem on one line."""
     if len(problems) == 1:
-        raise ConfigError(f"{where}: {problems[0]}")
+        raise ConfigError(f"{where}: {problems[0]}" + (f" ({advice})" if advice else ""))
     if problems:
         more = [f"and {len(problems) - _SHOWN_PROBLEMS} more"] if len(problems) > _SHOWN_PROBLEMS else []
-        raise ConfigError("\n  ".join((f"{where}: {len(problems)} problems", *problems[:_SHOWN_PROBLEMS], *more)))
+        shown = (f"{where}: {len(problems)} problems", *problems[:_SHOWN_PROBLEMS], *more, advice)
+        raise ConfigError("\n  ".join(filter(None, shown)))

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import seaclutter
 from seaclutter_cli.commands import cli
-from tests import command_lines
+from tests import command_lines, scene_keys
 from tests.paths import ROOT
 
 DOCS = ROOT / "docs"
@@ -77,6 +77,10 @@ def pages_of(nav):
 def test_every_page_is_in_the_navigation():
     listed = list(pages_of(yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
     assert sorted(listed) == [page.relative_to(DOCS).as_posix() for page in PAGES]
+
+
+def test_the_reference_of_scene_keys_is_current():
+    assert scene_keys.PAGE.read_text(encoding="utf-8") == scene_keys.page(), "python -m tests.scene_keys updates it"
 
 
 @pytest.mark.parametrize("path", TEXTS, ids=name_of)

@@ -48,7 +48,7 @@ _OPTIONS = (
         help="Random seed; overrides the scene. 1 by default for a layout.",
     ),
     click.option("--lidar", metavar="NAME", help="Lidar model; overrides the scene."),
-    output_option("--scene-file", metavar="YAML", help="Save the scene as an editable file."),
+    output_option("--scene-file", metavar="YAML", help="Save the scene with all defaults and comments, for editing."),
 )
 
 

@@ -147,7 +147,8 @@ def run_batch(
     observer : Observer
         Receives messages and the end of each recording as they come, and the progress of all together.
     in_order : callable, optional
-        Receives each outcome as soon as those of all recordings before are known.
+        Receives each outcome as soon as those of all recordings before are known, except for recordings without a
+        frame in the selected time.
     together : bool, optional
         Whether the outcomes are only of use together; an error of one recording then ends the run.
 
@@ -178,12 +179,13 @@ def run_batch(
             outcomes[number] = outcome
             observer.done(outcome.line(), outcome.damage, error)
             while passed < len(works) and (known := outcomes[passed]) is not None:
-                in_order(known)
+                if not known.has_nothing:
+                    in_order(known)
                 passed += 1
             if error and options.fail_fast:
                 break
     done = [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
-    if done and all(one.skipped and one.reason for one in done):
+    if done and all(one.has_nothing for one in done):
         raise SelectionError("no recording has a frame in the selected time")
     return done
 

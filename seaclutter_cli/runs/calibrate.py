@@ -155,7 +155,8 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         pass_ += works[0].read(observer)
         observer.damage(pass_.tally.damage)
     else:
-        run_batch(works, options.batch, observer, add, together=True)
+        outcomes = run_batch(works, options.batch, observer, add, together=True)
+        works = [work for work, outcome in zip(works, outcomes, strict=True) if not outcome.has_nothing]
     trade_off = _trade_off(works, pass_, observer) if options.choose or options.trade_off else None
     result = pass_.result(trade_off)
     for text in result.warnings:

@@ -290,7 +290,8 @@ class _FrameScorer:
         self._tables, self._listeners = tables, listeners
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant for variant in self._variants if not variant.config.make_filter().needs_first_pass]
-        self._checks = {variant.name: Checks(variant.config, source.facts) for variant in given}
+        filtered = was_filtered(source, evaluator.reading.selection.topics)
+        self._checks = {variant.name: Checks(variant.config, source.facts, filtered=filtered) for variant in given}
         self._label_check = LabelCheck(self._variants[0].config.evaluation)
         self._warned: set[str] = set()
 

@@ -124,6 +124,11 @@ class Outcome:
     facts: dict[str, SensorFacts] = field(default_factory=dict, repr=False)
 
     @property
+    def has_nothing(self) -> bool:
+        """Whether the recording has no frame in the selected time."""
+        return self.skipped and bool(self.reason)
+
+    @property
     def status(self) -> str:
         """How the run over the recording ended: ``done``, ``damaged``, ``failed`` or ``skipped``."""
         if self.skipped:
@@ -134,7 +139,7 @@ class Outcome:
         """Return a line about the outcome, for runs over several recordings."""
         if self.error:
             return f"{printable(self.recording)}: failed: {self.error}"
-        if self.skipped and self.reason:
+        if self.has_nothing:
             return f"{printable(self.recording)}: skipped: {self.reason}"
         more = f" and {count(len(self.damage) - 1, 'other part')}" if len(self.damage) > 1 else ""
         damaged = f"; damaged: {self.damage[0]}{more}" if self.damage else ""

@@ -13,8 +13,7 @@ from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.runs.simulation import SimulateOptions, TileSimulationResult
 from seaclutter_cli.simulation.airborne.recording import record_tile
-from seaclutter_cli.simulation.airborne.scene import load_tile_scene
-from seaclutter_cli.simulation.marine.scene import write_scene
+from seaclutter_cli.simulation.airborne.scene import load_tile_scene, save_tile_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 
 
@@ -58,6 +57,6 @@ def simulate_tile(
 
     with OutputGroup(replace=options.force) as files:
         if options.scene_file:
-            write_scene(chosen.as_dict(), options.scene_file, files)
+            save_tile_scene(chosen, options.scene_file, files)
         record_tile(chosen, output, on_strip, files)
     return TileSimulationResult(chosen, points, output, perf_counter() - started)

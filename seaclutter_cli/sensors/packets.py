@@ -63,10 +63,13 @@ class DecoderOptions:
         File with the unit's angles (RoboSense, Hesai, Velodyne) or metadata (Ouster), if the recording lacks them.
     model : str or None
         Sensor model, for packets that several models share.
+    recorded : bytes or None
+        Metadata (Ouster) or angle correction file (Hesai) that the recording contains; ``calibration`` precedes it.
     """
 
     calibration: Path | None = None
     model: str | None = None
+    recorded: bytes | None = None
 
 
 class PacketDecoder(Protocol):

@@ -159,7 +159,10 @@ def find_recordings(
     return list(found.values())
 
 
-def _expand(path: Path, search: Search, note: Callable[[str], object]) -> list[Recording]:
+def _expand(
+    path: Path, search: Search, note: Callable[[str], object], above: frozenset[Path] = frozenset()
+) -> list[Recording]:
+    """Return the recordings in a folder; ``above`` are the folders that contain it, to which links may lead back."""
     if not path.is_dir() or is_rosbag2_folder(path):
         return [Recording((path,))]
     with os.scandir(path) as entries:  # knows the kinds without a look at each file
@@ -171,10 +174,11 @@ def _expand(path: Path, search: Search, note: Callable[[str], object]) -> list[R
         return [Recording((path,))]
     recordings = [Recording(tuple(part)) for group in split_groups(files) for part in _joined(group, search, note)]
     recordings += [Recording((child,)) for child in folders if _is_recording(child)]
-    inner = [child for child in folders if not _is_recording(child) and _has_recordings(child)]
+    above |= {path.resolve()}
+    inner = [child for child in folders if not _is_recording(child) and _has_recordings(child, above)]
     if search.recursive:
         for child in inner:
-            found = _expand(child, search, note)
+            found = _expand(child, search, note, above)
             recordings += [replace(recording, inside=(child.name, *recording.inside)) for recording in found]
     elif inner:
         more = f" and {count(len(inner) - 1, 'other folder')}" if len(inner) > 1 else ""
@@ -195,27 +199,23 @@ def _joined(group: list[Path], search: Search, note: Callable[[str], object]) ->
     return joined(group, partial(open_file, decoding=DecoderOptions()), note)
 
 
-def _has_recordings(folder: Path) -> bool:
-    """Return whether there are recordings below a folder."""
+def _has_recordings(folder: Path, above: frozenset[Path]) -> bool:
+    """Return whether there are recordings below a folder, but not by way of a folder that contains it."""
     with suppress(OSError):
-        return any(_is_log(child) or (_is_real_folder(child) and _is_inside(child)) for child in folder.iterdir())
+        real = folder.resolve()
+        if real not in above:
+            return any(_is_or_has_recordings(child, above | {real}) for child in folder.iterdir())
     return False
 
 
-def _is_inside(folder: Path) -> bool:
-    return _is_recording(folder) or _has_recordings(folder)
-
-
-def _is_log(path: Path) -> bool:
-    return _has_suffix(path) and path.is_file()
+def _is_or_has_recordings(path: Path, above: frozenset[Path]) -> bool:
+    if _has_suffix(path) and path.is_file():
+        return True
+    return path.is_dir() and path.resolve() not in above and (_is_recording(path) or _has_recordings(path, above))
 
 
 def _has_suffix(path: Path) -> bool:
     return path.name.lower().endswith(LOG_SUFFIXES)
-
-
-def _is_real_folder(path: Path) -> bool:
-    return path.is_dir() and not path.is_symlink()  # a link may lead back
 
 
 def _is_recording(folder: Path) -> bool:

@@ -1,6 +1,7 @@
 """Parts of recordings: times, latched topics, numbers of frames."""
 
 import json
+import shutil
 from contextlib import closing
 from datetime import UTC, datetime, timedelta, timezone
 
@@ -17,7 +18,9 @@ from seaclutter_cli.records import Message, Metadata
 from seaclutter_cli.selection import Selection, parse_moment
 from seaclutter_cli.sources import open_source
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_messages, cloud_topic, write_log
+from tests.paths import ROOT
 
+SEA = ROOT / "samples" / "sea.mcap"
 START = datetime.fromtimestamp(START_NS // 10**9, UTC)
 QOS = "- history: 3\n  depth: 0\n  reliability: 1\n  durability: {}\n  deadline:\n    sec: 9223372036\n"
 LATCHED = {
@@ -151,6 +154,34 @@ def test_of_several_recordings_those_without_frames_are_skipped(log, tmp_path):
     nothing = run("filter", logs, "-o", f"{tmp_path}/none/", "-m", "none", "--start", 100)
     assert nothing.exit_code == 2
     assert not list(tmp_path.glob("none/*"))
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """Return a folder with a log of six seconds and the first half second of it, both with labels of the whole."""
+    folder = tmp_path_factory.mktemp("two")
+    shutil.copy(SEA, folder / "a.mcap")
+    filtered(SEA, "-o", folder / "b.mcap", "-n", 5)
+    for name in "ab":
+        shutil.copy(SEA.with_suffix(".labels.csv"), folder / f"{name}.labels.csv")
+    return folder
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "filter {0} -o {1}/out/ --csv {1}/t.csv -m sor",
+        "calibrate {0} -o {1}/c.yaml",
+        "calibrate {0} -o {1}/c.yaml --labels {0} --choose",
+        "evaluate {0} --labels {0} -o {1}/t.csv -m sor",
+        "tune {0} --labels {0} -m sor -m ror -o {1}/c.yaml",
+    ],
+)
+def test_commands_leave_out_recordings_without_frames(two, tmp_path, line, jobs):
+    result = run(*line.format(two, tmp_path).split(), "--start", 1, "-j", jobs)
+    assert result.exit_code == 0, result.output
+    assert "b: skipped: b: no frames from 1 s on" in result.stderr
 
 
 def indices(path, topic="/points"):

@@ -2,21 +2,22 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from seaclutter_cli.errors import FieldError, InputError
+from seaclutter_cli.records import Message
 from seaclutter_cli.runs.classify.tiles import write_tile
 from seaclutter_cli.runs.observer import SILENT
 from seaclutter_cli.runs.recordings import Outcome, storing_errors
-from seaclutter_cli.sources.shared.packet_topics import _runs
+from seaclutter_cli.sources.shared.packet_messages import read_packets
+from tests.sources.shared import test_packet_topics as topics
 
 SAMPLE = Path(__file__).parents[2] / "samples" / "tile.laz"
 
 
 def test_packets_without_times_in_a_message_with_a_time_beyond_all_clocks():
-    packets = np.zeros(2, [("sec", "u4"), ("nanosec", "u4"), ("data", "u1", 10), ("size", "u4")])
-    (run,) = _runs(packets, 2**64 - 1, sized=False)
+    message = Message(topics.channel(), 2**64 - 1, 0, 0, topics.scan([(0, bytes(1206))] * 2))
+    (run,) = read_packets(message).packets
     assert run.times_ns.tolist() == [2**63 - 1] * 2
 
 

@@ -183,13 +183,15 @@ def test_no_diagnostics(tmp_path, out, kind):
     assert without.topics == with_diagnostics.topics
 
 
-def test_diagnostics_of_two_lidars_share_a_topic(tmp_path, out):
+def test_each_of_two_lidars_has_diagnostics(tmp_path, out):
     names = ["/bow", "/stern"]
     filter_log(cloud_log(tmp_path / "in.mcap", topics=names), out, topics=names)
     after = contents(out)
-    (channel,) = [channel for channel in after.channels.values() if channel[0] == DIAGNOSTICS]
-    messages = [decode_diagnostics("cdr", Described(*channel[2]), e.data) for e in after.topics[DIAGNOSTICS]]
-    assert [(m["topic"], m["frame"]) for m in messages] == [(name, k) for k in range(6) for name in names]
+    for name in names:
+        topic = DIAGNOSTICS + name
+        (channel,) = [channel for channel in after.channels.values() if channel[0] == topic]
+        messages = [decode_diagnostics("cdr", Described(*channel[2]), entry.data) for entry in after.topics[topic]]
+        assert [(m["topic"], m["frame"]) for m in messages] == [(name, k) for k in range(6)]
 
 
 @pytest.mark.parametrize("option", ["keep_raw", "with_removed"])

@@ -90,7 +90,7 @@ def test_large_chunks_and_messages_of_real_logs_pass(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ["x.mcap", "x.bag"])
-@pytest.mark.parametrize(("size", "found"), [(15 * 2**20, 2), (17 * 2**20, 1)])
+@pytest.mark.parametrize(("size", "found"), [(7 * 2**20, 2), (9 * 2**20, 1)])
 def test_a_small_file_has_no_large_messages(tmp_path, name, size, found):
     path = tmp_path / name
     if name == "x.mcap":
@@ -101,7 +101,7 @@ def test_a_small_file_has_no_large_messages(tmp_path, name, size, found):
         path.write_bytes(bag(b"lz4", connection(0) + BAG_MESSAGE + large))
     read_messages, damage, _ = read(path)
     assert read_messages == found
-    large = [item for item in damage if "above the limit of 16 MiB in a file of" in item.problem]
+    large = [item for item in damage if "above the limit of 8 MiB in a file of" in item.problem]
     assert [item.lost_messages for item in large] == [1] * (2 - found)
     assert all("SEACLUTTER_MAX_FILE_RATIO" in item.problem for item in large)
 

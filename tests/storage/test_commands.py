@@ -50,6 +50,11 @@ def done(line):
     return result
 
 
+def _placeless(content, folder):
+    """Return the content of a file without the places of inputs, which reports name."""
+    return content.replace(f"{folder}/sea.mcap".encode(), b"sea.mcap") if content.startswith(b"<!doctype") else content
+
+
 @pytest.mark.parametrize(
     ("line", "outputs"),
     [
@@ -75,7 +80,7 @@ def test_the_same_files_as_here(logs, tmp_path, line, outputs):
     here, there = done(line.format(".", "out")), done(line.format(logs, out))
     assert set(names(out)) == outputs
     for name in outputs - {"e.json"}:  # it contains times of processing
-        assert get(out / name) == (tmp_path / "out" / name).read_bytes(), name
+        assert _placeless(get(out / name), logs) == _placeless((tmp_path / "out" / name).read_bytes(), "."), name
     assert there.stdout.count("\n") == here.stdout.count("\n")
     # An existing object is only replaced on request.
     assert "already exists; use --force" in run(line.format(logs, out)).stderr

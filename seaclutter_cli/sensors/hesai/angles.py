@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.text import count
 
+_NOT_ANGLES = "{}: not a Hesai angle correction file (Laser id,Elevation,Azimuth): {}"
+
 
 def read_angles(path: Path, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the elevation and azimuth offset of each channel, shape (channels,), in degrees.
@@ -26,14 +28,22 @@ def read_angles(path: Path, channels: int) -> tuple[NDArray[np.float64], NDArray
         If the file cannot be read or does not list exactly these channels.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = [row for row in csv.reader(file) if row and row[0].strip().isdecimal()]
+        return parse_angles(path.read_bytes(), str(path), channels)
+    except OSError as error:
+        raise InputError(_NOT_ANGLES.format(path, error)) from error
+
+
+def parse_angles(data: bytes, name: str, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the angles in the content of an angle correction file, as `read_angles` does; ``name`` is for errors."""
+    try:
+        lines = data.decode("utf-8-sig").splitlines()
+        rows = [row for row in csv.reader(lines) if row and row[0].strip().isdecimal()]
         angles = {int(row[0]): (float(row[1]), float(row[2])) for row in rows}
-    except (OSError, UnicodeDecodeError, ValueError, IndexError, csv.Error) as error:
-        raise InputError(f"{path}: not a Hesai angle correction file (Laser id,Elevation,Azimuth): {error}") from error
+    except (UnicodeDecodeError, ValueError, IndexError, csv.Error) as error:
+        raise InputError(_NOT_ANGLES.format(name, error)) from error
     if sorted(angles) != list(range(1, channels + 1)) or not np.isfinite(list(angles.values())).all():
         raise InputError(
-            f"{path}: expected finite angles of channels 1 to {channels}, got {count(len(angles), 'channel')}"
+            f"{name}: expected finite angles of channels 1 to {channels}, got {count(len(angles), 'channel')}"
         )
     table = np.array([angles[channel] for channel in sorted(angles)])
     return table[:, 0], table[:, 1]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.hesai.angles import read_angles
+from seaclutter_cli.sensors.hesai.angles import parse_angles, read_angles
 from seaclutter_cli.sensors.hesai.clock import SensorClock
 from seaclutter_cli.sensors.hesai.losses import LossCounter
 from seaclutter_cli.sensors.hesai.models import DUAL_MODES, MODELS, RETURN_MODES, HesaiModel, utc_ns
@@ -176,7 +176,11 @@ class Hesai:
     """Supported Hesai sensors."""
 
     title = "Hesai PandarXT-32, Pandar40P"
-    scan_types: Mapping[str, str] = {"pandar_msgs/msg/PandarScan": "packets"}
+    scan_types: Mapping[str, str] = {
+        "pandar_msgs/msg/PandarScan": "packets",
+        "nebula_msgs/msg/NebulaPackets": "packets",
+        "hesai_ros_driver/msg/UdpFrame": "packets",
+    }
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a packet of a supported sensor."""
@@ -191,11 +195,14 @@ class Hesai:
         if options.calibration is not None:
             elevation, azimuth = read_angles(options.calibration, len(model.channel_ns))
             source = options.calibration.name
+        elif options.recorded is not None:
+            source = "recorded with the packets"
+            elevation, azimuth = parse_angles(options.recorded, source, len(model.channel_ns))
         else:
             elevation, azimuth, source = model.elevation_deg, model.azimuth_deg, "nominal"
         decoder = HesaiDecoder(model, elevation, azimuth, returns=returns)
         decoder.facts.details["angles"] = source
-        if options.calibration is None:
+        if source == "nominal":
             decoder.facts.warnings.append(
                 f"{model.name}: nominal angles are used; pass the unit's angle correction file (CSV) with --calibration"
             )

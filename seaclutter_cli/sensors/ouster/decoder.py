@@ -9,7 +9,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.hesai.clock import SensorClock
 from seaclutter_cli.sensors.ouster.frame_ids import FrameIdCheck
-from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, read_metadata
+from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, parse_metadata, read_metadata
 from seaclutter_cli.sensors.ouster.packets import (
     PROFILES,
     first_columns,
@@ -213,7 +213,7 @@ class Ouster:
     """Ouster sensors."""
 
     title = "Ouster OS0, OS1, OS2"
-    scan_types: Mapping[str, str] = {}
+    scan_types: Mapping[str, str] = {"ouster_ros/msg/PacketMsg": "buf", "ouster_sensor_msgs/msg/PacketMsg": "buf"}
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet of an Ouster sensor."""
@@ -221,21 +221,23 @@ class Ouster:
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> OusterDecoder:
         """Return a decoder for the sensor that sent these packets; `InputError` without matching metadata."""
-        if options.calibration is None:
+        if options.calibration is not None:
+            name, metadata = str(options.calibration), read_metadata(options.calibration)
+        elif options.recorded is not None:
+            name = "recorded metadata"
+            metadata = parse_metadata(options.recorded, name)
+        else:
             raise InputError(
                 "Ouster packets contain no beam angles: pass --calibration METADATA.json, the metadata file recorded "
                 "with them"
             )
-        metadata = read_metadata(options.calibration)
         if metadata.profile not in PROFILES:
-            raise InputError(
-                f"{options.calibration}: unsupported profile {metadata.profile}; supported: {', '.join(PROFILES)}"
-            )
+            raise InputError(f"{name}: unsupported profile {metadata.profile}; supported: {', '.join(PROFILES)}")
         length = packet_layout(metadata.profile, len(metadata.altitude_rad), metadata.packet_columns).itemsize
         found = packets.payloads.shape[1]
         if len(packets) and found not in (length, _IMU_LENGTH):
             raise InputError(
-                f"{options.calibration}: the metadata ({metadata.model}, {metadata.profile}) describes packets of "
+                f"{name}: the metadata ({metadata.model}, {metadata.profile}) describes packets of "
                 f"{length} bytes, the recorded ones have {found}: pass the metadata of this sensor"
             )
         return OusterDecoder(metadata)

@@ -84,23 +84,39 @@ class OusterMetadata:
 
 
 def read_metadata(path: Path) -> OusterMetadata:
-    """Return the metadata in a file, in the flat form of older firmware or the nested form of newer firmware.
+    """Return the metadata in a file; `InputError` if it cannot be read or its metadata is incomplete."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_JSON_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"{path}: not valid Ouster metadata: {error}") from error
+    return parse_metadata(data, str(path))
+
+
+def parse_metadata(data: bytes, name: str) -> OusterMetadata:
+    """Return metadata in the flat form of older firmware or the nested form of newer firmware.
+
+    Parameters
+    ----------
+    data : bytes
+        JSON.
+    name : str
+        Where it comes from, for errors.
 
     Raises
     ------
     InputError
-        If the file cannot be read or its metadata is incomplete.
+        If the metadata is incomplete.
     """
     try:
-        with path.open("rb") as file:
-            data = load_json(file.read(MAX_JSON_BYTES + 1))
-        flat = dict(data)
+        content = load_json(data)
+        flat = dict(content)
         for part in _NESTED:
-            flat.update(data.get(part, {}))
+            flat.update(content.get(part, {}))
         return _metadata(flat)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else error
-        raise InputError(f"{path}: not valid Ouster metadata: {reason}") from error
+        raise InputError(f"{name}: not valid Ouster metadata: {reason}") from error
 
 
 def _metadata(flat: Mapping[str, Any]) -> OusterMetadata:

@@ -26,7 +26,13 @@ class RoboSense:
     """RoboSense sensors. Data and device information packets have 1248 bytes; their first bytes identify them."""
 
     title = "RoboSense"
-    scan_types: Mapping[str, str] = {}
+    scan_types: Mapping[str, str] = {
+        "rslidar_msg/msg/RslidarPacket": "data",
+        "rslidar_msg/msg/RslidarScan": "packets",
+        "rslidar_msgs/msg/rslidarScan": "packets",
+        "rslidar_msgs/msg/rslidarPacket": "data",
+        "nebula_msgs/msg/NebulaPackets": "packets",
+    }
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet or a device information packet."""

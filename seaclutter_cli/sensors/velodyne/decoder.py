@@ -41,7 +41,10 @@ class _Velodyne:
     """Velodyne's rotating sensors except the HDL-64E, whose packets do not name the model."""
 
     title = "Velodyne"
-    scan_types: Mapping[str, str] = {"velodyne_msgs/msg/VelodyneScan": "packets"}
+    scan_types: Mapping[str, str] = {
+        "velodyne_msgs/msg/VelodyneScan": "packets",
+        "nebula_msgs/msg/NebulaPackets": "packets",
+    }
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet; position packets contain nothing useful."""

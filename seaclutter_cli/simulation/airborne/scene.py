@@ -9,7 +9,10 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.parameters import OneOf, check_names
 from seaclutter_cli.simulation.airborne.shapes import KINDS, Size
+from seaclutter_cli.simulation.scene_file import KEYS, scene_text, write_scene
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.truth import OBJECT_CLASSES
 from seaclutter_cli.validation import (
     build_list,
@@ -119,7 +122,7 @@ class WaterParams:
 
 @dataclass(frozen=True, kw_only=True)
 class TileObjectParams:
-    """An object in the water; values that are None are random.
+    """An object in the water; values that are null are random.
 
     Parameters
     ----------
@@ -135,7 +138,7 @@ class TileObjectParams:
         Reflectivity at normal incidence.
     """
 
-    kind: str
+    kind: Annotated[str, OneOf("class", tuple(KINDS))]
     position_m: Annotated[tuple[float, ...], Len(2, 2)] | None = renamed(None, formerly="at_m")
     heading_deg: float | None = None
     size_m: Annotated[tuple[Annotated[float, Interval(gt=0, le=3000)], ...], Len(3, 3)] | None = None
@@ -143,8 +146,7 @@ class TileObjectParams:
 
     def __post_init__(self) -> None:
         """Check the class."""
-        if self.kind not in KINDS:
-            raise ValueError(f"kind: unknown class {self.kind!r}; allowed: {', '.join(KINDS)}")
+        check_names(self)
 
 
 @dataclass(frozen=True)
@@ -212,11 +214,15 @@ class TileScene:
                 return item
         raise ConfigError(f"objects.{index}: no room for another {given.kind}; remove objects or enlarge the tile")
 
+    @property
+    def sections(self) -> Mapping[str, Any]:
+        """Parameters of each section of a file, without objects."""
+        return {"tile": self.tile, "lidar": self.lidar, "water": self.water}
+
     def as_dict(self) -> dict[str, Any]:
         """Return the scene as the content of a file, with default values."""
-        sections = {name: plain(getattr(self, name)) for name in ("tile", "lidar", "water")}
         objects = [{key: value for key, value in plain(item).items() if value is not None} for item in self.objects]
-        return {**sections, "objects": objects}
+        return {**plain(self.sections), "objects": objects}
 
 
 def _bounds(size: Size, heading: float) -> tuple[float, float]:
@@ -257,13 +263,24 @@ def load_tile_scene(name: str) -> TileScene:
     return parse_tile_scene(read_yaml(path, _SECTIONS), str(path))
 
 
+def save_tile_scene(scene: TileScene, path: Path, group: OutputGroup | None = None) -> None:
+    """Write a scene to a file for `load_tile_scene`, with default values and a comment for every key.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    write_scene(scene_text(scene.sections, {}, TileObjectParams, scene.objects), path, group)
+
+
 def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
     """Return the scene that a mapping describes; error messages start with ``where``."""
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
     parts = build_sections(_KINDS, raw, problems)
     listed = build_list(TileObjectParams, raw.get("objects") or [], "objects", "an object", problems)
     objects = [*listed, *_random(raw.get("random") or {}, problems)]
-    raise_problems(where, problems)
+    raise_problems(where, problems, KEYS)
     return TileScene(**parts, objects=tuple(objects))
 
 

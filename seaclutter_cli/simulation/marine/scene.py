@@ -1,26 +1,27 @@
 """Scenes to simulate, and their files."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from annotated_types import Ge, Gt, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.parameters import OneOf, check_names
 from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.lidar.noise import NoiseParams
 from seaclutter_cli.simulation.marine.motion import Track
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, terrain_name
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.simulation.scene_file import KEYS, scene_text, write_scene
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.validation import (
-    as_lists,
     build_list,
     build_sections,
     builtin_files,
     find_file,
+    plain,
     raise_problems,
     read_yaml,
     renamed,
@@ -49,15 +50,14 @@ class RecordingParams:
     """
 
     description: str = renamed("", formerly="about")
-    lidar: str = "RS-LiDAR-32"
+    lidar: Annotated[str, OneOf("lidar", tuple(LIDARS))] = "RS-LiDAR-32"
     frames: Annotated[int, Interval(ge=1, le=10**6)] = 100
     seed: Annotated[int, Ge(0)] = 1
     dropout: Annotated[float, Interval(ge=0, le=1)] = 0.01
 
     def __post_init__(self) -> None:
         """Check the lidar's name."""
-        if self.lidar not in LIDARS:
-            raise ValueError(f"lidar: unknown lidar {self.lidar!r}; allowed: {', '.join(LIDARS)}")
+        check_names(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +134,7 @@ class SceneObjectParams(MovingParams):
 
     track_id: Annotated[int, Interval(ge=1, le=65534)]
     class_name: str = ""
-    shape: str
+    shape: Annotated[str, OneOf("shape", tuple(SHAPES))]
     size_m: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3)]
     reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.5
     wave_response: Annotated[float, Interval(ge=0, le=1)] = renamed(1.0, formerly="sway")
@@ -142,8 +142,7 @@ class SceneObjectParams(MovingParams):
 
     def __post_init__(self) -> None:
         """Check the shape's name."""
-        if self.shape not in SHAPES:
-            raise ValueError(f"shape: unknown shape {self.shape!r}; allowed: {', '.join(SHAPES)}")
+        check_names(self)
 
 
 @dataclass(frozen=True)
@@ -184,22 +183,19 @@ class Scene:
         except ValueError as error:
             raise ConfigError(str(error)) from error
 
-    def as_dict(self, *, defaults: bool = True) -> dict[str, Any]:
-        """Return the scene as the content of a file, with or without default values."""
+    @property
+    def sections(self) -> Mapping[str, Any]:
+        """Parameters of each section of a file, without objects."""
         parts: dict[str, Any] = {
             "recording": self.recording,
             terrain_name(self.terrain): self.terrain,
             "vessel": self.vessel,
         }
-        if self.noise is not None:
-            parts["noise"] = self.noise
-        sections = {name: _plain(params, defaults=defaults) for name, params in parts.items()}
-        return {**sections, "objects": [_plain(item, defaults=defaults) for item in self.objects]}
+        return parts if self.noise is None else {**parts, "noise": self.noise}
 
-
-def _plain(params: Any, *, defaults: bool) -> dict[str, Any]:
-    values = {field.name: (getattr(params, field.name), field.default) for field in fields(params)}
-    return {name: as_lists(value) for name, (value, default) in values.items() if defaults or value != default}
+    def as_dict(self) -> dict[str, Any]:
+        """Return the scene as the content of a file, with default values."""
+        return {**plain(self.sections), "objects": [plain(item) for item in self.objects]}
 
 
 def builtin_scenes() -> Mapping[str, Path]:
@@ -220,28 +216,15 @@ def load_scene(name: str) -> Scene:
 
 
 def save_scene(scene: Scene, path: Path, group: OutputGroup | None = None) -> None:
-    """Write a scene to a file for `load_scene`, without default values and with one object per line.
+    """Write a scene to a file for `load_scene`, with default values and a comment for every key.
 
     Raises
     ------
     OutputError
         If the file cannot be written.
     """
-    write_scene(scene.as_dict(defaults=False), path, group)
-
-
-def write_scene(scene: Mapping[str, Any], path: Path, group: OutputGroup | None = None) -> None:
-    """Write the content of a scene file with one object per line; raises `OutputError` on failure."""
-    sections = dict(scene)
-    objects = sections.pop("objects")
-    text = yaml.safe_dump(sections, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
-    if objects:
-        text += "objects:\n"
-    for item in objects:
-        line = yaml.safe_dump(item, sort_keys=False, default_flow_style=True, width=10**6, allow_unicode=True)
-        text += f"  - {line}"
-    with AtomicFile(path, group) as file:
-        file.stream.write(text.encode())
+    absent = {} if scene.noise else {"noise": LIDARS[scene.recording.lidar].noise}
+    write_scene(scene_text(scene.sections, absent, SceneObjectParams, scene.objects), path, group)
 
 
 def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
@@ -259,7 +242,7 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
         kinds["noise"] = NoiseParams
     parts = build_sections(kinds, raw, problems)
     objects = _objects(raw.get("objects") or [], problems)
-    raise_problems(where, problems)
+    raise_problems(where, problems, KEYS)
     parts["terrain"] = parts.pop(chosen[0])
     return Scene(**parts, objects=tuple(objects))
 

@@ -21,7 +21,7 @@ _HEIGHTS_M = (0.0, 0.05, 0.3, 0.875, 1.875, 3.25, 5.0)
 
 @dataclass(frozen=True, kw_only=True)
 class SeaParams:
-    r"""The sea of a scene.
+    """The sea of a scene.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class SeaParams:
     direction_deg : float
         Direction in which the waves travel, counter-clockwise from the world's x.
     spreading : int
-        Exponent of the directional spread, :math:`\cos^{2s}(\theta/2)`.
+        Exponent s of the directional spread, the cosine of half the angle to the power of 2s.
     reflectivity : float
         Mean reflectivity of water at normal incidence.
     spikiness : float

@@ -291,11 +291,11 @@ def nebula(name):
     from pypcd4 import PointCloud
 
     from seaclutter_cli.sources.rosbag2.db3 import Db3Source
-    from seaclutter_cli.sources.shared.packet_topics import _Scan
+    from seaclutter_cli.sources.shared.packet_messages import read_packets
 
     folder = shared(f"nebula/{name}")
     source = Db3Source(next(folder.glob("*.db3")))
-    runs = [run for message in source.records() for run in _Scan.read(message).packets]
+    runs = [run for message in source.records() for run in read_packets(message).packets]
     source.close()
     packets = Packets(*(np.concatenate([getattr(run, key) for run in runs]) for key in ("times_ns", "payloads")))
     return packets, positions(PointCloud.from_path(next(folder.glob("*.pcd"))).pc_data)

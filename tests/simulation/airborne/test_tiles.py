@@ -8,7 +8,13 @@ import pytest
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.airborne.recording import record_tile, simulate_strips
 from seaclutter_cli.simulation.airborne.render import TileRenderer, strips
-from seaclutter_cli.simulation.airborne.scene import AirborneParams, builtin_tiles, load_tile_scene, parse_tile_scene
+from seaclutter_cli.simulation.airborne.scene import (
+    AirborneParams,
+    builtin_tiles,
+    load_tile_scene,
+    parse_tile_scene,
+    save_tile_scene,
+)
 from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M
 from seaclutter_cli.truth import OBJECT_CLASSES
 
@@ -29,11 +35,13 @@ def small():
 
 
 @pytest.mark.parametrize("name", builtin_tiles())
-def test_built_in_tiles_load(name):
+def test_built_in_tiles_load(name, tmp_path):
     one = load_tile_scene(name)
     objects = one.placed_objects()
     assert len(objects) == len(one.objects) > 0
     assert parse_tile_scene(one.as_dict(), "again") == one
+    save_tile_scene(one, tmp_path / "s.yaml")
+    assert load_tile_scene(str(tmp_path / "s.yaml")) == one
     assert one.tile.description
 
 

@@ -1,0 +1,78 @@
+"""Text of scene files: all keys with their values and a comment each."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any
+
+from seaclutter_cli.parameters import descriptions, name_choices, summary, yaml_value
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.validation import plain
+
+KEYS = "docs/guide/scenes.md has all keys; so has a file that simulate --scene-file saves"
+"""Advice in errors of scenes."""
+
+_COLUMN = 40
+
+
+def scene_text(sections: Mapping[str, Any], absent: Mapping[str, Any], kind: type[Any], objects: Sequence[Any]) -> str:
+    """Return the text of a scene file.
+
+    Parameters
+    ----------
+    sections : mapping
+        Parameters of each section.
+    absent : mapping
+        Parameters of sections that the scene does not have, which become comments.
+    kind : type
+        Dataclass of the objects; a comment describes its keys.
+    objects : sequence
+        Objects, one per line, without default values.
+    """
+    lines: list[str] = []
+    for name, params in sections.items():
+        lines += [*_commented(f"{name}:", summary(type(params))), *_keys(plain(params), type(params)), ""]
+    for name, params in absent.items():
+        meaning = f"{summary(type(params))}; without this section, those of the lidar"
+        lines += [f"# {line}" for line in (*_commented(f"{name}:", meaning), *_keys(plain(params), type(params)))] + [
+            ""
+        ]
+    lines.append(f"# {summary(kind)}. Keys that an object leaves out have these values:")
+    lines += [f"# {line}" for line in _keys(_defaults(kind), kind)]
+    lines.append("objects:" if objects else "objects: []")
+    lines += [f"  - {yaml_value(_changed(item))}" for item in objects]
+    return "\n".join(lines) + "\n"
+
+
+def write_scene(text: str, path: Path, group: OutputGroup | None = None) -> None:
+    """Write the text of a scene file; raises `OutputError` on failure."""
+    with AtomicFile(path, group) as file:
+        file.stream.write(text.encode())
+
+
+def _keys(values: Mapping[str, Any], kind: type[Any]) -> Iterator[str]:
+    described, choices = descriptions(kind), name_choices(kind)
+    for key, value in values.items():
+        if key in choices:
+            yield f"  # {key} is one of {', '.join(choices[key].names)}"
+        if value is MISSING:
+            yield from _commented(f"  {key}:", f"{described[key]} Required.")
+        else:
+            yield from _commented(f"  {key}: {yaml_value(value)}", described[key])
+
+
+def _commented(line: str, comment: str) -> tuple[str, ...]:
+    """Return a line with a comment at its end, or on a line of its own before it if the line is long."""
+    if len(line) <= _COLUMN:
+        return (f"{line:<{_COLUMN}} # {comment}",)
+    return f"{line[: len(line) - len(line.lstrip())]}# {comment}", line
+
+
+def _defaults(kind: type[Any]) -> dict[str, Any]:
+    """Return the default of each key; `MISSING` for keys that must be given."""
+    return {one.name: one.default if one.default is MISSING else plain(one.default) for one in fields(kind)}
+
+
+def _changed(params: Any) -> dict[str, Any]:
+    """Return the values that are not the default."""
+    return {one.name: plain(value) for one in fields(params) if (value := getattr(params, one.name)) != one.default}

@@ -1,0 +1,197 @@
+"""Search of a log for packet topics that can be decoded, and for what their decoders need."""
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
+from seaclutter_cli.records import Buffer, Channel, Message, Record
+from seaclutter_cli.sensors.families import SelfCalibrating
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, Packets
+from seaclutter_cli.sources.shared.packet_companions import contains_packets, find_companion, read_recorded
+from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_packets, runs
+
+_MAX_TRIES = 10
+_SAMPLES, _CALIBRATIONS = 64, 32
+_IMU_BYTES = (48,)
+"""Lengths of Ouster's IMU packets, which the driver publishes in messages of the same type."""
+
+
+def find_families(channel: Channel, families: Iterable[PacketFamily]) -> list[PacketFamily]:
+    """Return the families whose packets the messages of a channel may contain."""
+    typename = packet_type(channel)
+    return [family for family in families if typename and typename in family.scan_types]
+
+
+@dataclass
+class Candidate:
+    """A packet topic of which it is not yet known whether it can be decoded.
+
+    Parameters
+    ----------
+    channel : Channel
+        Channel of the packets.
+    families : sequence of PacketFamily
+        Families that may have sent them.
+    options : DecoderOptions
+        Settings that packets do not contain.
+    companion : Channel or None
+        Topic with the calibration of the sensor.
+    """
+
+    channel: Channel
+    families: Sequence[PacketFamily]
+    options: DecoderOptions
+    companion: Channel | None
+    family: PacketFamily | None = None
+    sample: Packets | None = None
+    problems: list[str] = field(default_factory=list)
+    is_done: bool = False
+    _data: list[tuple[int, bytes]] = field(default_factory=list)
+    _calibrations: list[tuple[int, bytes]] = field(default_factory=list)
+
+    def add(self, message: Message) -> PacketDecoder | None:
+        """Add a message of the topic; return a decoder if the packets so far suffice for one."""
+        try:
+            packets = read_packets(message)
+        except CloudError as error:
+            self._fail(str(error))
+            return None
+        longest = max(packets.packets, key=len, default=None)
+        if longest is None:
+            self._fail("the scan contains no packets")
+            return None
+        self.family = self.family or self._recognise(longest)
+        if self.family is None:
+            if longest.payloads.shape[1] in _IMU_BYTES:
+                self.is_done = True
+            else:
+                self._fail(_unknown(longest, self.families))
+            return None
+        if not self._gathers:
+            return self.decoder(longest)
+        return self._gather(packets.times_ns, packets.payloads)
+
+    def add_calibration(self, message: Message) -> PacketDecoder | None:
+        """Add a message of the companion topic; return a decoder if the packets so far suffice for one."""
+        try:
+            if contains_packets(message.channel):
+                packets = read_packets(message)
+                return self._gather(packets.times_ns, packets.payloads)
+            if self.options.recorded is None:
+                self.options = replace(self.options, recorded=read_recorded(message))
+        except CloudError as error:
+            self._note(f"{message.channel.topic}: {error}")
+        return self._try() if self._is_ready else None
+
+    def finish(self) -> PacketDecoder | None:
+        """Return a decoder if the packets in the log suffice for one."""
+        if self._calibrations and not self._data:
+            self._note("only device information, no data packets")
+        return self._try() if self._data else None
+
+    def decoder(self, sample: Packets) -> PacketDecoder | None:
+        """Return a decoder for a sample of packets; None, with a problem, if there is none."""
+        if self.family is None:
+            return None
+        try:
+            decoder = self.family.decoder(sample, self.options)
+        except MissingExtraError as error:
+            self.is_done = True
+            self._note(str(error))
+            return None
+        except InputError as error:
+            self._fail(str(error))
+            self.is_done |= self._gathers and not isinstance(self.family, SelfCalibrating)
+            return None
+        self.sample, self.is_done, self.problems = sample, True, []
+        return decoder
+
+    @property
+    def _gathers(self) -> bool:
+        """Whether a decoder needs more than the packets of one message."""
+        return has_single_packets(self.channel) or isinstance(self.family, SelfCalibrating) or bool(self.companion)
+
+    @property
+    def _is_ready(self) -> bool:
+        if isinstance(self.family, SelfCalibrating):
+            return len(self._data) >= _SAMPLES and bool(self._calibrations)
+        waits = self.companion is not None and self.options.recorded is None and self.options.calibration is None
+        return len(self._data) >= _SAMPLES and not waits
+
+    def _recognise(self, packets: Packets) -> PacketFamily | None:
+        """Return the family that sent packets; the only one is taken as it is."""
+        if len(self.families) == 1 and not has_single_packets(self.channel):
+            return self.families[0]
+        return next((f for f in self.families if any(map(f.recognises, packets.payloads[:_SAMPLES]))), None)
+
+    def _gather(self, times_ns: Iterable[int], payloads: Iterable[Buffer]) -> PacketDecoder | None:
+        new = False
+        for packets in runs(list(times_ns), list(payloads)):
+            of_info = np.zeros(len(packets), np.bool_)
+            for family in [self.family] if self.family else self.families:
+                if isinstance(family, SelfCalibrating):
+                    of_info = family.is_calibration(packets.payloads)
+            for time_ns, payload, is_info in zip(packets.times_ns.tolist(), packets.payloads, of_info, strict=True):
+                into, limit = (self._calibrations, _CALIBRATIONS) if is_info else (self._data, _SAMPLES)
+                new |= bool(is_info) or len(into) + 1 == limit
+                if len(into) < limit:
+                    into.append((time_ns, payload.tobytes()))
+        return self._try() if new and self._is_ready else None
+
+    def _try(self) -> PacketDecoder | None:
+        length = Counter(len(payload) for _, payload in self._data).most_common(1)[0][0]
+        pairs = [pair for pair in self._calibrations + self._data if len(pair[1]) == length]
+        (sample,) = runs([time_ns for time_ns, _ in pairs], [payload for _, payload in pairs])
+        return self.decoder(sample)
+
+    def _fail(self, problem: str) -> None:
+        self._note(problem)
+        self.is_done = len(self.problems) >= _MAX_TRIES and not self._data
+
+    def _note(self, problem: str) -> None:
+        self.problems.append(f"{self.channel.topic} is not decoded: {problem}")
+
+
+def _unknown(packets: Packets, families: Iterable[PacketFamily]) -> str:
+    titles = ", ".join(family.title for family in families)
+    return f"packets of {packets.payloads.shape[1]:,} bytes are not from a supported sensor ({titles})"
+
+
+def probe(records: Callable[[], Iterable[Record]], waiting: Mapping[int, Candidate]) -> dict[int, PacketDecoder]:
+    """Read a log until it is known which of some topics can be decoded; return a decoder for each, by channel id."""
+    found: dict[int, PacketDecoder] = {}
+    left = dict(waiting)
+    uses: dict[int, list[Candidate]] = defaultdict(list)
+    for candidate in waiting.values():
+        for channel in (candidate.channel, candidate.companion):
+            if channel:
+                uses[channel.id].append(candidate)
+    for message in (record for record in (records() if left else ()) if isinstance(record, Message)):
+        for candidate in uses.get(message.channel.id, ()):
+            number = candidate.channel.id
+            own = number == message.channel.id
+            if number in left and (decoder := candidate.add(message) if own else candidate.add_calibration(message)):
+                found[number] = decoder
+            if candidate.is_done:
+                left.pop(number, None)
+        if not left:
+            break
+    late = {number: candidate.finish() for number, candidate in left.items()}
+    return found | {number: decoder for number, decoder in late.items() if decoder}
+
+
+def make_candidates(
+    channels: Collection[Channel], families: Iterable[PacketFamily], options: DecoderOptions
+) -> dict[int, Candidate]:
+    """Return a candidate for each channel of packets, by id; topics with calibrations only are none."""
+    known = list(families)
+    found = {}
+    for channel in channels:
+        if of_channel := find_families(channel, known):
+            companion = find_companion(channel, channels)
+            found[channel.id] = Candidate(channel, of_channel, options, companion)
+    companions = {candidate.companion.id for candidate in found.values() if candidate.companion}
+    return {number: candidate for number, candidate in found.items() if number not in companions}

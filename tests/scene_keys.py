@@ -1,0 +1,67 @@
+"""Make ``docs/guide/scenes.md``, the reference of scene keys: ``python -m tests.scene_keys``."""
+
+from dataclasses import MISSING, fields
+
+from seaclutter_cli.parameters import descriptions, summary, yaml_value
+from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObjectParams, TileParams, WaterParams
+from seaclutter_cli.simulation.lidar.noise import NoiseParams
+from seaclutter_cli.simulation.marine.scene import RecordingParams, SceneObjectParams, VesselParams
+from seaclutter_cli.simulation.marine.terrain import TERRAINS
+from seaclutter_cli.validation import allowed_values, plain
+from tests.paths import ROOT
+
+PAGE = ROOT / "docs" / "guide" / "scenes.md"
+
+INTRODUCTION = """\
+# Keys of scenes
+
+[Simulated recordings](simulation.md) and [tiles](tiles.md) are made of scenes: YAML files with these sections and keys.
+Keys have defaults unless they are required. The quickest way to a scene of your own is a copy of another one, which has
+all keys with their values and comments:
+
+```sh
+seaclutter simulate calm -n 1 -o calm.mcap --scene-file my.yaml
+seaclutter simulate my.yaml -o my.mcap
+```
+
+A scene has either a sea or a ground. In the world frame, x is east and y is north, in metres.
+"""
+
+SCENE = {
+    "recording": RecordingParams,
+    **{name: params for name, (params, _) in TERRAINS.items()},
+    "vessel": VesselParams,
+    "noise": NoiseParams,
+    "objects": SceneObjectParams,
+}
+NOTES = {
+    "noise": "Without this section, the noise is that of the lidar.",
+    "objects": "A list; each object has these keys.",
+}
+TILE = {"tile": TileParams, "lidar": AirborneParams, "water": WaterParams, "objects": TileObjectParams}
+RANDOM = """\
+### random
+
+Number of objects, from 0 to 50, of each class, at random places and of random sizes: `random: {ship: 3, reef: 2}`.
+"""
+
+
+def page():
+    """Return the text of the page."""
+    parts = [INTRODUCTION, "## Recordings\n", *(section(name, kind) for name, kind in SCENE.items())]
+    parts += ["## Airborne tiles\n", *(section(name, kind) for name, kind in TILE.items()), RANDOM]
+    return "\n".join(parts)
+
+
+def section(name, kind):
+    described, allowed = descriptions(kind), allowed_values(kind)
+    rows = ["| key | default | values | meaning |", "|---|---|---|---|"]
+    for field in fields(kind):
+        default = "required" if field.default is MISSING else f"`{yaml_value(plain(field.default))}`"
+        rows.append(f"| `{field.name}` | {default} | {allowed[field.name]} | {described[field.name]} |")
+    text = " ".join(filter(None, (f"{summary(kind)}.", NOTES.get(name))))
+    return "\n".join((f"### {name}\n", text, "", *rows, ""))
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
