@@ -52,7 +52,7 @@ class FollowedSurface:
     limit : ndarray, shape (S, 256, 256), float64
         Height above the surface, over which points are non-sea points.
     lowest_object_m : float
-        Median height of the lowest object that is told from waves by its height alone.
+        Median height from which an object stands out from the waves by height alone.
     """
 
     surface: Cells

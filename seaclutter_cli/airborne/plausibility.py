@@ -41,7 +41,7 @@ def doubts_about_sea(parts: Iterable[NDArray[np.float64]], found: Separation) ->
     if found.sea.surface == "followed" and found.sea.object_height_m > _MAX_OBJECT_M:
         doubts.append(
             f"waves of {found.sea.wave_height_m:.1f} m: what rises less than {found.sea.object_height_m:.1f} m above "
-            "the surface cannot be told from them by its height"
+            "the surface cannot be distinguished from them by height"
         )
     return doubts
 
