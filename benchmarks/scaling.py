@@ -22,7 +22,7 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sources import Recording
 
-RECORDINGS, FRAMES, RUNS = 16, 100, 3
+RECORDINGS, FRAMES, RUNS = 16, 100, 5
 TASKS, REPEATED = 2000, 5
 _SET_CHILD_SUBREAPER = 36
 WORKERS = (1, 2, 4, 8, 16, 32, 64, 128)

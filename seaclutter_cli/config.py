@@ -150,6 +150,10 @@ ConfigSource = Location | Mapping[str, Any] | Config
 """A configuration file or the name of a built-in one, the content of a file, or a configuration."""
 
 
+class UnnamedFile(type(Path())):  # type: ignore[misc]  # the class of paths of this system
+    """Configuration in the working folder, which no option names; filtered logs are still shown with their own."""
+
+
 def load_config(
     source: ConfigSource | None = None,
     *,
@@ -206,9 +210,14 @@ def _read(source: ConfigSource | None) -> tuple[str, Mapping[str, Any]]:
     return "configuration", source.as_dict() if isinstance(source, Config) else source
 
 
+def parse_sections(text: str, where: str) -> dict[str, Any]:
+    """Return the settings in the text of a configuration file, not yet validated; ``where`` names it in messages."""
+    return parse_yaml(text, where, _SECTIONS)
+
+
 def parse_config(text: str, where: str) -> Config:
     """Return the configuration in a text written by `Config.to_yaml`; ``where`` names it in messages."""
-    return _validate(parse_yaml(text, where, _SECTIONS), where)
+    return _validate(parse_sections(text, where), where)
 
 
 def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,8 +1,11 @@
 """Threads that this process may use."""
 
 import os
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
+from typing import ParamSpec, TypeVar
 
 try:
     import resource
@@ -13,6 +16,9 @@ from seaclutter_cli.errors import UsageError
 
 VARIABLE = "SEACLUTTER_THREADS"
 """Environment variable that limits the threads of a process."""
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 _QUOTA = Path("/sys/fs/cgroup/cpu.max")
 
@@ -52,3 +58,18 @@ def _quota(file: Path) -> int | None:
         return max(1, -(-int(share) // int(period)))
     except (OSError, ValueError):  # not Linux; no limit: "max 100000"
         return None
+
+
+def executor(workers: int, name: str) -> Executor:
+    """Return threads that work beside the caller; where `threads` is one, an executor that works in the caller's."""
+    return ThreadPoolExecutor(workers, thread_name_prefix=name) if threads() > 1 else _Inline()
+
+
+class _Inline(Executor):
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        future = Future[T]()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:  # noqa: BLE001 - raised where the result is read
+            future.set_exception(error)
+        return future

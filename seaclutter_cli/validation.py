@@ -218,7 +218,7 @@ def _type_problems(kind: type[Any], values: Mapping[str, Any], section: str) -> 
         # A list with a wrong value is also reported as too short, since pydantic counts only valid values.
         inner = {problem["loc"][:end] for problem in found for end in range(1, len(problem["loc"]))}
         primary = [problem for problem in found if problem["type"] != "too_short" or problem["loc"] not in inner]
-        return [_explain(problem, schema, section) for problem in primary]
+        return list(dict.fromkeys(_explain(problem, schema, section) for problem in primary))
     return []
 
 
@@ -238,17 +238,20 @@ def _model(kind: type[Any]) -> Any:
 
 def _explain(problem: Any, schema: Any, section: str) -> str:
     """Return the message for a problem found by pydantic; the JSON schema describes the valid values."""
-    path = ".".join((section, *(str(part) for part in problem["loc"])))
-    if problem["type"] == "missing":
-        return f"{path}: is missing"
+    place = section
     for part in problem["loc"]:
-        options = schema.get("anyOf", (schema,))
-        schema = next(option for option in options if option["type"] != "null")
-        schema = schema["properties"][part] if isinstance(part, str) else _item(schema, part)
+        options = [option for option in schema.get("anyOf", (schema,)) if option["type"] != "null"]
+        if isinstance(part, str) and "properties" not in options[0]:
+            break  # pydantic names the alternative of a union that did not match
+        place = f"{place}.{part}"
+        if problem["type"] != "missing":
+            schema = options[0]["properties"][part] if isinstance(part, str) else _item(options[0], part)
+    if problem["type"] == "missing":
+        return f"{place}: is missing"
     expected = _expected(schema)
     if problem["type"] == "finite_number":
         expected = expected.replace("number", "finite number")
-    return f"{path}: must be {expected}, got {_shown(problem['input'])}"
+    return f"{place}: must be {expected}, got {_shown(problem['input'])}"
 
 
 def allowed_values(kind: type[Any]) -> dict[str, str]:
@@ -281,6 +284,8 @@ def _expected(schema: Any) -> str:
     """
     if "anyOf" in schema:
         return " or ".join(_expected(option) for option in schema["anyOf"])
+    if "const" in schema:
+        return json.dumps(schema["const"])
     if "enum" in schema:
         return " or ".join(json.dumps(value) for value in schema["enum"])
     kind, limits = _TYPES[schema["type"]], [f"{words} {schema[key]}" for key, words in _LIMITS.items() if key in schema]

@@ -1,12 +1,13 @@
 """The number of threads that a process may use."""
 
 import os
+import threading
 
 import pytest
 
 from seaclutter_cli import threads as module
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.threads import cores, threads
+from seaclutter_cli.threads import cores, executor, threads
 
 
 def test_all_cores_by_default(monkeypatch):
@@ -45,3 +46,14 @@ def test_the_limit_of_a_container_counts(content, expected, tmp_path, monkeypatc
     monkeypatch.setattr(module, "_QUOTA", tmp_path / "cpu.max")
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(64)), raising=False)
     assert module.cores() == expected
+
+
+@pytest.mark.parametrize(("count", "is_beside"), [("1", False), ("2", True)])
+def test_one_thread_does_all_in_turn(count, is_beside, monkeypatch):
+    monkeypatch.setenv("SEACLUTTER_THREADS", count)
+    with executor(2, "test") as pool:
+        assert (pool.submit(threading.get_ident).result() != threading.get_ident()) == is_beside
+        assert list(pool.map(int, "123")) == [1, 2, 3]
+        failed = pool.submit(int, "x")
+    with pytest.raises(ValueError, match="x"):
+        failed.result()

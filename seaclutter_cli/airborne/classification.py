@@ -44,7 +44,7 @@ def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
     InputError
         If the tile cannot be separated.
     """
-    separation = separate(tile, settings.separation)
+    separation = separate(tile, settings.separation, tile.intensity)
     other = separation.other
     xy = np.concatenate([xyz[:2] for xyz in tile], axis=1)[:, other]
     intensity = tile.intensity()

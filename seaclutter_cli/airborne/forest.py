@@ -1,7 +1,6 @@
 """Random forest that classifies points."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -10,7 +9,7 @@ from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError, MissingExtraError
-from seaclutter_cli.threads import threads
+from seaclutter_cli.threads import executor, threads
 from seaclutter_cli.truth import OBJECT_CLASSES
 from seaclutter_cli.validation import renamed
 
@@ -180,6 +179,6 @@ def _subsample(samples: Samples, params: ForestParams) -> NDArray[np.intp]:
 def predict(forest: Any, features: Values) -> Values:
     """Return class probabilities, shape (N, C); the result does not depend on the number of threads."""
     parts = [features[start : start + _BLOCK].astype(np.float32) for start in range(0, len(features), _BLOCK)]
-    with ThreadPoolExecutor(threads()) as pool:
+    with executor(threads(), "forest") as pool:
         found = list(pool.map(forest.predict_proba, parts))
     return np.concatenate([np.empty((0, len(forest.classes_))), *found])

@@ -1,7 +1,6 @@
 """Neighbours within a radius for blocks of points, from one k-d tree."""
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.threads import threads
+from seaclutter_cli.threads import executor, threads
 
 Values = NDArray[np.float64]
 
@@ -78,7 +77,7 @@ class Neighborhoods:
         ndarray, shape (N, F), float64
         """
         parts = self._parts(radius_m)
-        with ThreadPoolExecutor(threads()) as pool:
+        with executor(threads(), "neighborhoods") as pool:
             found = list(pool.map(lambda part: function(self._block(part, radius_m)), parts))
         out = np.empty((len(self._points), found[0].shape[1] if found else 0))
         for points, values in zip(parts, found, strict=True):

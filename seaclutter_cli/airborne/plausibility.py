@@ -11,6 +11,7 @@ from seaclutter_cli.text import count, share
 
 _MAX_SPREAD_M = 4.0
 _MIN_SEA = 0.05
+_MAX_OBJECT_M = 1.0
 _LARGEST_M = {"ship": (460.0, 130.0, 80.0)}  # length, width, height of the largest ships ever built, and a margin
 
 
@@ -37,6 +38,11 @@ def doubts_about_sea(parts: Iterable[NDArray[np.float64]], found: Separation) ->
                 f"what was taken for the sea is not level: it lies between {low:.1f} and {high:.1f} m; if the tile "
                 "is of land, neither classes nor objects mean anything"
             )
+    if found.sea.surface == "followed" and found.sea.object_height_m > _MAX_OBJECT_M:
+        doubts.append(
+            f"waves of {found.sea.wave_height_m:.1f} m: what rises less than {found.sea.object_height_m:.1f} m above "
+            "the surface cannot be distinguished from them by height"
+        )
     return doubts
 
 

@@ -1,18 +1,53 @@
 """Separation of tiles into sea and non-sea points."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.following import CellDetails
 from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.surface import SeaSurfaceModel, SurfaceParams
+from seaclutter_cli.airborne.surface import CALM_M, SeaSurfaceModel, SurfaceParams
 from seaclutter_cli.errors import InputError
 
 NEVER, OTHER, WATER = 0, 1, 9
 """ASPRS classes: never classified (points without finite coordinates), unclassified, water."""
 _FARTHEST_M = 1e12
+
+
+@dataclass(frozen=True)
+class SeaState:
+    """Waves of a tile, and the surface and height that separate objects from them.
+
+    Parameters
+    ----------
+    surface : {"opened", "followed"}
+        Opened surface, or surface that follows the waves of rough water.
+    level_m : float or None
+        Median level of the water; None, like the others, if the height is fixed or most of the tile is not sea.
+    wave_height_m, wave_length_m : float or None
+        Significant wave height, and length of the highest waves.
+    object_height_m : float
+        Height above the surface that makes an object; on rough water, the median over its cells.
+    """
+
+    surface: Literal["opened", "followed"]
+    level_m: float | None
+    wave_height_m: float | None
+    wave_length_m: float | None
+    object_height_m: float
+
+    @classmethod
+    def of(cls, surface: SeaSurfaceModel) -> "SeaState":
+        """Return the state of the sea of a tile, rounded to centimetres."""
+        waves, followed = surface.waves, surface.followed
+        height = round(followed.lowest_object_m if followed else surface.params.threshold_m, 2)
+        if waves is None:
+            return cls("opened", None, None, None, height)
+        level, wave, length = (round(value, 2) for value in (waves.level_m, waves.height_m, waves.length_m))
+        return cls("followed" if followed else "opened", level, wave, length, height)
 
 
 @dataclass(frozen=True)
@@ -27,11 +62,14 @@ class Separation:
         Height above the sea surface in metres; NaN for `NEVER`.
     cells : int
         Number of grid cells with points.
+    sea : SeaState
+        What the separation is based on.
     """
 
     classification: NDArray[np.uint8]
     height_m: NDArray[np.float32]
     cells: int
+    sea: SeaState = SeaState("opened", None, None, None, CALM_M)
 
     @property
     def other(self) -> NDArray[np.intp]:
@@ -44,15 +82,21 @@ class Separation:
         return float(np.count_nonzero(self.classification != NEVER) / max(self.cells, 1))
 
 
-def separate(parts: Iterable[NDArray[np.float64]], params: SurfaceParams) -> Separation:
+def separate(
+    parts: Iterable[NDArray[np.float64]],
+    params: SurfaceParams,
+    intensity: Callable[[], NDArray[Any] | None] = lambda: None,
+) -> Separation:
     """Return the separation of a tile into sea and non-sea points.
 
     Parameters
     ----------
     parts : iterable of ndarray, shape (3, n), float64
-        Coordinates in metres; iterated over twice.
+        Coordinates in metres; iterated over twice, or on rough water three times.
     params : SurfaceParams
         Window and heights. With `SeparationParams`, islands and echoes from below the surface are handled, too.
+    intensity : callable, optional
+        Returns the intensity of all points, shape (N,), or None if there is none; called on rough water only.
 
     Raises
     ------
@@ -64,10 +108,10 @@ def separate(parts: Iterable[NDArray[np.float64]], params: SurfaceParams) -> Sep
         grid.add(xyz[:, _located(xyz)])
     if not grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
-    surface = SeaSurfaceModel(grid, params)
+    surface = SeaSurfaceModel(grid, params, lambda: _details(parts, grid, intensity()))
     found = [_classes(xyz, surface) for xyz in parts]
     classification, height = (np.concatenate(column) for column in zip(*found, strict=True))
-    return Separation(classification, height, surface.cells)
+    return Separation(classification, height, surface.cells, SeaState.of(surface))
 
 
 def _located(xyz: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -78,6 +122,24 @@ def _located(xyz: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _classes(xyz: NDArray[np.float64], surface: SeaSurfaceModel) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     finite = _located(xyz)
     height = np.full(len(finite), np.nan)
-    height[finite] = surface.height(xyz if finite.all() else xyz[:, finite])
-    classes = np.where(height > surface.params.height_m, OTHER, WATER)
+    limit = np.full(len(finite), surface.params.threshold_m)
+    height[finite], limit[finite] = surface.heights(xyz if finite.all() else xyz[:, finite])
+    classes = np.where(height > limit, OTHER, WATER)
     return np.where(finite, classes, NEVER).astype(np.uint8), height.astype(np.float32)
+
+
+def _details(parts: Iterable[NDArray[np.float64]], grid: ElevationGrid, intensity: NDArray[Any] | None) -> CellDetails:
+    """Return the highest elevation of each cell, and the logarithm of its highest intensity if there are any."""
+    highest = np.full(grid.lowest.size, -np.inf)
+    brightest = np.full(0 if intensity is None else grid.lowest.size, -np.inf)
+    start = 0
+    for xyz in parts:
+        located = _located(xyz)
+        cell = grid.locate(*xyz[:2, located])
+        np.maximum.at(highest, cell, xyz[2, located])
+        if intensity is not None:
+            value = intensity[start : start + xyz.shape[1]][located].astype(np.float64)
+            np.fmax.at(brightest, cell, np.log1p(np.maximum(value, 0)))
+        start += xyz.shape[1]
+    shape = grid.lowest.shape
+    return CellDetails(highest.reshape(shape), None if intensity is None else brightest.reshape(shape))

@@ -1,27 +1,27 @@
 """Sea surface of tiles and frames by morphological opening."""
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.cells import joined_cells
+from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.opening import open_grid, without_pits
+from seaclutter_cli.airborne.waves import Waves, estimate_waves
 from seaclutter_cli.errors import InputError
 
+Cells = NDArray[np.float64]
+
 MAX_WINDOW_CELLS = 1000
+CALM_M = 0.5
+"""Height above the opened surface that separates objects from calm water."""
 _PIT = 2.0
-_ALL, _FIRST, _LAST = slice(None), slice(0, 1), slice(-1, None)
-_EDGES = {
-    (1, 0): ((-1, _ALL), (0, _ALL)),
-    (0, 1): ((_ALL, -1), (_ALL, 0)),
-    (1, 1): ((-1, _LAST), (0, _FIRST)),
-    (1, -1): ((-1, _FIRST), (0, _LAST)),
-}
-"""Edge or corner of a block, and of the block that is these steps away along x and y, where they touch."""
+_LAND_DEVIATIONS, _ISLAND_DEVIATIONS = 4.0, 6.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +42,11 @@ class SurfaceParams:
     window_m: Annotated[float, Gt(0)] = 20.0
     height_m: Annotated[float, Gt(0)] = 0.5
 
+    @property
+    def threshold_m(self) -> float:
+        """Height above the opened surface that separates objects from water that needs no other surface."""
+        return self.height_m
+
     def __post_init__(self) -> None:
         """Check that the window can be computed."""
         if self.window_m > MAX_WINDOW_CELLS * self.cell_m:
@@ -54,18 +59,32 @@ class SeparationParams(SurfaceParams):
 
     Parameters
     ----------
+    height_m : float or "auto"
+        A point higher than this above the opened surface is a non-sea point, as in [Shi2022]; auto: half a metre on
+        calm water, otherwise a surface and a height that follow the waves.
     island_m : float or None
         The opened surface is land where it rises more than this above the sea level, down to ``height_m`` above that
         level; null: it is sea, as in [Shi2022].
     """
 
+    height_m: Annotated[float, Gt(0)] | Literal["auto"] = "auto"  # type: ignore[assignment]  # a frame is too small
     island_m: Annotated[float, Gt(0)] | None = 2.0
+
+    @property
+    def follows_waves(self) -> bool:
+        """Whether the surface and the height follow the waves."""
+        return self.height_m == "auto"
+
+    @property
+    def threshold_m(self) -> float:
+        """Height above the opened surface that separates objects from calm water."""
+        return CALM_M if self.height_m == "auto" else self.height_m
 
     def __post_init__(self) -> None:
         """Check that ``island_m`` is at least ``height_m``."""
         super().__post_init__()
-        if self.island_m is not None and self.island_m < self.height_m:
-            raise ValueError(f"island_m ({self.island_m:g}) must not be less than height_m ({self.height_m:g})")
+        if self.island_m is not None and self.island_m < self.threshold_m:
+            raise ValueError(f"island_m ({self.island_m:g}) must not be less than height_m ({self.threshold_m:g})")
 
 
 class SeaSurfaceModel:
@@ -77,13 +96,25 @@ class SeaSurfaceModel:
         Grid of all valid points.
     params : SurfaceParams
         Window and heights. With `SeparationParams`, islands are handled, too.
+    details : callable, optional
+        Returns more about each cell than its lowest elevation; called on rough water only.
+
+    Attributes
+    ----------
+    waves : Waves or None
+        Estimated waves; None if the height is fixed or less than half of the tile looks like sea.
+    followed : FollowedSurface or None
+        Surface of rough water; None where the opened surface is used.
 
     Notes
     -----
     A point is a non-sea point if it is more than :math:`T_{\max}` above the opened surface of its cell.
 
-    * Waves and swell: the surface follows waves longer than about twice the window. For shorter waves, the threshold
-      has to exceed the height of their crests. A window much wider than the objects cuts off the crests of swell.
+    * With ``height_m: auto``, `estimate_waves` tells whether crests reach more than half a metre above the opened
+      surface. If so, the surface follows the waves (`follow_waves`). Otherwise, nothing changes.
+    * Waves and swell: the opened surface follows waves longer than about twice the window. For shorter waves, the
+      threshold has to exceed the height of their crests. A window much wider than the objects cuts off the crests of
+      swell.
     * Edges of a tile: windows are inside the bounding rectangle of all points. An object cut by the edge is separated
       by the part inside, as if there were nothing beyond.
     * Echoes from below the surface are ignored in tiles: single cells deeper than twice ``height_m``.
@@ -101,21 +132,46 @@ class SeaSurfaceModel:
        learning algorithm". Ship Science and Technology 44(17), 140-143. doi:10.3404/j.issn.1672-7649.2022.17.028
     """
 
-    def __init__(self, grid: ElevationGrid, params: SurfaceParams) -> None:
+    def __init__(
+        self, grid: ElevationGrid, params: SurfaceParams, details: Callable[[], CellDetails] | None = None
+    ) -> None:
         self._grid = grid
         self.params = params
         tile = isinstance(params, SeparationParams)
-        lowest = without_pits(grid, _PIT * params.height_m) if tile else grid.lowest
+        lowest = without_pits(grid, _PIT * params.threshold_m) if tile else grid.lowest
         self._opened = open_grid(grid, params.window_m, lowest)
+        self.waves: Waves | None = None
+        self.followed: FollowedSurface | None = None
+        if isinstance(params, SeparationParams) and params.follows_waves:
+            self.waves = estimate_waves(lowest, self._opened, params.cell_m)
         island_m = params.island_m if isinstance(params, SeparationParams) else None
-        if island_m is not None and len(self._opened):
+        if self.waves is not None and self.waves.crest_m > CALM_M:
+            found = CellDetails(lowest, None) if details is None else details()
+            self.followed = self._follow(lowest, self.waves, island_m, found)
+        elif island_m is not None and len(self._opened):
             level = self._level(island_m / 4)
-            self._opened[self._land_cells(level, island_m)] = level
+            self._opened[self._land_cells(level, params.threshold_m, island_m)] = level
+
+    def _follow(self, lowest: Cells, waves: Waves, island_m: float | None, details: CellDetails) -> FollowedSurface:
+        """Return the surface of rough water; the crests of waves must not join islands, nor become some."""
+        land = np.zeros(lowest.shape, np.bool_)
+        if island_m is not None:
+            above = _LAND_DEVIATIONS * waves.deviation_m
+            high = max(island_m, _ISLAND_DEVIATIONS * waves.deviation_m)
+            land = self._land_cells(waves.level_m, above, high)
+        return follow_waves(self._grid, lowest, land, waves, lowest - self._opened, details)
 
     def height(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the height above the surface in metres, shape (N,), of points from the grid, shape (3, N)."""
+        return self.heights(xyz)[0]
+
+    def heights(self, xyz: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | float]:
+        """Return the heights of points above the surface, and the height over which each is a non-sea point."""
         cell = self._grid.locate(xyz[0], xyz[1])
-        return np.asarray(xyz[2] - self._opened.reshape(-1)[cell])
+        if self.followed is None:
+            return np.asarray(xyz[2] - self._opened.reshape(-1)[cell]), self.params.threshold_m
+        height = xyz[2] - self.followed.surface.reshape(-1)[cell]
+        return height, self.followed.limit.reshape(-1)[cell]
 
     @property
     def cells(self) -> int:
@@ -129,9 +185,9 @@ class SeaSurfaceModel:
         values, counts = np.unique(step, return_counts=True)
         return float(np.median(known[step == values[np.argmax(counts)]]))
 
-    def _land_cells(self, level: float, island_m: float) -> NDArray[np.bool_]:
+    def _land_cells(self, level: float, height_m: float, island_m: float) -> NDArray[np.bool_]:
         """Return a mask of the land cells, shape (S, 256, 256)."""
-        above = level + self.params.height_m
+        above = level + height_m
         land, high = (np.zeros(self._opened.shape, np.bool_) for _ in range(2))
         for slot, (lowest, opened) in enumerate(zip(self._grid.lowest, self._opened, strict=True)):
             known = np.isfinite(lowest)
@@ -145,59 +201,6 @@ class SeaSurfaceModel:
         for slot, inside in enumerate(number):
             land[slot] = islands[group[inside]]
         return land
-
-
-def joined_cells(
-    mask: NDArray[np.bool_], blocks: Mapping[tuple[int, int], int]
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the groups of cells that touch each other, by side or corner, also across blocks.
-
-    Parameters
-    ----------
-    mask : ndarray, shape (S, B, B), bool
-        The cells, in S blocks.
-    blocks : mapping of (int, int) to int
-        Index of each block, by its block number along x and y.
-
-    Returns
-    -------
-    (ndarray, shape (S, B, B), int32), (ndarray, shape (P,), int32)
-        Part of each cell, 0 outside the mask, and the group of each part.
-
-    Examples
-    --------
-    >>> part, group = joined_cells(np.eye(3, dtype=bool)[None], {(0, 0): 0})
-    >>> group[part[0]]
-    array([[1, 0, 0],
-           [0, 1, 0],
-           [0, 0, 1]], dtype=int32)
-    """
-    from scipy import ndimage  # slow to import, not needed without islands
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    part = np.zeros(mask.shape, np.int32)
-    parts = 1
-    for own, cells in zip(part, mask, strict=True):
-        found = ndimage.label(cells, np.ones((3, 3)), output=own)
-        own[cells] += parts - 1
-        parts += found
-    pairs = [np.zeros((2, 1), np.int32)]
-    for (column, row), slot in blocks.items():
-        for step, (edge, opposite) in _EDGES.items():
-            other = blocks.get((column + step[0], row + step[1]))
-            if other is not None:
-                pairs += _touching(part[slot][edge], part[other][opposite])
-    one, other_one = np.concatenate(pairs, axis=1)
-    graph = coo_array((np.ones(len(one), np.bool_), (one, other_one)), shape=(parts, parts))
-    return part, np.asarray(connected_components(graph, directed=False)[1], np.int32)
-
-
-def _touching(edge: NDArray[np.int32], opposite: NDArray[np.int32]) -> list[NDArray[np.int32]]:
-    """Return the pairs of parts, shape (2, n), that touch across the edge of two blocks."""
-    steps = ((edge, opposite), (edge[1:], opposite[:-1]), (edge[:-1], opposite[1:]))
-    found = [np.stack(pair) for pair in steps]
-    return [pairs[:, (pairs > 0).all(axis=0)] for pairs in found]
 
 
 def surface_of(xyz: NDArray[np.float64], params: SurfaceParams) -> SeaSurfaceModel:

@@ -13,9 +13,9 @@ from seaclutter_cli.commands.options import (
     jobs_option,
     label_options,
     logs_argument,
-    output_option,
     reading_options,
 )
+from seaclutter_cli.commands.places import output_option
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.calibrate import CalibrateOptions

@@ -12,11 +12,10 @@ from seaclutter_cli.commands.options import (
     grouped,
     label_options,
     logs_argument,
-    output_option,
-    output_or_folder_option,
     reading_options,
     resumable_batch_options,
 )
+from seaclutter_cli.commands.places import output_option, output_or_folder_option
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.filter import FilterOptions

@@ -1,23 +1,17 @@
 """Options shared by several commands. A command receives each group as one options object."""
 
 import os
-import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
 from importlib import import_module
-from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
-from seaclutter_cli.commands.console import DEBUG, NOTES
-from seaclutter_cli.errors import ConfigError, UsageError
-from seaclutter_cli.storage.locations import Url, location
+from seaclutter_cli.commands.console import DEBUG
+from seaclutter_cli.commands.places import Place, filter_config_option, output_option, path_option
 from seaclutter_cli.storage.scratch import VARIABLE
-from seaclutter_cli.text import named_folder, suggestion
-
-WORKING_CONFIG = Path("seaclutter.yaml")
-"""Configuration that is used if it is in the working folder and no other is given."""
+from seaclutter_cli.text import suggestion
 
 F = TypeVar("F", bound=Callable[..., Any])
 Option = Callable[[Any], Any]
@@ -58,61 +52,6 @@ def grouped(name: str, kind: str, options: Sequence[Option]) -> Option:
 
     add.provides = (name,)  # type: ignore[attr-defined]
     return add
-
-
-class _Place(click.Path):
-    """A file or folder here, or a URL where a command can use one."""
-
-    def __init__(self, *, remote: bool, output: bool = False) -> None:
-        super().__init__()
-        self._remote, self._output = remote, output
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ARG002
-        option = param.opts[0] if param else "the option"
-        if value == "-":
-            raise UsageError(f"-: {option} takes a file, not a standard stream (./- is a file of this name)")
-        if self._output and named_folder(value):
-            raise UsageError(f"{value}: names a folder by the slash at its end; {option} takes a file")
-        place = location(value)
-        if isinstance(place, Url) and not self._remote:
-            raise UsageError(f"{place}: {option} takes a local path")
-        return place
-
-
-def path_option(
-    *names: str,
-    metavar: str = "FILE",
-    required: bool = False,
-    remote: bool = False,
-    help: str,  # noqa: A002 - as in click
-) -> Option:
-    """Return an option that takes a path or, if ``remote``, a URL."""
-    return click.option(*names, type=_Place(remote=remote), metavar=metavar, required=required, help=help)
-
-
-def output_option(
-    *names: str,
-    metavar: str = "FILE",
-    required: bool = False,
-    remote: bool = False,
-    help: str,  # noqa: A002 - as in click
-) -> Option:
-    """Return an option that takes the path or, if ``remote``, the URL of a file to write."""
-    kind = _Place(remote=remote, output=True)
-    return click.option(*names, type=kind, metavar=metavar, required=required, help=help)
-
-
-class _FileOrFolder(_Place):
-    """An output as text: a slash at its end means a folder."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        super().convert(value, param, ctx)
-        return value
-
-
-def output_or_folder_option(text: str, *, remote: bool = False) -> Option:
-    """Return the option for a file or a folder, as text: a slash at its end means a folder."""
-    return click.option("-o", "--output", type=_FileOrFolder(remote=remote), metavar="OUT", required=True, help=text)
 
 
 def _use_scratch(context: click.Context, _: click.Parameter, value: str | None) -> None:
@@ -268,45 +207,6 @@ reading_options = grouped(
 """Options for the part of a recording to read, and how; as ``reading``."""
 
 
-def config_file_option(text: str, *, remote: bool = False) -> Option:
-    """Return the option for a file of settings, with ``text`` as its help."""
-    return path_option("-c", "--config", "file", remote=remote, help=text)
-
-
-class _ConfigFile(_Place):
-    """A configuration: a file, the name of a built-in one, or ``-`` for standard input."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if value != "-":
-            return super().convert(value, param, ctx)
-        from seaclutter_cli.documents import DocumentError, load_yaml
-
-        try:
-            return load_yaml(sys.stdin.read())
-        except (DocumentError, UnicodeDecodeError) as error:
-            raise ConfigError(f"standard input: {error}") from error
-
-
-def _of_working_folder(context: click.Context, _: click.Parameter, value: Any) -> Any:
-    """Return the configuration in the working folder if none is given."""
-    if value is None and WORKING_CONFIG.is_file():
-        context.meta[NOTES] = [f"using {WORKING_CONFIG} in the working folder; -c chooses another configuration"]
-        return WORKING_CONFIG
-    return value
-
-
-_filter_config_option = click.option(
-    "-c",
-    "--config",
-    "file",
-    type=_ConfigFile(remote=True),
-    metavar="FILE",
-    callback=_of_working_folder,
-    help="Configuration file, the name of a built-in one, or - for standard input. "
-    f"[default: {WORKING_CONFIG} in the working folder, if there is one]",
-)
-
-
 def set_option(example: str, subject: str = "a key") -> Option:
     """Return the option for single settings."""
     text = f"Set {subject}, such as {example}; repeatable."
@@ -317,7 +217,7 @@ config_options = grouped(
     "config",
     "runs.methods:ConfigOptions",
     (
-        _filter_config_option,
+        filter_config_option,
         click.option("-m", "--method", metavar="NAME", help="Filter method; overrides the configuration."),
         set_option("filter.start_m=5"),
     ),
@@ -329,7 +229,7 @@ methods_options = grouped(
     "methods",
     "runs.methods:MethodOptions",
     (
-        _filter_config_option,
+        filter_config_option,
         click.option(
             "-m",
             "--method",
@@ -421,7 +321,7 @@ def label_options(*, required: bool) -> Option:
                 "paths",
                 multiple=True,
                 required=required,
-                type=_Place(remote=True),
+                type=Place(remote=True),
                 metavar="LABELS",
                 help="Labels of LOGS in the same order, or a folder with RECORDING.labels.csv for each; repeatable.",
             ),

@@ -14,10 +14,9 @@ from seaclutter_cli.commands.options import (
     label_options,
     logs_argument,
     methods_options,
-    output_option,
-    path_option,
     reading_options,
 )
+from seaclutter_cli.commands.places import output_option, path_option
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.report import ReportOptions

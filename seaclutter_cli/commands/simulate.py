@@ -11,9 +11,8 @@ from seaclutter_cli.commands.options import (
     console_options,
     force_option,
     grouped,
-    output_option,
-    output_or_folder_option,
 )
+from seaclutter_cli.commands.places import output_option, output_or_folder_option
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.text import named_folder
 

@@ -11,9 +11,9 @@ from seaclutter_cli.commands.options import (
     grouped,
     label_options,
     logs_argument,
-    output_option,
     reading_options,
 )
+from seaclutter_cli.commands.places import output_option
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.view import ViewOptions

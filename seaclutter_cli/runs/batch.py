@@ -13,8 +13,9 @@ from seaclutter_cli.jobs.cluster.engine import Cluster
 from seaclutter_cli.jobs.cluster.place import place_of
 from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
 from seaclutter_cli.jobs.processes import Processes
+from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.recordings import Outcome
+from seaclutter_cli.runs.recordings import Outcome, ReadOptions
 from seaclutter_cli.runs.relay import Relay
 from seaclutter_cli.runs.shared_places import shared_places
 from seaclutter_cli.sources import Recording
@@ -82,6 +83,11 @@ class BatchOptions:
         recordings = len(works)
         jobs = default_jobs(recordings) if self.jobs is None else self.jobs
         yield InTurn() if min(jobs, recordings) <= 1 else Processes(jobs)
+
+
+def inputs_of_work(recording: Recording, reading: ReadOptions, labels: LabelFile | None) -> tuple[Location, ...]:
+    """Return the files and folders that work on a recording reads."""
+    return *recording.paths, *reading.beside(), *((labels.path,) if labels else ())
 
 
 class Work(ABC, Generic[O]):
@@ -184,10 +190,7 @@ def run_batch(
                 passed += 1
             if error and options.fail_fast:
                 break
-    done = [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
-    if done and all(one.has_nothing for one in done):
-        raise SelectionError("no recording has a frame in the selected time")
-    return done
+    return [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
 
 
 def _tasks(works: Sequence[Work[O]], engine: Engine, observer: Observer) -> list[_Task[O]]:

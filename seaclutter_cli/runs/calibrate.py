@@ -23,7 +23,7 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import ClutterDensity, draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
-from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
+from seaclutter_cli.runs.batch import BatchOptions, Work, inputs_of_work, run_batch
 from seaclutter_cli.runs.calibrate_choice import (
     Candidate,
     OnlyProgress,
@@ -47,6 +47,7 @@ from seaclutter_cli.runs.recordings import (
     expected_frames,
     finish_labels,
     require_frames,
+    require_selected,
     warnings_of,
 )
 from seaclutter_cli.runs.tune import TuneWork
@@ -156,6 +157,7 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         observer.damage(pass_.tally.damage)
     else:
         outcomes = run_batch(works, options.batch, observer, add, together=True)
+        require_selected(outcomes)
         works = [work for work, outcome in zip(works, outcomes, strict=True) if not outcome.has_nothing]
     trade_off = _trade_off(works, pass_, observer) if options.choose or options.trade_off else None
     result = pass_.result(trade_off)
@@ -258,7 +260,7 @@ class CalibrateWork(Work[Calibrated]):
     @property
     def reads(self) -> Sequence[Location]:
         """Files and folders that the work reads."""
-        return *self.recording.paths, *self.options.reading.beside(), *((self.labels.path,) if self.labels else ())
+        return inputs_of_work(self.recording, self.options.reading, self.labels)
 
     def run(self, observer: Observer) -> Calibrated:
         """Return the sums over the recording; an error ends the whole run."""

@@ -52,7 +52,7 @@ class TargetSearch:
     """Search of one recording for objects that rise out of the water and stay, two of every 20 seconds.
 
     The method `Confirmed` decides, by shape and persistence alone: thresholds are not known yet. Frames without water
-    are not counted, since objects cannot be told from land there.
+    are not counted, since objects cannot be distinguished from land there.
 
     Parameters
     ----------

@@ -38,17 +38,20 @@ class Checks:
         The configuration.
     facts : mapping of str to SensorFacts
         Facts about the sensors of the recording; may grow while it is read.
+    filtered : bool, optional
+        Whether an earlier run filtered the frames, so that no weak points show whether the thresholds fit.
     """
 
-    def __init__(self, config: Config, facts: Mapping[str, SensorFacts]) -> None:
+    def __init__(self, config: Config, facts: Mapping[str, SensorFacts], *, filtered: bool = False) -> None:
         sensor = config.threshold_sensor
         model = sensor.model if sensor else None
         top = SENSORS[model].max_intensity if model and model in SENSORS else None
         # Another sensor explains thresholds that do not fit, so the first of these that warns is enough.
         self._thresholds: list[Check] = [SensorCheck(sensor, facts)] if sensor else []
-        self._thresholds.append(
-            ThresholdCheck(config.ring_edges, sensor=model, max_intensity=top, needs_water=config.has_water)
-        )
+        if not filtered:
+            self._thresholds.append(
+                ThresholdCheck(config.ring_edges, sensor=model, max_intensity=top, needs_water=config.has_water)
+            )
         self._others: list[Check] = [RangeCheck(config.ring_edges)]
         if config.has_water:
             self._others.append(MountingCheck(config.filter))

@@ -113,7 +113,11 @@ class Comparison(RecordingsResult):
         least = self.variants[0].config.evaluation.min_visible_points
         frames = f"{count(first.frames, 'labelled frame')}, {first.unlabelled:,} unlabelled"
         visible = f"{first.visible:,} visible (at least {count(least, 'point')})"
-        lines = [f"{count(done, 'recording')}; {frames}", f"{count(first.targets, 'target')}, {visible}"]
+        part = "" if done == len(self.outcomes) else f"{done:,} of "
+        lines = [
+            f"{part}{count(len(self.outcomes), 'recording')}; {frames}",
+            f"{count(first.targets, 'target')}, {visible}",
+        ]
         if points := first.points:
             lines.append(f"{count(points.target_in, 'target point')}, {count(points.clutter_in, 'clutter point')}")
         return "\n".join(lines)

@@ -14,7 +14,7 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.listener import FrameListener
-from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
+from seaclutter_cli.runs.batch import BatchOptions, Work, inputs_of_work, run_batch
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.frame_table import FrameRows, FrameTable
@@ -31,6 +31,7 @@ from seaclutter_cli.runs.recordings import (
     finish_labels,
     opened,
     require_frames,
+    require_selected,
     storing_errors,
 )
 from seaclutter_cli.selection import cloud_channels, filtered_by, first_frame, was_filtered
@@ -113,6 +114,7 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
                 outcomes = [works[0].run(observer, [table] if table else [])]
             else:
                 outcomes = run_batch(works, options.batch, observer, partial(_append, table))
+            require_selected(outcomes)
             comparison = Comparison(variants, outcomes)
             if summary:
                 summary.stream.write(json.dumps(comparison.as_dict(), indent=2).encode() + b"\n")
@@ -157,7 +159,7 @@ class EvaluateWork(Work[Evaluated]):
     @property
     def reads(self) -> Sequence[Location]:
         """Files and folders that the work reads."""
-        return *self.recording.paths, *self.reading.beside(), *((self.labels.path,) if self.labels else ())
+        return inputs_of_work(self.recording, self.reading, self.labels)
 
     def run(
         self, observer: Observer, tables: Sequence[FrameRows] = (), listeners: Sequence[FrameListener] = ()
@@ -290,7 +292,8 @@ class _FrameScorer:
         self._tables, self._listeners = tables, listeners
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant for variant in self._variants if not variant.config.make_filter().needs_first_pass]
-        self._checks = {variant.name: Checks(variant.config, source.facts) for variant in given}
+        filtered = was_filtered(source, evaluator.reading.selection.topics)
+        self._checks = {variant.name: Checks(variant.config, source.facts, filtered=filtered) for variant in given}
         self._label_check = LabelCheck(self._variants[0].config.evaluation)
         self._warned: set[str] = set()
 

@@ -15,7 +15,7 @@ from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Metadata
-from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, run_batch, size_of
+from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, inputs_of_work, run_batch, size_of
 from seaclutter_cli.runs.filter_fit import FitWarnings
 from seaclutter_cli.runs.filter_read_back import ReadBackWork
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
@@ -42,6 +42,7 @@ from seaclutter_cli.runs.recordings import (
     expected_frames,
     opened,
     require_frames,
+    require_selected,
     storing_errors,
 )
 from seaclutter_cli.runs.resume import earlier_run, identity_of
@@ -117,7 +118,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     with OutputGroup(replace=replaces) as files:
         with ExitStack() as stack:
             # A single log appears together with the table, after it. Of several, each appears when it is complete.
-            is_alone, csv_file = batch.runs_here(len(works)), options.csv_file
+            is_alone, csv_file = batch.runs_here(len(plan.works)) and bool(works), options.csv_file
             log_written = stack.enter_context(OutputGroup(files)) if is_alone else None
             table = stack.enter_context(frame_table(plan.config, csv_file, files)) if csv_file else None
             if is_alone and isinstance(works[0], FilterWork):
@@ -125,6 +126,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
             else:
                 done = iter(run_batch(works, batch, observer, partial(_append, table)))
             outcomes = list(done) if csv_file else [outcome or next(done) for outcome in earlier]
+            require_selected(outcomes)
         if not may_appear([options.csv_file], outcomes, observer):
             files.discard()
     for outcome, size in zip(outcomes, in_threads(_output_size, outcomes), strict=True):
@@ -248,7 +250,7 @@ class FilterWork(Work[FilterOutcome]):
     @property
     def reads(self) -> Sequence[Location]:
         """Files and folders that the work reads."""
-        return *self.recording.paths, *self.options.reading.beside(), *((self.labels.path,) if self.labels else ())
+        return inputs_of_work(self.recording, self.options.reading, self.labels)
 
     @property
     def writes(self) -> Sequence[Location]:

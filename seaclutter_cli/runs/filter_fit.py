@@ -9,6 +9,7 @@ from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.selection import was_filtered
 from seaclutter_cli.text import count, share
 
 _FEW_WATER = 0.05
@@ -19,7 +20,7 @@ class FitWarnings:
 
     def __init__(self, config: Config, source: Source, topics: Sequence[str], observer: Observer) -> None:
         self._config, self._observer = config, observer
-        self._checks = {topic: Checks(config, source.facts) for topic in topics}
+        self._checks = {topic: Checks(config, source.facts, filtered=was_filtered(source, [topic])) for topic in topics}
 
     def add(self, result: FilterResult) -> None:
         """Check a frame."""

@@ -15,7 +15,7 @@ from seaclutter_cli.evaluation.matching import targets_of
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import run_each
-from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
+from seaclutter_cli.runs.batch import BatchOptions, Work, inputs_of_work, run_batch
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import (
@@ -28,10 +28,12 @@ from seaclutter_cli.runs.recordings import (
     finish_labels,
     opened,
     require_frames,
+    require_selected,
     storing_errors,
 )
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import UNKNOWN, count, printable, table
 from seaclutter_cli.truth import Boxes, Truth
@@ -67,13 +69,14 @@ def check_label_files(
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    recordings = expand(logs)
+    options, batch = reading or ReadOptions(), batch or BatchOptions()
+    recordings = expand(logs, options, observer)
     files = labels.assign(recordings)
-    options = reading or ReadOptions()
     works = [LabelCheckWork(options, *each) for each in zip(recordings, files, strict=True)]
-    if len(works) == 1:
-        return LabelCheckResult([works[0].run(observer)])
-    return LabelCheckResult(run_batch(works, batch or BatchOptions(), observer))
+    alone = batch.runs_here(len(works))
+    outcomes = [works[0].run(observer)] if alone else run_batch(works, batch, observer)
+    require_selected(outcomes)
+    return LabelCheckResult(outcomes)
 
 
 @dataclass
@@ -215,6 +218,11 @@ class LabelCheckWork(Work[CheckedLabels]):
     reading: ReadOptions
     recording: Recording
     labels: LabelFile | None
+
+    @property
+    def reads(self) -> Sequence[Location]:
+        """Files and folders that the work reads."""
+        return inputs_of_work(self.recording, self.reading, self.labels)
 
     def run(self, observer: Observer) -> CheckedLabels:
         """Check the labels; store an error in the outcome."""

@@ -1,9 +1,9 @@
 """Methods that an evaluation compares, each with its configuration and a unique name."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
-from seaclutter_cli.config import Config, ConfigSource, load_config
+from seaclutter_cli.config import Config, ConfigSource, UnnamedFile, load_config
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters import FILTERS
 
@@ -90,8 +90,9 @@ class MethodOptions:
 
     @property
     def is_default(self) -> bool:
-        """Whether all options have their defaults."""
-        return self == MethodOptions()
+        """Whether no option names a method or a configuration."""
+        file = None if isinstance(self.file, UnnamedFile) else self.file
+        return replace(self, file=file) == MethodOptions()
 
     def variants(self, *additional: str, configured_first: bool = False) -> list[Variant]:
         """Return each chosen method with its configuration, without duplicates; by default the configured method.

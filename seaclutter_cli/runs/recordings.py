@@ -289,6 +289,12 @@ def require_frames(source: Source, frames: int, selection: Selection) -> None:
         raise SelectionError(f"{source.name}: no frames {selection.period}{span}")
 
 
+def require_selected(outcomes: Sequence[Outcome]) -> None:
+    """Raise `SelectionError` if none of several recordings has a frame in the selected period."""
+    if outcomes and all(outcome.has_nothing for outcome in outcomes):
+        raise SelectionError("no recording has a frame in the selected time")
+
+
 def _span(first_ns: int, last_ns: int) -> str:
     """Return the time of a log in words."""
     start = datetime.fromtimestamp(first_ns // 10**9, UTC).isoformat(sep=" ").removesuffix("+00:00")

@@ -266,7 +266,7 @@ def _describe(topic: str, survey: TopicSurvey, facts: SensorFacts | None) -> str
         ),
         ("fields", ", ".join(f"{f.name} {f.type}{f'x{f.count}' if f.count > 1 else ''}" for f in survey.fields)),
         ("intensity", f"{survey.intensity_name or 'none'}{_span(survey.intensity)}"),
-        ("range", f"{_span(survey.range_m).strip()} m" if _span(survey.range_m) else "none"),
+        ("range", "{:.1f} to {:.1f} m".format(*survey.range_m) if _span(survey.range_m) else "none"),
         ("sensor", str(survey.sensor())),
     ]
     if facts:

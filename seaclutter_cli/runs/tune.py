@@ -16,7 +16,7 @@ from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import MethodOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Logs, ReadOptions, expand
+from seaclutter_cli.runs.recordings import Logs, ReadOptions, expand, require_selected
 from seaclutter_cli.runs.sweep import Combination, Sweep, grid
 from seaclutter_cli.runs.threshold_history import ThresholdHistory
 from seaclutter_cli.runs.tune_result import TuningResult
@@ -113,6 +113,7 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
         outcomes = [works[0].run(observer, listeners=[history] if history else [])]
     else:
         outcomes = run_batch(works, options.batch, observer)
+    require_selected(outcomes)
     parts = [outcome.parts or Parts(len(variants)) for outcome in outcomes]
     split = split_scores(outcomes, parts, [one.name for one in variants], options.hold_out)
     result = TuningResult(options.sweeps, combinations, outcomes, split)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from copy import deepcopy
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -16,11 +17,41 @@ Column = NDArray[Any]
 ExtraDims = Mapping[str, tuple[str, str]]
 """Numpy type string and description of each extra dimension, by name."""
 
+_USER = "seaclutter"
 _DIMENSIONS = ("LASF_Spec", 4)
 """User id and record id of the record that describes extra dimensions."""
 _DIMENSION_BYTES = 192
 """Size of the description of one extra dimension."""
 _KEPT = ("maxs", "mins", "number_of_points_by_return")
+
+
+@dataclass(frozen=True)
+class TextRecord:
+    """Record (VLR) of a LAS file with text, under the user id ``seaclutter``.
+
+    Parameters
+    ----------
+    number : int
+        Record id.
+    description : str
+        Description, up to 32 bytes.
+    """
+
+    number: int
+    description: str
+
+
+def with_texts(header: Any, texts: Mapping[TextRecord, str]) -> Any:
+    """Return a copy of a header with text records; they replace those of an earlier run."""
+    import laspy  # optional dependency
+
+    changed = deepcopy(header)
+    own = {record.number for record in texts}
+    changed.vlrs[:] = [one for one in changed.vlrs if one.user_id != _USER or one.record_id not in own]
+    changed.vlrs.extend(
+        laspy.VLR(_USER, record.number, record.description, text.encode()) for record, text in texts.items()
+    )
+    return changed
 
 
 def _add(laspy: Any, header: Any, added: ExtraDims) -> None:

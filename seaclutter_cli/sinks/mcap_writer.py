@@ -8,7 +8,7 @@ import struct
 import zlib
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from threading import local
 from typing import BinaryIO
@@ -20,7 +20,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
-from seaclutter_cli.threads import threads
+from seaclutter_cli.threads import executor, threads
 
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_SIZE = 1 << 20
@@ -83,7 +83,7 @@ class McapWriter:
         self._compression = compression
         self._chunk = _Chunk()
         workers = min(_MAX_THREADS, threads())
-        self._pool = ThreadPoolExecutor(workers, thread_name_prefix="compress")
+        self._pool = executor(workers, "compress")
         self._pending: deque[tuple[_Chunk, Future[tuple[int, Buffer | bytearray]]]] = deque()
         self._max_pending = workers + 1
         self._schemas: dict[Schema, int] = {}

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from seaclutter_cli.airborne.objects import FoundObject, as_csv, as_geojson
 from seaclutter_cli.airborne.plausibility import doubts_about_objects, doubts_about_sea
-from seaclutter_cli.airborne.separation import OTHER, WATER, Separation
+from seaclutter_cli.airborne.separation import OTHER, WATER, SeaState, Separation
 from seaclutter_cli.commands import cli
 from tests.paths import ROOT, shared
 
@@ -36,6 +36,15 @@ def test_tiles_over_land(elevation, other, doubts):
     found = doubts_about_sea(*separation(elevation, other))
     assert len(found) == len(doubts)
     assert all(text in line for text, line in zip(doubts, found, strict=True))
+
+
+@pytest.mark.parametrize(("height_m", "doubts"), [(0.9, 0), (1.4, 1)])
+def test_objects_as_low_as_waves(height_m, doubts):
+    parts, found = separation(np.zeros(100))
+    rough = replace(found, sea=SeaState("followed", 0.0, 1.5, 45.0, height_m))
+    texts = doubts_about_sea(parts, rough)
+    assert len(texts) == doubts
+    assert all("waves of 1.5 m: what rises less than 1.4 m" in text for text in texts)
 
 
 def test_ships_of_a_kilometre():

@@ -1,5 +1,7 @@
 """Separation of sea and non-sea points: waves, edges, empty cells, islands."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from seaclutter_cli.airborne.separation import NEVER, OTHER, WATER, separate
 from seaclutter_cli.airborne.surface import SeparationParams, joined_cells
 from seaclutter_cli.errors import InputError
 
-PLAIN = SeparationParams(island_m=None)
+PLAIN = SeparationParams(height_m=0.5, island_m=None)
 
 
 def plane(width=120, height=100, z=lambda x, y: 0 * x):
@@ -77,7 +79,7 @@ def test_heights_over_land_are_above_the_level_of_the_sea():
 def test_long_swell_is_sea_and_a_wide_window_cuts_its_crests():
     swell = plane(z=lambda x, y: 0.6 * np.sin(2 * np.pi * x / 80))
     assert not other(swell).any()
-    assert other(swell, SeparationParams(window_m=90.0, island_m=None)).mean() > 0.2
+    assert other(swell, replace(PLAIN, window_m=90.0)).mean() > 0.2
 
 
 def test_a_shadow_beside_a_ship_does_not_widen_it():

@@ -184,6 +184,14 @@ def test_commands_leave_out_recordings_without_frames(two, tmp_path, line, jobs)
     assert "b: skipped: b: no frames from 1 s on" in result.stderr
 
 
+def test_a_resumed_run_is_not_empty_because_the_rest_is(two, tmp_path):
+    line = ["filter", two, "-o", f"{tmp_path}/out/", "--start", 1, "-m", "none", "--resume"]
+    for expected in ("1 done, 1 skipped", "2 skipped"):
+        result = run(*line)
+        assert result.exit_code == 0, result.output
+        assert expected in result.stdout
+
+
 def indices(path, topic="/points"):
     with closing(open_source(path)) as source:
         return [frame.index for frame in frames(source, Selection(topics=[topic]))]

@@ -127,3 +127,14 @@ def test_labels_that_cannot_be_read(tmp_path, labels, status, message):
     result = check(SEA, tmp_path / labels)
     assert (result.exit_code, result.stdout) == (status, "")
     assert message in result.stderr
+
+
+def test_folders_in_folders_are_searched_on_request(tmp_path):
+    (tmp_path / "logs" / "day").mkdir(parents=True)
+    for path in (tmp_path / "logs" / "a.mcap", tmp_path / "logs" / "day" / "b.mcap"):
+        shutil.copy(SEA, path)
+    labels = ["--labels", LABELS, "--labels", LABELS]
+    result = run("labels", "check", tmp_path / "logs", *labels, "--recursive", "-n", 3, "--json")
+    assert [one["recording"] for one in json.loads(result.stdout)["recordings"]] == ["a", "b"]
+    left_out = run("labels", "check", tmp_path / "logs", "--labels", LABELS, "-n", 3)
+    assert "the recordings in day are left out; --recursive includes them" in left_out.stderr

@@ -2,13 +2,8 @@
 
 import click
 
-from seaclutter_cli.commands.options import (
-    config_file_option,
-    grouped,
-    jobs_option_for,
-    output_or_folder_option,
-    set_option,
-)
+from seaclutter_cli.commands.options import grouped, jobs_option_for, set_option
+from seaclutter_cli.commands.places import config_file_option, output_or_folder_option
 
 tiles_argument = click.argument("tiles", metavar="TILE...", nargs=-1, required=True)
 tiles_output_option = output_or_folder_option(

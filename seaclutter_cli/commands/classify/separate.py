@@ -30,10 +30,11 @@ _OPTIONS = (
 @grouped("options", "runs.classify.separate:SeparateTilesOptions", _OPTIONS)
 @console_options
 def command(tiles: tuple[str, ...], output: str, options: "SeparateTilesOptions", console: Console) -> None:
-    """Separate each TILE into sea and non-sea points by morphological opening.
+    """Separate each TILE into sea and non-sea points by morphological opening; on rough water, follow the waves.
 
-    Sea points get the ASPRS class 9 (water), all others 1. Everything else in a LAS or LAZ file is kept. TILE is a LAS
-    or LAZ file, or a PCD, PLY, NPY, KITTI or CSV file in metres with z upwards, or a folder or glob of such files.
+    Sea points get the ASPRS class 9 (water), all others 1. Everything else in a LAS or LAZ file is kept; a record says
+    which waves were found. TILE is a LAS or LAZ file, or a PCD, PLY, NPY, KITTI or CSV file in metres with z upwards,
+    or a folder or glob of such files.
     """
     from seaclutter_cli.runs.classify.separate import separate_tiles
 

@@ -6,7 +6,8 @@ import click
 
 from seaclutter_cli.commands.classify.options import settings_options, tiles_argument
 from seaclutter_cli.commands.console import Console
-from seaclutter_cli.commands.options import console_options, force_option, grouped, output_option
+from seaclutter_cli.commands.options import console_options, force_option, grouped
+from seaclutter_cli.commands.places import output_option
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.classify.train import TrainForestOptions

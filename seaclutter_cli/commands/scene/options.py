@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from seaclutter_cli.commands.options import force_option, grouped, output_option
+from seaclutter_cli.commands.options import force_option, grouped
+from seaclutter_cli.commands.places import output_option
 
 labelled_logs = grouped(
     "logs",

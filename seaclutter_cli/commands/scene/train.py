@@ -5,7 +5,13 @@ from typing import TYPE_CHECKING
 import click
 
 from seaclutter_cli.commands.console import Console
-from seaclutter_cli.commands.options import console_options, force_option, grouped, output_option, reading_options
+from seaclutter_cli.commands.options import (
+    console_options,
+    force_option,
+    grouped,
+    reading_options,
+)
+from seaclutter_cli.commands.places import output_option
 from seaclutter_cli.commands.scene.options import labelled_logs
 
 if TYPE_CHECKING:

@@ -1,13 +1,14 @@
 """Separation of airborne tiles into sea and non-sea points."""
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.airborne.separation import OTHER, WATER, separate
+from seaclutter_cli.airborne.separation import OTHER, WATER, SeaState, separate
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
@@ -15,10 +16,13 @@ from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, p
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import PathLike, Result
 from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sinks.las import TextRecord
 from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile
-from seaclutter_cli.text import share, table
+from seaclutter_cli.text import UNKNOWN, share, table
 
 HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
+SEA_STATE = TextRecord(1, "sea state of the separation")
+"""Record of LAS and LAZ files with a `SeaState` as JSON."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,15 +112,18 @@ class SeparateWork(TileWork["SeparatedTile"]):
         """Write the separated tile."""
         started, tile = perf_counter(), open_tile(self.path)
         with errors_of(self.path):
-            found = separate(TilePointReader(tile), self.params)
+            points = TilePointReader(tile)
+            found = separate(points, self.params, points.intensity)
         warn_of_doubts(tile, found, observer)
         columns: dict[str, Any] = {"classification": found.classification}
         if self.with_height:
             columns["height_above_sea"] = found.height_m
-        write_tile(tile, self.place, columns, HEIGHT if self.with_height else {}, files)
+        texts = {SEA_STATE: json.dumps(asdict(found.sea))} if self.params.follows_waves else {}
+        extra = HEIGHT if self.with_height else {}
+        write_tile(tile, self.place, columns, extra, files, texts)
         sea, other = (int(np.count_nonzero(found.classification == code)) for code in (WATER, OTHER))
-        done = SeparatedTile(self.path.stem, str(self.target), tile.size, sea, other, perf_counter() - started)
-        return done, tile.size
+        seconds = perf_counter() - started
+        return SeparatedTile(self.path.stem, str(self.target), tile.size, sea, other, found.sea, seconds), tile.size
 
 
 @dataclass(frozen=True)
@@ -129,6 +136,8 @@ class SeparatedTile:
         Name of the tile, and path of the written file.
     points, sea, other : int
         Numbers of all points, sea points and non-sea points.
+    sea_state : SeaState
+        Waves, and the surface and height that separate objects from them.
     seconds : float
         Processing time.
     """
@@ -138,6 +147,7 @@ class SeparatedTile:
     points: int
     sea: int
     other: int
+    sea_state: SeaState
     seconds: float
 
 
@@ -157,13 +167,16 @@ class SeparateResult(Result):
 
     def as_dict(self) -> list[dict[str, Any]]:
         """Return the result as JSON-compatible data."""
-        return [vars(tile) for tile in self.tiles]
+        return [asdict(tile) for tile in self.tiles]
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
-        return table(("tile", "points", "non-sea", "share", "seconds"), [_cells(tile) for tile in self.tiles])
+        head = ("tile", "points", "non-sea", "share", "waves", "length", "seconds")
+        return table(head, [_cells(tile) for tile in self.tiles])
 
 
 def _cells(tile: SeparatedTile) -> tuple[str, ...]:
     counts = f"{tile.points:,}", f"{tile.other:,}", share(tile.other, tile.points)
-    return tile.tile, *counts, f"{tile.seconds:.2f}"
+    height, length = tile.sea_state.wave_height_m, tile.sea_state.wave_length_m
+    waves = (UNKNOWN if height is None else f"{height:.1f} m", UNKNOWN if length is None else f"{length:.0f} m")
+    return tile.tile, *counts, *waves, f"{tile.seconds:.2f}"

@@ -16,7 +16,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.outputs import Paths, is_folder, prepare_outputs
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sinks.las import ExtraDims, write_las
+from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.points import POINT_WRITERS, with_columns
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name
@@ -132,12 +132,14 @@ def write_tile(
     columns: Mapping[str, NDArray[Any]],
     extra: ExtraDims,
     group: OutputGroup | None = None,
+    texts: Mapping[TextRecord, str] | None = None,
 ) -> None:
-    """Write a tile with replaced or additional columns; everything else is kept."""
+    """Write a tile with replaced or additional columns, and LAS with text records; everything else is kept."""
     if isinstance(tile, LasTile) and target.suffix.lower() in _LAS:
         if tile.header.global_encoding.waveform_data_packets_internal:
             raise InputError(f"{tile.path}: internal waveform packets cannot be copied; store them in a separate file")
-        write_las(target, tile.header, tile.parts(), columns, extra, group)
+        header = with_texts(tile.header, texts) if texts else tile.header
+        write_las(target, header, tile.parts(), columns, extra, group)
         return
     cloud = FRAME_READERS[tile.path.suffix.lower()](tile.path) if isinstance(tile, LasTile) else tile.cloud
     POINT_WRITERS[target.suffix.lower()](target, with_columns(cloud, columns), group)

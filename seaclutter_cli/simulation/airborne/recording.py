@@ -3,10 +3,9 @@
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
@@ -17,7 +16,10 @@ from seaclutter_cli.simulation.airborne.render import POINT, TileRenderer
 from seaclutter_cli.simulation.airborne.scene import TileScene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import LasSink
-from seaclutter_cli.threads import threads
+from seaclutter_cli.threads import executor, threads
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 TRUTH = {"object_class": ("u1", "0 none, 1 ship ... 8 garbage"), "object_id": ("u2", "number of the object, 0 none")}
 _MOST_PULSES = 300_000
@@ -32,7 +34,7 @@ def simulate_strips(scene: TileScene) -> Iterator[NDArray[np.void]]:
     pulses = math.prod(scene.tile.size_m) * scene.lidar.pulses_m2 / len(renderer.lines)
     workers = min(2, threads()) if pulses < _MOST_PULSES else 1  # a strip of a million takes 400 MB
     pending: deque[Future[NDArray[np.void]]] = deque()
-    with ThreadPoolExecutor(workers, thread_name_prefix="simulate") as pool:
+    with executor(workers, "simulate") as pool:
         try:
             for index in range(len(renderer.lines)):
                 pending.append(pool.submit(renderer.strip, index))

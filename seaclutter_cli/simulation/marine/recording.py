@@ -4,14 +4,17 @@ import csv
 import io
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.simulation.marine.formats import FORMATS, LogWriter
 from seaclutter_cli.simulation.marine.render import Renderer, SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.threads import threads
+from seaclutter_cli.threads import executor, threads
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 _COLUMNS = ("frame", "track_id", "class", "x", "y", "z", "length", "width", "height", "yaw")
 
@@ -21,7 +24,7 @@ def simulate_frames(scene: Scene) -> Iterator[SimulatedFrame]:
     workers = threads()
     renderer = Renderer(scene)
     pending: deque[Future[SimulatedFrame]] = deque()
-    with ThreadPoolExecutor(workers, thread_name_prefix="simulate") as pool:
+    with executor(workers, "simulate") as pool:
         try:
             for index in range(scene.recording.frames):
                 pending.append(pool.submit(renderer.frame, index))

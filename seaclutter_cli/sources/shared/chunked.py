@@ -2,14 +2,17 @@
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush, heapreplace
 from operator import attrgetter
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from seaclutter_cli.limits import limits
 from seaclutter_cli.records import Message
+from seaclutter_cli.threads import executor
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 MAX_WAITING_BYTES = 256 * 2**20
 """Maximum bytes of waiting messages; above it, the earliest are yielded although earlier ones may follow."""
@@ -181,7 +184,7 @@ def _size(message: Message) -> int:
 def _ahead(
     chunks: Iterable[C], unpack: Callable[[C], P], load: Callable[[C, Callable[[], P]], list[Message]]
 ) -> Iterator[tuple[C, list[Message]]]:
-    with ThreadPoolExecutor(_UNPACKERS, thread_name_prefix="unpack") as pool:
+    with executor(_UNPACKERS, "unpack") as pool:
         pending: deque[tuple[C, Future[P]]] = deque()
         try:
             for chunk in chunks:

@@ -68,7 +68,7 @@ PACKET_LAYOUTS: Mapping[str, tuple[Layout, ...]] = {
 }
 """Layouts by message type; add new ones here, and to a family's ``scan_types``.
 
-Versions of drivers that share a type name are told apart by the length of the message.
+The length of a message distinguishes versions of drivers that share a type name.
 """
 
 _CLOUDS = "record the driver's sensor_msgs/PointCloud2"

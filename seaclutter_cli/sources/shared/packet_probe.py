@@ -186,7 +186,7 @@ def probe(records: Callable[[], Iterable[Record]], waiting: Mapping[int, Candida
 def make_candidates(
     channels: Collection[Channel], families: Iterable[PacketFamily], options: DecoderOptions
 ) -> dict[int, Candidate]:
-    """Return a candidate for each channel of packets, by id; topics with calibrations only are none."""
+    """Return a candidate for each channel of packets, by id; topics with only calibrations are left out."""
     known = list(families)
     found = {}
     for channel in channels:

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 from click.testing import CliRunner
@@ -13,9 +14,15 @@ from tests.jobs.cluster.clusters import ROOT, wait_for
 from tests.logs import cloud_log
 
 
+def _require_jobqueue():
+    """Skip without dask-jobqueue; its import would replace the handler of Ctrl-C for the tests after this one."""
+    if find_spec("dask_jobqueue") is None:
+        pytest.skip("dask-jobqueue is not installed")
+
+
 @pytest.fixture(scope="module")
 def slurm(tmp_path_factory):
-    pytest.importorskip("dask_jobqueue")
+    _require_jobqueue()
     pytest.importorskip("psutil")
     from tests.jobs.cluster import slurm as module
 
@@ -105,7 +112,7 @@ def test_jobs_that_slurm_refuses(user, trial, tmp_path, monkeypatch):
 
 
 def test_without_slurm(trial, tmp_path, monkeypatch):
-    pytest.importorskip("dask_jobqueue")
+    _require_jobqueue()
     monkeypatch.setenv("PATH", str(tmp_path))
     line = ["filter", str(trial / "logs"), "-o", f"{tmp_path / 'out'}/", "--cluster", "slurm", "-j", "2"]
     result = CliRunner().invoke(cli, line)

@@ -1,0 +1,117 @@
+"""Groups, neighbours and means of the cells of a grid, across its blocks."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
+
+Cells = NDArray[np.float64]
+
+_WIDTHS = 3
+_LEAST_WEIGHT = 1e-3
+_ALL, _FIRST, _LAST = slice(None), slice(0, 1), slice(-1, None)
+_EDGES = {
+    (1, 0): ((-1, _ALL), (0, _ALL)),
+    (0, 1): ((_ALL, -1), (_ALL, 0)),
+    (1, 1): ((-1, _LAST), (0, _FIRST)),
+    (1, -1): ((-1, _FIRST), (0, _LAST)),
+}
+"""Edge or corner of a block, and of the block that is these steps away along x and y, where they touch."""
+
+
+def joined_cells(
+    mask: NDArray[np.bool_], blocks: Mapping[tuple[int, int], int]
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the groups of cells that touch each other, by side or corner, also across blocks.
+
+    Parameters
+    ----------
+    mask : ndarray, shape (S, B, B), bool
+        The cells, in S blocks.
+    blocks : mapping of (int, int) to int
+        Index of each block, by its block number along x and y.
+
+    Returns
+    -------
+    (ndarray, shape (S, B, B), int32), (ndarray, shape (P,), int32)
+        Part of each cell, 0 outside the mask, and the group of each part.
+
+    Examples
+    --------
+    >>> part, group = joined_cells(np.eye(3, dtype=bool)[None], {(0, 0): 0})
+    >>> group[part[0]]
+    array([[1, 0, 0],
+           [0, 1, 0],
+           [0, 0, 1]], dtype=int32)
+    """
+    from scipy import ndimage  # slow to import, not needed without islands
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    part = np.zeros(mask.shape, np.int32)
+    parts = 1
+    for own, cells in zip(part, mask, strict=True):
+        found = ndimage.label(cells, np.ones((3, 3)), output=own)
+        own[cells] += parts - 1
+        parts += found
+    pairs = [np.zeros((2, 1), np.int32)]
+    for (column, row), slot in blocks.items():
+        for step, (edge, opposite) in _EDGES.items():
+            other = blocks.get((column + step[0], row + step[1]))
+            if other is not None:
+                pairs += _touching(part[slot][edge], part[other][opposite])
+    one, other_one = np.concatenate(pairs, axis=1)
+    graph = coo_array((np.ones(len(one), np.bool_), (one, other_one)), shape=(parts, parts))
+    return part, np.asarray(connected_components(graph, directed=False)[1], np.int32)
+
+
+def _touching(edge: NDArray[np.int32], opposite: NDArray[np.int32]) -> list[NDArray[np.int32]]:
+    """Return the pairs of parts, shape (2, n), that touch across the edge of two blocks."""
+    steps = ((edge, opposite), (edge[1:], opposite[:-1]), (edge[:-1], opposite[1:]))
+    found = [np.stack(pair) for pair in steps]
+    return [pairs[:, (pairs > 0).all(axis=0)] for pairs in found]
+
+
+def smoothed(grid: ElevationGrid, values: Cells, used: NDArray[np.bool_], width: float) -> Cells:
+    """Return the mean of the values around each cell, weighted by a Gaussian.
+
+    Parameters
+    ----------
+    grid : ElevationGrid
+        The grid.
+    values : ndarray, shape (S, 256, 256), float64
+        A value for each cell.
+    used : ndarray, shape (S, 256, 256), bool
+        Cells that contribute; their values are finite.
+    width : float
+        Standard deviation of the Gaussian in cells; it ends at three of them.
+
+    Returns
+    -------
+    ndarray, shape (S, 256, 256), float64
+        NaN where there is next to nothing around.
+    """
+    from scipy import ndimage  # slow to import, not needed on calm water
+
+    halo = int(np.ceil(_WIDTHS * width))
+    out = np.full(values.shape, np.nan)
+    for slot, cells, _ in grid.padded(np.where(used, values, np.inf), halo):
+        known = np.isfinite(cells)
+        total, weight = (
+            ndimage.gaussian_filter(part, width, mode="constant", radius=halo)[halo : halo + BLOCK, halo : halo + BLOCK]
+            for part in (np.where(known, cells, 0), known.astype(np.float64))
+        )
+        np.divide(total, weight, out=out[slot], where=weight > _LEAST_WEIGHT)
+    return out
+
+
+def touching(grid: ElevationGrid, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return a mask with the cells that touch it, by side or corner, shape (S, 256, 256)."""
+    from scipy import ndimage
+
+    out = np.empty(mask.shape, np.bool_)
+    for slot, cells, _ in grid.padded(np.where(mask, 0.0, np.inf), 1):
+        out[slot] = ndimage.minimum_filter(cells, 3)[1:-1, 1:-1] == 0
+    return out

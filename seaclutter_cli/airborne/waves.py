@@ -1,0 +1,140 @@
+"""Waves of a tile: their height and length, part by part, from the lowest echo of each cell."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Cells = NDArray[np.float64]
+
+_FEW_CELLS = 2000
+_REACH_CELLS = 64
+_CRESTS = 4.0
+_MIN_OSCILLATION = 0.15
+_MAX_SKEW = 1.7
+_MAX_DEVIATION_M = 1.0
+_MAX_STEP_M = 2.0
+_MIN_SHARE = 0.5
+_ROUGHEST_PARTS = 0.75
+
+
+@dataclass(frozen=True)
+class PartWaves:
+    """Waves in one block of the grid.
+
+    Parameters
+    ----------
+    slot, cells : int
+        Index of the block, and number of its cells with points.
+    level_m, deviation_m : float
+        Median and standard deviation of the elevation of the water.
+    crest_m : float
+        Height of the crests above the opened surface.
+    length_m : float
+        Length of the highest waves.
+    is_sea : bool
+        Whether the elevations oscillate, and are distributed, like those of waves.
+    """
+
+    slot: int
+    cells: int
+    level_m: float
+    deviation_m: float
+    crest_m: float
+    length_m: float
+    is_sea: bool
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Waves of a tile: medians over those of its parts that look like sea, weighted by their cells.
+
+    Parameters
+    ----------
+    parts : sequence of PartWaves
+        Waves in each part that looks like sea.
+    level_m, deviation_m, length_m : float
+        Level of the water, standard deviation of its elevation, and length of the highest waves.
+    crest_m : float
+        Height of the crests above the opened surface that a quarter of the sea exceeds.
+    """
+
+    parts: Sequence[PartWaves]
+    level_m: float
+    deviation_m: float
+    length_m: float
+    crest_m: float
+
+    @property
+    def height_m(self) -> float:
+        """Significant wave height: four standard deviations of the elevation."""
+        return 4 * self.deviation_m
+
+
+def estimate_waves(lowest: Cells, opened: Cells, cell_m: float) -> Waves | None:
+    """Return the waves of a tile; None if less than half of it looks like sea.
+
+    Parameters
+    ----------
+    lowest : ndarray, shape (S, 256, 256), float64
+        Lowest elevations of the blocks of a grid; plus infinity in empty cells.
+    opened : ndarray, shape (S, 256, 256), float64
+        Opened surface.
+    cell_m : float
+        Width of a cell.
+
+    Notes
+    -----
+    Objects stand above the water, so everything is estimated from the median downwards. Waves oscillate: half a wave
+    length away, elevations are the opposite of what they are here. The autocovariance over both directions has its
+    minimum there, which gives the length. Land hardly ever has such a minimum; nor is it level from part to part.
+    """
+    found = [_part(slot, *cells, cell_m) for slot, cells in enumerate(zip(lowest, opened, strict=True))]
+    known = [part for part in found if part]
+    likely = [part for part in known if part.is_sea]
+    if not likely:
+        return None
+    level = _weighted_quantile(likely, "level_m", 0.5)
+    sea = [part for part in likely if abs(part.level_m - level) < _MAX_STEP_M]
+    if sum(part.cells for part in sea) < _MIN_SHARE * sum(part.cells for part in known):
+        return None
+    level, deviation, length = (_weighted_quantile(sea, name, 0.5) for name in ("level_m", "deviation_m", "length_m"))
+    return Waves(sea, level, deviation, length, _weighted_quantile(sea, "crest_m", _ROUGHEST_PARTS))
+
+
+def _weighted_quantile(parts: Sequence[PartWaves], name: str, share: float) -> float:
+    values = np.array([getattr(part, name) for part in parts])
+    order = np.argsort(values, kind="stable")
+    weight = np.cumsum(np.array([part.cells for part in parts])[order])
+    return float(values[order][np.searchsorted(weight, share * weight[-1])])
+
+
+def _part(slot: int, lowest: Cells, opened: Cells, cell_m: float) -> PartWaves | None:
+    known = np.isfinite(lowest) & np.isfinite(opened)
+    cells = int(known.sum())
+    if cells < _FEW_CELLS:
+        return None
+    above = lowest - np.where(known, opened, 0)
+    low, middle = np.quantile(above[known], (0.1587, 0.5))
+    crest = float(middle + _CRESTS * (middle - low))
+    tail, lower, level, upper = np.quantile(lowest[known], (0.1587, 0.25, 0.5, 0.75))
+    deviation = float(level - tail)
+    water = known & (above <= crest) & (np.abs(np.where(known, lowest, level) - level) <= _CRESTS * deviation)
+    length, oscillation = _length(lowest - level, water)
+    symmetric = upper - level <= _MAX_SKEW * (level - lower)
+    is_sea = bool(oscillation >= _MIN_OSCILLATION and symmetric and deviation <= _MAX_DEVIATION_M)
+    return PartWaves(slot, cells, float(level), deviation, crest, length * cell_m, is_sea)
+
+
+def _length(elevation: Cells, water: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return the wave length in cells, and the depth of the minimum of the autocovariance relative to the variance."""
+    shape = [side + _REACH_CELLS for side in elevation.shape]
+    total = np.fft.irfft2(np.abs(np.fft.rfft2(np.where(water, elevation, 0), shape)) ** 2, shape)
+    reach = np.r_[0 : _REACH_CELLS + 1]
+    lag = np.r_[reach, -reach[:0:-1]]
+    at = np.ix_(reach, lag)  # the other half is the same, mirrored
+    covariance = total[at]  # not divided by the number of pairs, so that of many minima the nearest is the deepest
+    i, j = np.unravel_index(np.argmin(covariance), covariance.shape)
+    variance = max(float(covariance[0, 0]), 1e-12)
+    return 2 * float(np.hypot(reach[i], lag[j])), -float(covariance[i, j]) / variance

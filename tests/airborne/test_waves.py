@@ -1,0 +1,152 @@
+"""Waves of tiles: their estimated height and length, and the surface that follows them."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.airborne.cells import smoothed, touching
+from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.separation import OTHER, separate
+from seaclutter_cli.airborne.surface import SeaSurfaceModel, SeparationParams
+from tests.paths import shared
+
+SIDES = (300, 200)
+
+
+def field(height, length, direction=0.6, seed=1, sides=SIDES):
+    """Return a sea of many waves near one length and direction, one point per square metre, shape (3, N)."""
+    rng = np.random.default_rng(seed)
+    x, y = (side.ravel() + 0.5 for side in np.mgrid[: sides[0], : sides[1]].astype(float))
+    z = np.zeros(len(x))
+    for _ in range(40):
+        k, angle = 2 * np.pi / (length * rng.normal(1, 0.08)), direction + rng.normal(0, 0.2)
+        z += np.sin(k * (np.cos(angle) * x + np.sin(angle) * y) + rng.uniform(0, 7))
+    return np.stack((x, y, z * height / 4 / z.std() + rng.normal(0, 0.03, len(x))))
+
+
+def model(xyz):
+    grid = ElevationGrid(1.0)
+    grid.add(xyz)
+    return SeaSurfaceModel(grid, SeparationParams())
+
+
+def inside(xyz, x, y):
+    return (xyz[0] >= x[0]) & (xyz[0] < x[1]) & (xyz[1] >= y[0]) & (xyz[1] < y[1])
+
+
+@pytest.mark.parametrize(("height", "length"), [(0.6, 25.0), (1.1, 40.0), (1.5, 60.0), (1.5, 90.0)])
+def test_height_and_length(height, length):
+    found = model(field(height, length)).waves
+    assert found.height_m == pytest.approx(height, rel=0.2)
+    assert found.length_m == pytest.approx(length, rel=0.25)
+    assert abs(found.level_m) < 0.1 * height
+
+
+def test_objects_do_not_raise_the_waves():
+    xyz = field(1.1, 40.0)
+    alone = model(xyz).waves
+    for at in range(20, 280, 50):
+        xyz[2, inside(xyz, (at, at + 15), (60, 140))] += 8
+    assert model(xyz).waves.height_m == pytest.approx(alone.height_m, rel=0.15)
+
+
+def test_noise_slopes_and_steps_are_no_waves():
+    flat = field(0.0, 30.0)
+    rng = np.random.default_rng(2)
+    for z in (rng.normal(0, 0.3, flat.shape[1]), 0.1 * flat[0], 3.0 * (flat[0] > 150) + 1.5 * (flat[1] > 90)):
+        assert model(np.stack((flat[0], flat[1], z))).waves is None
+
+
+@pytest.mark.parametrize(("folder", "name", "unit"), [("las", "autzen_trim", 0.3048), ("airborne", "ahn3_sluice", 1.0)])
+def test_real_land_and_real_calm_water_keep_the_opened_surface(folder, name, unit):
+    laspy = pytest.importorskip("laspy")
+    tile = laspy.read(shared(folder) / f"{name}.laz")
+    assert model(np.stack((tile.x, tile.y, tile.z)) * unit).followed is None
+
+
+def test_calm_water_is_separated_as_with_half_a_metre():
+    xyz = field(0.25, 60.0)
+    xyz[2, inside(xyz, (40, 55), (20, 90))] += 0.8
+    auto, fixed = (separate([xyz], SeparationParams(height_m=height)) for height in ("auto", 0.5))
+    assert auto.sea.wave_height_m == pytest.approx(0.25, abs=0.08)
+    np.testing.assert_array_equal(auto.classification, fixed.classification)
+    np.testing.assert_array_equal(auto.height_m, fixed.height_m)
+
+
+@pytest.mark.parametrize(("height", "length"), [(0.7, 25.0), (1.2, 40.0), (1.5, 35.0)])
+def test_ships_and_islands_rise_out_of_rough_water(height, length):
+    xyz = field(height, length, seed=4)
+    ship, island = inside(xyz, (40, 55), (20, 90)), inside(xyz, (150, 220), (60, 130))
+    xyz[2, ship] += 5
+    xyz[2, island] = 6
+    found = separate([xyz], SeparationParams())
+    assert found.sea.surface == "followed"
+    other = found.classification == OTHER
+    assert other[ship].all()
+    assert other[island].mean() > 0.99
+    assert other[~ship & ~island].mean() < 0.04  # beside wide objects, where the surface is known on one side only
+    assert (separate([xyz], SeparationParams(height_m=0.5)).classification == OTHER)[~ship & ~island].mean() > 0.05
+
+
+def test_long_swell_keeps_the_opened_surface():
+    xyz = field(1.5, 110.0)
+    found = separate([xyz], SeparationParams())
+    assert found.sea.surface == "opened"
+    assert found.sea.wave_height_m > 1.2
+    assert (found.classification == OTHER).mean() < 0.01
+
+
+def test_heights_are_above_the_waves():
+    xyz = field(1.5, 50.0)
+    assert np.abs(separate([xyz], SeparationParams()).height_m).std() < 0.15 < 0.3 < xyz[2].std()
+
+
+def test_a_low_object_is_found_by_its_brightness():
+    xyz = field(1.2, 40.0)
+    mat = inside(xyz, (100, 112), (50, 62))
+    xyz[2, mat] += 0.7
+    intensity = np.random.default_rng(1).gamma(2.0, 100.0, xyz.shape[1])
+    intensity[mat] *= 20
+    bright = separate([xyz], SeparationParams(), lambda: intensity).classification == OTHER
+    plain = separate([xyz], SeparationParams()).classification == OTHER
+    assert bright[mat].mean() > 0.9 > plain[mat].mean()
+    assert bright[~mat].mean() < 0.005
+
+
+def test_bright_water_is_no_object():
+    xyz = field(1.2, 40.0)
+    intensity = np.random.default_rng(1).gamma(2.0, 100.0, xyz.shape[1])
+    intensity[inside(xyz, (100, 112), (50, 62))] *= 20
+    assert (separate([xyz], SeparationParams(), lambda: intensity).classification == OTHER).mean() < 0.005
+
+
+def test_parts_of_the_points_do_not_matter():
+    xyz = field(1.2, 40.0)
+    intensity = np.random.default_rng(1).gamma(2.0, 100.0, xyz.shape[1])
+    damaged = xyz.copy()
+    damaged[2, 7], intensity[9] = np.nan, np.nan
+    whole, parts = (
+        separate(p, SeparationParams(), lambda: intensity) for p in ([damaged], np.split(damaged, 8, axis=1))
+    )
+    np.testing.assert_array_equal(whole.classification, parts.classification)
+    assert (whole.classification == OTHER).mean() < 0.005
+
+
+def test_means_do_not_depend_on_blocks():
+    from scipy import ndimage
+
+    xyz = field(1.2, 40.0)
+    grid = ElevationGrid(1.0)
+    grid.add(xyz)
+    used = np.isfinite(grid.lowest)
+    cells = grid.locate(xyz[0], xyz[1])
+    image = xyz[2].reshape(SIDES)
+    weight = ndimage.gaussian_filter(np.ones(SIDES), 3.0, mode="constant", radius=9)
+    expected = ndimage.gaussian_filter(image, 3.0, mode="constant", radius=9) / weight
+    np.testing.assert_allclose(
+        smoothed(grid, grid.lowest, used, 3.0).ravel()[cells].reshape(SIDES), expected, atol=1e-9
+    )
+    high = image > 0.5
+    mask = np.zeros(used.size, np.bool_)
+    mask[cells[high.ravel()]] = True
+    expected = ndimage.binary_dilation(high, np.ones((3, 3)))
+    np.testing.assert_array_equal(touching(grid, mask.reshape(used.shape)).ravel()[cells].reshape(SIDES), expected)
