@@ -17,6 +17,7 @@ from seaclutter_cli.commands import cli
 from tests import logs
 from tests.airborne import tiles
 from tests.labels import frames as labels
+from tests.messages import wrapped
 from tests.scenes.onnx_files import model_bytes
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.ouster import test_decoder as ouster
@@ -52,6 +53,11 @@ def packet_topic(folder, driver, container="mcap"):
         shutil.rmtree(path)
     else:
         path.rename(folder / f"log.{container}")
+
+
+def wrapped_clouds(folder, form):
+    """Write a log with clouds in a form of `wrapped.sea_messages`."""
+    wrapped.sea_log(folder / "log.mcap", form)
 
 
 def _schema(kind):
