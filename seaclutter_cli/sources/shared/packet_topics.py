@@ -9,13 +9,8 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
-<<<<<<< HEAD
-from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, Schema
-=======
 from seaclutter_cli.messages.definitions import ros1_cloud_schema, ros2_schema
-from seaclutter_cli.records import Buffer, Channel, Damage, Message, Metadata, Record
->>>>>>> aa75e0c2c845d966c95dc446d46ab54e97a74580
+from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.sources.shared.packet_batches import read_batch
 from seaclutter_cli.sources.shared.packet_messages import (
