@@ -101,7 +101,7 @@ class Log:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Point-cloud topics that can be read."""
+        """Point-cloud topics that can be read, compressed clouds and laser scans included."""
         return tuple(dict.fromkeys(channel.topic for channel in self._source.channels if find_codec(channel)))
 
     @property

@@ -17,6 +17,7 @@ from seaclutter_cli.commands import cli
 from tests import logs
 from tests.airborne import tiles
 from tests.labels import frames as labels
+from tests.messages import wrapped
 from tests.scenes.onnx_files import model_bytes
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.ouster import test_decoder as ouster
@@ -38,6 +39,11 @@ def mcap_packets(folder):
     topic = logs.Topic("/velodyne_packets", "cdr", _schema(packet_topics.VELODYNE_SCAN))
     entries = [logs.Entry(topic.name, times[0][0], packet_topics.scan(times)) for times in _velodyne_scans()]
     logs.write_log(folder / "log.mcap", [topic], entries)
+
+
+def wrapped_clouds(folder, form):
+    """Write a log with clouds in a form of `wrapped.sea_messages`."""
+    wrapped.sea_log(folder / "log.mcap", form)
 
 
 def packet_topic(folder, driver, container="mcap"):

@@ -3,15 +3,14 @@
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
-from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, Schema
+from seaclutter_cli.messages.definitions import ros1_cloud_schema, ros2_schema
+from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.sources.shared.packet_batches import read_batch
 from seaclutter_cli.sources.shared.packet_messages import (
@@ -167,7 +166,7 @@ class PacketTopics:
         taken = {channel.id for channel in channels}
         number = next(id_ for id_ in range(_MAX_IDS, 0, -1) if id_ not in taken)
         ros1 = packets.message_encoding == "ros1"
-        schema = _ros1_schema() if ros1 else ros2_schema("sensor_msgs/msg/PointCloud2")
+        schema = ros1_cloud_schema() if ros1 else ros2_schema("sensor_msgs/msg/PointCloud2")
         topic = _points_topic(packets)
         return Channel(number, topic, packets.message_encoding, schema)
 
@@ -281,11 +280,3 @@ def _points_topic(packets: Channel) -> str:
     topic = re.sub("lidar_packets$", "packets", packets.topic) if of_ouster else packets.topic
     front = topic.removesuffix("packets")
     return f"{front}points" if front != topic else f"{topic}/points"
-
-
-@cache
-def _ros1_schema() -> Schema:
-    from rosbags.typesys import Stores, get_typestore
-
-    definition, _ = get_typestore(Stores.ROS1_NOETIC).generate_msgdef("sensor_msgs/msg/PointCloud2", ros_version=1)
-    return Schema("sensor_msgs/PointCloud2", "ros1msg", definition.encode())
