@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-_LARGEST_BYTES = 16 * 2**20
+_LARGEST_BYTES = 4 * 2**20
 
 
 @cache

@@ -202,6 +202,13 @@ reading_options = grouped(
             callback=_known_sensor,
             help="Sensor model, for packets that do not identify it.",
         ),
+        click.option(
+            "--integrate",
+            "integrate_ms",
+            type=click.FloatRange(min=1, max=2000),
+            metavar="MS",
+            help="Join the clouds of each MS milliseconds into one frame, for lidars whose scans do not repeat.",
+        ),
     ),
 )
 """Options for the part of a recording to read, and how; as ``reading``."""

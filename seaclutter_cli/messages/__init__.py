@@ -6,6 +6,7 @@ from seaclutter_cli.interfaces import CloudCodec
 from seaclutter_cli.messages.compressed import CompressedPointCloud2
 from seaclutter_cli.messages.foxglove import JsonPointCloud, ProtobufPointCloud
 from seaclutter_cli.messages.foxglove_ros import RosFoxglovePointCloud
+from seaclutter_cli.messages.livox import LivoxCustomMsg
 from seaclutter_cli.messages.pointcloud2 import PointCloud2
 from seaclutter_cli.messages.scans import LaserScan, MultiEchoLaserScan
 from seaclutter_cli.messages.serialisation import RosCodec
@@ -15,6 +16,8 @@ _ROS: Mapping[str, type[RosCodec]] = {
     "sensor_msgs/PointCloud2": PointCloud2,
     "foxglove_msgs/PointCloud": RosFoxglovePointCloud,
     "point_cloud_interfaces/CompressedPointCloud2": CompressedPointCloud2,
+    "livox_ros_driver/CustomMsg": LivoxCustomMsg,
+    "livox_ros_driver2/CustomMsg": LivoxCustomMsg,
     "sensor_msgs/LaserScan": LaserScan,
     "sensor_msgs/MultiEchoLaserScan": MultiEchoLaserScan,
 }
@@ -47,9 +50,9 @@ def main_clouds(channels: Iterable[Channel]) -> Sequence[Channel]:
     return [channel for channel, rank in ranks.items() if rank == min(ranks.values())]
 
 
-def is_scan(channel: Channel) -> bool:
-    """Return whether the clouds of a channel are scans, whose points have no room for further fields."""
-    return isinstance(find_codec(channel), LaserScan | MultiEchoLaserScan)
+def has_fixed_fields(channel: Channel) -> bool:
+    """Return whether the points in the messages of a channel have no room for further fields."""
+    return isinstance(find_codec(channel), LaserScan | LivoxCustomMsg | MultiEchoLaserScan)
 
 
 def _rank(channel: Channel) -> int | None:

@@ -109,6 +109,16 @@ class Reader:
         """Return a sequence of ``sensor_msgs/PointField``."""
         return tuple(self._field() for _ in range(self.length(_MAX_FIELDS, "field")))
 
+    def structures(self, number: int, size: int, step: int) -> Buffer:
+        """Return structures of ``step`` bytes: a view, or a copy if the padding of the last one is missing."""
+        data = self._take(max(number * step - (step - size), 0), "byte")
+        return bytes(data) + bytes(step - size) if number and step > size else data
+
+    @property
+    def big_endian(self) -> bool:
+        """Whether the most significant byte of a number comes first."""
+        return self._order == ">"
+
     @property
     def left(self) -> int:
         """Number of bytes that are not read yet."""

@@ -10,7 +10,7 @@ from seaclutter_cli import __version__
 from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import CloudCodec, Source
-from seaclutter_cli.messages import find_codec, is_scan
+from seaclutter_cli.messages import find_codec, has_fixed_fields
 from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format
 from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
@@ -221,7 +221,7 @@ class McapSink(AbstractContextManager["McapSink"]):
             self._topics[name] = replace(known, content=FILTERED)
         if options.with_removed:
             name = f"{channel.topic}/removed"
-            points = points_channel(channel) if is_scan(channel) else channel
+            points = points_channel(channel) if has_fixed_fields(channel) else channel
             removed_codec = find_codec(points) or codec
             removed = self._add(replace(points, topic=name), taken)
             self._topics[name] = replace(known, content=REMOVED)

@@ -85,7 +85,7 @@ class McapWriter:
         workers = min(_MAX_THREADS, threads())
         self._pool = executor(workers, "compress")
         self._pending: deque[tuple[_Chunk, Future[tuple[int, Buffer | bytearray]]]] = deque()
-        self._max_pending = workers + 1
+        self._max_pending = workers + 1 if workers > 1 else 0
         self._schemas: dict[Schema, int] = {}
         self._channels: dict[int, tuple[Channel, int]] = {}
         self._counts: Counter[int] = Counter()

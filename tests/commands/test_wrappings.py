@@ -14,7 +14,7 @@ from seaclutter_cli.commands import cli
 from tests import logs
 from tests.messages import wrapped
 
-FORMS = ("zstd", "zlib", "draco", "foxglove", "scan", "echoes")
+FORMS = ("zstd", "zlib", "draco", "foxglove", "scan", "echoes", "livox")
 POINTS = "sensor_msgs/msg/PointCloud2"
 
 
@@ -63,8 +63,10 @@ def test_the_filtered_log_has_the_messages_of_the_log(tmp_path, recording, form)
         assert log.topics == ("/points", "/points/filtered", "/points/removed")
         channels = {channel.topic: channel.schema.name for channel in log._source.channels}
     assert channels["/points/filtered"] == channels["/points"]
-    is_scan = form in ("scan", "echoes")
-    assert channels["/points/removed"].endswith("/PointCloud2" if is_scan else wrapped.KINDS[form].split("/")[-1])
+    has_fixed_fields = form in ("scan", "echoes", "livox")
+    assert channels["/points/removed"].endswith(
+        "/PointCloud2" if has_fixed_fields else wrapped.KINDS[form].split("/")[-1]
+    )
     raw, kept, removed = (frames(out, f"/points{part}") for part in ("", "/filtered", "/removed"))
     for whole, some, rest in zip(raw, kept, removed, strict=True):
         valid = some[np.isfinite(some["x"])]
@@ -72,7 +74,8 @@ def test_the_filtered_log_has_the_messages_of_the_log(tmp_path, recording, form)
         assert len(valid) + len(rest) == len(whole)
         assert set(map(repr, valid.tolist())) <= set(map(repr, whole.tolist()))
         assert set(rest["reason"].tolist()) <= {1, 2, 3}
-        assert (valid["intensity"] >= 20).all() or (np.hypot(valid["x"], valid["y"]) >= 70).any()
+        intensity = valid["reflectivity" if form == "livox" else "intensity"]
+        assert (intensity >= 20).all() or (np.hypot(valid["x"], valid["y"]) >= 70).any()
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -87,6 +90,7 @@ def test_values_are_those_of_plain_clouds(tmp_path, form):
             every = every[(every >= least) & (every <= most)]
             np.testing.assert_allclose(np.hypot(points["x"], points["y"]), every, rtol=1e-6)
         else:
+            expected = wrapped.livox_points(expected) if form == "livox" else expected
             for name in found.dtype.names:
                 np.testing.assert_array_equal(found[name], expected[name])
 
@@ -129,7 +133,7 @@ def with_clouds(form, topic):
     return logs.cloud_topic(topic), entries
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", [form for form in FORMS if form != "livox"])
 def test_plain_clouds_are_meant_if_no_topic_is_named(tmp_path, form):
     path, name = tmp_path / "log.mcap", "/other"
     wrapped.sea_log(path, form, topic_name=name, others=[with_clouds("ros2", "/points")])

@@ -41,11 +41,6 @@ def mcap_packets(folder):
     logs.write_log(folder / "log.mcap", [topic], entries)
 
 
-def wrapped_clouds(folder, form):
-    """Write a log with clouds in a form of `wrapped.sea_messages`."""
-    wrapped.sea_log(folder / "log.mcap", form)
-
-
 def packet_topic(folder, driver, container="mcap"):
     """Write a recording with the packet topic of a driver."""
     from tests.sources.shared.driver_topics import DRIVERS, robosense_packets, write_topic
@@ -58,6 +53,11 @@ def packet_topic(folder, driver, container="mcap"):
         shutil.rmtree(path)
     else:
         path.rename(folder / f"log.{container}")
+
+
+def wrapped_clouds(folder, form):
+    """Write a log with clouds in a form of `wrapped.sea_messages`."""
+    wrapped.sea_log(folder / "log.mcap", form)
 
 
 def _schema(kind):

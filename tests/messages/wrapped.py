@@ -18,7 +18,23 @@ FOXGLOVE_TYPES = {"u1": 1, "i1": 2, "u2": 3, "i2": 4, "u4": 5, "i4": 6, "f4": 7,
 COMPRESSED = "point_cloud_interfaces/msg/CompressedPointCloud2"
 FOXGLOVE = "foxglove_msgs/msg/PointCloud"
 SCAN, ECHOES = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/MultiEchoLaserScan"
+LIVOX, LIVOX_POINT = "livox_ros_driver2/msg/CustomMsg", "livox_ros_driver2/msg/CustomPoint"
 DEFINITIONS = {
+    LIVOX_POINT: """
+        uint32 offset_time
+        float32 x
+        float32 y
+        float32 z
+        uint8 reflectivity
+        uint8 tag
+        uint8 line""",
+    LIVOX: """
+        std_msgs/Header header
+        uint64 timebase
+        uint32 point_num
+        uint8 lidar_id
+        uint8[3] rsvd
+        livox_ros_driver2/CustomPoint[] points""",
     COMPRESSED: """
         std_msgs/Header header
         uint32 height
@@ -130,6 +146,30 @@ def echoes(encoding, ranges, intensities, *, plane=PLANE, stamp_ns=logs.START_NS
     return serialised(encoding, ECHOES, header(encoding, stamp_ns, "scanner"), *plane, *lists, little=little)
 
 
+def livox(encoding, points, *, stamp_ns=logs.START_NS, frame_id="livox_frame", little=True):
+    """Return a Livox message of points with offset_time, x, y, z, reflectivity, tag and line."""
+    kind = store(encoding).types[LIVOX_POINT]
+    made = [kind(*point) for point in points.tolist()]
+    reserved = np.array([7, 8, 9], np.uint8)
+    head = header(encoding, stamp_ns, frame_id), stamp_ns - 1000, len(made), 192, reserved
+    return serialised(encoding, LIVOX, *head, made, little=little)
+
+
+LIVOX_FIELDS = [("offset_time", "u4"), ("x", "f4"), ("y", "f4"), ("z", "f4"), ("reflectivity", "u1")]
+LIVOX_FIELDS += [("tag", "u1"), ("line", "u1")]
+
+
+def livox_points(points):
+    """Return points with coordinates and intensity as Livox points, 10 µs apart."""
+    found = np.zeros(len(points), LIVOX_FIELDS)
+    for axis in "xyz":
+        found[axis] = points[axis]
+    found["reflectivity"] = points["intensity"]
+    found["offset_time"], found["tag"] = np.arange(len(points)) * 10_000, 16
+    found["line"] = np.arange(len(points)) % 4
+    return found
+
+
 def topic(name, kind, encoding="cdr"):
     """Return a topic of a type."""
     ros = 2 if encoding == "cdr" else 1
@@ -139,7 +179,7 @@ def topic(name, kind, encoding="cdr"):
 
 
 def sea_messages(form, frames=3, points=60, encoding="cdr"):
-    """Return the frames of `logs.cloud_messages` in another form: zstd, zlib, draco, foxglove, scan or echoes."""
+    """Return the frames of `logs.cloud_messages` in another form, a key of `KINDS`."""
     found = []
     for number in range(frames):
         stamp_ns = logs.START_NS + number * logs.PERIOD_NS - 5_000_000
@@ -161,6 +201,8 @@ def _message(form, points, stamp_ns, encoding):
         return compressed(drawn, encoding, "draco", (DATA / "sequential.drc").read_bytes())
     if form == "foxglove":
         return foxglove(plain, encoding)
+    if form == "livox":
+        return livox(encoding, livox_points(points), stamp_ns=stamp_ns)
     ranges = np.hypot(points["x"], points["y"])
     if form == "scan":
         return scan(encoding, ranges, points["intensity"], stamp_ns=stamp_ns)
@@ -169,7 +211,7 @@ def _message(form, points, stamp_ns, encoding):
 
 
 KINDS = {"zstd": COMPRESSED, "zlib": COMPRESSED, "draco": COMPRESSED, "foxglove": FOXGLOVE, "scan": SCAN}
-KINDS["echoes"] = ECHOES
+KINDS |= {"echoes": ECHOES, "livox": LIVOX}
 
 
 def sea_log(path, form, encoding="cdr", topic_name="/points", others=()):

@@ -73,8 +73,6 @@ The length of a message distinguishes versions of drivers that share a type name
 
 _CLOUDS = "record the driver's sensor_msgs/PointCloud2"
 UNSUPPORTED: Mapping[str, str] = {
-    "livox_ros_driver/msg/CustomMsg": "set the driver's xfer_format to 0, which publishes sensor_msgs/PointCloud2",
-    "livox_ros_driver2/msg/CustomMsg": "set the driver's xfer_format to 0, which publishes sensor_msgs/PointCloud2",
     "robosense_msgs/msg/RobosenseScan": f"{_CLOUDS}, or the packets with rslidar_sdk",
     "innovusion_msgs/msg/InnovusionScan": _CLOUDS,
     "vanjee_lidar_msg/msg/VanjeelidarPacket": _CLOUDS,
