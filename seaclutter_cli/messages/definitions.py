@@ -47,6 +47,11 @@ def ros2_schema(typename: str) -> Schema:
     return Schema(typename, "ros2msg", definition.encode())
 
 
+def ros2_types() -> Any:
+    """Return constants and fields of the known ROS 2 messages by their full names, as rosbags describes them."""
+    return _typestore().fielddefs
+
+
 @cache
 def _typestore() -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # takes 0.1 s, which most runs do not need
