@@ -48,7 +48,7 @@ from seaclutter_cli.runs.recordings import (
 from seaclutter_cli.runs.resume import earlier_run, identity_of
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
-from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
+from seaclutter_cli.sinks import CsvSink, LogSink, McapOptions
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location, location
@@ -328,7 +328,7 @@ class FilterWork(Work[FilterOutcome]):
         fit = FitWarnings(self.config, source, topics, observer)
         with (
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
-            McapSink(
+            LogSink(
                 outcome.output, self._written(labels, partial(self._record, source, labels, outcome)), group
             ) as sink,
         ):

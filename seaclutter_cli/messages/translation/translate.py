@@ -158,7 +158,8 @@ def _lost(source: Struct, target: Struct) -> list[str]:
 
 
 def _is_same(types: Types, known: Types, name: str) -> bool:
-    return _unnamed(layout_of(types, name, merged=False)) == _unnamed(layout_of(known, name, merged=False))
+    one, other = (_unnamed(layout_of(some, name, merged=False)) for some in (types, known))
+    return bool(one == other)
 
 
 def _unnamed(node: Node) -> Any:
