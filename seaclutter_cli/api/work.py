@@ -38,20 +38,21 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
     config: Settings | None = None,
     reading: ReadOptions | None = None,
     written: McapOptions | None = None,
+    to: str | None = None,
     csv_file: PathLike | None = None,
     force: bool = False,
     keep_going: bool = False,
     batch: BatchOptions | None = None,
     observer: Observer = SILENT,
 ) -> FilterSummary:
-    """Filter one or several logs into drop-in MCAP files.
+    """Filter one or several logs into drop-in logs.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Files, folders or globs.
     output : path
-        File for one recording, folder for several.
+        Output of one recording, folder for several.
     method : str, optional
         Filter method; by default that of the configuration, or ``joint``.
     config : path, mapping or Config, optional
@@ -59,7 +60,9 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
     reading : ReadOptions, optional
         Part of each recording to read, and how.
     written : McapOptions, optional
-        Content of the filtered files.
+        Content of the filtered logs.
+    to : str, optional
+        Format of the filtered logs, as for ``--to``; by default that of the suffix of ``output``, or ``mcap``.
     csv_file : path, optional
         File for a table with a row for each frame.
     force : bool, optional
@@ -95,6 +98,7 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
         config=config_options(method, config),
         reading=reading or ReadOptions(),
         written=written or McapOptions(),
+        to=to,
         csv_file=path_or_none(csv_file),
         force=force,
         batch=batch or BatchOptions(),
@@ -110,6 +114,7 @@ def plan_filter(  # noqa: PLR0913 - each an option of its own
     config: Settings | None = None,
     reading: ReadOptions | None = None,
     written: McapOptions | None = None,
+    to: str | None = None,
     csv_file: PathLike | None = None,
     force: bool = False,
     batch: BatchOptions | None = None,
@@ -119,7 +124,7 @@ def plan_filter(  # noqa: PLR0913 - each an option of its own
 
     Parameters
     ----------
-    logs, output, method, config, reading, written, csv_file, force, batch
+    logs, output, method, config, reading, written, to, csv_file, force, batch
         As for `filter_log`.
     observer : Observer, optional
         Receives progress and warnings.
@@ -146,6 +151,7 @@ def plan_filter(  # noqa: PLR0913 - each an option of its own
         config=config_options(method, config),
         reading=reading or ReadOptions(),
         written=written or McapOptions(),
+        to=to,
         csv_file=path_or_none(csv_file),
         force=force,
         batch=batch or BatchOptions(),

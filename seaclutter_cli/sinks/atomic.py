@@ -187,6 +187,25 @@ class CompleteFile(AtomicFile):
         self._remover = weakref.finalize(self, _remove, part, [])
 
 
+class Leftover(CompleteFile):
+    """A file of an earlier run that the files of a group replace although it has another name."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, path)
+        self._remover.detach()
+
+    def publish(self, *, replace: bool = True) -> None:
+        """Remove the file, if files may be replaced."""
+        if replace:
+            self.part.unlink(missing_ok=True)
+
+    def prepare(self, *, replace: bool = True) -> None:
+        """Do nothing."""
+
+    def discard(self) -> None:
+        """Do nothing: the file stays."""
+
+
 class OutputGroup(AbstractContextManager["OutputGroup"]):
     """Files that appear under their names together, when all are complete, or not at all.
 

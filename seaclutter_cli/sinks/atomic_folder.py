@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, BinaryIO, cast
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup, PartFile, appeared, explain
 from seaclutter_cli.storage.locations import Location, Url
+from seaclutter_cli.storage.objects import is_folder_of_objects
 from seaclutter_cli.storage.parts import part_path, release
 from seaclutter_cli.storage.uploads import send
 
@@ -49,6 +50,8 @@ class AtomicFolder(AtomicFile):
             raise OutputError(explain(self.path, error)) from error
 
     def _create(self, opened: list[BinaryIO]) -> None:  # noqa: ARG002 - files are closed by those who opened them
+        if isinstance(self.path, Url) and is_folder_of_objects(self.path):
+            raise OutputError(f"{self.path}: already exists; delete it, or choose another output")
         try:
             if self._target.exists() and not self._target.is_dir():
                 raise OutputError(f"{self.path}: not a folder, cannot be replaced")

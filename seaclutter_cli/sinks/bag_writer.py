@@ -13,7 +13,7 @@ from typing import BinaryIO
 import lz4.frame
 
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.messages.carried import TOPIC, to_text
+from seaclutter_cli.messages.carried import STRING, TOPIC, to_message
 from seaclutter_cli.records import Buffer, Channel, Metadata, Schema
 from seaclutter_cli.sinks.compressor import Compressor
 
@@ -107,11 +107,10 @@ class BagWriter:
     def finish(self, metadata: Sequence[Metadata]) -> None:
         """Write the metadata records as a message, pending chunks, the index, and the header."""
         if metadata:
-            text = to_text(metadata).encode()
             number = max(self._connections, default=0) + 1
-            schema = Schema("std_msgs/String", "ros1msg", b"string data\n")
+            schema = Schema(STRING, "ros1msg", b"string data\n")
             self.add_channel(Channel(number, TOPIC, "ros1", schema, (("latching", "1"), ("md5sum", _STRING_MD5))))
-            self.write(number, self._end_ns, _U32.pack(len(text)) + text)
+            self.write(number, self._end_ns, to_message(metadata))
         if self._chunk.data:
             self._submit()
         self._compressor.finish()

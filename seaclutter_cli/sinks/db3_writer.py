@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from seaclutter_cli.errors import OutputError
+from seaclutter_cli.messages.carried import to_custom_data
 from seaclutter_cli.records import Buffer, Channel, Metadata
-from seaclutter_cli.sinks.rosbag2_metadata import VERSION, custom_data, to_yaml
+from seaclutter_cli.sinks.rosbag2_metadata import VERSION, to_yaml
 from seaclutter_cli.storage.locations import Location
 
 _TABLES = """
@@ -73,7 +74,7 @@ class Db3Writer:
 
     def finish(self, metadata: Sequence[Metadata]) -> None:
         """Write the metadata records, and the index of times."""
-        text = to_yaml({"custom_data": custom_data(metadata)})
+        text = to_yaml({"custom_data": to_custom_data(metadata)})
         self._run("INSERT INTO metadata (metadata_version, metadata) VALUES (?, ?)", (VERSION, text))
         self._run("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
         self._run("COMMIT")

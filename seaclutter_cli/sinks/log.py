@@ -1,5 +1,6 @@
 """Filtered log, a drop-in replacement for the input."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -56,7 +57,10 @@ class McapOptions:
         ``zstd``, ``lz4`` or empty for none; None uses the compression of the input, zstd if unknown. ROS 1 bags have
         LZ4 or none, sqlite3 files none.
     split : Split, optional
-        Limit of a part of the log; further parts have the next numbers in their names.
+        Limit of a part of the log; the parts have numbers in their names.
+    include, exclude : tuple of str
+        Regular expressions for the names of the other topics: those that are written, by default all, and those that
+        are left out.
     latched : tuple of str
         Topics whose last message before the start of a part is written, beside those that are known as latched.
     config : str
@@ -88,6 +92,8 @@ class McapOptions:
     diagnostics: bool = True
     compression: str | None = None
     split: Split | None = None
+    include: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
     latched: tuple[str, ...] = ()
     config: str = ""
     water: bool = False
@@ -95,6 +101,11 @@ class McapOptions:
     record: Callable[[], Metadata] | None = None
     method: str = ""
     is_part: bool = False
+
+    def takes(self, topic: str) -> bool:
+        """Return whether one of the other topics is written."""
+        included = not self.include or any(re.search(pattern, topic) for pattern in self.include)
+        return included and not any(re.search(pattern, topic) for pattern in self.exclude)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,8 +186,10 @@ class LogSink(AbstractContextManager["LogSink"]):
         self._source = source
         self._begin_part()
         taken = {channel.topic for channel in source.channels}
+        self._selected = {channel.topic for channel in clouds}
         for channel in source.channels:
-            self._declare(channel)
+            if self._takes(channel):
+                self._declare(channel)
         several = len({channel.topic for channel in clouds}) > 1
         before = recorded_topics(source.metadata)
         self._topics |= before if self._as_is else {}
@@ -192,8 +205,9 @@ class LogSink(AbstractContextManager["LogSink"]):
     def copy(self, record: Message | Attachment | Metadata) -> None:
         """Write a record unchanged."""
         if isinstance(record, Message):
-            self._make_room(record, len(record.data))
-            self._copy(record)
+            if self._takes(record.channel):
+                self._make_room(record, len(record.data))
+                self._copy(record)
         elif isinstance(record, Attachment):
             self._writer.attach(record)
         else:
@@ -234,6 +248,9 @@ class LogSink(AbstractContextManager["LogSink"]):
         for topic, messages in self._broken.items():
             problem = f"messages on {topic} that do not fit their definition"
             self._source.damage.append(Damage(Path(self._source.name), None, problem, lost_messages=messages))
+
+    def _takes(self, channel: Channel) -> bool:
+        return channel.topic in self._selected or self._options.takes(channel.topic)
 
     def _make_room(self, message: Message, size: int) -> None:
         """Begin another part if a message no longer belongs to this one."""

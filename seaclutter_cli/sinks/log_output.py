@@ -1,15 +1,17 @@
 """Files and folders that a log is written to, in one part or in several."""
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
 from seaclutter_cli import __version__
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.sinks.atomic import AtomicFile, Leftover, OutputGroup
 from seaclutter_cli.sinks.atomic_folder import AtomicFolder
 from seaclutter_cli.sinks.bag_writer import BagWriter
 from seaclutter_cli.sinks.db3_writer import Db3Writer
@@ -59,13 +61,14 @@ class _Files(LogOutput):
     def __init__(self, path: Location, group: OutputGroup | None = None, *, split: bool = False) -> None:
         self._path, self._split = path, split
         self._group = OutputGroup(group) if split else group
+        self._number = 0
         self._first = self._last = self._open(0)
 
     def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
         if number:
             if self._last is not self._first:
                 self._last.__exit__(None, None, None)
-            self._last = self._open(number)
+            self._last, self._number = self._open(number), number
         return self._start(self._last.stream, source, compression)
 
     def _open(self, number: int) -> AtomicFile:
@@ -77,6 +80,9 @@ class _Files(LogOutput):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._split and kind is None and self._group is not None:
+            for leftover in parts_after(self._path, self._number):
+                self._group.add(Leftover(leftover))
         with ExitStack() as stack:
             if self._split and self._group is not None:
                 stack.push(self._group.__exit__)
@@ -101,6 +107,16 @@ def part_path(path: Location, number: int) -> Location:
 def mcap_compression(source: Source, given: str | None) -> str:
     """Return the compression of an MCAP file: the one that was asked for, that of the input, or zstd."""
     return given if given is not None else "zstd" if source.compression is None else source.compression
+
+
+def parts_after(path: Location, number: int) -> list[Path]:
+    """Return the existing parts of a log whose numbers are greater than one, in order."""
+    if not isinstance(path, Path):
+        return []
+    pattern = re.compile(re.escape(path.name.removesuffix(path.suffix)) + r"_([1-9]\d{0,8})" + re.escape(path.suffix))
+    found = ((pattern.fullmatch(one.name), one) for one in path.parent.glob("*") if path.parent.is_dir())
+    numbers = {int(match[1]): one for match, one in found if match}
+    return [numbers[one] for one in sorted(numbers) if one > number]
 
 
 class McapOutput(_Files):

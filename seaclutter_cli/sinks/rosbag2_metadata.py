@@ -1,13 +1,13 @@
 """The file ``metadata.yaml`` of a ROS 2 recording."""
 
-import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
 
+from seaclutter_cli.messages.carried import to_custom_data
 from seaclutter_cli.records import Channel, Metadata
 
 NAME = "metadata.yaml"
@@ -95,7 +95,7 @@ class Contents:
             "compression_mode": "",
             "relative_file_paths": [file.name for file in self.files],
             "files": [file.as_dict() for file in self.files],
-            "custom_data": custom_data(self.metadata) or None,
+            "custom_data": to_custom_data(self.metadata) or None,
             "ros_distro": "",
         }
         return to_yaml({"rosbag2_bagfile_information": information})
@@ -110,11 +110,6 @@ def _topic(channel: Channel) -> dict[str, str]:
         "offered_qos_profiles": metadata.get("offered_qos_profiles", ""),
         "type_description_hash": metadata.get("topic_type_hash", ""),
     }
-
-
-def custom_data(metadata: Sequence[Metadata]) -> dict[str, str]:
-    """Return metadata records as texts by name; of several with the same name, the last counts."""
-    return {one.name: json.dumps(one.entries) for one in metadata}
 
 
 def to_yaml(values: Mapping[str, Any]) -> str:

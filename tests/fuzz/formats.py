@@ -127,6 +127,7 @@ FORMATS: dict[str, Format] = {
     "laz frames": Format(partial(seeds.frame_files, suffix=".laz"), **_FOLDER),
     "kitti bin": Format(partial(seeds.frame_files, suffix=".bin"), **_FOLDER),
     "npy": Format(partial(seeds.frame_files, suffix=".npy"), **_TEXT_HEAD),
+    "npz": Format(partial(seeds.frame_files, suffix=".npz"), **_FOLDER),
     "csv frames": Format(partial(seeds.frame_files, suffix=".csv"), **_TEXT_HEAD),
     "labels csv": Format(
         partial(seeds.labelled, form="csv"), _labels("log.mcap", "labels/log.labels.csv"), "labels/*.csv", TEXT

@@ -57,7 +57,7 @@ def translator(channel: Channel, encoding: str) -> Translator:
         If the messages cannot be translated.
     """
     if channel.message_encoding == encoding and channel.schema is not None:
-        return Translator(channel, _unchanged)
+        return Translator(_with_checksum(channel, encoding), _unchanged)
     if channel.schema is None:
         raise TranslationError("its messages have no definition")
     if channel.message_encoding not in (CDR, ROS1):
@@ -85,6 +85,18 @@ def _channel(channel: Channel, encoding: str, schema: Schema, checksum: str) -> 
     else:
         metadata = {"offered_qos_profiles": LATCHED_QOS if latched else "", "topic_type_hash": checksum}
     return replace(channel, message_encoding=encoding, schema=schema, metadata=tuple(sorted(metadata.items())))
+
+
+def _with_checksum(channel: Channel, encoding: str) -> Channel:
+    """Return a channel with the checksum of its definition, which logs without it would lack."""
+    name = "md5sum" if encoding == ROS1 else "topic_type_hash"
+    if channel.schema is None or dict(channel.metadata).get(name):
+        return channel
+    try:
+        _, checksum = definition_of(types_of(channel.schema), full_name(channel.schema.name), ros2=encoding == CDR)
+    except TranslationError:
+        return channel
+    return replace(channel, metadata=tuple(sorted({**dict(channel.metadata), name: checksum}.items())))
 
 
 def _unchanged(data: Buffer) -> Buffer:

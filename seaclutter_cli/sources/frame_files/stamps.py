@@ -7,6 +7,7 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.messages.carried import SIDECAR
 from seaclutter_cli.text import count
 
 _NANO = 1_000_000_000
@@ -83,7 +84,9 @@ def from_time_files(files: Sequence[Path]) -> list[int] | None:
 
 
 def times_beside(folder: Path) -> Path | None:
-    """Return the time file beside a folder of KITTI frames, or the folder of time files beside one of SeePerSea."""
+    """Return the time file in a folder, beside one of KITTI frames, or the folder of time files of SeePerSea."""
+    if (own := folder / "times.txt").is_file() and (folder / SIDECAR).is_file():
+        return own
     if folder.name == "point_clouds" and (times := folder.parent / "timestamp").is_dir():
         return times
     if folder.name not in ("velodyne", "data"):
