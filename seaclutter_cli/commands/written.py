@@ -7,6 +7,8 @@ from typing import Any
 import click
 
 FORMATS = ("mcap", "bag", "rosbag2-db3", "rosbag2-mcap", "pcd", "las", "laz", "npz")
+"""The keys of `OUTPUT_FORMATS`, whose import would slow down the help."""
+
 _COMPRESSIONS = {"zstd": "zstd", "lz4": "lz4", "none": ""}
 
 Option = Callable[[Any], Any]
@@ -29,7 +31,7 @@ def _patterns(_: click.Context, __: click.Parameter, values: tuple[str, ...]) ->
 def _split(_: click.Context, __: click.Parameter, value: str | None) -> Any:
     if value is None:
         return None
-    from seaclutter_cli.sinks.split import parse_split
+    from seaclutter_cli.runs.output_plan import parse_split
 
     try:
         return parse_split(value)

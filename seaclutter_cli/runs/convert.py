@@ -11,7 +11,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.pipeline import TopicTally, read
-from seaclutter_cli.records import Channel, Message, Metadata
+from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, inputs_of_work, run_batch
 from seaclutter_cli.runs.convert_result import ConvertOutcome, ConvertSummary
 from seaclutter_cli.runs.log_outcome import output_size
@@ -185,16 +185,15 @@ class ConvertWork(Work[ConvertOutcome]):
         ):
             sink.begin(source, clouds)
             for item, frame in read(source, clouds, selection, with_latched=True):
-                outcome.messages += isinstance(item, Message)
                 if frame is None:
                     sink.copy(item)
                     continue
                 sink.keep(frame)
                 _count(frame, outcome.topics[frame.topic])
                 step()
-            has_topics = OUTPUT_FORMATS[self.form].has_topics
-            require_frames(source, outcome.messages if has_topics else outcome.frames, selection)
             sink.end()
+            outcome.messages = sink.messages
+            require_frames(source, outcome.frames if clouds else outcome.messages, selection)
         outcome.lost = list(sink.lost)
         warn_of_losses(self.output, self.form, sink.lost, observer)
 

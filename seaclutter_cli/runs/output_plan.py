@@ -13,13 +13,18 @@ from seaclutter_cli.runs.outputs import is_file
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, format_of
 from seaclutter_cli.sinks.log_output import part_path, parts_after
-from seaclutter_cli.sinks.split import Split
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sinks.split import Split, parse_split
+from seaclutter_cli.sources import SOURCES, Recording
+from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.storage.locations import Location, Url, location
 from seaclutter_cli.storage.objects import exists
 from seaclutter_cli.text import count, named_folder
 
+__all__ = ["PlannedOutputs", "first_part", "is_folder", "parse_split", "places_of", "plan_outputs", "warn_of_losses"]
+
 _MAX_LOSSES = 8
+_READ = {suffix for kind in SOURCES.values() for suffix in kind.suffixes} | set(FRAME_READERS)
+_ONLY_READ = _READ - {kind.suffix for kind in OUTPUT_FORMATS.values()}
 
 
 def is_folder(output: PathLike, outputs: int, marker: str = "") -> bool:
@@ -78,6 +83,8 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
         If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
     """
     path, several = location(output), len(recordings) > 1 or named_folder(output)
+    if not several:
+        _check_name(path)
     form = to or "mcap" if several else format_of(path, to)
     kind = OUTPUT_FORMATS[form]
     if not is_folder(output, len(recordings), kind.marker):
@@ -95,6 +102,12 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
             raise UsageError(f"{first} and {recording.paths[0]} would both become {target}; filter them separately")
         targets[target] = recording
     return PlannedOutputs(form, list(targets))
+
+
+def _check_name(output: Location) -> None:
+    """Raise `UsageError` if the name of an output is that of a format that can only be read."""
+    if output.suffix.lower() in _ONLY_READ:
+        raise UsageError(f"{output}: this format can only be read; choose a name such as {output.stem}.mcap")
 
 
 def first_part(target: Location, form: str, split: Split | None) -> Location:

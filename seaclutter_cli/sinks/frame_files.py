@@ -59,9 +59,9 @@ def write_las_frame(stream: BinaryIO, cloud: Cloud) -> int:
 def write_laz_frame(stream: BinaryIO, cloud: Cloud) -> int:
     """Write a LAZ file, and return the number of points without coordinates, which it cannot contain.
 
-    Coordinates have a resolution of 0.1 mm, if they are at most 400 km apart. Fields with the name and the type of a dimension of LAS are stored in it,
-    all others in extra dimensions, those with several values in one for each value. An intensity that is no 8 or 16 bit
-    number is rounded, and also stored as ``original_intensity``.
+    Coordinates have a resolution of 0.1 mm, if they are at most 400 km apart. Fields with the name and the type of a
+    dimension of LAS are stored in it, all others in extra dimensions, those with several values in one for each value.
+    An intensity that is no 8 or 16 bit number is rounded, and also stored as ``original_intensity``.
 
     Raises
     ------

@@ -84,6 +84,11 @@ class FrameSink(AbstractContextManager["FrameSink"]):
             output.__exit__(kind, error, trace)
 
     @property
+    def messages(self) -> int:
+        """Number of frames written."""
+        return len(self._stamps_ns)
+
+    @property
     def lost(self) -> Sequence[str]:
         """What the files cannot keep of the recording, in words."""
         found = {

@@ -162,6 +162,8 @@ class LogSink(AbstractContextManager["LogSink"]):
         self._first_frames: dict[str, int] = {}
         self._next_frames: dict[str, int] = {}
         self._lost: dict[str, None] = {}
+        self.messages = 0
+        """Number of messages written; complete after `end`."""
 
     def __enter__(self) -> Self:
         """Return the sink."""
@@ -278,6 +280,7 @@ class LogSink(AbstractContextManager["LogSink"]):
             self._writer.finish()
         self._lost |= dict.fromkeys(self._writer.lost)
         self._broken.update(self._writer.broken)
+        self.messages += self._writer.messages
 
     @property
     def _writer(self) -> LogWriter:

@@ -214,6 +214,10 @@ class _Counted:
         return self._writer.lost
 
     @property
+    def messages(self) -> int:
+        return self._writer.messages
+
+    @property
     def broken(self) -> Mapping[str, int]:
         return self._writer.broken
 

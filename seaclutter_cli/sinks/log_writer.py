@@ -15,6 +15,11 @@ class LogWriter(Protocol):
         ...
 
     @property
+    def messages(self) -> int:
+        """Number of messages written."""
+        ...
+
+    @property
     def lost(self) -> Sequence[str]:
         """What the log cannot keep of the records so far, in words."""
         ...

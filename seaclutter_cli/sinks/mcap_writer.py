@@ -95,6 +95,11 @@ class McapWriter:
         self._write(MAGIC)
         self._write_record(mcap_records.Header(profile=profile, library=library))
 
+    @property
+    def messages(self) -> int:
+        """Number of messages written."""
+        return self._counts.total()
+
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel under its own id, before its first message."""
         schema_id = 0

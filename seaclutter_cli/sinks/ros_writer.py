@@ -38,6 +38,11 @@ class TranslatingWriter:
         topics = [f"{topic} ({reason})" for topic, reason in self._left_out.items()]
         return [*self._writer.lost, *self._fields, *topics]
 
+    @property
+    def messages(self) -> int:
+        """Number of messages written."""
+        return self._writer.messages
+
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel, unless its messages cannot be translated."""
         try:
@@ -95,6 +100,7 @@ class MessagesOnly:
         self.broken = Counter[str]()
         self._storage = storage
         self._metadata: list[Metadata] = []
+        self.messages = 0
         self._attachments = 0
         self._has_publish_times = self._has_sequences = False
 
@@ -117,6 +123,7 @@ class MessagesOnly:
         self._has_publish_times |= publish_time_ns != log_time_ns
         self._has_sequences |= sequence != 0
         self._storage.write(channel, log_time_ns, data)
+        self.messages += 1
 
     def attach(self, attachment: Attachment) -> None:  # noqa: ARG002
         """Count an attachment, which is lost."""
