@@ -20,6 +20,7 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.adaptive_radius import PresetParams
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.ring_params import RingIntensityParams
+from seaclutter_cli.filters.sea_surface import SeaSurfaceParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.parameters import descriptions, yaml_value
@@ -121,6 +122,11 @@ class Config:
     def has_water(self) -> bool:
         """Whether the method estimates the water."""
         return isinstance(self.filter, ConfirmedParams)
+
+    @property
+    def needs_height(self) -> bool:
+        """Whether the method depends on the heights of points."""
+        return isinstance(self.filter, ConfirmedParams | SeaSurfaceParams)
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return the configuration as the sections of a file."""

@@ -3,6 +3,7 @@
     SeaclutterError        exit status 1, one line for the user
     ├── InputError         the input cannot be read or contains no data
     │   ├── CloudError     a message is not a valid point cloud
+    │   ├── UnsupportedCloudError  clouds are stored in a form that cannot be read
     │   └── FieldError     a field is missing or has the wrong type
     ├── LabelError         labels cannot be read or do not match the recording
     ├── ModelError         a trained model cannot be read or does not match the task
@@ -62,6 +63,17 @@ class CloudError(InputError):
     --------
     >>> import seaclutter
     >>> issubclass(seaclutter.CloudError, seaclutter.InputError)
+    True
+    """
+
+
+class UnsupportedCloudError(InputError):
+    """Clouds are stored in a form that cannot be read, for example with an unknown compression.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> issubclass(seaclutter.UnsupportedCloudError, seaclutter.InputError)
     True
     """
 

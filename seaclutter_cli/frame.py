@@ -169,6 +169,11 @@ class Frame:
                 xyz[row] = _column(points, axis)
         return xyz
 
+    def release(self) -> None:
+        """Forget coordinates and intensities, so that the frame takes less memory; they are computed when used."""
+        for name in ("coordinates", "intensity"):
+            vars(self).pop(name, None)
+
     @cached_property
     def range_m(self) -> NDArray[np.float64]:
         """Distance from the lidar, shape (N,); not finite where a coordinate is not."""

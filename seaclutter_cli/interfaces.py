@@ -204,8 +204,8 @@ class TilePoints(Protocol):
         """Yield coordinates in metres, shape (3, n), for each part of the tile; can be iterated repeatedly."""
         ...
 
-    def intensity(self) -> NDArray[Any] | None:
-        """Return the intensities of all points, shape (N,); None if the tile has none."""
+    def column(self, name: str) -> NDArray[Any] | None:
+        """Return an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
         ...
 
 

@@ -42,7 +42,8 @@ class Limits:
         Size in GiB of the unpacked content of a file that is compressed as a whole.
     file_ratio : int, optional
         Ratio of this size to that of the file; ratios of files that unpack to at most 16 MiB are not limited. A chunk
-        may have half of this ratio to its file, or 32 MiB; a message an eighth, or 8 MiB.
+        may have half of this ratio to its file, or 32 MiB; a message an eighth, or 8 MiB. The content of a message
+        that is compressed by itself may have this ratio to the message, or 8 MiB.
 
     Examples
     --------
@@ -97,6 +98,10 @@ class Limits:
         [8, 16, 48]
         """
         return min(self.message_bytes, max(self.file_ratio * file // _MESSAGE_SHARE, _ALWAYS_BYTES // 2))
+
+    def packed_message_bytes(self, packed: int) -> int:
+        """Return the limit in bytes of the content of a message that is compressed by itself to ``packed`` bytes."""
+        return min(self.message_bytes, max(self.file_ratio * packed, _ALWAYS_BYTES // 2))
 
     def file_bytes(self, packed: int) -> int:
         """Return the limit in bytes of the content of a compressed file of ``packed`` bytes."""

@@ -10,10 +10,17 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import CloudError, FieldError, UsageError
+from seaclutter_cli.errors import (
+    CloudError,
+    FieldError,
+    MissingExtraError,
+    SeaclutterError,
+    UnsupportedCloudError,
+    UsageError,
+)
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.holding import HeldFrame, HeldRecord, RecordHolder
-from seaclutter_cli.interfaces import CloudCodec, Filter, Sink, Source
+from seaclutter_cli.interfaces import Filter, Sink, Source
 from seaclutter_cli.latched import latched_before
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Channel, Damage, Message, Record
@@ -54,15 +61,28 @@ def map_frames(source: Source, selection: Selection, use: Callable[[Frame], T]) 
 
 
 def read(
-    source: Source, clouds: Sequence[Channel], selection: Selection, *, with_latched: bool = False
+    source: Source,
+    clouds: Sequence[Channel],
+    selection: Selection,
+    *,
+    with_latched: bool = False,
+    unreadable: dict[str, str] | None = None,
 ) -> Iterator[tuple[Record, Frame | None]]:
     """Yield the selected records of a source, clouds together with their frames.
 
     A message that is not a valid cloud is left out and added to the damage of the source. The index of a frame counts
     from the start of the recording, within its topic, even if the selection starts later. If it does, the last messages
     before it on latched topics come first, if ``with_latched``.
+
+    Raises
+    ------
+    UnsupportedCloudError
+        If the clouds of a topic are stored in a form that cannot be read. With ``unreadable``, the reason is stored
+        there by topic instead, and the topic yields no frames.
+    MissingExtraError
+        Likewise if they need an extra that is not installed.
     """
-    codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
+    decoder = _Decoder(source, clouds, selection.intensity_field, unreadable)
     window = Window(source, clouds, selection)
     if with_latched and window.start_ns is not None:
         yield from ((message, None) for message in latched_before(source, window.start_ns, selection.latched))
@@ -70,25 +90,50 @@ def read(
         if not isinstance(record, Message):
             yield record, None
             continue
-        codec = codecs.get(record.channel)
-        if codec and window.closed:
+        is_cloud = record.channel in decoder.codecs
+        if is_cloud and window.closed:
             return
-        index = window.count(record) if codec else 0
+        index = window.count(record) if is_cloud else 0
         if not window.contains(record):
             continue
-        if codec is None:
-            yield record, None
-        elif frame := _decode(codec, record, index, source, selection.intensity_field):
-            window.count_selected(record)
+        for frame in decoder.frames(record, index) if is_cloud else (None,):
+            if frame is not None:
+                window.count_selected(record)
             yield record, frame
 
 
-def _decode(codec: CloudCodec, message: Message, index: int, source: Source, intensity: str | None) -> Frame | None:
-    try:
-        return Frame.of_message(message, codec.decode(message.data), index, intensity)
-    except CloudError as error:
-        _report_lost(source, message.channel.topic, index, len(message.data), error)
-        return None
+class _Decoder:
+    """Decoder of the messages of cloud topics; see `read`."""
+
+    def __init__(
+        self, source: Source, clouds: Sequence[Channel], intensity: str | None, unreadable: dict[str, str] | None
+    ) -> None:
+        self.codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
+        self._source, self._intensity, self._unreadable = source, intensity, unreadable
+
+    def frames(self, message: Message, index: int) -> Iterator[Frame | None]:
+        """Yield the frame of a message; None if clouds of its topic cannot be read, nothing if it is damaged."""
+        topic = message.channel.topic
+        if self._unreadable and topic in self._unreadable:
+            yield None
+            return
+        try:
+            cloud = self.codecs[message.channel].decode(message.data)
+        except (UnsupportedCloudError, MissingExtraError) as error:
+            if self._unreadable is None:
+                raise _of_topic(error, self._source, topic) from error
+            self._unreadable[topic] = str(_of_topic(error, self._source, topic))
+            yield None
+        except CloudError as error:
+            _report_lost(self._source, topic, index, len(message.data), error)
+        else:
+            yield Frame.of_message(message, cloud, index, self._intensity)
+
+
+def _of_topic(error: SeaclutterError, source: Source, topic: str) -> SeaclutterError:
+    if isinstance(error, UnsupportedCloudError):
+        return UnsupportedCloudError(f"{source.name}, {topic}: {error}")
+    return error
 
 
 def _report_lost(source: Source, topic: str, index: int, lost_bytes: int, error: Exception) -> None:

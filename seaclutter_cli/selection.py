@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from seaclutter_cli.errors import InputError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages import diagnostics, find_codec
+from seaclutter_cli.messages import diagnostics, find_codec, main_clouds
 from seaclutter_cli.messages.recorded import FILTERED, REMOVED, recorded_topics
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.text import suggestion
@@ -125,37 +125,43 @@ def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel
         If a topic is missing or has no clouds, or if there are several cloud topics and none was selected.
     """
     clouds = [channel for channel in source.channels if find_codec(channel)]
-    names = list(dict.fromkeys(channel.topic for channel in clouds))
+    names = main_topics(source)
     if not names:
         found = ", ".join(sorted({_describe(channel) for channel in source.channels})) or "no topics"
         raise InputError(f"{source.name}: no point clouds that can be read; the log has {found}")
     if not topics and len(names) > 1:
         choices = " ".join(f"-t {name}" for name in names)
         raise UsageError(f"{source.name}: several point-cloud topics; choose from: {choices}")
+    known = [channel.topic for channel in clouds]
     for topic in topics:
-        if topic not in names:
-            choices = " ".join(f"-t {name}" for name in names)
+        if topic not in known:
+            choices = " ".join(f"-t {name}" for name in dict.fromkeys(known))
             raise UsageError(
-                f"{source.name}: no point-cloud topic {topic}; {suggestion(topic, names)}choose from: {choices}"
+                f"{source.name}: no point-cloud topic {topic}; {suggestion(topic, known)}choose from: {choices}"
             )
-    return [channel for channel in clouds if not topics or channel.topic in topics]
+    return [channel for channel in clouds if channel.topic in (topics or names)]
+
+
+def main_topics(source: Source) -> list[str]:
+    """Return the cloud topics that are meant if none is named; see `main_clouds`."""
+    return list(dict.fromkeys(channel.topic for channel in main_clouds(source.channels)))
 
 
 def was_filtered(source: Source, topics: Collection[str] = ()) -> bool:
     """Return whether the selected cloud topics, by default all, contain only filtered clouds of an earlier run."""
     recorded = recorded_topics(source.metadata)
     if recorded:
-        named = topics or [channel.topic for channel in source.channels if find_codec(channel)]
+        named = topics or main_topics(source)
         return all(topic in recorded and recorded[topic].content in (FILTERED, REMOVED) for topic in named)
     names = {channel.topic for channel in source.channels}
-    clouds = topics or [channel.topic for channel in source.channels if find_codec(channel)]
+    clouds = topics or main_topics(source)
     return diagnostics.TOPIC in names and not any(f"{topic}/filtered" in names for topic in clouds)
 
 
 def filtered_by(source: Source, topics: Collection[str] = ()) -> str:
     """Return the methods that filtered the selected cloud topics before, as in " by joint"; empty if unknown."""
     recorded = recorded_topics(source.metadata)
-    named = topics or [channel.topic for channel in source.channels if find_codec(channel)]
+    named = topics or main_topics(source)
     methods = dict.fromkeys(name for topic in named if topic in recorded for name in recorded[topic].methods)
     return f" by {', '.join(methods)}" if methods else ""
 

@@ -9,7 +9,7 @@ from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 
 Cells = NDArray[np.float64]
 
-_WIDTHS = 3
+_WIDTHS, _BOXES = 3, 2.0
 _LEAST_WEIGHT = 1e-3
 _ALL, _FIRST, _LAST = slice(None), slice(0, 1), slice(-1, None)
 _EDGES = {
@@ -74,8 +74,10 @@ def _touching(edge: NDArray[np.int32], opposite: NDArray[np.int32]) -> list[NDAr
     return [pairs[:, (pairs > 0).all(axis=0)] for pairs in found]
 
 
-def smoothed(grid: ElevationGrid, values: Cells, used: NDArray[np.bool_], width: float) -> Cells:
-    """Return the mean of the values around each cell, weighted by a Gaussian.
+def smoothed(
+    grid: ElevationGrid, values: Cells, used: NDArray[np.bool_], width: float
+) -> tuple[Cells, NDArray[np.float64]]:
+    """Return the weighted mean of the values around each cell, and the share of the weight that is used.
 
     Parameters
     ----------
@@ -86,25 +88,36 @@ def smoothed(grid: ElevationGrid, values: Cells, used: NDArray[np.bool_], width:
     used : ndarray, shape (S, 256, 256), bool
         Cells that contribute; their values are finite.
     width : float
-        Standard deviation of the Gaussian in cells; it ends at three of them.
+        Standard deviation of the weights in cells: a Gaussian that ends at three of them or, from two cells on, two
+        boxes one after the other, whose time does not depend on the width.
 
     Returns
     -------
-    ndarray, shape (S, 256, 256), float64
-        NaN where there is next to nothing around.
+    (ndarray, shape (S, 256, 256), float64), (ndarray, shape (S, 256, 256), float64)
+        The mean, 0 where there is next to nothing around; and the share, 0 there and 1 amid cells in use.
     """
     from scipy import ndimage  # slow to import, not needed on calm water
 
-    halo = int(np.ceil(_WIDTHS * width))
-    out = np.full(values.shape, np.nan)
+    box = 2 * round((np.sqrt(6 * width**2 + 1) - 1) / 2) + 1
+    halo = int(np.ceil(_WIDTHS * width)) if width < _BOXES else box - 1
+    inner = (slice(halo, halo + BLOCK),) * 2
+
+    def around(part: Cells) -> Cells:
+        if width < _BOXES:
+            found = ndimage.gaussian_filter(part, width, mode="constant", radius=halo)
+        else:
+            found = ndimage.uniform_filter(ndimage.uniform_filter(part, box, mode="constant"), box, mode="constant")
+        return np.asarray(found[inner])
+
+    mean, share = np.zeros(values.shape), np.zeros(values.shape)
     for slot, cells, _ in grid.padded(np.where(used, values, np.inf), halo):
         known = np.isfinite(cells)
-        total, weight = (
-            ndimage.gaussian_filter(part, width, mode="constant", radius=halo)[halo : halo + BLOCK, halo : halo + BLOCK]
-            for part in (np.where(known, cells, 0), known.astype(np.float64))
-        )
-        np.divide(total, weight, out=out[slot], where=weight > _LEAST_WEIGHT)
-    return out
+        if known.any():
+            weight = around(known.astype(np.float64))
+            some = weight > _LEAST_WEIGHT
+            np.divide(around(np.where(known, cells, 0)), weight, out=mean[slot], where=some)
+            share[slot][some] = weight[some]
+    return mean, share
 
 
 def touching(grid: ElevationGrid, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

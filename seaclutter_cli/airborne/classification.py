@@ -44,10 +44,10 @@ def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
     InputError
         If the tile cannot be separated.
     """
-    separation = separate(tile, settings.separation, tile.intensity)
+    separation = separate(tile, settings.separation, tile.column)
     other = separation.other
     xy = np.concatenate([xyz[:2] for xyz in tile], axis=1)[:, other]
-    intensity = tile.intensity()
+    intensity = tile.column("intensity")
     bright = np.zeros(len(other)) if intensity is None else intensity[other].astype(np.float64)
     density = separation.points_per_cell / settings.separation.cell_m**2
     points = NonSeaPoints(xy, separation.height_m[other].astype(np.float64), bright, density)

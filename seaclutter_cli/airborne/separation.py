@@ -1,6 +1,6 @@
 """Separation of tiles into sea and non-sea points."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -9,12 +9,17 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.following import CellDetails
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.strips import Column, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, SeaSurfaceModel, SurfaceParams
 from seaclutter_cli.errors import InputError
 
 NEVER, OTHER, WATER = 0, 1, 9
 """ASPRS classes: never classified (points without finite coordinates), unclassified, water."""
 _FARTHEST_M = 1e12
+
+
+def _no_column(_name: str) -> None:
+    """Return no attribute."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ class SeaState:
     def of(cls, surface: SeaSurfaceModel) -> "SeaState":
         """Return the state of the sea of a tile, rounded to centimetres."""
         waves, followed = surface.waves, surface.followed
-        height = round(followed.lowest_object_m if followed else surface.params.threshold_m, 2)
+        height = round(surface.object_height_m, 2)
         if waves is None:
             return cls("opened", None, None, None, height)
         level, wave, length = (round(value, 2) for value in (waves.level_m, waves.height_m, waves.length_m))
@@ -85,18 +90,18 @@ class Separation:
 def separate(
     parts: Iterable[NDArray[np.float64]],
     params: SurfaceParams,
-    intensity: Callable[[], NDArray[Any] | None] = lambda: None,
+    column: Column = _no_column,
 ) -> Separation:
     """Return the separation of a tile into sea and non-sea points.
 
     Parameters
     ----------
     parts : iterable of ndarray, shape (3, n), float64
-        Coordinates in metres; iterated over twice, or on rough water three times.
+        Coordinates in metres; iterated over twice, or on rough water several times.
     params : SurfaceParams
         Window and heights. With `SeparationParams`, islands and echoes from below the surface are handled, too.
-    intensity : callable, optional
-        Returns the intensity of all points, shape (N,), or None if there is none; called on rough water only.
+    column : callable, optional
+        Returns an attribute of all points by its LAS name, or None; called on rough water only.
 
     Raises
     ------
@@ -108,10 +113,47 @@ def separate(
         grid.add(xyz[:, _located(xyz)])
     if not grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
-    surface = SeaSurfaceModel(grid, params, lambda: _details(parts, grid, intensity()))
+    surface = SeaSurfaceModel(grid, params)
+    if surface.is_rough:
+        return _rough(parts, surface, column)
     found = [_classes(xyz, surface) for xyz in parts]
-    classification, height = (np.concatenate(column) for column in zip(*found, strict=True))
+    classification, height = (np.concatenate(values) for values in zip(*found, strict=True))
     return Separation(classification, height, surface.cells, SeaState.of(surface))
+
+
+def _rough(parts: Iterable[NDArray[np.float64]], whole: SeaSurfaceModel, column: Column) -> Separation:
+    """Return the separation of rough water, strip by strip: where strips overlap, they show it at two moments."""
+    intensity, strip = column("intensity"), strips_of(column)
+    points = sum(xyz.shape[1] for xyz in parts)
+    classification, height = np.empty(points, np.uint8), np.empty(points, np.float32)
+    surfaces = []
+    for number in [None] if strip is None else np.unique(strip).tolist():
+        own = np.ones(points, np.bool_) if number is None else strip == number
+        selected = _Selected(parts, own)
+        grid = ElevationGrid(whole.params.cell_m)
+        for xyz in selected:
+            grid.add(xyz[:, _located(xyz)])
+        details = _details(selected, grid, None if intensity is None else intensity[own])
+        surface = SeaSurfaceModel(grid, whole.params, details, whole.waves)
+        found = [_classes(xyz, surface) for xyz in selected]
+        classification[own], height[own] = (np.concatenate(values) for values in zip(*found, strict=True))
+        surfaces.append(surface)
+    largest = max(surfaces, key=lambda surface: surface.cells)
+    return Separation(classification, height, whole.cells, SeaState.of(largest))
+
+
+@dataclass(frozen=True)
+class _Selected:
+    """Selected points of each part."""
+
+    parts: Iterable[NDArray[np.float64]]
+    own: NDArray[np.bool_]
+
+    def __iter__(self) -> Iterator[NDArray[np.float64]]:
+        start = 0
+        for xyz in self.parts:
+            yield xyz[:, self.own[start : start + xyz.shape[1]]]
+            start += xyz.shape[1]
 
 
 def _located(xyz: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -1,6 +1,5 @@
 """Sea surface of tiles and frames by morphological opening."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -12,6 +11,7 @@ from seaclutter_cli.airborne.cells import joined_cells
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.opening import open_grid, without_pits
+from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.waves import Waves, estimate_waves
 from seaclutter_cli.errors import InputError
 
@@ -133,21 +133,24 @@ class SeaSurfaceModel:
     """
 
     def __init__(
-        self, grid: ElevationGrid, params: SurfaceParams, details: Callable[[], CellDetails] | None = None
+        self,
+        grid: ElevationGrid,
+        params: SurfaceParams,
+        details: CellDetails | None = None,
+        waves: Waves | None = None,
     ) -> None:
         self._grid = grid
         self.params = params
         tile = isinstance(params, SeparationParams)
         lowest = without_pits(grid, _PIT * params.threshold_m) if tile else grid.lowest
         self._opened = open_grid(grid, params.window_m, lowest)
-        self.waves: Waves | None = None
+        self.waves = waves
         self.followed: FollowedSurface | None = None
-        if isinstance(params, SeparationParams) and params.follows_waves:
-            self.waves = estimate_waves(lowest, self._opened, params.cell_m)
+        if waves is None and isinstance(params, SeparationParams) and params.follows_waves:
+            self.waves = estimate_waves(grid, lowest, self._opened)
         island_m = params.island_m if isinstance(params, SeparationParams) else None
-        if self.waves is not None and self.waves.crest_m > CALM_M:
-            found = CellDetails(lowest, None) if details is None else details()
-            self.followed = self._follow(lowest, self.waves, island_m, found)
+        if self.waves is not None and details is not None:
+            self.followed = self._follow(lowest, self.waves, island_m, details)
         elif island_m is not None and len(self._opened):
             level = self._level(island_m / 4)
             self._opened[self._land_cells(level, params.threshold_m, island_m)] = level
@@ -159,7 +162,9 @@ class SeaSurfaceModel:
             above = _LAND_DEVIATIONS * waves.deviation_m
             high = max(island_m, _ISLAND_DEVIATIONS * waves.deviation_m)
             land = self._land_cells(waves.level_m, above, high)
-        return follow_waves(self._grid, lowest, land, waves, lowest - self._opened, details)
+        followed = follow_waves(self._grid, lowest, land, waves, lowest - self._opened, details)
+        self._limits = height_limits(self._grid, lowest, land, followed, details)
+        return followed
 
     def height(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the height above the surface in metres, shape (N,), of points from the grid, shape (3, N)."""
@@ -171,7 +176,17 @@ class SeaSurfaceModel:
         if self.followed is None:
             return np.asarray(xyz[2] - self._opened.reshape(-1)[cell]), self.params.threshold_m
         height = xyz[2] - self.followed.surface.reshape(-1)[cell]
-        return height, self.followed.limit.reshape(-1)[cell]
+        return height, self._limits.limit.reshape(-1)[cell]
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether crests rise more than half a metre above the opened surface."""
+        return self.waves is not None and self.waves.crest_m > CALM_M
+
+    @property
+    def object_height_m(self) -> float:
+        """Height above the surface from which an object stands out by height alone; on rough water, the median."""
+        return self._limits.alone_m if self.followed else self.params.threshold_m
 
     @property
     def cells(self) -> int:

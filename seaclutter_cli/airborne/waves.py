@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.grid import ElevationGrid
+
 Cells = NDArray[np.float64]
 
 _FEW_CELLS = 2000
@@ -25,8 +27,10 @@ class PartWaves:
 
     Parameters
     ----------
-    slot, cells : int
-        Index of the block, and number of its cells with points.
+    block : (int, int)
+        Number of the block along x and y.
+    cells : int
+        Number of its cells with points.
     level_m, deviation_m : float
         Median and standard deviation of the elevation of the water.
     crest_m : float
@@ -37,7 +41,7 @@ class PartWaves:
         Whether the elevations oscillate, and are distributed, like those of waves.
     """
 
-    slot: int
+    block: tuple[int, int]
     cells: int
     level_m: float
     deviation_m: float
@@ -72,17 +76,17 @@ class Waves:
         return 4 * self.deviation_m
 
 
-def estimate_waves(lowest: Cells, opened: Cells, cell_m: float) -> Waves | None:
+def estimate_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Waves | None:
     """Return the waves of a tile; None if less than half of it looks like sea.
 
     Parameters
     ----------
+    grid : ElevationGrid
+        Grid of the tile.
     lowest : ndarray, shape (S, 256, 256), float64
-        Lowest elevations of the blocks of a grid; plus infinity in empty cells.
+        Lowest elevations without pits; plus infinity in empty cells.
     opened : ndarray, shape (S, 256, 256), float64
         Opened surface.
-    cell_m : float
-        Width of a cell.
 
     Notes
     -----
@@ -90,7 +94,7 @@ def estimate_waves(lowest: Cells, opened: Cells, cell_m: float) -> Waves | None:
     length away, elevations are the opposite of what they are here. The autocovariance over both directions has its
     minimum there, which gives the length. Land hardly ever has such a minimum; nor is it level from part to part.
     """
-    found = [_part(slot, *cells, cell_m) for slot, cells in enumerate(zip(lowest, opened, strict=True))]
+    found = [_part(block, lowest[slot], opened[slot], grid.cell_m) for block, slot in grid.blocks.items()]
     known = [part for part in found if part]
     likely = [part for part in known if part.is_sea]
     if not likely:
@@ -110,7 +114,7 @@ def _weighted_quantile(parts: Sequence[PartWaves], name: str, share: float) -> f
     return float(values[order][np.searchsorted(weight, share * weight[-1])])
 
 
-def _part(slot: int, lowest: Cells, opened: Cells, cell_m: float) -> PartWaves | None:
+def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float) -> PartWaves | None:
     known = np.isfinite(lowest) & np.isfinite(opened)
     cells = int(known.sum())
     if cells < _FEW_CELLS:
@@ -124,7 +128,7 @@ def _part(slot: int, lowest: Cells, opened: Cells, cell_m: float) -> PartWaves |
     length, oscillation = _length(lowest - level, water)
     symmetric = upper - level <= _MAX_SKEW * (level - lower)
     is_sea = bool(oscillation >= _MIN_OSCILLATION and symmetric and deviation <= _MAX_DEVIATION_M)
-    return PartWaves(slot, cells, float(level), deviation, crest, length * cell_m, is_sea)
+    return PartWaves(block, cells, float(level), deviation, crest, length * cell_m, is_sea)
 
 
 def _length(elevation: Cells, water: NDArray[np.bool_]) -> tuple[float, float]:

@@ -16,7 +16,12 @@ from seaclutter_cli.selection import Moment, Selection
 
 
 def open_log(
-    path: PathLike, *, rate_hz: float = 10.0, calibration: PathLike | None = None, sensor: str | None = None
+    path: PathLike,
+    *,
+    rate_hz: float = 10.0,
+    calibration: PathLike | None = None,
+    sensor: str | None = None,
+    integrate_ms: float | None = None,
 ) -> "Log":
     """Open a recording in any supported format.
 
@@ -31,6 +36,8 @@ def open_log(
         File with angles or metadata of the sensor, for packets that lack them.
     sensor : str, optional
         Sensor model, for packets that do not identify it.
+    integrate_ms : float, optional
+        Duration of a frame in milliseconds, for lidars whose scans do not repeat.
 
     Returns
     -------
@@ -55,7 +62,8 @@ def open_log(
     if len(recordings) > 1:
         names = ", ".join(str(recording.paths[0]) for recording in recordings)
         raise UsageError(f"{path}: contains {len(recordings)} recordings; open one of {names}")
-    reading = ReadOptions(rate_hz=rate_hz, calibration=Path(calibration) if calibration else None, sensor=sensor)
+    file = Path(calibration) if calibration else None
+    reading = ReadOptions(rate_hz=rate_hz, calibration=file, sensor=sensor, integrate_ms=integrate_ms)
     return Log(reading.open(recordings[0]))
 
 
@@ -101,7 +109,7 @@ class Log:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Point-cloud topics that can be read."""
+        """Point-cloud topics that can be read, compressed clouds and laser scans included."""
         return tuple(dict.fromkeys(channel.topic for channel in self._source.channels if find_codec(channel)))
 
     @property

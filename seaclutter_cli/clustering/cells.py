@@ -86,14 +86,14 @@ def cells_of(xyz: Points, tolerance_m: float) -> Cells:
         none = np.empty(0, np.int64)
         return Cells(none, none, none, none, none, none, 1)
     side = tolerance_m / np.sqrt(3) * (1 - 1e-8)
-    x, y, z = (_along_axis(values, side, tolerance_m) for values in xyz)
-    row = int(y.max()) + 1 + _REACH
+    column, row = _columns(xyz, side, tolerance_m)
+    z = _along_axis(xyz[2], side, tolerance_m)
     stride = int(z.max()) + 1
-    column = x * row + y
     rank = column
     if int(column.max()) * stride >= 2**62:
         rank = np.unique(column, return_inverse=True)[1].reshape(-1)
-    key = rank * stride + z
+    key = rank * stride
+    key += z
     order = np.argsort(key)
     start = _changes(key[order])
     columns = column[order[start]]
@@ -138,6 +138,16 @@ def spans(start: Indices, count: Indices) -> Indices:
     ends = np.cumsum(count)
     total = int(ends[-1]) if len(ends) else 0
     return np.arange(total) + np.repeat(start - ends + count, count)
+
+
+def _columns(xyz: Points, side: float, tolerance_m: float) -> tuple[Indices, int]:
+    """Return the number of each point's column, shape (N,), and the difference between neighbours along x."""
+    y = _along_axis(xyz[1], side, tolerance_m)
+    row = int(y.max()) + 1 + _REACH
+    column = _along_axis(xyz[0], side, tolerance_m)
+    column *= row
+    column += y
+    return column, row
 
 
 def _along_axis(values: Points, side: float, tolerance_m: float) -> Indices:

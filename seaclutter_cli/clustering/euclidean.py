@@ -39,7 +39,9 @@ def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indi
     array([0, 1, 1, 1, 0])
     """
     everything = np.ones(xyz.shape[1], np.bool_)
-    return ClusterFinder(xyz, everything, tolerance_m, subsets=1).clusters(everything, min_points)
+    finder = ClusterFinder(xyz, everything, tolerance_m, subsets=1)
+    del xyz  # which the caller may have released
+    return finder.clusters(everything, min_points)
 
 
 class ClusterFinder:
@@ -65,7 +67,7 @@ class ClusterFinder:
     def __init__(self, xyz: Points, among: Mask, tolerance_m: float, *, subsets: int = 2) -> None:
         self._tolerance_m = tolerance_m
         members = np.flatnonzero(among)
-        cells = cells_of(xyz[:, members], tolerance_m)
+        cells = cells_of(xyz if len(members) == len(among) else xyz[:, members], tolerance_m)
         self._order = members[cells.order]
         self._xyz = xyz[:, self._order]
         self._cell = np.repeat(np.arange(len(cells)), cells.count)
@@ -89,7 +91,8 @@ class ClusterFinder:
         labels = np.full(len(keep), -1)
         if len(kept) < min_points:
             return labels
-        component = self._components(self._xyz[:, kept], np.bincount(self._cell[kept], minlength=self._cells))
+        xyz = self._xyz if len(kept) == len(self._order) else self._xyz[:, kept]
+        component = self._components(xyz, np.bincount(self._cell[kept], minlength=self._cells))
         labels[self._order[kept]] = component[self._cell[kept]]
         members = np.flatnonzero(keep & (labels >= 0))
         labels[members] = numbered(labels[members], min_points)

@@ -198,6 +198,13 @@ _HOW = (
         callback=_known_sensor,
         help="Sensor model, for packets that do not identify it.",
     ),
+    click.option(
+        "--integrate",
+        "integrate_ms",
+        type=click.FloatRange(min=1, max=2000),
+        metavar="MS",
+        help="Join the clouds of each MS milliseconds into one frame, for lidars whose scans do not repeat.",
+    ),
 )
 _INTENSITY = click.option("--intensity-field", metavar="NAME", help="Intensity field, if it has no usual name.")
 reading_options = grouped("reading", "runs.recordings:ReadOptions", (*_PART, _INTENSITY, *_HOW))

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -23,6 +23,7 @@ from seaclutter_cli.water import WaterTracker
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 
 _RADIUS_RATIO = 0.025
 _MIN_NEIGHBORS, _MIN_IN_ONE_BEAM = 7, 3
@@ -31,18 +32,21 @@ _EXPECTED_M = 0.8
 _GROWTH_RATIO = 0.01
 _MAX_GAP_S, _MAX_STEP_BACK_S = 5.0, 0.1
 _SLACK_S = 1e-6
+_MAX_WAITING = 3 << 19
 
 
 @dataclass(frozen=True, eq=False)
 class _Undecided:
-    """A frame whose objects wait for the evidence of later frames."""
+    """A frame whose objects wait for the evidence of later frames.
+
+    ``grows`` are the indices of the points of the frame that may return; objects refer to points of the frame as well.
+    """
 
     frame: Frame
     time_s: float
     zone: NDArray[np.uint8]
     reason: NDArray[np.uint8]
-    echoes: Echoes
-    grows: Mask
+    grows: NDArray[np.int32]
     objects: Sequence[DetectedObject]
     tracks: Sequence[Track]
     water: WaterState | None
@@ -75,7 +79,8 @@ class Confirmed(BaseFilter):
     6. *Growth*: points above the water near a confirmed object return to it, so that hulls keep their shape.
 
     Confirmation over scans is the M-of-N logic of radar trackers with graded instead of binary detections, as in the
-    track score of Sittler [1]_. The result of a frame is complete ``look_ahead_s`` later, or at once with ``causal``.
+    track score of Sittler [1]_. The result of a frame is complete ``look_ahead_s`` later, at once with ``causal``, and
+    earlier where more than 1.5 million points would wait.
 
     Nearer than ``start_m``, only objects are kept that were confirmed farther away: all else there is own ship.
 
@@ -116,9 +121,15 @@ class Confirmed(BaseFilter):
             self._tracker = Tracker(self._params)
         self._undecided.append(self._examine(frame, time_s))
         self._time_s = time_s
-        while self._undecided and self._undecided[0].time_s <= time_s - self.look_ahead_s + _SLACK_S:
+        while self._undecided and (self._is_due(self._undecided[0], time_s) or self._too_many_wait()):
             complete.append(self._decide(self._undecided.popleft()))
         return complete
+
+    def _is_due(self, one: _Undecided, time_s: float) -> bool:
+        return one.time_s <= time_s - self.look_ahead_s + _SLACK_S
+
+    def _too_many_wait(self) -> bool:
+        return len(self._undecided) > 1 and sum(one.frame.size for one in self._undecided) > _MAX_WAITING
 
     def _steady(self, time_s: float) -> float:
         """Return the time of a frame, or that of the frame before if the clock stepped back a little."""
@@ -139,6 +150,7 @@ class Confirmed(BaseFilter):
         """Find the objects of a frame and their tracks (steps 1 to 5)."""
         zone, reason = self._zones.divide(frame)
         echoes = Echoes.of(frame, zone, reason, self._params)
+        frame.release()
         self._beams.add(echoes.xyz)
         # 1. Water
         water = self._water.step(echoes.xyz, time_s)
@@ -160,7 +172,9 @@ class Confirmed(BaseFilter):
         tracks = self._tracker.step(found, time_s, since_s, Sight(self._beams, water, self._params.min_rise_m))
         state = None if water is None else water.state
         reason[echoes.index] = self._reasons(reason[echoes.index], echoes, heights, found.objects)
-        return _Undecided(frame, time_s, zone, reason, echoes, heights.grows & ~near, found.objects, tracks, state)
+        index = echoes.index.astype(np.int32)  # less to hold
+        objects = [replace(one, points=index[one.points]) for one in found.objects]
+        return _Undecided(frame, time_s, zone, reason, index[heights.grows & ~near], objects, tracks, state)
 
     def _threshold(self, echoes: Echoes) -> Floats:
         """Return the intensity threshold of each echo, shape (M,); near points have that of the first range ring."""
@@ -191,7 +205,7 @@ class Confirmed(BaseFilter):
         dense[chosen[enough]] = True
         return dense
 
-    def _in_one_beam(self, echoes: Echoes, heights: Heights, points: NDArray[np.intp]) -> Mask:
+    def _in_one_beam(self, echoes: Echoes, heights: Heights, points: Indices) -> Mask:
         """Return whether objects of twice the height at which points stand out are met by one beam, and no water is."""
         elevation = self._beams.elevation_deg(echoes.xyz[:, points])
         _, above = self._beams.gaps(elevation, elevation)
@@ -222,7 +236,7 @@ class Confirmed(BaseFilter):
     def _decide(self, one: _Undecided) -> FilterResult:
         """Confirm the objects of a frame and let them grow (steps 5 and 6)."""
         reason = one.reason
-        confirmed = [np.empty(0, np.intp)]
+        confirmed: list[NDArray[np.integer]] = [np.empty(0, np.int32)]
         for found, track in zip(one.objects, one.tracks, strict=True):
             if self._tracker.score(track, one.time_s) <= self._params.score_threshold:
                 continue
@@ -230,10 +244,10 @@ class Confirmed(BaseFilter):
             if track.from_outside:
                 confirmed.append(found.points)
         kept = np.concatenate(confirmed)
-        reason[one.echoes.index[kept]] = Reason.KEPT
+        reason[kept] = Reason.KEPT
         # 6. Growth
         if len(kept):
-            reason[one.echoes.index[self._grown(one, kept)]] = Reason.KEPT
+            reason[self._grown(one, kept)] = Reason.KEPT
         return FilterResult(one.frame, reason, self._rings(one.zone, reason), water=one.water)
 
     def _rings(self, zone: NDArray[np.uint8], reason: NDArray[np.uint8]) -> Rings | None:
@@ -247,13 +261,12 @@ class Confirmed(BaseFilter):
         zeros = np.zeros(self._zones.count)
         return Rings(self._thresholds.copy(), zeros, points, low_points, other_points, beyond)
 
-    def _grown(self, one: _Undecided, kept: NDArray[np.intp]) -> NDArray[np.intp]:
+    def _grown(self, one: _Undecided, kept: NDArray[np.integer]) -> NDArray[np.int32]:
         """Return the points above the water that are near enough to confirmed objects."""
-        echoes = one.echoes
-        others = np.flatnonzero(one.grows & (one.reason[echoes.index] != Reason.KEPT))
+        others: NDArray[np.int32] = one.grows[one.reason[one.grows] != Reason.KEPT]
         if not len(others):
             return others
-        limit = self._params.growth_m + _GROWTH_RATIO * echoes.range_m[others]
-        near, far = echoes.xyz[:, kept], echoes.xyz[:, others]
+        limit = self._params.growth_m + _GROWTH_RATIO * one.frame.range_m[others]
+        near, far = (self._params.mounting.levelled(one.frame.coordinates[:, points]) for points in (kept, others))
         counts = within(near, far, limit)
         return np.asarray(others[counts > 0 if counts is not None else nearest(near.T, far.T)[1] <= limit])

@@ -19,7 +19,7 @@ Points = NDArray[np.float64]
 Distances = NDArray[np.float64]
 Search = Callable[[Points, int], tuple[NDArray[np.int64], Distances]]
 
-_BLOCK_DISTANCES = 1 << 21
+_BLOCK_DISTANCES = 1 << 19
 _FEW_POINTS, _FEW_DISTANCES = 4000, 5000  # below, waking other threads takes longer
 _MAX_PAIRS, _ROUNDING = 8, 1 + 1e-9
 _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
@@ -211,11 +211,8 @@ def _over_neighbors(
 
 def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return the indices of the distinct points, the distinct point of every point, and the count of each."""
-    bits = (points + 0.0).view(np.uint64)  # -0.0 equals 0.0
-    mixed = (bits ^ (bits >> np.uint64(32))) * _MIX
-    key = mixed[:, 0] ^ (mixed[:, 1] >> np.uint64(1)) ^ (mixed[:, 2] >> np.uint64(2))
-    ordered = np.sort(key)
-    if (ordered[1:] != ordered[:-1]).all():
+    key = _keys(points)
+    if _are_distinct(key):
         every = np.arange(len(points))
         return every, every, np.ones_like(every)
     _, first, inverse, multiplicity = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
@@ -224,6 +221,24 @@ def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDA
             points + 0.0, axis=0, return_index=True, return_inverse=True, return_counts=True
         )
     return first, inverse.reshape(-1), multiplicity
+
+
+def _keys(points: Points) -> NDArray[np.uint64]:
+    """Return a key of each point, shape (N,): equal points have equal keys, others hardly ever."""
+    key = np.zeros(len(points), np.uint64)
+    for shift, (axis, factor) in enumerate(zip(points.T, _MIX, strict=True)):
+        bits = (axis + 0.0).view(np.uint64)  # -0.0 equals 0.0
+        mixed = bits >> np.uint64(32)
+        mixed ^= bits
+        mixed *= factor
+        mixed >>= np.uint64(shift)
+        key ^= mixed
+    return key
+
+
+def _are_distinct(key: NDArray[np.uint64]) -> bool:
+    ordered = np.sort(key)
+    return bool((ordered[1:] != ordered[:-1]).all())
 
 
 def _searcher(points: Points) -> Search:

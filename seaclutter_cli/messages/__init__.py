@@ -1,19 +1,36 @@
 """Codecs for the point cloud messages of logs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from seaclutter_cli.interfaces import CloudCodec
+from seaclutter_cli.messages.compressed import CompressedPointCloud2
 from seaclutter_cli.messages.foxglove import JsonPointCloud, ProtobufPointCloud
-from seaclutter_cli.messages.pointcloud2 import CdrPointCloud2, Ros1PointCloud2
+from seaclutter_cli.messages.foxglove_ros import RosFoxglovePointCloud
+from seaclutter_cli.messages.livox import LivoxCustomMsg
+from seaclutter_cli.messages.pointcloud2 import PointCloud2
+from seaclutter_cli.messages.scans import LaserScan, MultiEchoLaserScan
+from seaclutter_cli.messages.serialisation import RosCodec
 from seaclutter_cli.records import Channel
 
+_ROS: Mapping[str, type[RosCodec]] = {
+    "sensor_msgs/PointCloud2": PointCloud2,
+    "foxglove_msgs/PointCloud": RosFoxglovePointCloud,
+    "point_cloud_interfaces/CompressedPointCloud2": CompressedPointCloud2,
+    "livox_ros_driver/CustomMsg": LivoxCustomMsg,
+    "livox_ros_driver2/CustomMsg": LivoxCustomMsg,
+    "sensor_msgs/LaserScan": LaserScan,
+    "sensor_msgs/MultiEchoLaserScan": MultiEchoLaserScan,
+}
+
 CODECS: Mapping[tuple[str, str], CloudCodec] = {
-    ("sensor_msgs/msg/PointCloud2", "cdr"): CdrPointCloud2(),
-    ("sensor_msgs/PointCloud2", "ros1"): Ros1PointCloud2(),
+    **{(name.replace("/", "/msg/"), "cdr"): codec(2) for name, codec in _ROS.items()},
+    **{(name, "ros1"): codec(1) for name, codec in _ROS.items()},
     ("foxglove.PointCloud", "protobuf"): ProtobufPointCloud(),
     ("foxglove.PointCloud", "json"): JsonPointCloud(),
 }
-"""Codecs by schema name and message encoding. To add an encoding, add a line here."""
+"""Codecs by schema name and message encoding. To add an encoding, add a line here, or to the messages of ROS."""
+
+_SECONDARY = (RosFoxglovePointCloud, CompressedPointCloud2, LaserScan | MultiEchoLaserScan)
 
 
 def find_codec(channel: Channel) -> CloudCodec | None:
@@ -21,3 +38,25 @@ def find_codec(channel: Channel) -> CloudCodec | None:
     if channel.schema is None:
         return None
     return CODECS.get((channel.schema.name, channel.message_encoding))
+
+
+def main_clouds(channels: Iterable[Channel]) -> Sequence[Channel]:
+    """Return the channels of the clouds that are meant if no topic is named.
+
+    Recorders also store copies of clouds for viewers, compressed ones, and the scans of other sensors: the first of
+    these kinds that a recording has counts.
+    """
+    ranks = {channel: rank for channel in channels if (rank := _rank(channel)) is not None}
+    return [channel for channel, rank in ranks.items() if rank == min(ranks.values())]
+
+
+def has_fixed_fields(channel: Channel) -> bool:
+    """Return whether the points in the messages of a channel have no room for further fields."""
+    return isinstance(find_codec(channel), LaserScan | LivoxCustomMsg | MultiEchoLaserScan)
+
+
+def _rank(channel: Channel) -> int | None:
+    codec = find_codec(channel)
+    if codec is None:
+        return None
+    return next((rank for rank, kind in enumerate(_SECONDARY, 1) if isinstance(codec, kind)), 0)

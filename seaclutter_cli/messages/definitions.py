@@ -1,9 +1,10 @@
 """Definitions for messages that the program creates and for bags without message definitions."""
 
+from dataclasses import replace
 from functools import cache, lru_cache
 from typing import Any
 
-from seaclutter_cli.records import Schema
+from seaclutter_cli.records import Channel, Schema
 
 _PACKET_MESSAGES = {
     "velodyne_msgs/msg/VelodynePacket": "builtin_interfaces/Time stamp\nuint8[1206] data\n",
@@ -17,6 +18,18 @@ _PACKET_MESSAGES = {
     "nebula_msgs/msg/NebulaPackets": "std_msgs/Header header\nnebula_msgs/NebulaPacket[] packets\n",
 }
 """Packet messages of lidar drivers, which no ROS distribution defines."""
+
+_CLOUD_MESSAGES = {
+    "point_cloud_interfaces/msg/CompressedPointCloud2": "std_msgs/Header header\nuint32 height\nuint32 width\n"
+    "sensor_msgs/PointField[] fields\nbool is_bigendian\nuint32 point_step\nuint32 row_step\n"
+    "uint8[] compressed_data\nbool is_dense\nstring format\n",
+    "foxglove_msgs/msg/PackedElementField": "uint8 UNKNOWN=0\nuint8 UINT8=1\nuint8 INT8=2\nuint8 UINT16=3\n"
+    "uint8 INT16=4\nuint8 UINT32=5\nuint8 INT32=6\nuint8 FLOAT32=7\nuint8 FLOAT64=8\n"
+    "string name\nuint32 offset\nuint8 type\n",
+    "foxglove_msgs/msg/PointCloud": "builtin_interfaces/Time timestamp\nstring frame_id\ngeometry_msgs/Pose pose\n"
+    "uint32 point_stride\nfoxglove_msgs/PackedElementField[] fields\nuint8[] data\n",
+}
+"""Cloud messages that no ROS distribution defines."""
 
 
 @lru_cache(maxsize=64)
@@ -53,10 +66,25 @@ def ros2_types() -> Any:
 
 
 @cache
+def ros1_cloud_schema() -> Schema:
+    """Return the schema of ``sensor_msgs/PointCloud2`` in ROS 1."""
+    from rosbags.typesys import Stores, get_typestore
+
+    definition, _ = get_typestore(Stores.ROS1_NOETIC).generate_msgdef("sensor_msgs/msg/PointCloud2", ros_version=1)
+    return Schema("sensor_msgs/PointCloud2", "ros1msg", definition.encode())
+
+
+def points_channel(channel: Channel) -> Channel:
+    """Return a channel of ``sensor_msgs/PointCloud2`` in place of one of other ROS messages."""
+    is_ros1 = channel.message_encoding == "ros1"
+    return replace(channel, schema=ros1_cloud_schema() if is_ros1 else ros2_schema("sensor_msgs/msg/PointCloud2"))
+
+
+@cache
 def _typestore() -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # takes 0.1 s, which most runs do not need
 
     store = get_typestore(Stores.LATEST)
-    for name, text in _PACKET_MESSAGES.items():
+    for name, text in (*_PACKET_MESSAGES.items(), *_CLOUD_MESSAGES.items()):
         store.register(get_types_from_msg(text, name))
     return store

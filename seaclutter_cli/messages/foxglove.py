@@ -18,24 +18,27 @@ from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.records import Buffer
 
-_TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")
+TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")
+"""Types of fields in the order of their numbers, from 1."""
 _NANO = 1_000_000_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def _unorganised(
+def unorganised(
     stamp_ns: int, frame_id: str, stride: int, fields: tuple[PointField, ...], data: Buffer, extra: Any
 ) -> Cloud:
+    """Return a cloud of whole points, in one row."""
     if stride <= 0 and len(data):
         raise CloudError(f"the point stride must be positive, got {stride} bytes")
     size = len(data) // stride if stride > 0 else 0
     return Cloud(stamp_ns, frame_id, 1, size, fields, stride, size * stride, False, False, data, extra)
 
 
-def _field_type(number: int, name: str) -> str:
-    if not 1 <= number <= len(_TYPES):
+def field_type(number: int, name: str) -> str:
+    """Return the type of a field with a number of ``foxglove.PackedElementField``."""
+    if not 1 <= number <= len(TYPES):
         raise CloudError(f"field {name!r} has unknown type {number}")
-    return _TYPES[number - 1]
+    return TYPES[number - 1]
 
 
 _MASK = 2**64 - 1
@@ -128,7 +131,7 @@ class ProtobufPointCloud:
                     stamp_ns = parts.get(1, 0) * _NANO + parts.get(2, 0)
                 elif number == _FRAME_ID and isinstance(value, memoryview):
                     frame_id = bytes(value).decode("utf-8", "replace")
-        return _unorganised(stamp_ns, frame_id, stride, tuple(fields), points, b"".join(others))
+        return unorganised(stamp_ns, frame_id, stride, tuple(fields), points, b"".join(others))
 
     def _field(self, data: memoryview) -> PointField:
         parts = {number: value for number, _, value, _ in _walk(data)}
@@ -137,14 +140,14 @@ class ProtobufPointCloud:
         offset, kind = parts.get(2, 0), parts.get(3, 0)
         if not (isinstance(offset, int) and isinstance(kind, int)):
             raise CloudError(f"field {name!r} has an invalid offset or type")
-        return PointField(name, offset, _field_type(kind, name))
+        return PointField(name, offset, field_type(kind, name))
 
     def encode(self, cloud: Cloud) -> bytes:
         """Return a cloud as the bytes of a message."""
         fields = [
             _packed(1, _BYTES, field.name.encode(errors="surrogateescape"))
             + _packed(2, _FIXED32, field.offset)
-            + _packed(3, _VARINT, _TYPES.index(field.type) + 1)
+            + _packed(3, _VARINT, TYPES.index(field.type) + 1)
             for field in cloud.fields
         ]
         return b"".join(
@@ -176,17 +179,17 @@ class JsonPointCloud:
             message = load_json(bytes(data), max_bytes=len(data))  # a message is bounded by its log
             points = base64.b64decode(message.pop("data"), validate=True)
             fields = tuple(
-                PointField(str(field["name"]), int(field["offset"]), _field_type(int(field["type"]), field["name"]))
+                PointField(str(field["name"]), int(field["offset"]), field_type(int(field["type"]), field["name"]))
                 for field in message["fields"]
             )
             stride, stamp_ns = int(message["point_stride"]), _stamp_ns(message.get("timestamp"))
         except _BAD_JSON as error:
             raise CloudError(f"not a valid JSON foxglove.PointCloud: {error!r}") from error
-        return _unorganised(stamp_ns, str(message.get("frame_id", "")), stride, fields, points, message)
+        return unorganised(stamp_ns, str(message.get("frame_id", "")), stride, fields, points, message)
 
     def encode(self, cloud: Cloud) -> bytes:
         """Return a cloud as the bytes of a message."""
-        fields = [{"name": f.name, "offset": f.offset, "type": _TYPES.index(f.type) + 1} for f in cloud.fields]
+        fields = [{"name": f.name, "offset": f.offset, "type": TYPES.index(f.type) + 1} for f in cloud.fields]
         described = {"point_stride": cloud.point_step, "fields": fields, "data": base64.b64encode(cloud.data).decode()}
         return json.dumps({**(cloud.extra or {}), **described}).encode()
 

@@ -53,6 +53,8 @@ class Checks:
                 ThresholdCheck(config.ring_edges, sensor=model, max_intensity=top, needs_water=config.has_water)
             )
         self._others: list[Check] = [RangeCheck(config.ring_edges)]
+        if config.needs_height:
+            self._others.append(PlaneCheck(config.method))
         if config.has_water:
             self._others.append(MountingCheck(config.filter))
 
@@ -103,6 +105,37 @@ class RangeCheck:
         if self._nearest_m < _FARTHEST_M:
             return f"{text} (filter.end_m)"
         return f"{text}; coordinates of a map are not relative to a lidar: for airborne tiles, see seaclutter classify"
+
+
+class PlaneCheck:
+    """Check whether points have different heights, with at most one warning.
+
+    Parameters
+    ----------
+    method : str
+        Name of a method that depends on them.
+    """
+
+    def __init__(self, method: str) -> None:
+        self._method = method
+        self._limits_m = math.inf, -math.inf
+        self._done = False
+
+    def add(self, result: FilterResult) -> str | None:
+        """Add a frame; there is no warning before the end."""
+        if not self._done:
+            z = result.frame.coordinates[2][result.frame.valid]
+            least, most = self._limits_m
+            self._limits_m = float(z.min(initial=least)), float(z.max(initial=most))
+            self._done = self._limits_m[0] < self._limits_m[1]
+        return None
+
+    def warning(self) -> str | None:
+        """Return a warning if all points so far are at one height; None without points."""
+        if self._done or self._limits_m[0] == math.inf:
+            return None
+        self._done = True
+        return f"all points are at one height, as in laser scans; {self._method} needs heights, so use another method"
 
 
 class MountingCheck:

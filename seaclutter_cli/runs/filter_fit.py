@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from seaclutter_cli.config import Config
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.messages.compressed import rewrapped
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.checks import Checks
@@ -20,12 +21,16 @@ class FitWarnings:
 
     def __init__(self, config: Config, source: Source, topics: Sequence[str], observer: Observer) -> None:
         self._config, self._observer = config, observer
+        self._written_anew: set[str] = set()
         self._checks = {topic: Checks(config, source.facts, filtered=was_filtered(source, [topic])) for topic in topics}
 
     def add(self, result: FilterResult) -> None:
         """Check a frame."""
         for warning in self._checks[result.frame.topic].add(result):
             self._warn(result.frame.topic, warning)
+        if result.frame.topic not in self._written_anew and (change := rewrapped(result.frame.cloud)):
+            self._written_anew.add(result.frame.topic)
+            self._warn(result.frame.topic, change)
 
     def finish(self, tallies: Mapping[str, TopicTally]) -> None:
         """Check the sums over all frames."""

@@ -18,6 +18,7 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.selection import Moment, Selection, is_part
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources import Recording, Search, find_recordings
+from seaclutter_cli.sources.shared.integration import Integrated
 from seaclutter_cli.storage.locations import is_url
 from seaclutter_cli.text import count, duration, printable
 
@@ -48,6 +49,9 @@ class ReadOptions:
         File with angles or metadata of the sensor, for packets that lack them.
     sensor : str or None
         Sensor model, for packets that do not identify it.
+    integrate_ms : float or None
+        Duration of a frame in milliseconds, for lidars whose scans do not repeat: the clouds of a topic within it are
+        one frame. None: each cloud is a frame.
     join : bool or None
         Whether files with consecutive numbers in a folder are one recording; None: if their times and topics fit.
     recursive : bool
@@ -70,6 +74,7 @@ class ReadOptions:
     rate_hz: float = 10.0
     calibration: Path | None = None
     sensor: str | None = None
+    integrate_ms: float | None = None
     join: bool | None = None
     recursive: bool = False
 
@@ -90,7 +95,8 @@ class ReadOptions:
 
     def open(self, recording: Recording) -> Source:
         """Open a recording; raise `InputError` if it cannot be read."""
-        return recording.open(rate_hz=self.rate_hz, decoding=DecoderOptions(self.calibration, self.sensor))
+        source = recording.open(rate_hz=self.rate_hz, decoding=DecoderOptions(self.calibration, self.sensor))
+        return Integrated(source, round(self.integrate_ms * 1e6), self.topics) if self.integrate_ms else source
 
 
 @dataclass(kw_only=True)

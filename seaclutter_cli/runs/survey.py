@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages import find_codec
+from seaclutter_cli.messages import find_codec, main_clouds
 from seaclutter_cli.pipeline import read
 from seaclutter_cli.records import Channel, Message, SensorFacts
 from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
@@ -119,7 +119,7 @@ def _read(source: Source, content: "Content", selection: Selection, observer: Ob
     surveys = {channel.topic: TopicSurvey() for channel in clouds}
     content.clouds = surveys
     with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
-        for record, frame in read(source, clouds, selection):
+        for record, frame in read(source, clouds, selection, unreadable=content.unreadable):
             if isinstance(record, Message):
                 content.messages[record.channel.topic] += 1
                 content.note_time(record.log_time_ns)
@@ -145,6 +145,8 @@ class Content(Outcome):
         Log times of the first and last message; empty without messages.
     clouds : mapping of str to TopicSurvey
         Content of each cloud topic.
+    unreadable : dict of str to str
+        Why clouds of a topic cannot be read, by topic.
     sampled : bool
         Whether only the first frames were read; numbers of messages and times are of the whole recording.
     """
@@ -155,6 +157,7 @@ class Content(Outcome):
     messages: Counter[str] = field(default_factory=Counter)
     times_ns: list[int] = field(default_factory=list)
     clouds: Mapping[str, TopicSurvey] = field(default_factory=dict)
+    unreadable: dict[str, str] = field(default_factory=dict)
     sampled: bool = False
 
     def note_summary(self, messages: Mapping[int, int], times_ns: tuple[int, int]) -> None:
@@ -208,7 +211,8 @@ class Content(Outcome):
         lines.append(table(("topic", "messages", "type"), list(rows.values())))
         if self.sampled:
             lines.append("Only the first frames were read; -n N copies the log and reads N.")
-        lines += [_describe(topic, survey, self.facts.get(topic)) for topic, survey in self.clouds.items()]
+        read = {topic: survey for topic, survey in self.clouds.items() if topic not in self.unreadable}
+        lines += [_describe(topic, survey, self.facts.get(topic)) for topic, survey in read.items()]
         lines += [printable(need) for need in self.needs()]
         return "\n".join(lines)
 
@@ -237,11 +241,14 @@ class Content(Outcome):
     def needs(self) -> list[str]:
         """Return descriptions of the settings that a filter run needs, one line each."""
         needs = []
-        if len(self.clouds) > 1:
-            choices = " ".join(f"-t {topic}" for topic in self.clouds)
+        main = [c.topic for c in main_clouds(c for c in self.channels if c.topic in self.clouds)]
+        if len(set(main)) > 1:
+            choices = " ".join(f"-t {topic}" for topic in dict.fromkeys(main))
             needs.append(f"several point-cloud topics; for a filter run, choose from: {choices}")
         for topic, survey in self.clouds.items():
-            if survey.problem:
+            if topic in self.unreadable:
+                needs.append(self.unreadable[topic])
+            elif survey.problem:
                 needs.append(f"{topic}: {survey.problem}")
             elif survey.frames and survey.intensity_name is None:
                 needs.append(f"{topic}: no intensity field with a usual name; name one with --intensity-field")

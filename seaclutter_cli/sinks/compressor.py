@@ -31,7 +31,7 @@ class Compressor(Generic[T, R]):
         self._pool = executor(workers, "compress")
         self._compress, self._done = compress, done
         self._pending: deque[tuple[T, Future[R]]] = deque()
-        self._max_pending = workers + 1
+        self._max_pending = workers + 1 if workers > 1 else 0
 
     def submit(self, item: T) -> None:
         """Begin with an item; wait for the first one if too many are pending."""

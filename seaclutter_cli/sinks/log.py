@@ -14,7 +14,8 @@ from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import CloudCodec, Source
-from seaclutter_cli.messages import find_codec
+from seaclutter_cli.messages import find_codec, has_fixed_fields
+from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format
 from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
 from seaclutter_cli.messages.recorded import (
@@ -115,6 +116,7 @@ class _Outputs:
     codec: CloudCodec
     filtered: int
     removed: int | None
+    removed_codec: CloudCodec
     diagnostics: int | None
     serialise: Callable[[Diagnostics], bytes]
     scene: int | None
@@ -234,7 +236,7 @@ class LogSink(AbstractContextManager["LogSink"]):
         if outputs.removed is not None:
             mask = ~result.keep
             removed = cloud.select(mask).with_field("reason", result.reason[mask])
-            self._put(outputs.removed, message, outputs.codec.encode(removed))
+            self._put(outputs.removed, message, outputs.removed_codec.encode(removed))
         if outputs.diagnostics is not None:
             self._put(outputs.diagnostics, message, outputs.serialise(Diagnostics.of(result, self._layout)))
         if outputs.scene is not None and self._options.scene is not None:
@@ -299,7 +301,7 @@ class LogSink(AbstractContextManager["LogSink"]):
         options = self._options
         text = self._writer.encoding or channel.message_encoding
         encoding, schema, serialise = diagnostics_format(text, self._layout)
-        filtered, removed, diagnostics = self._channels[channel], None, None
+        filtered, removed, removed_codec, diagnostics = self._channels[channel], None, codec, None
         self._topics[channel.topic] = known if options.keep_raw else replace(known, content=FILTERED)
         if options.keep_raw:
             name = f"{channel.topic}/filtered"
@@ -307,7 +309,9 @@ class LogSink(AbstractContextManager["LogSink"]):
             self._topics[name] = replace(known, content=FILTERED)
         if options.with_removed:
             name = f"{channel.topic}/removed"
-            removed = self._add(replace(channel, topic=name), taken)
+            points = points_channel(channel) if has_fixed_fields(channel) else channel
+            removed_codec = find_codec(points) or codec
+            removed = self._add(replace(points, topic=name), taken)
             self._topics[name] = replace(known, content=REMOVED)
         if options.diagnostics:
             name = DIAGNOSTICS_TOPIC + channel.topic * several
@@ -318,7 +322,7 @@ class LogSink(AbstractContextManager["LogSink"]):
         if options.scene:
             encoding, schema, draw = scene_format(text)
             scene, _ = self._shared_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
-        return _Outputs(codec, filtered, removed, diagnostics, serialise, scene, draw)
+        return _Outputs(codec, filtered, removed, removed_codec, diagnostics, serialise, scene, draw)
 
     def _shared_channel(self, channel: Channel, taken: set[str]) -> tuple[int, str]:
         """Return id and topic of a channel for several topics; a number is added if the log already has the topic."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.memory import keep_freed_memory
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
@@ -94,6 +95,7 @@ def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions |
     InputError
         If the path is not a readable recording.
     """
+    keep_freed_memory()
     decoding = decoding or DecoderOptions()
     if path.is_dir():
         if is_rosbag2_folder(path):

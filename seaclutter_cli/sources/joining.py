@@ -7,7 +7,7 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages import find_codec
+from seaclutter_cli.messages import main_clouds
 from seaclutter_cli.text import duration
 
 MAX_GAP_S = 10.0
@@ -84,7 +84,7 @@ def difference(files: Sequence[Path], open_file: Callable[[Path], Source]) -> st
 def _content(file: Path, open_file: Callable[[Path], Source]) -> _Content | None:
     try:
         with closing(open_file(file)) as source:
-            clouds = ((c.topic, c.schema.name if c.schema else "") for c in source.channels if find_codec(c))
+            clouds = ((c.topic, c.schema.name if c.schema else "") for c in main_clouds(source.channels))
             return _Content(file, source.span_ns, frozenset(clouds)) if source.span_ns else None
     except InputError:
         return None

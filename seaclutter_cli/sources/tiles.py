@@ -167,10 +167,10 @@ class TilePointReader:
         """Yield the coordinates of each part in metres, shape (3, n)."""
         return (self._tile.xyz(part) for part in self._tile.parts())
 
-    def intensity(self) -> NDArray[Any] | None:
-        """Return the intensity of all points, shape (N,); None if the tile has none."""
-        name = intensity_name(self._tile)
-        return read_columns(self._tile, [name])[name] if name else None
+    def column(self, name: str) -> NDArray[Any] | None:
+        """Return an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
+        own = intensity_name(self._tile) if name == "intensity" else name
+        return read_columns(self._tile, [own]).get(own) if own else None
 
 
 def open_tile(path: Path) -> LasTile | CloudTile:

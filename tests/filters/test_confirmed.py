@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import FieldError
-from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.filters import FILTERS, confirmed
 from seaclutter_cli.frame import Frame, Reason
 from tests.filters.frames import make_frame
 from tests.filters.seas import MAST_M, Body, frame_at, random_bodies, sea_log, share_kept
@@ -214,6 +214,14 @@ class TestRates:
         assert found == [[], [], [], [0], [1], [2], [3], [4]]
         assert [result.frame.index for result in method.flush()] == [5, 6, 7]
         assert list(method.flush()) == []
+
+    def test_few_points_wait(self, monkeypatch):
+        log = sea_log(1, [], times(8))
+        monkeypatch.setattr(confirmed, "_MAX_WAITING", 3 * max(frame.size for frame in log))
+        method = make()
+        found = [[result.frame.index for result in method.process(frame)] for frame in log]
+        assert found == [[], [], [], [0], [1], [2], [3], [4]]
+        assert reasons(run(log)) == reasons(run(log, look_ahead_s=0.3))
 
 
 STAMPS = st.lists(

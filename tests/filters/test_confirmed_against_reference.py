@@ -43,8 +43,7 @@ class Watched(FILTERS["confirmed"]):
     def _examine(self, frame, time_s):
         one = super()._examine(frame, time_s)
         pairs = zip(one.objects, one.tracks, strict=True)
-        number = one.echoes.index
-        self.objects.append([(*number[found.points].tolist(), found.evidence, track.memory) for found, track in pairs])
+        self.objects.append([(*found.points.tolist(), found.evidence, track.memory) for found, track in pairs])
         return one
 
 

@@ -73,7 +73,8 @@ _TILE = (
     "info IN/tile{} --json",
 )
 _CHECKED = (flip, cut, drop, insert, overwrite)
-_MCAP = {"commands": _log("log.mcap"), "layers": (layers.mcap_chunk, layers.mcap_message), "guarded": _CHECKED}
+_MESSAGES = (layers.mcap_chunk, layers.mcap_message)
+_MCAP = {"commands": _log("log.mcap"), "layers": _MESSAGES, "guarded": _CHECKED}
 _BAG = {"commands": _log("log.bag"), "layers": (layers.bag_chunk, layers.bag_message), "guarded": (cut, drop)}
 _FOLDER = {"commands": _log("log"), "files": "log/*"}
 _PACKETS = {"commands": _log("log.pcap"), "files": "log.pcap", "layers": (layers.packet,)}
@@ -89,6 +90,23 @@ FORMATS: dict[str, Format] = {
     "mcap protobuf": Format(partial(seeds.mcap, kind="protobuf"), **_MCAP),
     "mcap json": Format(partial(seeds.mcap, kind="json"), **_MCAP),
     "mcap packets": Format(seeds.mcap_packets, **_MCAP),
+    "bag packets": Format(partial(seeds.packet_topic, driver="rslidar_sdk", container="bag"), **_BAG),
+    "db3 packets": Format(
+        partial(seeds.packet_topic, driver="rslidar", container="db3"), _log("log.db3"), layers=(layers.sqlite_cell,)
+    ),
+    "mcap ouster packets": Format(
+        partial(seeds.packet_topic, driver="ouster_sensor_msgs"), _log("log.mcap"), "log.mcap", layers=_MESSAGES
+    ),
+    "mcap hesai packets": Format(
+        partial(seeds.packet_topic, driver="hesai_ros_driver"), _log("log.mcap"), "log.mcap", layers=_MESSAGES
+    ),
+    "mcap compressed zstd": Format(partial(seeds.wrapped_clouds, form="zstd"), **_MCAP),
+    "mcap compressed zlib": Format(partial(seeds.wrapped_clouds, form="zlib"), **_MCAP),
+    "mcap compressed draco": Format(partial(seeds.wrapped_clouds, form="draco"), **_MCAP),
+    "mcap foxglove ros": Format(partial(seeds.wrapped_clouds, form="foxglove"), **_MCAP),
+    "mcap livox": Format(partial(seeds.wrapped_clouds, form="livox"), **_MCAP),
+    "mcap scan": Format(partial(seeds.wrapped_clouds, form="scan"), **_MCAP),
+    "mcap scan echoes": Format(partial(seeds.wrapped_clouds, form="echoes"), **_MCAP),
     "bag": Format(seeds.bag, **_BAG),
     "bag bz2": Format(partial(seeds.bag, compression="BZ2"), **_BAG),
     "bag lz4": Format(partial(seeds.bag, compression="LZ4"), **_BAG),

@@ -17,6 +17,7 @@ from seaclutter_cli.commands import cli
 from tests import logs
 from tests.airborne import tiles
 from tests.labels import frames as labels
+from tests.messages import wrapped
 from tests.scenes.onnx_files import model_bytes
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.ouster import test_decoder as ouster
@@ -38,6 +39,25 @@ def mcap_packets(folder):
     topic = logs.Topic("/velodyne_packets", "cdr", _schema(packet_topics.VELODYNE_SCAN))
     entries = [logs.Entry(topic.name, times[0][0], packet_topics.scan(times)) for times in _velodyne_scans()]
     logs.write_log(folder / "log.mcap", [topic], entries)
+
+
+def packet_topic(folder, driver, container="mcap"):
+    """Write a recording with the packet topic of a driver."""
+    from tests.sources.shared.driver_topics import DRIVERS, robosense_packets, write_topic
+
+    few = robosense_packets(24, step=300) if driver.startswith("rslidar") else None
+    path = write_topic(DRIVERS[driver], container, folder, few)
+    if path.is_dir():
+        (file,) = (file for file in path.iterdir() if file.suffix != ".yaml")
+        file.rename(folder / f"log.{container}")
+        shutil.rmtree(path)
+    else:
+        path.rename(folder / f"log.{container}")
+
+
+def wrapped_clouds(folder, form):
+    """Write a log with clouds in a form of `wrapped.sea_messages`."""
+    wrapped.sea_log(folder / "log.mcap", form)
 
 
 def _schema(kind):
@@ -125,6 +145,11 @@ def ouster_capture(folder, profile="RNG19_RFL8_SIG16_NIR16"):
     """Write a capture of an Ouster lidar, with its metadata beside it."""
     packets = ouster.make_packets(profile, frames=(0, 1))
     _capture(folder, [(int(t), p.tobytes()) for t, p in zip(packets.times_ns, packets.payloads, strict=True)], 7502)
+    write_ouster_metadata(folder, profile)
+
+
+def write_ouster_metadata(folder, profile):
+    """Write the metadata of an Ouster lidar, and return the path."""
     beams = {"beam_altitude_angles": ouster.ALTITUDES, "beam_azimuth_angles": ouster.AZIMUTHS}
     beams["lidar_origin_to_beam_origin_mm"] = 15.806
     layout = {"columns_per_frame": ouster.COLUMNS, "columns_per_packet": ouster.PER_PACKET}
@@ -132,7 +157,9 @@ def ouster_capture(folder, profile="RNG19_RFL8_SIG16_NIR16"):
     lidar = {"lidar_to_sensor_transform": [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 36.18, 0, 0, 0, 1]}
     info = {"prod_line": "OS-1-16", "prod_sn": "122201000998", "build_rev": "v3.0.1"}
     data = {"beam_intrinsics": beams, "lidar_intrinsics": lidar, "sensor_info": info, "lidar_data_format": layout}
-    (folder / "log.json").write_text(json.dumps(data))
+    path = folder / "log.json"
+    path.write_text(json.dumps(data))
+    return path
 
 
 def with_angles(folder):

@@ -12,12 +12,12 @@ from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.messages.pointcloud2 import CdrPointCloud2, Ros1PointCloud2
+from seaclutter_cli.messages.pointcloud2 import PointCloud2
 from tests.messages.clouds import TYPES, Field, Plain, broken, plain_clouds
 
 TYPE = "sensor_msgs/msg/PointCloud2"
 STORES = {"cdr": get_typestore(Stores.ROS2_HUMBLE), "ros1": get_typestore(Stores.ROS1_NOETIC)}
-CODECS = {"cdr": CdrPointCloud2(), "ros1": Ros1PointCloud2()}
+CODECS = {"cdr": PointCloud2(2), "ros1": PointCloud2(1)}
 DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
 ENCODINGS = pytest.mark.parametrize("encoding", ["cdr", "ros1"])
 FLOATS = tuple(Field(name, 4 * k, "f4") for k, name in enumerate(("x", "y", "z", "intensity")))

@@ -31,8 +31,8 @@ class DetectedObject:
 
     Parameters
     ----------
-    points : ndarray, shape (n,), int64
-        Indices of its points among the echoes of the frame.
+    points : ndarray, shape (n,), int64 or int32
+        Indices of its points among the echoes of the frame, or in the frame while it waits.
     evidence : float
         Evidence of its shape: positive for a target, negative for water.
     cells : ndarray, shape (m, 2), float64
@@ -45,7 +45,7 @@ class DetectedObject:
         Whether it is nearer than ``start_m``, where own ship is.
     """
 
-    points: Indices
+    points: NDArray[np.integer]
     evidence: float
     cells: Floats
     center: Floats
@@ -77,11 +77,10 @@ class Clusters:
         echoes of several beams from one body stay together.
         """
         members = np.flatnonzero(among)
-        positions = echoes.xyz[:, members]
-        apart = np.tan(np.radians(beams.spacing_deg)) * echoes.range_m[members]
-        reach = params.cluster_tolerance_m / _BEAMS_IN_REACH
-        positions[2] *= reach / np.maximum(apart, reach)
-        labels = euclidean_clusters(positions, params.cluster_tolerance_m, params.min_cluster_points)
+        tolerance_m = params.cluster_tolerance_m
+        labels = euclidean_clusters(
+            _lowered(echoes, members, beams, tolerance_m), tolerance_m, params.min_cluster_points
+        )
         clustered = np.flatnonzero(labels >= 0)
         order = clustered[np.argsort(labels[clustered], kind="stable")]
         count = np.bincount(labels[clustered])
@@ -132,6 +131,15 @@ class Clusters:
         cluster = np.repeat(np.arange(len(self), dtype=np.min_scalar_type(len(self))), self.count)
         ordered = ordered[by_value[np.argsort(cluster[by_value], kind="stable")]]
         return [np.asarray(ordered[self.start + rank]) for rank in ranks]
+
+
+def _lowered(echoes: Echoes, members: Indices, beams: Beams, tolerance_m: float) -> Floats:
+    """Return the positions of some echoes, shape (3, n), with shortened heights where beams are far apart."""
+    positions = echoes.xyz[:, members]
+    apart = np.tan(np.radians(beams.spacing_deg)) * echoes.range_m[members]
+    reach = tolerance_m / _BEAMS_IN_REACH
+    positions[2] *= reach / np.maximum(apart, reach)
+    return positions
 
 
 def find_objects(

@@ -24,7 +24,8 @@ class ConfirmedParams(RingIntensityParams):
     use_intensity : bool
         Use the thresholds; false: only shape and persistence count, and the log needs no intensities.
     look_ahead_s : float
-        Time before and after a frame from which its objects are confirmed, in seconds.
+        Time before and after a frame from which its objects are confirmed, in seconds; less time after it where more
+        than 1.5 million points would wait.
     causal : bool
         Confirm objects without later frames. Upright objects are then kept at once, even if they do not stay; low ones
         are kept later.

@@ -113,7 +113,7 @@ class SeparateWork(TileWork["SeparatedTile"]):
         started, tile = perf_counter(), open_tile(self.path)
         with errors_of(self.path):
             points = TilePointReader(tile)
-            found = separate(points, self.params, points.intensity)
+            found = separate(points, self.params, points.column)
         warn_of_doubts(tile, found, observer)
         columns: dict[str, Any] = {"classification": found.classification}
         if self.with_height:

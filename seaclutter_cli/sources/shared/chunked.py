@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from seaclutter_cli.limits import limits
 from seaclutter_cli.records import Message
-from seaclutter_cli.threads import executor
+from seaclutter_cli.threads import executor, threads
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -184,6 +184,7 @@ def _size(message: Message) -> int:
 def _ahead(
     chunks: Iterable[C], unpack: Callable[[C], P], load: Callable[[C, Callable[[], P]], list[Message]]
 ) -> Iterator[tuple[C, list[Message]]]:
+    ahead = _UNPACKERS if threads() > 1 else 0
     with executor(_UNPACKERS, "unpack") as pool:
         pending: deque[tuple[C, Future[P]]] = deque()
         try:
@@ -192,7 +193,7 @@ def _ahead(
                     first, content = pending.popleft()
                     yield first, load(first, content.result)
                 pending.append((chunk, pool.submit(unpack, chunk)))
-                if len(pending) > 2:
+                if len(pending) > ahead:
                     first, content = pending.popleft()
                     yield first, load(first, content.result)
             while pending:

@@ -13,8 +13,8 @@ from seaclutter_cli.records import Buffer, Channel, Message
 from seaclutter_cli.sensors.packets import Packets
 from seaclutter_cli.text import count
 
-_NANO = 1_000_000_000
-_LATEST_NS = np.iinfo(np.int64).max
+NANO = 1_000_000_000
+LATEST_NS = np.iinfo(np.int64).max
 _MAX_SLACK = 8
 
 
@@ -73,8 +73,6 @@ The length of a message distinguishes versions of drivers that share a type name
 
 _CLOUDS = "record the driver's sensor_msgs/PointCloud2"
 UNSUPPORTED: Mapping[str, str] = {
-    "livox_ros_driver/msg/CustomMsg": "set the driver's xfer_format to 0, which publishes sensor_msgs/PointCloud2",
-    "livox_ros_driver2/msg/CustomMsg": "set the driver's xfer_format to 0, which publishes sensor_msgs/PointCloud2",
     "robosense_msgs/msg/RobosenseScan": f"{_CLOUDS}, or the packets with rslidar_sdk",
     "innovusion_msgs/msg/InnovusionScan": _CLOUDS,
     "vanjee_lidar_msg/msg/VanjeelidarPacket": _CLOUDS,
@@ -130,6 +128,28 @@ class PacketMessage:
         return list(runs(self.times_ns, self.payloads))
 
 
+@dataclass(frozen=True)
+class Places:
+    """Where messages of equal length with one packet may differ.
+
+    Parameters
+    ----------
+    payload : slice
+        Bytes of the UDP payload.
+    stamp : int or None
+        Offset of the stamp: two integers of 32 bits, seconds and nanoseconds; None if there is none.
+    order : str
+        Byte order of the integers, ``<`` or ``>``.
+    fixed : ndarray, shape (F,)
+        Bytes that do not differ: all but payload, stamp, sequence number and flags.
+    """
+
+    payload: slice
+    stamp: int | None
+    order: str
+    fixed: NDArray[np.intp]
+
+
 def runs(times_ns: Sequence[int], payloads: Sequence[Buffer]) -> Iterator[Packets]:
     """Yield packets in order, in runs of equal length."""
     sizes = np.array([len(payload) for payload in payloads], np.int64)
@@ -142,10 +162,26 @@ def runs(times_ns: Sequence[int], payloads: Sequence[Buffer]) -> Iterator[Packet
 
 def read_packets(message: Message) -> PacketMessage:
     """Return the packets in a message; `CloudError` if it is truncated or has another layout."""
+    return _read(message)[0]
+
+
+def read_places(message: Message) -> tuple[PacketMessage, Places]:
+    """Return the packet in a message that has one, and its place; `CloudError` as from `read_packets`."""
+    read, reader = _read(message)
+    is_fixed = np.ones(len(message.data), np.bool_)
+    for place in (reader.payload, *reader.other):
+        is_fixed[place] = False
+    if reader.stamp is not None:
+        is_fixed[reader.stamp : reader.stamp + 8] = False
+    return read, Places(reader.payload, reader.stamp, reader.order, np.flatnonzero(is_fixed))
+
+
+def _read(message: Message) -> tuple[PacketMessage, "_Reader"]:
     first: CloudError | None = None
     for layout in PACKET_LAYOUTS[packet_type(message.channel) or ""]:
         try:
-            return _Reader(message).read(layout)
+            reader = _Reader(message)
+            return reader.read(layout), reader
         except CloudError as error:
             first = first or error
     raise first or CloudError("the message has no known layout")
@@ -156,17 +192,21 @@ class _Reader:
 
     def __init__(self, message: Message) -> None:
         data = message.data
-        self._data, self._size, self._log_ns = data, len(data), min(message.log_time_ns, _LATEST_NS)
+        self._data, self._size, self._log_ns = data, len(data), min(message.log_time_ns, LATEST_NS)
         self._ros1 = message.channel.message_encoding == "ros1"
         if not self._ros1 and (len(data) < 4 or data[0] != 0 or data[1] > 1):
             raise CloudError("the message does not start with a plain CDR header")
         self._start, self._align = (0, 1) if self._ros1 else (4, 4)
-        self._order = "<" if self._ros1 or data[1] else ">"
+        self.order = "<" if self._ros1 or data[1] else ">"
         self._at = self._start
+        self.payload = slice(0)
+        self.stamp: int | None = None
+        self.other: list[slice] = []
 
     def read(self, layout: Layout) -> PacketMessage:
         """Return the packets in the message."""
         frame_id, stamp_ns = self._header() if layout.header else (None, 0)
+        self.other.append(slice(self._at, self._at + layout.flags))
         self._at += layout.flags
         number = self._number() if layout.many else 1
         if layout.length is not None:
@@ -181,7 +221,7 @@ class _Reader:
         self._at = at + 4 * number
         if self._at > self._size:
             raise CloudError(f"the message is truncated at byte {self._size}")
-        return unpack_from(f"{self._order}{number}I", self._data, at)
+        return unpack_from(f"{self.order}{number}I", self._data, at)
 
     def _number(self) -> int:
         return self._numbers(1)[0]
@@ -189,7 +229,9 @@ class _Reader:
     def _header(self) -> tuple[str, int]:
         """Return the frame id and the stamp of a header."""
         if self._ros1:
+            self.other.append(slice(self._at, self._at + 4))
             self._at += 4
+        self.stamp = self._at
         sec, nanosec, size = self._numbers(3)
         begin, left = self._at, self._size - self._at
         if size > left:
@@ -198,12 +240,12 @@ class _Reader:
             )
         self._at += size
         name = bytes(self._data[begin : self._at]).decode(errors="surrogateescape")
-        return name if self._ros1 else name.removesuffix("\0"), sec * _NANO + nanosec
+        return name if self._ros1 else name.removesuffix("\0"), sec * NANO + nanosec
 
     def _reserved(self, layout: Layout, length: int, number: int) -> tuple[list[int], list[Buffer]]:
         """Return times and payloads of packets of a fixed size."""
         at = self._at + -(self._at - self._start) % self._align
-        number_type = self._order + "u4"
+        number_type = self.order + "u4"
         fields = [("sec", number_type), ("nanosec", number_type), ("data", "u1", (length,))]
         packet = np.dtype([*fields, ("size", number_type)] if layout.sized else fields)
         step = packet.itemsize + -packet.itemsize % self._align
@@ -214,11 +256,12 @@ class _Reader:
         packets = np.ndarray((number,), packet, self._data, at, (step,))
         sizes = np.minimum(packets["size"], length).tolist() if layout.sized else [length] * number
         view, begin = memoryview(self._data), at + 8
+        self.stamp, self.payload = at, slice(begin, begin + length)
         spans = zip(range(begin, begin + number * step, step), sizes, strict=True)
         return self._times(packets), [view[start : start + size] for start, size in spans]
 
     def _times(self, packets: NDArray[np.void]) -> list[int]:
-        times_ns = packets["sec"].astype(np.int64) * _NANO + packets["nanosec"]
+        times_ns = packets["sec"].astype(np.int64) * NANO + packets["nanosec"]
         times_ns[times_ns == 0] = self._log_ns
         times: list[int] = times_ns.tolist()
         return times
@@ -231,7 +274,7 @@ class _Reader:
         for _ in range(number):
             if layout.stamp:
                 sec, nanosec, size = self._numbers(3)
-                stamp_ns = sec * _NANO + nanosec
+                stamp_ns = sec * NANO + nanosec
             else:
                 size = self._number()
             begin, self._at = self._at, self._at + size
@@ -244,6 +287,7 @@ class _Reader:
                 size = min(self._number(), size)
             if layout.spare and size % 4 == 1:
                 size -= 1
+            self.payload = slice(begin, begin + size)
             times_ns.append(stamp_ns or self._log_ns)
             payloads.append(view[begin : begin + size])
         if self._size - self._at > _MAX_SLACK:

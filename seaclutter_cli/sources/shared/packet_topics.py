@@ -3,23 +3,21 @@
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
-from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Buffer, Channel, Damage, Message, Metadata, Record, Schema
+from seaclutter_cli.messages.definitions import ros1_cloud_schema, ros2_schema
+from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
+from seaclutter_cli.sources.shared.packet_batches import read_batch
 from seaclutter_cli.sources.shared.packet_messages import (
     UNSUPPORTED,
     has_single_packets,
     packet_type,
-    read_packets,
     ros2_type,
-    runs,
 )
 from seaclutter_cli.sources.shared.packet_probe import find_families, make_candidates, probe
 from seaclutter_cli.text import count
@@ -77,15 +75,13 @@ class _Topic:
 
 @dataclass
 class _Stream:
-    """State of reading a packet topic: its decoder, the packets that wait for it, and the times of the last message."""
+    """State of reading a packet topic: its decoder, the messages that wait for it, and the times of the last one."""
 
     topic: _Topic
     decoder: PacketDecoder
     times: tuple[int, int] = (0, 0)
     frame_id: str | None = None
-    times_ns: list[int] = field(default_factory=list)
-    payloads: list[Buffer] = field(default_factory=list)
-    since_ns: int = 0
+    waiting: list[Message] = field(default_factory=list)
     scans: int = 0
     frames: int = 0
     partial: int = 0
@@ -170,7 +166,7 @@ class PacketTopics:
         taken = {channel.id for channel in channels}
         number = next(id_ for id_ in range(_MAX_IDS, 0, -1) if id_ not in taken)
         ros1 = packets.message_encoding == "ros1"
-        schema = _ros1_schema() if ros1 else ros2_schema("sensor_msgs/msg/PointCloud2")
+        schema = ros1_cloud_schema() if ros1 else ros2_schema("sensor_msgs/msg/PointCloud2")
         topic = _points_topic(packets)
         return Channel(number, topic, packets.message_encoding, schema)
 
@@ -192,12 +188,14 @@ class PacketTopics:
         streams: dict[int, _Stream] = {}
         latest_ns = 0
         for record in self._inner.records():
-            if isinstance(record, Message) and end_ns is not None and record.log_time_ns >= end_ns:
+            if not isinstance(record, Message):
+                yield record
+                continue
+            time_ns = record.log_time_ns
+            if end_ns is not None and time_ns >= end_ns:
                 return
             yield record
-            if not isinstance(record, Message):
-                continue
-            latest_ns = max(latest_ns, record.log_time_ns)
+            latest_ns = max(latest_ns, time_ns)
             if (topic := self._topics.get(record.channel.id)) and (stream := self._take(record, topic, streams)):
                 yield from self._add(stream)
         for stream in streams.values():
@@ -213,27 +211,23 @@ class PacketTopics:
             stream = _Stream(topic, topic.family.decoder(topic.sample, topic.options))
             streams[message.channel.id] = stream
             self.facts[topic.clouds.topic] = stream.decoder.facts
-        stream.times, stream.scans = (message.log_time_ns, message.publish_time_ns), stream.scans + 1
-        try:
-            read = read_packets(message)
-        except CloudError as error:
-            problem = f"scan {stream.scans - 1} of {message.channel.topic} cannot be read ({error})"
-            self._note(problem, len(message.data), 1)
-            return None
-        stream.frame_id = read.frame_id
-        if not stream.payloads:
-            stream.since_ns = message.log_time_ns
-        stream.times_ns += read.times_ns
-        stream.payloads += read.payloads
-        waited_ns = message.log_time_ns - stream.since_ns
-        waits = topic.is_single and len(stream.payloads) < _DECODED_AT_ONCE and waited_ns < _DECODED_WITHIN_NS
+        stream.times = (message.log_time_ns, message.publish_time_ns)
+        stream.waiting.append(message)
+        waited_ns = message.log_time_ns - stream.waiting[0].log_time_ns
+        waits = topic.is_single and len(stream.waiting) < _DECODED_AT_ONCE and waited_ns < _DECODED_WITHIN_NS
         return None if waits else stream
 
     def _add(self, stream: _Stream) -> Iterator[Message]:
-        """Yield the clouds that the waiting packets complete."""
-        times_ns, payloads = stream.times_ns, stream.payloads
-        stream.times_ns, stream.payloads = [], []
-        for packets in runs(times_ns, payloads):
+        """Yield the clouds that the waiting messages complete."""
+        messages, stream.waiting = stream.waiting, []
+        batch = read_batch(messages)
+        for number, error in batch.problems:
+            topic = messages[number].channel.topic
+            problem = f"scan {stream.scans + number} of {topic} cannot be read ({error})"
+            self._note(problem, len(messages[number].data), 1)
+        stream.scans += len(messages)
+        stream.frame_id = stream.frame_id if batch.frame_id is None else batch.frame_id
+        for packets in batch.packets:
             yield from self._messages(stream, stream.decoder.add(packets))
 
     def _messages(self, stream: _Stream, frames: Iterator[PacketFrame]) -> Iterator[Message]:
@@ -286,11 +280,3 @@ def _points_topic(packets: Channel) -> str:
     topic = re.sub("lidar_packets$", "packets", packets.topic) if of_ouster else packets.topic
     front = topic.removesuffix("packets")
     return f"{front}points" if front != topic else f"{topic}/points"
-
-
-@cache
-def _ros1_schema() -> Schema:
-    from rosbags.typesys import Stores, get_typestore
-
-    definition, _ = get_typestore(Stores.ROS1_NOETIC).generate_msgdef("sensor_msgs/msg/PointCloud2", ros_version=1)
-    return Schema("sensor_msgs/PointCloud2", "ros1msg", definition.encode())

@@ -163,10 +163,10 @@ def test_a_truncated_packet_is_reported(tmp_path):
 
 
 def test_known_messages_that_are_not_supported_are_named(tmp_path):
-    kind = "livox_ros_driver2/msg/CustomMsg"
+    kind = "innovusion_msgs/msg/InnovusionScan"
     types = Types("mcap", {kind: "uint8[] data"})
-    path = write(tmp_path, "mcap", types, [("/livox/lidar", 10**18, types.make(kind, array(b"")))])
+    path = write(tmp_path, "mcap", types, [("/iv_packets", 10**18, types.make(kind, array(b"")))])
     found, warnings, *_ = clouds(path)
     assert not found
     (warning,) = warnings
-    assert warning.startswith("/livox/lidar is not decoded: livox_ros_driver2/msg/CustomMsg is not supported; set")
+    assert warning.startswith("/iv_packets is not decoded: innovusion_msgs/msg/InnovusionScan is not supported; record")

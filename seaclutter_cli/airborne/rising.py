@@ -1,0 +1,100 @@
+"""What rises out of rough water: objects by their height, brightness and extent."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.cells import joined_cells, touching
+from seaclutter_cli.airborne.following import FINEST_M, CellDetails, FollowedSurface
+from seaclutter_cli.airborne.grid import ElevationGrid
+
+Cells = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_SURE, _SURE_M = 6.0, 0.4
+_SEEN, _SEEN_M = 4.0, 0.25
+_GROWN, _GROWN_M = 3.0, 0.2
+_BRIGHT, _BRIGHTEST, _BRIGHT_ECHO = 2.0, 4.0, 1.5
+_OF_BRIGHT, _OF_BRIGHTEST = 1.0, 0.0
+_RISE, _EVIDENCE = 0.7, 4.0
+_INDEPENDENT_M = 2 * FINEST_M
+
+
+@dataclass(frozen=True)
+class HeightLimits:
+    """Heights above the surface of rough water that make an object.
+
+    Parameters
+    ----------
+    limit : ndarray, shape (S, 256, 256), float64
+        Height over which a point of the cell is a non-sea point.
+    alone_m : float
+        Median height from which a single cell stands out from the waves by height alone.
+    """
+
+    limit: Cells
+    alone_m: float
+
+
+def height_limits(
+    grid: ElevationGrid, lowest: Cells, land: Mask, sea: FollowedSurface, details: CellDetails
+) -> HeightLimits:
+    r"""Return the heights above the surface of rough water that make an object.
+
+    Parameters
+    ----------
+    grid : ElevationGrid
+        Grid of the points of one strip.
+    lowest : ndarray, shape (S, 256, 256), float64
+        Lowest elevations without pits; plus infinity in empty cells.
+    land : ndarray, shape (S, 256, 256), bool
+        Land cells.
+    sea : FollowedSurface
+        Surface, deviation of the water from it, and brightness.
+    details : CellDetails
+        Highest elevations.
+
+    Notes
+    -----
+    Heights and brightness are in standard deviations of the water. Cells that are risen (3) or bright (2) are joined. A
+    group is an object if
+
+    * the lowest echo of one of its cells is above 6, as no wave of a tile is; or its highest is above 4, the cell is
+      bright, and both together, as the root of the sum of squares, are above 6; or
+    * it is bright as a whole and has a mean rise that chance does not explain: at least 0.7, and 4 times its standard
+      error. Deviations of the water are alike within about two metres, so every four square metres are one sample.
+      Foam is as bright, but no higher than the water around it.
+
+    What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on.
+    """
+    known = np.isfinite(lowest)
+    low_m, high_m = (np.where(known, values, -np.inf) - sea.surface for values in (lowest, details.highest))
+    low, high = low_m / sea.deviation, high_m / sea.deviation
+    bright = sea.contrast > _BRIGHT
+    both = np.hypot(np.maximum(high, 0), np.clip(sea.contrast, 0, _BRIGHTEST))
+    sure = (low > _SURE) & (low_m > _SURE_M)
+    sure |= bright & (both > _SURE) & (high > _SEEN) & (high_m > _SEEN_M)
+    part, group = joined_cells((low > _GROWN) | (bright & (high > 0)) | land, grid.blocks)
+    member, found = part > 0, group[part]
+    inside = member & _are_objects(found, member, sure | land, sea.contrast, low, grid.cell_m)[found]
+    alone = np.maximum(_SURE * sea.deviation, _SURE_M)
+    limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
+    echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
+    limit[echoes] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[echoes]
+    used = known & ~land
+    return HeightLimits(limit, float(np.median(alone[used])) if used.any() else 0.0)
+
+
+def _are_objects(
+    group: NDArray[np.int32], member: Mask, sure: Mask, contrast: Cells, rise: Cells, cell_m: float
+) -> Mask:
+    """Return whether each group of cells is an object."""
+    own, groups = group[member], int(group.max(initial=0)) + 1
+    cells, certain, shine, height = (
+        np.bincount(own, weights, groups) for weights in (None, sure[member], contrast[member], rise[member])
+    )
+    cells = np.maximum(cells, 1)
+    error = 1 / np.sqrt(cells * (cell_m / _INDEPENDENT_M) ** 2)
+    bright = (shine > _BRIGHT * cells) & (height > np.maximum(_RISE, _EVIDENCE * error) * cells)
+    return np.asarray((certain > 0) | bright)

@@ -1,0 +1,86 @@
+"""Codec for ``CustomMsg`` of Livox's ROS drivers (``livox_ros_driver`` and ``livox_ros_driver2``)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seaclutter_cli.cloud import Cloud, PointField
+from seaclutter_cli.errors import CloudError
+from seaclutter_cli.messages.serialisation import Header, Reader, RosCodec, Writer
+
+_FIELDS = (
+    PointField("offset_time", 0, "u4"),
+    *(PointField(axis, 4 + 4 * number, "f4") for number, axis in enumerate("xyz")),
+    *(PointField(name, 16 + number, "u1") for number, name in enumerate(("reflectivity", "tag", "line"))),
+)
+_PACKED, _ALIGNED = 19, 20
+_RESERVED = "BBB"
+
+
+@dataclass(frozen=True, slots=True)
+class CustomHeader:
+    """``Cloud.extra`` of a ``CustomMsg``.
+
+    Parameters
+    ----------
+    header : Header
+        Header of the message.
+    timebase_ns : int
+        Time to which ``offset_time`` of the points is relative, in nanoseconds.
+    lidar_id : int
+        Number of the lidar.
+    reserved : tuple of int
+        Three bytes without a meaning.
+    """
+
+    header: Header
+    timebase_ns: int
+    lidar_id: int
+    reserved: tuple[int, ...]
+
+
+class LivoxCustomMsg(RosCodec):
+    """Codec for Livox points: a time, x, y, z, reflectivity, tag and line.
+
+    In ROS 2 a point has 20 bytes because of its alignment, but the last one of a message only 19.
+    """
+
+    def _read(self, read: Reader) -> Cloud:
+        header, timebase_ns, _ = read.header(), read.number("Q"), read.number("I")
+        extra = CustomHeader(header, timebase_ns, read.number("B"), read.numbers(_RESERVED))
+        number, step = read.number("I"), self._step
+        data = read.structures(number, _PACKED, step)
+        return Cloud(
+            stamp_ns=header.stamp_ns,
+            frame_id=header.frame_id,
+            height=1,
+            width=number,
+            fields=_FIELDS,
+            point_step=step,
+            row_step=number * step,
+            big_endian=read.big_endian,
+            dense=True,
+            data=data,
+            extra=extra,
+        )
+
+    def _write(self, write: Writer, cloud: Cloud) -> None:
+        extra = cloud.extra
+        names = [field.name for field in _FIELDS]
+        if not isinstance(extra, CustomHeader) or not set(names) <= {field.name for field in cloud.fields}:
+            raise CloudError("only the points of a Livox message can be written as one")
+        formats = ["<" + field.type for field in _FIELDS]
+        offsets = [field.offset for field in _FIELDS]
+        layout = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": self._step})
+        points = np.zeros(cloud.size, layout)
+        for name in names:
+            points[name] = cloud.points[name]
+        write.header(extra.header)
+        write.numbers("QI", (extra.timebase_ns, cloud.size))
+        write.numbers("B" + _RESERVED, (extra.lidar_id, *extra.reserved))
+        write.number("I", cloud.size)
+        write.raw(points.tobytes()[: max(cloud.size * self._step - (self._step - _PACKED), 0)])
+
+    @property
+    def _step(self) -> int:
+        return _PACKED if self._ros == 1 else _ALIGNED

@@ -1,0 +1,200 @@
+"""Frames of a fixed duration, for lidars whose scans do not repeat."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.cloud import Cloud
+from seaclutter_cli.errors import CloudError
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.limits import limits
+from seaclutter_cli.messages import CODECS, find_codec, has_fixed_fields, main_clouds
+from seaclutter_cli.messages.definitions import points_channel
+from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, SensorFacts
+
+_RELATIVE = ("offset_time", "t", "time")
+"""Point times relative to the stamp, of Livox, Ouster and Velodyne: whole nanoseconds, or seconds as float32."""
+
+
+@dataclass
+class _Window:
+    """Clouds that wait to be joined, and the number of their window."""
+
+    number: int = 0
+    clouds: list[Cloud] = field(default_factory=list)
+    stamps_ns: list[int] = field(default_factory=list)
+    size: int = 0
+    first_ns: int | None = None
+    frames: int = 0
+
+
+class Integrated:
+    """A recording in which the clouds of each time window are one cloud.
+
+    Windows of a topic have the same duration and begin with its first cloud. A cloud belongs to the window of its
+    stamp, a late one to the window that is open. Joined clouds are not organised and have their earliest stamp. They
+    come before the message that begins the next window, with its times. Messages whose points have fixed fields become
+    ``sensor_msgs/PointCloud2``.
+
+    Parameters
+    ----------
+    inner : Source
+        The recording.
+    window_ns : int
+        Duration of a window in nanoseconds.
+    topics : collection of str, optional
+        Topics of the clouds; if empty, those that are meant if no topic is named.
+    """
+
+    def __init__(self, inner: Source, window_ns: int, topics: Collection[str] = ()) -> None:
+        self._inner, self._window_ns = inner, window_ns
+        clouds = [channel for channel in inner.channels if find_codec(channel)]
+        chosen = [channel for channel in clouds if channel.topic in topics] if topics else main_clouds(clouds)
+        self._clouds = {channel.id for channel in chosen}
+        self.name, self.format = inner.name, inner.format
+        self.profile, self.compression = inner.profile, inner.compression
+        self.damage, self.warnings = inner.damage, inner.warnings
+
+    @property
+    def metadata(self) -> Sequence[Metadata]:
+        """Metadata records of the recording."""
+        return self._inner.metadata
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """Channels of the recording, with those of joined clouds."""
+        joined = self._clouds
+        return [_joined(channel) if channel.id in joined else channel for channel in self._inner.channels]
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Messages per channel id; the number of joined clouds is not known."""
+        return {number: messages for number, messages in self._inner.counts.items() if number not in self._clouds}
+
+    @property
+    def facts(self) -> Mapping[str, SensorFacts]:
+        """Facts about the sensor of each cloud topic."""
+        return self._inner.facts
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message of the recording."""
+        return self._inner.span_ns
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
+        """Return an empty mapping: windows are counted from the first cloud on."""
+        return {}
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels whose clouds are not joined."""
+        return self._inner.latest([number for number in channels if number not in self._clouds], before_ns)
+
+    def close(self) -> None:
+        """Close the recording."""
+        self._inner.close()
+
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
+        """Yield the records before ``end_ns``, with joined clouds; can be called again."""
+        windows: dict[Channel, _Window] = {}
+        times = (0, 0)
+        for record in self._inner.records():
+            if isinstance(record, Message):
+                if end_ns is not None and record.log_time_ns >= end_ns:
+                    return
+                times = max(times[0], record.log_time_ns), record.publish_time_ns
+                codec = find_codec(record.channel) if record.channel.id in self._clouds else None
+                if codec:
+                    try:
+                        cloud = codec.decode(record.data)
+                    except CloudError as error:
+                        self._note(f"a cloud of {record.channel.topic} cannot be read ({error})", len(record.data))
+                        continue
+                    window = windows.setdefault(record.channel, _Window())
+                    yield from self._add(record, cloud, window)
+                    continue
+            yield record
+        for channel, window in windows.items():
+            yield from self._join(channel, window, times)
+
+    def _add(self, message: Message, cloud: Cloud, window: _Window) -> Iterator[Message]:
+        """Add a cloud, and yield the joined cloud of the window before if it begins another one."""
+        stamp_ns = cloud.stamp_ns or message.log_time_ns
+        if window.first_ns is None or stamp_ns < window.first_ns + (window.number - 1) * self._window_ns:
+            yield from self._join(message.channel, window, (message.log_time_ns, message.publish_time_ns))
+            window.first_ns, window.number = stamp_ns, 0  # the first cloud, or a clock that was set back
+        number = max((stamp_ns - window.first_ns) // self._window_ns, window.number)
+        data = cloud.size * cloud.point_step
+        fits = not window.clouds or _fits(window.clouds[0], cloud)
+        if number > window.number or not fits or window.size + data > limits().message_bytes:
+            yield from self._join(message.channel, window, (message.log_time_ns, message.publish_time_ns))
+        window.number = number
+        window.clouds.append(cloud)
+        window.stamps_ns.append(stamp_ns)
+        window.size += data
+
+    def _join(self, channel: Channel, window: _Window, times: tuple[int, int]) -> Iterator[Message]:
+        """Yield the joined cloud of a window, if it has any."""
+        clouds, stamps_ns = window.clouds, window.stamps_ns
+        window.clouds, window.stamps_ns, window.size = [], [], 0
+        if not clouds:
+            return
+        joined = _joined(channel)
+        number, window.frames = window.frames, window.frames + 1
+        codec = CODECS[joined.schema.name if joined.schema else "", joined.message_encoding]
+        try:
+            data = codec.encode(join(clouds, stamps_ns))
+        except CloudError as error:
+            self._note(f"frame {number} of {channel.topic} cannot be written ({error})", 0)
+            return
+        yield Message(joined, *times, number, data)
+
+    def _note(self, problem: str, lost_bytes: int) -> None:
+        damage = Damage(Path(self.name), None, problem, lost_bytes, 1)
+        if damage not in self.damage:
+            self.damage.append(damage)
+
+
+def _joined(channel: Channel) -> Channel:
+    return points_channel(channel) if has_fixed_fields(channel) else channel
+
+
+def _fits(one: Cloud, other: Cloud) -> bool:
+    """Return whether the points of two clouds have the same layout and frame."""
+    keys = [(cloud.fields, cloud.point_step, cloud.big_endian, cloud.frame_id) for cloud in (one, other)]
+    return keys[0] == keys[1]
+
+
+def join(clouds: Sequence[Cloud], stamps_ns: Sequence[int]) -> Cloud:
+    """Return an unorganised cloud of the points of clouds with the same layout, with the earliest stamp.
+
+    Times of points that are relative to the stamp of their cloud become relative to the earliest one.
+
+    Parameters
+    ----------
+    clouds : sequence of Cloud
+        At least one.
+    stamps_ns : sequence of int
+        Their stamps in nanoseconds.
+    """
+    first, start_ns = clouds[0], min(stamps_ns)
+    shifted = [_shifted(cloud, stamp_ns - start_ns) for cloud, stamp_ns in zip(clouds, stamps_ns, strict=True)]
+    data = memoryview(b"".join(points.tobytes() for points in shifted))
+    width = sum(map(len, shifted))
+    dense = all(cloud.dense for cloud in clouds)
+    return replace(first, stamp_ns=start_ns, height=1, width=width, row_step=len(data), data=data, dense=dense)
+
+
+def _shifted(cloud: Cloud, late_ns: int) -> NDArray[np.void]:
+    """Return the points of a cloud, shape (N,), with their times relative to an earlier stamp."""
+    points: NDArray[np.void] = cloud.points
+    names = [name for name in points.dtype.names or () if name in _RELATIVE and points.dtype[name].itemsize == 4]
+    if not late_ns or not names:
+        return points
+    points = points.copy()
+    for name in names:
+        is_float = points.dtype[name].kind == "f"
+        points[name] += points.dtype[name].type(late_ns / 1e9 if is_float else late_ns)
+    return points

@@ -1,0 +1,36 @@
+"""Memory that filters take for each point."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.frame import Frame
+
+POINTS, FRAMES = 300_000, 3
+MAX_BYTES_PER_POINT = 320
+
+
+def dense_frame(index):
+    """Return a block of points 0.3 m apart without any water, which all belong to one object."""
+    number = np.arange(POINTS)
+    xyz = np.stack([11 + number % 128 * 0.3, number // 128 % 128 * 0.3 - 20, number // 16384 * 0.05 - 2], 1)
+    stamp_ns = 10**18 + index * 10**8
+    return Frame.of_arrays(xyz.astype(np.float32), np.full(POINTS, 200, np.uint8), stamp_ns=stamp_ns, index=index)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_memory_grows_little_with_points(name, monkeypatch):
+    monkeypatch.setenv("SEACLUTTER_THREADS", "1")
+    method = FILTERS[name](FILTERS[name].Params())
+    tracemalloc.start()
+    for index in range(FRAMES if name == "confirmed" else 1):
+        frame = dense_frame(index)
+        if method.needs_first_pass:
+            method.observe(frame)
+        method.process(frame)
+        del frame
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak / POINTS < MAX_BYTES_PER_POINT
