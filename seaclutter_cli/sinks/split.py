@@ -18,6 +18,14 @@ class Split:
         Bytes of the messages before compression.
     duration_ns : int, optional
         Nanoseconds of log time.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> parts = seaclutter.McapOptions(split=seaclutter.Split(duration_ns=2 * 10**9))
+    >>> done = seaclutter.convert_log("samples/sea.mcap", folder / "parts.mcap", written=parts)
+    >>> [part.name for part in sorted(folder.glob("parts_*.mcap"))]
+    ['parts_0.mcap', 'parts_1.mcap', 'parts_2.mcap']
     """
 
     size: int | None = None
