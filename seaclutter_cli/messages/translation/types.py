@@ -27,7 +27,8 @@ _SIZES = {
 }
 _PLACEHOLDER = "structure_needs_at_least_one_member"
 _RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
-_MAX_DEFINITION = 2**20
+_MAX_DEFINITION = 2**18
+_MAX_FIELDS = 10_000
 _MAX_DEPTH = 50
 
 
@@ -98,7 +99,7 @@ def definition_of(types: Types, name: str, *, ros2: bool) -> tuple[Schema, str]:
     return Schema(name.replace("/msg/", "/", 1), "ros1msg", text.encode()), checksum
 
 
-def layout_of(types: Types, name: str, *, merged: bool = True, depth: int = 0) -> Struct:
+def layout_of(types: Types, name: str, *, merged: bool = True) -> Struct:
     """Return the layout of the messages of a type.
 
     Parameters
@@ -109,46 +110,57 @@ def layout_of(types: Types, name: str, *, merged: bool = True, depth: int = 0) -
         Full name of the type.
     merged : bool, optional
         Whether neighbouring numbers of one size become one block; otherwise every field keeps its name.
-    depth : int, optional
-        Number of types that contain this one.
 
     Raises
     ------
     TranslationError
-        If a type is unknown, contains itself, or has values that are not supported.
+        If a type is unknown, contains itself or too many others, or has values that are not supported.
     """
-    if name not in types or depth > _MAX_DEPTH:
-        raise TranslationError(f"the definition of {name} is {'not complete' if depth else 'unknown'}")
-    fields: list[tuple[str, Node]] = []
-    for field, kind in types[name][1]:
-        if field == _PLACEHOLDER or (name == HEADER and field == "seq"):
-            continue
-        fields.append((field.lower(), _node(types, kind, merged=merged, depth=depth)))
-    if name == HEADER:
-        fields.insert(0, ("seq", Absent(4, in_cdr=False)))
-    if not fields:
-        fields.append(("", Absent(1, in_cdr=True)))
-    return Struct(tuple(_joined(fields) if merged else fields))
+    if name not in types:
+        raise TranslationError(f"the definition of {name} is unknown")
+    return _Layouts(types, merged=merged).struct(name)
 
 
-def _node(types: Types, kind: Any, *, merged: bool, depth: int) -> Node:
-    base, detail = kind
-    if base == Nodetype.BASE:
-        if detail[0] == "string":
-            return Text()
-        if detail[0] not in _SIZES:
-            raise TranslationError(f"values of the type {detail[0]} are not supported")
-        return Block(_SIZES[detail[0]], kind="uint8" if detail[0] in ("byte", "char", "bool") else detail[0])
-    if base == Nodetype.NAME:
-        inner = layout_of(types, detail, merged=merged, depth=depth + 1)
-        return inner.nodes[0] if merged and len(inner.nodes) == 1 else inner
-    item, length = detail
-    node = _node(types, item, merged=merged, depth=depth)
-    if base == Nodetype.SEQUENCE:
-        return Items(node)
-    return (
-        Block(node.size, node.count * length, node.kind) if isinstance(node, Block) and length else Items(node, length)
-    )
+class _Layouts:
+    """Layouts of types that contain each other, which could be more than any memory holds."""
+
+    def __init__(self, types: Types, *, merged: bool) -> None:
+        self._types, self._merged = types, merged
+        self._left = _MAX_FIELDS
+
+    def struct(self, name: str, depth: int = 0) -> Struct:
+        if name not in self._types or depth > _MAX_DEPTH:
+            raise TranslationError(f"the definition of {name} is not complete")
+        fields: list[tuple[str, Node]] = []
+        for field, kind in self._types[name][1]:
+            self._left -= 1
+            if self._left < 0:
+                raise TranslationError(f"messages of more than {_MAX_FIELDS:,} fields are not supported")
+            if field == _PLACEHOLDER or (name == HEADER and field == "seq"):
+                continue
+            fields.append((field.lower(), self._node(kind, depth)))
+        if name == HEADER:
+            fields.insert(0, ("seq", Absent(4, in_cdr=False)))
+        if not fields:
+            fields.append(("", Absent(1, in_cdr=True)))
+        return Struct(tuple(_joined(fields) if self._merged else fields))
+
+    def _node(self, kind: Any, depth: int) -> Node:
+        base, detail = kind
+        if base == Nodetype.BASE:
+            if detail[0] == "string":
+                return Text()
+            if detail[0] not in _SIZES:
+                raise TranslationError(f"values of the type {detail[0]} are not supported")
+            return Block(_SIZES[detail[0]], kind="uint8" if detail[0] in ("byte", "char", "bool") else detail[0])
+        if base == Nodetype.NAME:
+            inner = self.struct(detail, depth + 1)
+            return inner.nodes[0] if self._merged and len(inner.nodes) == 1 else inner
+        item, length = detail
+        node = self._node(item, depth)
+        if base == Nodetype.SEQUENCE:
+            return Items(node)
+        return Block(node.size, node.count * length, node.kind) if isinstance(node, Block) else Items(node, length)
 
 
 def _joined(fields: list[tuple[str, Node]]) -> list[tuple[str, Node]]:

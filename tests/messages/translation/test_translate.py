@@ -197,6 +197,13 @@ def test_few_bytes_cannot_declare_billions_of_empty_items():
         translator(Channel(1, "/many", ROS1, schema), CDR).translate(b"\xff" * 4)
 
 
+def doubling(types):
+    """Return definitions of types of which each contains two of the next."""
+    parts = [f"MSG: my_msgs/A{n}\nmy_msgs/A{n + 1} a\nmy_msgs/A{n + 1} b" for n in range(1, types)]
+    parts = ["my_msgs/A1 a\nmy_msgs/A1 b", *parts, f"MSG: my_msgs/A{types}\nuint8 a"]
+    return f"\n{'=' * 80}\n".join(parts).encode()
+
+
 @pytest.mark.parametrize(
     ("schema", "problem"),
     [
@@ -206,6 +213,8 @@ def test_few_bytes_cannot_declare_billions_of_empty_items():
         (Schema("my_msgs/A", "ros1msg", b"my_msgs/A a"), "not complete"),
         (Schema("my_msgs/A", "ros1msg", b"my_msgs/B b"), "not complete"),
         (Schema("my_msgs/A", "ros1msg", b"#" * 2_000_000), "longer"),
+        (Schema("my_msgs/A0", "ros1msg", doubling(40)), "more than 10,000 fields"),
+        (Schema("my_msgs/A", "ros2msg", b"wstring a"), "not complete"),
     ],
 )
 def test_types_that_cannot_be_translated_are_errors(schema, problem):
