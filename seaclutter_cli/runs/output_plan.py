@@ -128,9 +128,7 @@ def places_of(targets: Iterable[Location], form: str, split: Split | None) -> li
     places: list[Location] = []
     for target in targets:
         if isinstance(target, Url):
-            raise UsageError(
-                f"{target}: --split needs a folder of this machine, or a ROS 2 recording (--to rosbag2-mcap)"
-            )
+            raise UsageError(f"{target}: --split needs an output on this machine, or --to rosbag2-mcap")
         places += [part_path(target, 0), *parts_after(target, 0)]
     return places
 
