@@ -22,7 +22,7 @@ def test_limits(text, split):
     assert parse_split(text) == split
 
 
-@pytest.mark.parametrize("text", ["", "5", "GB", "-1s", "0s", "0MB", "1m", "1e3s", "1,5s", "5 s s", "١s"])
+@pytest.mark.parametrize("text", ["", "5", "GB", "-1s", "0s", "0MB", "1m", "1e3s", "1,5s", "5 s s", "\u0661s"])
 def test_other_texts_are_refused(text):
     with pytest.raises(ValueError):  # noqa: PT011 - the text itself
         parse_split(text)
