@@ -17,7 +17,7 @@ from seaclutter_cli.runs.convert_result import ConvertOutcome, ConvertSummary
 from seaclutter_cli.runs.log_outcome import output_size
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.output_plan import first_part, places_of, plan_outputs, warn_of_losses
+from seaclutter_cli.runs.output_plan import check_names, first_part, places_of, plan_outputs, warn_of_losses
 from seaclutter_cli.runs.outputs import Root, inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import (
     Logs,
@@ -100,6 +100,7 @@ def convert_logs(logs: Logs, output: PathLike, options: ConvertOptions, observer
         observer=observer,
         root=Root(location(output), OUTPUT_FORMATS[planned.form].marker),
     )
+    check_names(planned.targets)
     earlier = earlier_outcomes(works, observer) if batch.resume else [None] * len(works)
     todo = [work for work, outcome in zip(works, earlier, strict=True) if outcome is None]
     done = iter([todo[0].run(observer)] if batch.runs_here(len(works)) and todo else run_batch(todo, batch, observer))

@@ -24,7 +24,7 @@ from seaclutter_cli.runs.log_outcome import output_size
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.output_plan import first_part, places_of, plan_outputs, warn_of_losses
+from seaclutter_cli.runs.output_plan import check_names, first_part, places_of, plan_outputs, warn_of_losses
 from seaclutter_cli.runs.outputs import (
     Paths,
     Root,
@@ -114,6 +114,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     started, plan, batch = perf_counter(), plan_works(logs, output, options, observer), options.batch
     replaces = options.force or batch.resume
     prepare_outputs(plan.outputs, plan.inputs, options.labels.paths, force=replaces, observer=observer, root=plan.root)
+    check_names(work.target for work in plan.works)
     earlier = earlier_outcomes(plan.works, observer) if batch.resume else [None] * len(plan.works)
     works = _works(plan.works, earlier, with_table=options.csv_file is not None)
     with OutputGroup(replace=replaces) as files:

@@ -12,6 +12,7 @@ from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
 from seaclutter_cli.runs.filter import FilterOptions, FilterWork, plan_works
 from seaclutter_cli.runs.filter_estimate import estimate
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.output_plan import check_names
 from seaclutter_cli.runs.outputs import Root, check_outputs, existing
 from seaclutter_cli.runs.plan_result import FilterPlan, Planned
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions, expected_frames
@@ -50,6 +51,7 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     log_file = getattr(observer, "log_file", None)
     labels = options.labels.paths
     check_outputs(plan.outputs, plan.inputs, labels, force=True, log_file=log_file, root=plan.root)
+    check_names(work.target for work in plan.works)
     others = {option: place for option, place in plan.outputs.items() if option != "-o"}
     check_outputs(others, {}, force=options.force or options.batch.resume)
     taken = existing(work.output for work in plan.works)

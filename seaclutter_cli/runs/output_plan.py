@@ -20,7 +20,16 @@ from seaclutter_cli.storage.locations import Location, Url, location
 from seaclutter_cli.storage.objects import exists
 from seaclutter_cli.text import count, named_folder
 
-__all__ = ["PlannedOutputs", "first_part", "is_folder", "parse_split", "places_of", "plan_outputs", "warn_of_losses"]
+__all__ = [
+    "PlannedOutputs",
+    "check_names",
+    "first_part",
+    "is_folder",
+    "parse_split",
+    "places_of",
+    "plan_outputs",
+    "warn_of_losses",
+]
 
 _MAX_LOSSES = 8
 _READ = {suffix for kind in SOURCES.values() for suffix in kind.suffixes} | set(FRAME_READERS)
@@ -83,8 +92,6 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
         If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
     """
     path, several = location(output), len(recordings) > 1 or named_folder(output)
-    if not several:
-        _check_name(path)
     form = to or "mcap" if several else format_of(path, to)
     kind = OUTPUT_FORMATS[form]
     if not is_folder(output, len(recordings), kind.marker):
@@ -104,9 +111,9 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
     return PlannedOutputs(form, list(targets))
 
 
-def _check_name(output: Location) -> None:
+def check_names(outputs: Iterable[Location]) -> None:
     """Raise `UsageError` if the name of an output is that of a format that can only be read."""
-    if output.suffix.lower() in _ONLY_READ:
+    for output in (output for output in outputs if output.suffix.lower() in _ONLY_READ):
         raise UsageError(f"{output}: this format can only be read; choose a name such as {output.stem}.mcap")
 
 

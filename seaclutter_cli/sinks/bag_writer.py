@@ -77,7 +77,8 @@ class BagWriter:
         assert channel.schema is not None  # noqa: S101 - translated channels have one
         known = {"md5sum": "*", "type": channel.schema.name, **dict(channel.metadata), "topic": channel.topic}
         fields = {name: value.encode() for name, value in known.items()}
-        data = _header_of({**fields, "message_definition": channel.schema.data or b"\n"})
+        definition = channel.schema.data.decode("utf-8", "replace") or "\n"  # readers refuse other bytes
+        data = _header_of({**fields, "message_definition": definition.encode()})
         head = _fields(op=bytes((_CONNECTION,)), conn=_U32.pack(channel.id), topic=channel.topic.encode())
         self._connections[channel.id] = head + data
         self._undeclared.add(channel.id)
