@@ -3,6 +3,7 @@ from .api.logs import open_log as open_log
 from .api.points import filter_points as filter_points
 from .api.points import make_filter as make_filter
 from .api.studies import check_labels as check_labels
+from .api.studies import find_mask as find_mask
 from .api.studies import info as info
 from .api.studies import report as report
 from .api.studies import tune as tune

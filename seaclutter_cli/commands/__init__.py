@@ -26,6 +26,7 @@ COMMANDS: Mapping[str, str] = {
     "filter": "Filter logs into drop-in logs, MCAP or another format.",
     "convert": "Convert logs to another format, whole or in part.",
     "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
+    "mask": "Propose a mask of own ship's structure.",
     "labels": "Check labels of recordings.",
     "evaluate": "Count false alarms and missed targets against labels; compare methods.",
     "tune": "Compare methods and parameter values on labelled logs and report the best.",

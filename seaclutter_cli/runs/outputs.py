@@ -62,16 +62,18 @@ def inputs_of(
     file : Path, mapping or Config, optional
         Configuration.
     configs : iterable of Config, optional
-        Effective configurations, which may name a model.
+        Effective configurations, which may name a model and a mask.
     """
     logs = [path for recording in recordings for path in recording.paths]
     local = [log for log in logs if isinstance(log, Path)]
-    models = {getattr(config.filter, "scene_model", None) for config in configs}
+    configs = list(configs)
+    models, masks = ({getattr(config.filter, key, None) for config in configs} for key in ("scene_model", "mask"))
     return {
         "LOGS": [*logs, *(beside for log in local for beside in metadata_beside(log))],
         "--calibration": [reading.calibration] if reading and reading.calibration else [],
         "-c": [file] if isinstance(file, Path | Url) else [],
         "filter.scene_model": [Path(model) for model in models if model],
+        "filter.mask": [Path(mask) for mask in masks if mask],
     }
 
 

@@ -43,8 +43,8 @@ def identity_of(
     **others: Any,
 ) -> RunIdentity:
     """Return what the output of a recording depends on, given its files or their copies; ``others`` are options."""
-    model = getattr(config.filter, "scene_model", None) if config else None
-    models = [Path(model)] if model and Path(model).is_file() else []
+    named = [getattr(config.filter, key, None) for key in ("scene_model", "mask")] if config else []
+    files = [Path(name) for name in named if name and Path(name).is_file()]
     calibration = reading.calibration
     options = {
         "reading": {**asdict(reading), "calibration": digest_of_paths([calibration]) if calibration else None},
@@ -58,7 +58,7 @@ def identity_of(
     label_parts = [digest_of_paths([labels.path]), asdict(labels.options)] if labels else []
     return RunIdentity(
         input=digest_of_paths(paths),
-        config=digest_of([config.as_dict(), digest_of_paths(models)] if config else []),
+        config=digest_of([config.as_dict(), digest_of_paths(files)] if config else []),
         options=digest_of(options),
         labels=digest_of(label_parts),
     )

@@ -146,6 +146,8 @@ FORMATS: dict[str, Format] = {
     "las frames": Format(partial(seeds.frame_files, suffix=".las"), **_FOLDER),
     "laz frames": Format(partial(seeds.frame_files, suffix=".laz"), **_FOLDER),
     "kitti bin": Format(partial(seeds.frame_files, suffix=".bin"), **_FOLDER),
+    "canoe": Format(seeds.canoe, _log("log"), "log/*/*", (*BYTES, *TEXT)),
+    "pohang": Format(seeds.pohang, _log("log/lidar/lidar_port"), "log/lidar/lidar_port/points/*"),
     "npy": Format(partial(seeds.frame_files, suffix=".npy"), **_TEXT_HEAD),
     "npz": Format(partial(seeds.frame_files, suffix=".npz"), **_FOLDER),
     "csv frames": Format(partial(seeds.frame_files, suffix=".csv"), **_TEXT_HEAD),

@@ -15,6 +15,7 @@ from seaclutter_cli.sensors.robosense.models import (
     RUBY_PLUS_80V,
     RobosenseModel,
 )
+from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 
 _CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Bpearl")
 _HELIOS = ("RS-Helios", "RS-Helios-16P")
@@ -43,8 +44,10 @@ def find_model(
     Raises
     ------
     InputError
-        If the packets do not identify the model, or are of another one.
+        If the packets do not identify the model, or are of another or an unsupported one.
     """
+    if name := name_unsupported(data):
+        raise InputError(f"packets of a {name} are not supported; {ADVICE}")
     allowed = _possible(data)
     guessed = _guess(allowed, info)
     if wanted is None and guessed is None:

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from seaclutter_cli.cloud import Cloud
+from seaclutter_cli.sources.frame_files.binary import read_bin
 from seaclutter_cli.sources.frame_files.csv import read_csv
-from seaclutter_cli.sources.frame_files.kitti import read_kitti
 from seaclutter_cli.sources.frame_files.las import read_las
 from seaclutter_cli.sources.frame_files.npy import read_npy
 from seaclutter_cli.sources.frame_files.npz import read_npz
@@ -17,7 +17,7 @@ FRAME_READERS: Mapping[str, Callable[[Path], Cloud]] = {
     ".ply": read_ply,
     ".las": read_las,
     ".laz": read_las,
-    ".bin": read_kitti,
+    ".bin": read_bin,
     ".npy": read_npy,
     ".npz": read_npz,
     ".csv": read_csv,
