@@ -72,6 +72,8 @@ SENSORS: Mapping[str, SensorModel] = {
     "OS2-64": SensorModel("Ouster", 64, 1024, _PHOTONS, _OUSTER),
     "OS2-128": SensorModel("Ouster", 128, 1024, _PHOTONS, _OUSTER),
     "Pandar40P": SensorModel("Hesai", 40, 1800, _BYTE, _HESAI),
+    "Pandar64": SensorModel("Hesai", 64, 1800, _BYTE, _HESAI),
+    "PandarQT": SensorModel("Hesai", 64, 600, _BYTE, _HESAI),
     "PandarXT-32": SensorModel("Hesai", 32, 2000, _BYTE, _HESAI),
 }
 """Sensors by name. Register new ones here."""
