@@ -25,6 +25,8 @@ COMMANDS = [
     f"filter {SEA} -o out/confirmed.mcap -m confirmed -n 9",
     f"filter {SEA} -o out/sor.mcap -m sor -n 2",
     f"filter {SEA} cut.mcap -o out2/ --dry-run",
+    f"convert {SEA} cut.mcap bad.mcap -o converted/ --to bag -n 3",
+    f"convert {SEA} -o converted.pcd -n 1",
     f"calibrate {SEA} -o a.yaml",
     f"calibrate {SEA} -o b.yaml {LABELS} --choose -n 20",
     f"calibrate {SEA} -o c.yaml -m confirmed -n 20",

@@ -52,6 +52,7 @@ SENSORS: Mapping[str, SensorModel] = {
     "RS-Ruby-80": SensorModel("RoboSense", 80, 1800, _BYTE, _ROBOSENSE),
     "RS-Ruby-Plus": SensorModel("RoboSense", 128, 1800, _BYTE, _ROBOSENSE),
     "RS-Ruby-Plus-80": SensorModel("RoboSense", 80, 1800, _BYTE, _ROBOSENSE),
+    "RS-Airy": SensorModel("RoboSense", 96, 900, _BYTE, _ROBOSENSE),
     "RS-M1": SensorModel("RoboSense", 5, 15000, _BYTE, _ROBOSENSE),
     "RS-E1": SensorModel("RoboSense", 1, 26000, _BYTE, _ROBOSENSE),
     "VLP-16": SensorModel("Velodyne", 16, 1800, _BYTE, _VELODYNE),
@@ -72,6 +73,8 @@ SENSORS: Mapping[str, SensorModel] = {
     "OS2-64": SensorModel("Ouster", 64, 1024, _PHOTONS, _OUSTER),
     "OS2-128": SensorModel("Ouster", 128, 1024, _PHOTONS, _OUSTER),
     "Pandar40P": SensorModel("Hesai", 40, 1800, _BYTE, _HESAI),
+    "Pandar64": SensorModel("Hesai", 64, 1800, _BYTE, _HESAI),
+    "PandarQT": SensorModel("Hesai", 64, 600, _BYTE, _HESAI),
     "PandarXT-32": SensorModel("Hesai", 32, 2000, _BYTE, _HESAI),
 }
 """Sensors by name. Register new ones here."""

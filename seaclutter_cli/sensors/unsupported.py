@@ -1,6 +1,5 @@
 """Packets of known lidars that are not decoded."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,36 +11,26 @@ ADVICE = "record the sensor_msgs/PointCloud2 of the maker's driver"
 
 @dataclass(frozen=True)
 class _Kind:
-    """Packets of a sensor: their first bytes, their lengths (any if empty), and what else they have in common."""
+    """Packets of a sensor: their first bytes and their lengths (any if empty)."""
 
     name: str
     begins: bytes
     lengths: tuple[int, ...] = ()
-    matches: Callable[[NDArray[np.uint8]], bool] = lambda _: True
 
 
 _MEMS, _ROTATING = bytes.fromhex("55aa5aa5"), bytes.fromhex("55aa055a")
 _HESAI = b"\xee\xff"
 
-
-def _is_airy(payload: NDArray[np.uint8]) -> bool:
-    """Return whether a packet has eight blocks of 48 channels, of which each begins with FF EE."""
-    blocks = payload[42:1226].reshape(8, 148)
-    return bool((blocks[:, :2] == (0xFF, 0xEE)).all())
-
-
 _KINDS = (
-    _Kind("RoboSense RS-Airy", _ROTATING, (1248,), _is_airy),
     _Kind("RoboSense RS-Ruby-48 or RS-Ruby-Plus-48", _ROTATING, (1268,)),
     _Kind("RoboSense RS-M2", _MEMS, (1342,)),
     _Kind("RoboSense RS-M3", _MEMS, (1448,)),
     _Kind("RoboSense RS-MX", _MEMS, (1404,)),
     _Kind("RoboSense RS-EMX", _MEMS, (812,)),
     _Kind("RoboSense RS-M1 Jumbo", _MEMS, (62152,)),
-    _Kind("Hesai Pandar64", _HESAI + bytes((64,)), (1194, 1198, 1388, 1392)),
     _Kind("Hesai Pandar128, OT128 or JT128 (protocol 1.4)", _HESAI + bytes((1, 4))),
     _Kind("Hesai JT16 (protocol 1.8)", _HESAI + bytes((1, 8))),
-    _Kind("Hesai PandarQT (protocol 3.1)", _HESAI + bytes((3, 1))),
+    _Kind("Hesai PandarQT with 32 lasers (protocol 3.1)", _HESAI + bytes((3, 1, 0, 0, 32))),
     _Kind("Hesai QT128 (protocol 3.2)", _HESAI + bytes((3, 2))),
     _Kind("Hesai AT128 (protocol 4.1 or 4.3)", _HESAI + bytes((4, 1))),
     _Kind("Hesai AT128 (protocol 4.1 or 4.3)", _HESAI + bytes((4, 3))),
@@ -62,6 +51,6 @@ def name_unsupported(payload: NDArray[np.uint8]) -> str | None:
     """
     for kind in _KINDS:
         fits = not kind.lengths or len(payload) in kind.lengths
-        if fits and payload[: len(kind.begins)].tobytes() == kind.begins and kind.matches(payload):
+        if fits and payload[: len(kind.begins)].tobytes() == kind.begins:
             return kind.name
     return None

@@ -51,6 +51,8 @@ def _log(name: str, *more: str) -> Commands:
         f"info IN/{name} --json",
         f"{write} -m confirmed --keep-organized --with-scene --json",
         f"calibrate IN/{name} -o OUT/config.yaml",
+        f"convert IN/{name} -o OUT/out.bag --json",
+        f"convert IN/{name} -o OUT/out --to rosbag2-db3",
         *more,
     )
 
@@ -153,6 +155,7 @@ FORMATS: dict[str, Format] = {
     "canoe": Format(seeds.canoe, _log("log"), "log/*/*", (*BYTES, *TEXT)),
     "pohang": Format(seeds.pohang, _log("log/lidar/lidar_port"), "log/lidar/lidar_port/points/*"),
     "npy": Format(partial(seeds.frame_files, suffix=".npy"), **_TEXT_HEAD),
+    "npz": Format(partial(seeds.frame_files, suffix=".npz"), **_FOLDER),
     "csv frames": Format(partial(seeds.frame_files, suffix=".csv"), **_TEXT_HEAD),
     "labels csv": Format(
         partial(seeds.labelled, form="csv"), _labels("log.mcap", "labels/log.labels.csv"), "labels/*.csv", TEXT

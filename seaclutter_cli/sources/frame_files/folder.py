@@ -7,10 +7,12 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
+from seaclutter_cli.documents import MAX_JSON_BYTES
 from seaclutter_cli.errors import CloudError, InputError, UsageError
 from seaclutter_cli.messages import CODECS
+from seaclutter_cli.messages.carried import SIDECAR, from_text
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message, Metadata
+from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.csv import is_point_table
 from seaclutter_cli.sources.frame_files.poses import Pose, pose_message, poses_beside
@@ -29,9 +31,9 @@ class FolderSource:
     Known layouts are SeePerSea (``point_clouds/*.pcd`` with ``timestamp/*.txt``), KITTI (``velodyne/*.bin`` or
     ``velodyne_points/data/*.bin``, with ``times.txt`` or ``timestamps.txt`` next to this folder), CANOE
     (``lidar/*.bin``, with poses in ``novatel/lidar_poses.csv``), a lidar of Pohang Canal (``points/*.bin``), and
-    USVInland (with ``Laser_Timestamp_Middle.txt``); otherwise the frames are in the folder itself. Stamps come from the
-    file names if all contain a time, otherwise from the time files of these layouts, otherwise from the rate, starting
-    at 0.
+    USVInland (with ``Laser_Timestamp_Middle.txt``); otherwise the frames are in the folder itself, with
+    ``times.txt`` if this program wrote it. Stamps come from the file names if all contain a time, otherwise from the
+    time files of these layouts, otherwise from the rate, starting at 0.
 
     Parameters
     ----------
@@ -51,7 +53,6 @@ class FolderSource:
     profile = "ros2"
     compression: str | None = None
     facts = NO_FACTS
-    metadata: Sequence[Metadata] = ()
     _pose_channel: Channel | None = None
 
     def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
@@ -62,6 +63,8 @@ class FolderSource:
             files = _find_frames(path)
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}") from error
+        self.metadata = _read_metadata(files[0].parent) if path.is_dir() else ()
+        """Metadata records in the file ``seaclutter.json``, which this program writes."""
         self.damage: list[Damage] = []
         self.warnings: list[str] = []
         self._frames = self._stamped(files, rate_hz)
@@ -106,14 +109,15 @@ class FolderSource:
         poses = {self._pose_channel.id: len(self._poses)} if self._pose_channel else {}
         return {self._channel.id: len(self._frames), **poses}
 
-    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:
-        """Yield a message for each readable frame, one in memory at a time; add the others to the damage.
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
+        """Yield metadata, then a message for each readable frame, one at a time; add the others to the damage.
 
         The pose of a frame comes before it.
 
         Reading starts at the first frame with a stamp of at least ``start_ns``, and stops before the first one with a
         stamp of at least ``end_ns``.
         """
+        yield from self.metadata
         first = 0 if start_ns is None else self._index_at(start_ns)
         last = len(self._frames) if end_ns is None else self._index_at(end_ns)
         for index, (stamp_ns, file) in list(enumerate(self._frames))[first:last]:
@@ -164,6 +168,14 @@ class FolderSource:
 
     def close(self) -> None:
         """Do nothing: no file is kept open."""
+
+
+def _read_metadata(folder: Path) -> Sequence[Metadata]:
+    try:
+        with (folder / SIDECAR).open("rb") as file:
+            return from_text(file.read(MAX_JSON_BYTES))
+    except OSError:
+        return ()
 
 
 def is_frame_folder(path: Path) -> bool:

@@ -7,6 +7,7 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.messages.carried import SIDECAR
 from seaclutter_cli.text import count
 
 _NANO = 1_000_000_000
@@ -84,7 +85,9 @@ def from_time_files(files: Sequence[Path]) -> list[int] | None:
 
 
 def times_beside(folder: Path) -> Path | None:
-    """Return the times of a folder of frames: a file beside it (KITTI), in it (USVInland), or a folder (SeePerSea)."""
+    """Return the times of a folder of frames: a file beside it (KITTI), in it (USVInland, or our own), or a folder."""
+    if (own := folder / "times.txt").is_file() and (folder / SIDECAR).is_file():
+        return own
     if folder.name == "point_clouds" and (times := folder.parent / "timestamp").is_dir():
         return times
     if folder.name.endswith("-Lidar") and (times := folder / _USVINLAND).is_file():
