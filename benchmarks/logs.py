@@ -76,7 +76,7 @@ def write_log(path: Path, frames: int, share: float) -> None:
             writer.add_message(channels["/points"], stamp, codec.encode(cloud), stamp, number)
             for tick in range(10):
                 time_ns = stamp + tick * PERIOD_NS // 10
-                imu = b"\0\1\0\0" + struct.pack("<II", *divmod(time_ns, 10**9)) + bytes(308)
+                imu = b"\0\1\0\0" + struct.pack("<II", *divmod(time_ns, 10**9)) + bytes(304)
                 writer.add_message(channels["/imu"], time_ns, imu, time_ns, number * 10 + tick)
         writer.finish()
     part.rename(path)

@@ -81,6 +81,8 @@ def in_new_process(path: Path, options: DecoderOptions) -> tuple[int, float]:
 def main(folder: Path) -> None:
     print(f"{'driver':<20}{'container':<10}{'revolutions/s':>14}{'of a capture':>14}")
     for name, driver in DRIVERS.items():
+        if "," in name:  # another sensor of the same driver
+            continue
         packets = PACKETS.get(name, driver.packets)()
         of_driver = folder / name
         of_driver.mkdir(parents=True, exist_ok=False)

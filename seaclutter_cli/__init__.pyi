@@ -3,10 +3,12 @@ from .api.logs import open_log as open_log
 from .api.points import filter_points as filter_points
 from .api.points import make_filter as make_filter
 from .api.studies import check_labels as check_labels
+from .api.studies import find_mask as find_mask
 from .api.studies import info as info
 from .api.studies import report as report
 from .api.studies import tune as tune
 from .api.work import calibrate as calibrate
+from .api.work import convert_log as convert_log
 from .api.work import evaluate as evaluate
 from .api.work import filter_log as filter_log
 from .api.work import plan_filter as plan_filter
@@ -52,5 +54,6 @@ from .runs.simulation import SimulateOptions as SimulateOptions
 from .runs.view import ViewOptions as ViewOptions
 from .runs.view import view_logs as view_logs
 from .sinks import McapOptions as McapOptions
+from .sinks.split import Split as Split
 
 __version__: str

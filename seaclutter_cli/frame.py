@@ -162,12 +162,11 @@ class Frame:
         FieldError
             If x, y or z is missing or is not a single number.
         """
-        points = self.cloud.points
-        xyz = np.empty((3, len(points)))
-        with np.errstate(invalid="ignore"):  # converting a signalling NaN warns
-            for row, axis in enumerate("xyz"):
-                xyz[row] = _column(points, axis)
-        return xyz
+        return _coordinates(self.cloud.points)
+
+    def coordinates_of(self, index: NDArray[np.integer]) -> NDArray[np.float64]:
+        """Return the coordinates of some points in metres, shape (3, n); raises the errors of `coordinates`."""
+        return _coordinates(self.cloud.points[index])
 
     def release(self) -> None:
         """Forget coordinates and intensities, so that the frame takes less memory; they are computed when used."""
@@ -223,6 +222,14 @@ class Frame:
 
 def _listed(names: tuple[str, ...] | None) -> str:
     return printable(", ".join(names or ())) or "no fields"
+
+
+def _coordinates(points: NDArray[Any]) -> NDArray[np.float64]:
+    xyz = np.empty((3, len(points)))
+    with np.errstate(invalid="ignore"):  # converting a signalling NaN warns
+        for row, axis in enumerate("xyz"):
+            xyz[row] = _column(points, axis)
+    return xyz
 
 
 def _column(points: NDArray[Any], name: str) -> NDArray[Any]:

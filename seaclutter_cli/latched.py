@@ -6,11 +6,11 @@ from dataclasses import replace
 
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
+from seaclutter_cli.messages.quality import declares_latched
 from seaclutter_cli.records import Channel, Message
 
 _TOPICS = re.compile(r"(^|/)(tf_static|robot_description)$")
 _TYPES = re.compile(r"(^|/|\.)(CameraInfo|CameraCalibration)$")
-_TRANSIENT_LOCAL = re.compile(r"durability:\s*(1\b|transient_local)")
 
 
 def is_latched(channel: Channel) -> bool:
@@ -19,14 +19,8 @@ def is_latched(channel: Channel) -> bool:
     These are channels with the ROS 1 connection header ``latching`` or the ROS 2 durability ``transient_local``,
     static transforms, descriptions of robots, and calibrations of cameras.
     """
-    metadata = dict(channel.metadata)
     kind = channel.schema.name if channel.schema else ""
-    return bool(
-        metadata.get("latching") == "1"
-        or _TRANSIENT_LOCAL.search(metadata.get("offered_qos_profiles", ""))
-        or _TOPICS.search(channel.topic)
-        or _TYPES.search(kind)
-    )
+    return bool(declares_latched(channel) or _TOPICS.search(channel.topic) or _TYPES.search(kind))
 
 
 def latched_before(source: Source, start_ns: int, topics: Collection[str] = ()) -> Iterator[Message]:

@@ -95,13 +95,18 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
         if key not in known
     ]
     unknown = len(wrong)
-    nested = {name: entry for name, hint in get_type_hints(kind).items() if (entry := _entry_kind(hint))}
-    given = {key: _tuples(values[key]) for key in known if key in values and key not in nested}
+    hints = get_type_hints(kind)
+    nested = {name: entry for name, hint in hints.items() if (entry := _entry_kind(hint))}
+    listed = {name: entry for name, hint in hints.items() if (entry := _listed_kind(hint))}
+    given = {key: _tuples(values[key]) for key in known if key in values and key not in (*nested, *listed)}
     wrong += _type_problems(kind, given, section)
     for key, entry in nested.items():
         if key in values:
             default = _plain_default(kind, key)
             given[key] = _entries(entry, merged(default, values[key]), f"{section}.{key}", wrong)
+    for key, entry in listed.items():
+        if key in values:
+            given[key] = tuple(build_list(entry, values[key], f"{section}.{key}", "each entry", wrong))
     problems += wrong
     if len(wrong) > unknown:
         return None
@@ -173,6 +178,12 @@ def _entry_kind(hint: Any) -> type[Any] | None:
     return kind if isinstance(kind, type) and is_dataclass(kind) else None
 
 
+def _listed_kind(hint: Any) -> type[Any] | None:
+    """Return the dataclass of the items of a tuple of any length; None if the type is another one."""
+    kind = get_args(hint)[0] if get_origin(hint) is tuple and get_args(hint)[1:] == (...,) else None
+    return kind if isinstance(kind, type) and is_dataclass(kind) else None
+
+
 def _entries(kind: type[Any], values: Any, section: str, problems: list[str]) -> dict[str, Any]:
     """Return the values of a mapping as parameter objects; problems are appended."""
     if not isinstance(values, Mapping):
@@ -231,7 +242,7 @@ def _model(kind: type[Any]) -> Any:
     declared: dict[str, Any] = {
         field.name: (hints[field.name], _default_of(field))
         for field in fields(kind)
-        if not _entry_kind(hints[field.name])
+        if not (_entry_kind(hints[field.name]) or _listed_kind(hints[field.name]))
     }
     return create_model(kind.__name__, __config__=ConfigDict(strict=True, allow_inf_nan=False), **declared)
 
@@ -328,7 +339,7 @@ def plain(value: Any) -> Any:
         return {key: plain(item) for key, item in value.items()}
     if is_dataclass(value):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    return as_lists(value)
+    return [plain(item) for item in value] if isinstance(value, tuple) else value
 
 
 def _shown(value: Any) -> str:

@@ -26,10 +26,10 @@ def full_disk(monkeypatch):
         pytest.skip("there is no /dev/full")
     from seaclutter_cli.sinks import atomic
 
-    class OnFullDisk(atomic._PartFile):
+    class OnFullDisk(atomic.PartFile):
         def __init__(self, part, target):
             part.touch()
             io.FileIO.__init__(self, "/dev/full", "wb")
             self._target = target
 
-    monkeypatch.setattr(atomic, "_PartFile", OnFullDisk)
+    monkeypatch.setattr(atomic, "PartFile", OnFullDisk)

@@ -37,6 +37,8 @@ def test_defaults_are_those_of_the_paper():
             "near": "drop",
             "far": "keep",
             "exclude_boxes": [],
+            "exclude_polygons": [],
+            "mask": "",
             "ring_width_m": 15.0,
             "initial_thresholds": [30, 16, 7, 4],
             "max_neighbors": 30,

@@ -26,7 +26,7 @@ FOREIGN = {
     "--hypothesis-profile",
     "--quick",
     "--user",
-    *("--format", "--hours", "--inputs", "--replay"),
+    *("--format", "--hours", "--inputs", "--no-sign-request", "--replay"),
     "--memory-limit",
     "--nthreads",
 }

@@ -55,7 +55,8 @@ ALLOWED = {
     "evaluation": BASE | {"clustering"},
     "scenes": BASE | {"evaluation"},
     "water": BASE,
-    "filters": BASE | {"airborne", "clustering", "scenes", "water"},
+    "structure": BASE | {"water"},
+    "filters": BASE | {"airborne", "clustering", "scenes", "structure", "water"},
     "holding": BASE,
     "selection": BASE | {"messages"},
     "latched": BASE | {"messages"},
@@ -65,10 +66,10 @@ ALLOWED = {
     "config": BASE | {"filters", "evaluation", "parameters", "validation"},
     "simulation": BASE | {"parameters", "validation", "messages", "sensors", "sinks"},
     "reporting": BASE | {"evaluation", "messages", "pipeline", "selection"},
-    "plots": BASE | {"evaluation", "calibration", "reporting"},
+    "plots": BASE | {"evaluation", "calibration", "reporting", "structure"},
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "runs": CORE
-    | {"airborne", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "survey"}
+    | {"airborne", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "structure", "survey"}
     | {"validation", "viewing"},
     "api": BASE | {"calibration", "config", "messages", "pipeline", "runs", "selection", "sinks", "validation"},
     "commands": BASE | {"config", "interrupts", "runs", "selection", "sensors"},

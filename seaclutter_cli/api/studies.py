@@ -12,6 +12,8 @@ from seaclutter_cli.api.arguments import (
 )
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.label_check import LabelCheckResult, check_label_files
+from seaclutter_cli.runs.mask import MaskOptions, MaskResult
+from seaclutter_cli.runs.mask import find_mask as find_mask_in
 from seaclutter_cli.runs.methods import MethodOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
@@ -61,6 +63,58 @@ def info(
     ('MCAP', 60, [1.0, 255.0])
     """
     return survey_logs(logs, reading, run_observer(observer, keep_going=keep_going), batch)
+
+
+def find_mask(  # noqa: PLR0913 - each an option of its own
+    logs: Logs,
+    output: PathLike | None = None,
+    *,
+    reach_m: float = 20.0,
+    plot_file: PathLike | None = None,
+    reading: ReadOptions | None = None,
+    force: bool = False,
+    keep_going: bool = False,
+    observer: Observer = SILENT,
+) -> MaskResult:
+    """Find own ship's structure, which is constant while the vessel moves, and write a mask of it.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs, of one lidar in one place.
+    output, plot_file : path, optional
+        Files for the mask, for the configuration key ``filter.mask``, and for its picture.
+    reach_m : float, optional
+        Range up to which structure is searched, in metres.
+    reading : ReadOptions, optional
+        Part of each recording to read, and how.
+    force : bool, optional
+        Replace existing files.
+    keep_going : bool, optional
+        Store an error of a recording in its outcome and continue with the others, instead of raising it.
+    observer : Observer, optional
+        Receives progress and warnings, among them that the vessel seems to be at rest.
+
+    Raises
+    ------
+    SeaclutterError
+        If a log cannot be used; see its subclasses.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> result = seaclutter.find_mask("samples/sea.mcap")
+    >>> result.found.frames, len(result.found.mask.sectors) > 0
+    (60, True)
+    """
+    options = MaskOptions(
+        output=path_or_none(output),
+        plot_file=path_or_none(plot_file),
+        reach_m=reach_m,
+        reading=reading or ReadOptions(),
+        force=force,
+    )
+    return find_mask_in(logs, options, run_observer(observer, keep_going=keep_going))
 
 
 def check_labels(

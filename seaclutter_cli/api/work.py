@@ -17,6 +17,8 @@ from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.calibrate import CalibrateOptions, calibrate_logs
 from seaclutter_cli.runs.calibrate_result import CalibrationResult
 from seaclutter_cli.runs.comparison import Comparison
+from seaclutter_cli.runs.convert import ConvertOptions, convert_logs
+from seaclutter_cli.runs.convert_result import ConvertSummary
 from seaclutter_cli.runs.evaluate import EvaluateOptions, evaluate_logs
 from seaclutter_cli.runs.filter import FilterOptions, filter_logs
 from seaclutter_cli.runs.filter_plan import plan_filter as run_plan
@@ -38,20 +40,21 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
     config: Settings | None = None,
     reading: ReadOptions | None = None,
     written: McapOptions | None = None,
+    to: str | None = None,
     csv_file: PathLike | None = None,
     force: bool = False,
     keep_going: bool = False,
     batch: BatchOptions | None = None,
     observer: Observer = SILENT,
 ) -> FilterSummary:
-    """Filter one or several logs into drop-in MCAP files.
+    """Filter one or several logs into drop-in logs.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Files, folders or globs.
     output : path
-        File for one recording, folder for several.
+        Output of one recording, folder for several.
     method : str, optional
         Filter method; by default that of the configuration, or ``joint``.
     config : path, mapping or Config, optional
@@ -59,7 +62,9 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
     reading : ReadOptions, optional
         Part of each recording to read, and how.
     written : McapOptions, optional
-        Content of the filtered files.
+        Content of the filtered logs.
+    to : str, optional
+        Format of the filtered logs, as for ``--to``; by default that of the suffix of ``output``, or ``mcap``.
     csv_file : path, optional
         File for a table with a row for each frame.
     force : bool, optional
@@ -95,11 +100,74 @@ def filter_log(  # noqa: PLR0913 - each an option of its own
         config=config_options(method, config),
         reading=reading or ReadOptions(),
         written=written or McapOptions(),
+        to=to,
         csv_file=path_or_none(csv_file),
         force=force,
         batch=batch or BatchOptions(),
     )
     return filter_logs(logs, output, options, run_observer(observer, keep_going=keep_going))
+
+
+def convert_log(  # noqa: PLR0913 - each an option of its own
+    logs: Logs,
+    output: PathLike,
+    *,
+    to: str | None = None,
+    reading: ReadOptions | None = None,
+    written: McapOptions | None = None,
+    force: bool = False,
+    keep_going: bool = False,
+    batch: BatchOptions | None = None,
+    observer: Observer = SILENT,
+) -> ConvertSummary:
+    """Convert one or several logs to another format, without filtering.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs.
+    output : path
+        Output of one recording, folder for several.
+    to : str, optional
+        Format, as for ``--to``; by default that of the suffix of ``output``, or ``mcap``.
+    reading : ReadOptions, optional
+        Part of each recording to read, and how.
+    written : McapOptions, optional
+        Compression, parts and topics of the outputs; the rest is for `filter_log` only.
+    force : bool, optional
+        Replace existing files.
+    keep_going : bool, optional
+        Store an error of a recording in its outcome and continue with the others, instead of raising it.
+    batch : BatchOptions, optional
+        How several recordings are processed, as for `filter_log`.
+    observer : Observer, optional
+        Receives progress and warnings, among them what a format cannot keep.
+
+    Returns
+    -------
+    ConvertSummary
+        Outcome of each recording: messages, frames, points, what was lost, damage, seconds.
+
+    Raises
+    ------
+    SeaclutterError
+        If a log cannot be converted; see its subclasses.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> done = seaclutter.convert_log("samples/sea.mcap", folder / "sea.bag")
+    >>> done.outcomes[0].messages, done.outcomes[0].lost
+    (60, ['sequence numbers'])
+    """
+    options = ConvertOptions(
+        reading=reading or ReadOptions(),
+        written=written or McapOptions(),
+        to=to,
+        force=force,
+        batch=batch or BatchOptions(),
+    )
+    return convert_logs(logs, output, options, run_observer(observer, keep_going=keep_going))
 
 
 def plan_filter(  # noqa: PLR0913 - each an option of its own
@@ -110,6 +178,7 @@ def plan_filter(  # noqa: PLR0913 - each an option of its own
     config: Settings | None = None,
     reading: ReadOptions | None = None,
     written: McapOptions | None = None,
+    to: str | None = None,
     csv_file: PathLike | None = None,
     force: bool = False,
     batch: BatchOptions | None = None,
@@ -119,7 +188,7 @@ def plan_filter(  # noqa: PLR0913 - each an option of its own
 
     Parameters
     ----------
-    logs, output, method, config, reading, written, csv_file, force, batch
+    logs, output, method, config, reading, written, to, csv_file, force, batch
         As for `filter_log`.
     observer : Observer, optional
         Receives progress and warnings.
@@ -146,6 +215,7 @@ def plan_filter(  # noqa: PLR0913 - each an option of its own
         config=config_options(method, config),
         reading=reading or ReadOptions(),
         written=written or McapOptions(),
+        to=to,
         csv_file=path_or_none(csv_file),
         force=force,
         batch=batch or BatchOptions(),

@@ -23,8 +23,10 @@ from seaclutter_cli.text import printable
 
 COMMANDS: Mapping[str, str] = {
     "info": "Show the content of logs and the settings that a filter run needs.",
-    "filter": "Filter logs into drop-in MCAP files.",
+    "filter": "Filter logs into drop-in logs, MCAP or another format.",
+    "convert": "Convert logs to another format, whole or in part.",
     "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
+    "mask": "Propose a mask of own ship's structure.",
     "labels": "Check labels of recordings.",
     "evaluate": "Count false alarms and missed targets against labels; compare methods.",
     "tune": "Compare methods and parameter values on labelled logs and report the best.",

@@ -16,17 +16,10 @@ from seaclutter_cli.commands.options import (
     resumable_batch_options,
 )
 from seaclutter_cli.commands.places import output_option, output_or_folder_option
+from seaclutter_cli.commands.written import format_option, log_options
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.filter import FilterOptions
-
-_COMPRESSIONS = {"zstd": "zstd", "lz4": "lz4", "none": ""}
-
-
-def _compression(_: click.Context, __: click.Parameter, value: str | None) -> str | None:
-    """Return the compression by its name in MCAP."""
-    return None if value is None else _COMPRESSIONS[value]
-
 
 _WRITTEN = (
     click.option(
@@ -39,24 +32,14 @@ _WRITTEN = (
     click.option(
         "--diagnostics/--no-diagnostics", default=True, help="Write the topic /seaclutter/diagnostics, or leave it out."
     ),
-    click.option(
-        "--compression",
-        type=click.Choice(list(_COMPRESSIONS)),
-        callback=_compression,
-        help="Compression of the output; by default that of the input, or zstd.",
-    ),
-    click.option(
-        "--latched",
-        multiple=True,
-        metavar="TOPIC",
-        help="Keep the last message of TOPIC before --start, as of /tf_static and other latched topics; repeatable.",
-    ),
+    *log_options,
 )
 _OPTIONS = (
     force_option,
     config_options,
     reading_options,
     output_option("--csv", "csv_file", help="Also write a table with a row for each frame.", remote=True),
+    format_option,
     grouped("written", "sinks:McapOptions", _WRITTEN),
     click.option("--with-scene", is_flag=True, help="Write boxes around clusters to /seaclutter/scene, for 3D panels."),
     label_options(required=False),
@@ -64,17 +47,19 @@ _OPTIONS = (
 )
 
 
-@click.command(name="filter", short_help="Filter logs into drop-in MCAP files.")
+@click.command(name="filter", short_help="Filter logs into drop-in logs, MCAP or another format.")
 @logs_argument
-@output_or_folder_option("File for one recording; folder for several, or with a slash at its end.", remote=True)
+@output_or_folder_option("Output of one recording; folder for several, or with a slash at its end.", remote=True)
 @grouped("options", "runs.filter:FilterOptions", _OPTIONS)
 @click.option("--dry-run", is_flag=True, help="Show what would be done with each recording, and do nothing.")
 @console_options
 def command(logs: tuple[str, ...], output: str, options: "FilterOptions", dry_run: bool, console: Console) -> None:
-    """Filter each frame of LOGS and write filtered MCAP files.
+    """Filter each frame of LOGS and write filtered logs, by default MCAP files.
 
     LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs. Every
     other topic, attachment and metadata record is copied unchanged: the output is a drop-in replacement for the input.
+    What another format cannot keep is named in a warning. A ROS 2 recording is a folder; PCD, LAS, LAZ and NPZ are
+    folders with a file for each frame.
     """
     if dry_run:
         from seaclutter_cli.runs.filter_plan import plan_filter

@@ -155,63 +155,62 @@ def _moment(_: click.Context, parameter: click.Parameter, text: str | None) -> A
         raise click.BadParameter(problem, param=parameter) from error
 
 
-reading_options = grouped(
-    "reading",
-    "runs.recordings:ReadOptions",
-    (
-        click.option("-t", "--topic", "topics", multiple=True, metavar="NAME", help="Point-cloud topic; repeatable."),
-        click.option(
-            "--start",
-            "start_s",
-            callback=_moment,
-            metavar="TIME",
-            help="Start at TIME: seconds from the start of the recording, ISO 8601 (UTC), or seconds since 1970.",
-        ),
-        click.option(
-            "--end",
-            "end_s",
-            callback=_moment,
-            metavar="TIME",
-            help="Stop before TIME.",
-        ),
-        click.option(
-            "-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Stop after N frames of each topic."
-        ),
-        click.option("--intensity-field", metavar="NAME", help="Intensity field, if it has no usual name."),
-        click.option(
-            "--rate",
-            "rate_hz",
-            type=click.FloatRange(min=0, min_open=True),
-            default=10.0,
-            metavar="HZ",
-            show_default=True,
-            help="Frames per second of recordings without time stamps.",
-        ),
-        click.option(
-            "--join/--no-join",
-            default=None,
-            help="Read the numbered files of a folder as one recording, or one by one. "
-            "[default: as one if each begins where the one before ends]",
-        ),
-        click.option("--recursive", is_flag=True, help="Also search the folders in folders for recordings."),
-        scratch_option,
-        path_option("--calibration", help="Angles or metadata of the sensor, for packets that lack them."),
-        click.option(
-            "--sensor",
-            metavar="MODEL",
-            callback=_known_sensor,
-            help="Sensor model, for packets that do not identify it.",
-        ),
-        click.option(
-            "--integrate",
-            "integrate_ms",
-            type=click.FloatRange(min=1, max=2000),
-            metavar="MS",
-            help="Join the clouds of each MS milliseconds into one frame, for lidars whose scans do not repeat.",
-        ),
+_PART = (
+    click.option("-t", "--topic", "topics", multiple=True, metavar="NAME", help="Point-cloud topic; repeatable."),
+    click.option(
+        "--start",
+        "start_s",
+        callback=_moment,
+        metavar="TIME",
+        help="Start at TIME: seconds from the start of the recording, ISO 8601 (UTC), or seconds since 1970.",
+    ),
+    click.option(
+        "--end",
+        "end_s",
+        callback=_moment,
+        metavar="TIME",
+        help="Stop before TIME.",
+    ),
+    click.option("-n", "--frames", type=click.IntRange(min=1), metavar="N", help="Stop after N frames of each topic."),
+)
+_HOW = (
+    click.option(
+        "--rate",
+        "rate_hz",
+        type=click.FloatRange(min=0, min_open=True),
+        default=10.0,
+        metavar="HZ",
+        show_default=True,
+        help="Frames per second of recordings without time stamps.",
+    ),
+    click.option(
+        "--join/--no-join",
+        default=None,
+        help="Read the numbered files of a folder as one recording, or one by one. "
+        "[default: as one if each begins where the one before ends]",
+    ),
+    click.option("--recursive", is_flag=True, help="Also search the folders in folders for recordings."),
+    scratch_option,
+    path_option("--calibration", help="Angles or metadata of the sensor, for packets that lack them."),
+    click.option(
+        "--sensor",
+        metavar="MODEL",
+        callback=_known_sensor,
+        help="Sensor model, for packets that do not identify it.",
+    ),
+    click.option(
+        "--integrate",
+        "integrate_ms",
+        type=click.FloatRange(min=1, max=2000),
+        metavar="MS",
+        help="Join the clouds of each MS milliseconds into one frame, for lidars whose scans do not repeat.",
     ),
 )
+_INTENSITY = click.option("--intensity-field", metavar="NAME", help="Intensity field, if it has no usual name.")
+reading_options = grouped("reading", "runs.recordings:ReadOptions", (*_PART, _INTENSITY, *_HOW))
 """Options for the part of a recording to read, and how; as ``reading``."""
+reading_options_without_intensity = grouped("reading", "runs.recordings:ReadOptions", (*_PART, *_HOW))
+"""The same for commands that use no intensities."""
 
 
 def set_option(example: str, subject: str = "a key") -> Option:

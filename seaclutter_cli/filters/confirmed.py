@@ -267,6 +267,6 @@ class Confirmed(BaseFilter):
         if not len(others):
             return others
         limit = self._params.growth_m + _GROWTH_RATIO * one.frame.range_m[others]
-        near, far = (self._params.mounting.levelled(one.frame.coordinates[:, points]) for points in (kept, others))
+        near, far = (self._params.mounting.levelled(one.frame.coordinates_of(points)) for points in (kept, others))
         counts = within(near, far, limit)
         return np.asarray(others[counts > 0 if counts is not None else nearest(near.T, far.T)[1] <= limit])

@@ -8,9 +8,9 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
+from seaclutter_cli.filters.exclusion import Box, ExcludedPolygon, Exclusion
 from seaclutter_cli.frame import Frame, Reason
 
-Box = tuple[float, float, float, float, float, float]
 Rule = Literal["drop", "keep"]
 
 MAX_RINGS = 250
@@ -33,6 +33,11 @@ class ZoneParams:
     exclude_boxes : tuple of (x_min, x_max, y_min, y_max, z_min, z_max)
         Boxes of own structure to remove, each [x_min, x_max, y_min, y_max, z_min, z_max] in metres in the cloud's
         frame, bounds included; they take precedence over ``near`` and ``far``.
+    exclude_polygons : tuple of ExcludedPolygon
+        Outlines of own structure to remove, each {vertices: [[x, y], …], z_min_m: null, z_max_m: null} in metres in the
+        cloud's frame.
+    mask : str
+        File of a mask of own structure by beam and azimuth, as ``seaclutter mask`` writes it; empty for none.
     """
 
     start_m: Annotated[float, Ge(0)] = 10.0
@@ -40,6 +45,13 @@ class ZoneParams:
     near: Rule = "drop"
     far: Rule = "keep"
     exclude_boxes: tuple[Box, ...] = ()
+    exclude_polygons: tuple[ExcludedPolygon, ...] = ()
+    mask: str = ""
+
+    @property
+    def exclusion(self) -> Exclusion:
+        """Boxes, polygons and mask together; raises `ConfigError` if the mask cannot be read."""
+        return Exclusion(self.exclude_boxes, self.exclude_polygons, self.mask)
 
     @property
     def edges(self) -> NDArray[np.float64]:
@@ -85,7 +97,7 @@ class Zones:
     def __init__(self, params: ZoneParams) -> None:
         self.edges = params.edges
         self.count = len(self.edges) - 1
-        self._boxes = params.exclude_boxes
+        self._exclusion = params.exclusion
         near = Reason.NEAR if params.near == "drop" else Reason.KEPT
         far = Reason.FAR if params.far == "drop" else Reason.KEPT
         reasons = [near, *[Reason.KEPT] * self.count, far, Reason.EXCLUDED, Reason.INVALID]
@@ -97,8 +109,8 @@ class Zones:
         zone = np.zeros(frame.size, np.uint8)
         for edge in self.edges:
             zone += (frame.range_m >= edge).view(np.uint8)
-        for box in self._boxes:
-            zone[_inside(frame.coordinates, box)] = self.count + 2
+        if self._exclusion:
+            zone[self._exclusion.contains(frame)] = self.count + 2
         zone[~frame.valid] = self.count + 3
         return zone, self._reason[zone]
 
@@ -121,8 +133,3 @@ class Zones:
         """Return the number of points at ``end_m`` and beyond, before and after filtering, shape (2,)."""
         reasons = reason[zone == self.count + 1]
         return np.array([len(reasons), np.count_nonzero(reasons == Reason.KEPT)], np.int64)
-
-
-def _inside(xyz: NDArray[np.float64], box: Box) -> NDArray[np.bool_]:
-    low, high = np.array(box[::2])[:, None], np.array(box[1::2])[:, None]
-    return np.asarray(((xyz >= low) & (xyz <= high)).all(axis=0))

@@ -60,6 +60,11 @@ def ros2_schema(typename: str) -> Schema:
     return Schema(typename, "ros2msg", definition.encode())
 
 
+def ros2_types() -> Any:
+    """Return constants and fields of the known ROS 2 messages by their full names, as rosbags describes them."""
+    return _typestore().fielddefs
+
+
 @cache
 def ros1_cloud_schema() -> Schema:
     """Return the schema of ``sensor_msgs/PointCloud2`` in ROS 1."""

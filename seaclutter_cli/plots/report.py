@@ -102,6 +102,28 @@ def draw_intensity(figure: "Figure", collected: Collector) -> None:
     figure.legend(loc="outside upper center", ncols=3, markerscale=3, handlelength=1.4)
 
 
+def draw_own_structure(figure: "Figure", collected: Collector) -> None:
+    """Draw the points that boxes, polygons and a mask exclude, from above, among the others of evenly spaced frames."""
+    samples = collected.spread
+    xyz = np.concatenate([sample.xyz for sample in samples])
+    excluded = np.concatenate([sample.reasons[0] for sample in samples]) == Reason.EXCLUDED
+    reach_m = 1.3 * float(np.abs(xyz[excluded, :2]).max(initial=1.0))
+    axes = figure.add_subplot()
+    shown = (np.abs(xyz[:, :2]) < reach_m).all(axis=1)
+    for mask, color, label in (
+        (shown & ~excluded, "0.75", "other points"),
+        (shown & excluded, palette.REASONS[Reason.EXCLUDED], palette.REASON_NAMES[Reason.EXCLUDED]),
+    ):
+        places = xyz[mask][:: max(1, int(mask.sum()) // _MAX_POINTS)]
+        dots = axes.plot(-places[:, 1], places[:, 0], ".", markersize=2, color=color, label=label)
+        dots[0].set(rasterized=True, markeredgewidth=0)
+    axes.plot(0, 0, "+", color=palette.INK["ink"], markersize=8)
+    axes.set(xlim=(-reach_m, reach_m), ylim=(-reach_m, reach_m), aspect="equal")
+    axes.xaxis.set_major_formatter(lambda value, _: f"{0 - value:g}")
+    axes.set(xlabel="y to port (m)", ylabel="x forward (m)")
+    figure.legend(loc="outside upper center", ncols=2, markerscale=4, handlelength=1.4)
+
+
 def draw_rings(figure: "Figure", collected: Collector, *, name: str) -> None:
     """Draw the threshold or correction of each range ring over the frames."""
     values: NDArray[np.float32] = getattr(collected.histories[0], name)
@@ -239,11 +261,16 @@ def _has_intensity(collected: Collector) -> bool:
     return any(np.isfinite(sample.intensity).any() for sample in collected.spread)
 
 
+def _has_excluded(collected: Collector) -> bool:
+    return any((sample.reasons[0] == Reason.EXCLUDED).any() for sample in collected.spread)
+
+
 FIGURES: Mapping[str, ReportFigure] = {
     "intensity": ReportFigure(draw_intensity, _has_intensity),
     "thresholds": ReportFigure(partial(draw_rings, name="thresholds"), _has_rings),
     "corrections": ReportFigure(partial(draw_rings, name="corrections"), _has_rings),
     "water": ReportFigure(draw_water, lambda collected: bool(np.isfinite(collected.histories[0].water).any()), 0.75),
+    "own_structure": ReportFigure(draw_own_structure, _has_excluded, aspect=0.95),
     "reasons": ReportFigure(draw_reasons, lambda collected: bool(collected.chosen)),
     "alarms": ReportFigure(draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
     "scenes": ReportFigure(draw_scenes, lambda collected: bool(collected.histories[0].scenes), aspect=0.4),

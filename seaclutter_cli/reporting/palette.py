@@ -22,7 +22,7 @@ REASON_NAMES: Mapping[Reason, str] = {
     Reason.OUTLIER: "outlier",
     Reason.NEAR: "nearer than start_m",
     Reason.FAR: "far (beyond end_m)",
-    Reason.EXCLUDED: "excluded (box)",
+    Reason.EXCLUDED: "excluded (own structure)",
     Reason.INVALID: "invalid",
     Reason.UNCONFIRMED: "unconfirmed",
 }

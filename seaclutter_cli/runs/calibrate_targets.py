@@ -57,7 +57,7 @@ class TargetSearch:
     Parameters
     ----------
     params : RingIntensityParams
-        Range limits, boxes of own structure and, for the method ``confirmed``, the mounting.
+        Range limits, own structure and, for the method ``confirmed``, the mounting.
     tally : TargetTally
         Receives the frames.
     """
@@ -70,6 +70,8 @@ class TargetSearch:
             ring_width_m=params.ring_width_m,
             initial_thresholds=(0,),
             exclude_boxes=params.exclude_boxes,
+            exclude_polygons=params.exclude_polygons,
+            mask=params.mask,
             use_intensity=False,
             mounting_roll_deg=mounting.roll_deg,
             mounting_pitch_deg=mounting.pitch_deg,

@@ -1,36 +1,35 @@
-"""Filtering of recordings into drop-in MCAP files."""
+"""Filtering of recordings into drop-in logs."""
 
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from time import perf_counter
 
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import OutputError, UsageError
+from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Metadata
-from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, inputs_of_work, run_batch, size_of
+from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, inputs_of_work, run_batch
 from seaclutter_cli.runs.filter_fit import FitWarnings
 from seaclutter_cli.runs.filter_read_back import ReadBackWork
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.filter_table import frame_table, own_table
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
+from seaclutter_cli.runs.log_outcome import output_size
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.output_plan import check_names, first_part, places_of, plan_outputs, warn_of_losses
 from seaclutter_cli.runs.outputs import (
     Paths,
-    check_suffixes,
-    existing,
+    Root,
     inputs_of,
     may_appear,
-    plan_outputs,
     prepare_outputs,
     write_files,
 )
@@ -45,14 +44,14 @@ from seaclutter_cli.runs.recordings import (
     require_selected,
     storing_errors,
 )
-from seaclutter_cli.runs.resume import earlier_run, identity_of
+from seaclutter_cli.runs.resume import earlier_outcomes, earlier_run, identity_of, same_output_accepted
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
-from seaclutter_cli.sinks import CsvSink, McapOptions, McapSink
+from seaclutter_cli.sinks import CsvSink, McapOptions
 from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location, location
-from seaclutter_cli.storage.objects import find_object
 from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import printable
 
@@ -68,7 +67,9 @@ class FilterOptions:
     reading : ReadOptions
         Part of each recording to read, and how.
     written : McapOptions
-        Content of the filtered files; the run fills in its ``config``.
+        Content of the filtered logs; the run fills in its ``config``.
+    to : str or None
+        Name of the format of the outputs, a key of `OUTPUT_FORMATS`; None: by the name of the output, or MCAP.
     with_scene : bool
         Write boxes around the clusters of kept points to ``/seaclutter/scene``.
     labels : LabelSources
@@ -82,6 +83,7 @@ class FilterOptions:
     config: ConfigOptions = field(default_factory=ConfigOptions)
     reading: ReadOptions = field(default_factory=ReadOptions)
     written: McapOptions = field(default_factory=McapOptions)
+    to: str | None = None
     with_scene: bool = False
     labels: LabelSources = field(default_factory=LabelSources)
     csv_file: Location | None = None
@@ -91,14 +93,14 @@ class FilterOptions:
 
 @copies_removed()
 def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> FilterSummary:
-    """Filter every recording into an MCAP file.
+    """Filter every recording into a log.
 
     Parameters
     ----------
     logs : path, or sequence of paths
         Files, folders or globs.
     output : path
-        File for one recording, folder for several or if it is a `str` that ends in a slash.
+        Output of one recording; folder for those of several, or if it is a `str` that ends in a slash.
     options : FilterOptions
         Method, input and output files.
     observer : Observer, optional
@@ -112,8 +114,8 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     started, plan, batch = perf_counter(), plan_works(logs, output, options, observer), options.batch
     replaces = options.force or batch.resume
     prepare_outputs(plan.outputs, plan.inputs, options.labels.paths, force=replaces, observer=observer, root=plan.root)
-    check_suffixes(work.target for work in plan.works)
-    earlier = _earlier(plan.works, observer) if batch.resume else [None] * len(plan.works)
+    check_names(work.target for work in plan.works)
+    earlier = earlier_outcomes(plan.works, observer) if batch.resume else [None] * len(plan.works)
     works = _works(plan.works, earlier, with_table=options.csv_file is not None)
     with OutputGroup(replace=replaces) as files:
         with ExitStack() as stack:
@@ -129,7 +131,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
             require_selected(outcomes)
         if not may_appear([options.csv_file], outcomes, observer):
             files.discard()
-    for outcome, size in zip(outcomes, in_threads(_output_size, outcomes), strict=True):
+    for outcome, size in zip(outcomes, in_threads(output_size, outcomes), strict=True):
         outcome.bytes_out = size
     if batch.manifest:
         recordings = [work.recording for work in plan.works]
@@ -149,15 +151,15 @@ class PlannedWorks:
         Work on each recording.
     inputs, outputs : mapping of str to path, paths or None
         Files by option.
-    root : Path or Url
-        Folder of the filtered files, or the only one.
+    root : Root
+        Folder of the filtered logs, or the only one.
     """
 
     config: Config
     works: "list[FilterWork]"
     inputs: Paths
     outputs: Paths
-    root: Location
+    root: Root
 
 
 def plan_works(
@@ -175,27 +177,19 @@ def plan_works(
     config, recordings = options.config.load(), expand(logs, options.reading, observer, ahead=ahead)
     if options.labels.paths and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
-    targets = plan_outputs(recordings, output)
+    planned = plan_outputs(recordings, output, options.to)
+    check_options(planned.form, options.written, with_scene=options.with_scene)
     labels = options.labels.assign(recordings)
+    each = zip(recordings, planned.targets, labels, strict=True)
+    works = [FilterWork(options, config, *one, planned.form) for one in each]
+    places = places_of(planned.targets, planned.form, options.written.split)
     return PlannedWorks(
         config,
-        [FilterWork(options, config, *each) for each in zip(recordings, targets, labels, strict=True)],
+        works,
         inputs_of(recordings, options.reading, options.config.file, [config]),
-        {"-o": targets, "--csv": options.csv_file, "--manifest": options.batch.manifest},
-        location(output),
+        {"-o": places, "--csv": options.csv_file, "--manifest": options.batch.manifest},
+        Root(location(output), OUTPUT_FORMATS[planned.form].marker),
     )
-
-
-def _earlier(works: Sequence["FilterWork"], observer: Observer) -> list[FilterOutcome | None]:
-    """Return the outcomes of earlier runs whose outputs are complete; None for recordings that must be filtered."""
-    present = existing(work.target for work in works)
-    found = in_threads(lambda work: work.earlier() if work.target in present else (None, ""), works)
-    for work, (outcome, difference) in zip(works, found, strict=True):
-        if difference:
-            observer.note(f"{work.recording.name}: filtered again; {difference}")
-        if outcome is not None:
-            observer.damage(outcome.damage)
-    return [outcome for outcome, _ in found]
 
 
 def _works(
@@ -206,14 +200,6 @@ def _works(
     if not with_table:
         return [work for work, outcome in pairs if outcome is None]
     return [work if outcome is None else ReadBackWork(work, work.config, outcome) for work, outcome in pairs]
-
-
-def _output_size(outcome: FilterOutcome) -> int:
-    """Return the size of an output in bytes; 0 if there is none."""
-    if outcome.error or isinstance(outcome.output, Path):
-        return 0 if outcome.error else size_of(outcome.output)
-    found = find_object(outcome.output)
-    return found.size if found else 0
 
 
 def _append(table: CsvSink | None, outcome: FilterOutcome) -> None:
@@ -236,9 +222,11 @@ class FilterWork(Work[FilterOutcome]):
     recording : Recording
         The recording.
     target : Path or Url
-        Filtered file.
+        Filtered log.
     labels : LabelFile or None
         Its labels.
+    form : str
+        Name of the format of the filtered log.
     """
 
     options: FilterOptions
@@ -246,6 +234,12 @@ class FilterWork(Work[FilterOutcome]):
     recording: Recording
     target: Location
     labels: LabelFile | None = None
+    form: str = "mcap"
+
+    @property
+    def output(self) -> Location:
+        """The filtered log, or the first of its parts."""
+        return first_part(self.target, self.form, self.options.written.split)
 
     @property
     def reads(self) -> Sequence[Location]:
@@ -254,8 +248,8 @@ class FilterWork(Work[FilterOutcome]):
 
     @property
     def writes(self) -> Sequence[Location]:
-        """The filtered file."""
-        return (self.target,)
+        """The filtered log."""
+        return (self.output,)
 
     def run(self, observer: Observer, table: CsvSink | None = None, group: OutputGroup | None = None) -> FilterOutcome:
         """Filter the recording; store an error in the outcome.
@@ -270,7 +264,7 @@ class FilterWork(Work[FilterOutcome]):
             Files with which the filtered file appears; by default it appears by itself.
         """
         outcome = self.without_result(None)
-        with storing_errors(outcome, observer), self._same_output_accepted(), ExitStack() as stack:
+        with storing_errors(outcome, observer), same_output_accepted(self), ExitStack() as stack:
             own = None if table or not self.options.csv_file else stack.enter_context(own_table(self.config))
             source = stack.enter_context(opened(self.recording, self.options.reading, observer, outcome))
             written = stack.enter_context(OutputGroup(group, replace=self.options.force or self.options.batch.resume))
@@ -278,17 +272,6 @@ class FilterWork(Work[FilterOutcome]):
             if own:
                 outcome.rows = zlib.compress(own.rows())
         return outcome
-
-    @contextmanager
-    def _same_output_accepted(self) -> Iterator[None]:
-        """Accept an output that another process has completed, which died or was given up before its answer came."""
-        try:
-            yield
-        except OutputError:
-            with suppress(UsageError, OSError):  # not an output of a run, or none at all
-                if isinstance(self.target, Path) and self.earlier()[0] is not None:
-                    return
-            raise
 
     def earlier(self) -> tuple[FilterOutcome | None, str]:
         """Return the outcome of an earlier run whose output is complete, or what differs; see `earlier_run`."""
@@ -299,7 +282,7 @@ class FilterWork(Work[FilterOutcome]):
         """Return an outcome without frames."""
         return FilterOutcome(
             recording=self.recording.name,
-            output=self.target,
+            output=self.output,
             edges=self.config.ring_edges,
             has_water=self.config.has_water,
             bytes_in=input_bytes(self.recording),
@@ -328,8 +311,8 @@ class FilterWork(Work[FilterOutcome]):
         fit = FitWarnings(self.config, source, topics, observer)
         with (
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
-            McapSink(
-                outcome.output, self._written(labels, partial(self._record, source, labels, outcome)), group
+            OUTPUT_FORMATS[self.form].make_sink(
+                self.target, self._written(labels, partial(self._record, source, labels, outcome)), group
             ) as sink,
         ):
 
@@ -340,13 +323,15 @@ class FilterWork(Work[FilterOutcome]):
             sinks: list[Sink] = [sink, table] if table else [sink]
             run(source, self.config.make_filter, sinks, selection, on_result, outcome.topics)
             require_frames(source, outcome.frames, selection)
+        warn_of_losses(self.output, self.form, sink.lost, observer)
         fit.finish(outcome.topics)
 
     def identity(self, source: Source | None = None, labels: Labels | None = None) -> RunIdentity:
         """Return what the filtered file depends on; source and labels hold the copies of those in object storage."""
         options, paths = self.options, getattr(source, "copies", ()) or self.recording.paths
         used = self.labels and replace(self.labels, path=getattr(labels, "copy", self.labels.path))
-        return identity_of(paths, self.config, options.reading, options.written, used, with_scene=options.with_scene)
+        kind = {"with_scene": options.with_scene, **({} if self.form == "mcap" else {"to": self.form})}
+        return identity_of(paths, self.config, options.reading, options.written, used, **kind)
 
     def _record(self, source: Source, labels: Labels | None, outcome: FilterOutcome) -> Metadata:
         return Metadata(NAME, to_entries(self.identity(source, labels), outcome.topics, source.damage))

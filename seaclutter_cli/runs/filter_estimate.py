@@ -8,11 +8,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from seaclutter_cli.jobs.budget import default_jobs
-from seaclutter_cli.runs.batch import BatchOptions
+from seaclutter_cli.runs.batch import BatchOptions, size_of
 from seaclutter_cli.runs.filter import FilterWork
 from seaclutter_cli.runs.filter_result import FilterOutcome
 from seaclutter_cli.runs.observer import SILENT
 from seaclutter_cli.runs.plan_result import Estimate, Planned
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.threads import VARIABLE, cores
 
 _FEW, _MORE = 5, 25
@@ -31,7 +32,7 @@ def estimate(todo: Sequence[tuple[Planned, FilterWork]], batch: BatchOptions) ->
     _, _, work = max(known, key=lambda one: one[0])
     jobs = default_jobs(len(todo)) if batch.jobs is None else min(batch.jobs, len(todo))
     with TemporaryDirectory(prefix="seaclutter-") as folder, _threads(max(1, cores() // jobs)):
-        few, more = (_sample(work, Path(folder, f"{frames}.mcap"), frames) for frames in (_FEW, _MORE))
+        few, more = (_sample(work, Path(folder, f"{frames}{_suffix(work)}"), frames) for frames in (_FEW, _MORE))
     if few.error or more.error:
         return None
     per_byte = sum(frames for _, frames, _ in known) / max(sum(size for size, _, _ in known), 1)
@@ -54,10 +55,16 @@ def _sample(work: FilterWork, target: Path, frames: int) -> FilterOutcome:
     options = work.options
     fewer = min(options.reading.frames or frames, frames)
     reading = replace(options.reading, frames=fewer)
-    part = replace(work, options=replace(options, reading=reading, csv_file=None), target=target)
+    written = replace(options.written, split=None)
+    part = replace(work, options=replace(options, reading=reading, written=written, csv_file=None), target=target)
     outcome = part.run(SILENT)
-    outcome.bytes_out = 0 if outcome.error else target.stat().st_size
+    outcome.bytes_out = 0 if outcome.error else size_of(target)
     return outcome
+
+
+def _suffix(work: FilterWork) -> str:
+    kind = OUTPUT_FORMATS[work.form]
+    return "" if kind.is_folder else kind.suffix
 
 
 @contextmanager

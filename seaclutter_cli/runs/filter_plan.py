@@ -12,11 +12,13 @@ from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
 from seaclutter_cli.runs.filter import FilterOptions, FilterWork, plan_works
 from seaclutter_cli.runs.filter_estimate import estimate
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import check_outputs, check_suffixes, existing
+from seaclutter_cli.runs.output_plan import check_names
+from seaclutter_cli.runs.outputs import Root, check_outputs, existing
 from seaclutter_cli.runs.plan_result import FilterPlan, Planned
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions, expected_frames
 from seaclutter_cli.runs.survey import excerpt_of
 from seaclutter_cli.selection import cloud_channels
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.scratch import copies_removed
@@ -49,11 +51,11 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     log_file = getattr(observer, "log_file", None)
     labels = options.labels.paths
     check_outputs(plan.outputs, plan.inputs, labels, force=True, log_file=log_file, root=plan.root)
-    check_suffixes(work.target for work in plan.works)
+    check_names(work.target for work in plan.works)
     others = {option: place for option, place in plan.outputs.items() if option != "-o"}
     check_outputs(others, {}, force=options.force or options.batch.resume)
-    taken = existing(work.target for work in plan.works)
-    works = [PlanWork(work, exists=work.target in taken) for work in plan.works]
+    taken = existing(work.output for work in plan.works)
+    works = [PlanWork(work, exists=work.output in taken) for work in plan.works]
     single = len(works) == 1
     planned = [works[0].run(observer)] if single else run_batch(works, options.batch.here(), observer)
     todo = [(one, work) for one, work in zip(planned, plan.works, strict=True) if one.status == "do"]
@@ -103,7 +105,7 @@ class PlanWork(Work[Planned]):
 
     def without_result(self, reason: str | None) -> Planned:
         """Return a plan without content."""
-        recording, target = self.recording, self.work.target
+        recording, target = self.recording, self.work.output
         size = input_bytes(recording)
         return Planned(recording=recording.name, input=recording.paths[0], output=target, bytes_in=size, error=reason)
 
@@ -115,7 +117,8 @@ class PlanWork(Work[Planned]):
                 planned.skipped, planned.frames = True, outcome.frames
                 return
         elif self.exists:
-            check_outputs({"-o": self.work.target}, {}, force=options.force)
+            root = Root(self.work.output, OUTPUT_FORMATS[self.work.form].marker)
+            check_outputs({"-o": self.work.output}, {}, force=options.force, root=root)
             planned.reason = "replaces the output"
         with _opened(self.recording, options.reading) as source:
             if source is None:

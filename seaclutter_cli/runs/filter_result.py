@@ -7,50 +7,30 @@ from typing import Any
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reporting.palette import reason_names
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, statuses
-from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.runs.log_outcome import LogOutcome
+from seaclutter_cli.runs.recordings import RecordingsResult, statuses
 from seaclutter_cli.text import count, data_size, indented, printable, share, table
 
 _MOST = 0.5
 
 
 @dataclass(kw_only=True)
-class FilterOutcome(Outcome):
+class FilterOutcome(LogOutcome):
     """Outcome of filtering one recording.
 
     Parameters
     ----------
-    output : Path or Url
-        Filtered file.
     edges : sequence of float
         Edges of the method's range rings in metres; empty for methods without range rings.
     has_water : bool
         Whether the method estimates the water.
-    topics : dict of str to TopicTally
-        Sums over the frames of each cloud topic.
-    bytes_in, bytes_out : int
-        Sizes of the recording and of the filtered file.
     rows : bytes
         Compressed rows of the table of frames, on their way from another process.
     """
 
-    output: Location
     edges: Sequence[float]
     has_water: bool = False
-    topics: dict[str, TopicTally] = field(default_factory=dict)
-    bytes_in: int = 0
-    bytes_out: int = 0
     rows: bytes = field(default=b"", repr=False)
-
-    @property
-    def frames(self) -> int:
-        """Number of frames of all topics."""
-        return sum(tally.frames for tally in self.topics.values())
-
-    @property
-    def points_in(self) -> int:
-        """Number of points of all topics."""
-        return sum(tally.points_in for tally in self.topics.values())
 
     @property
     def points_out(self) -> int:
@@ -66,14 +46,7 @@ class FilterOutcome(Outcome):
 
     def counts(self) -> dict[str, Any]:
         """Return further columns of the manifest of a run."""
-        return {
-            "output": None if self.error else str(self.output),
-            "frames": self.frames,
-            "points_in": self.points_in,
-            "points_out": self.points_out,
-            "bytes_in": self.bytes_in,
-            "bytes_out": self.bytes_out,
-        }
+        return {**super().counts(), "points_out": self.points_out}
 
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""

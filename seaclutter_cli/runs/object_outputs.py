@@ -1,6 +1,6 @@
 """Checks of outputs in object storage, before anything is read or written."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.storage.locations import Location, Url
@@ -15,7 +15,9 @@ def is_object_folder(url: Url) -> bool:
     return not url.key or (not exists(url) and is_folder_of_objects(url))
 
 
-def check_objects(outputs: Given, inputs: Given, labels: Sequence[Location], *, force: bool) -> None:
+def check_objects(
+    outputs: Given, inputs: Given, labels: Sequence[Location], *, force: bool, markers: Mapping[str, str]
+) -> None:
     """Check the outputs in object storage; see `prepare_outputs`.
 
     Raises
@@ -45,13 +47,14 @@ def check_objects(outputs: Given, inputs: Given, labels: Sequence[Location], *, 
             _check_apart(url, option, [("--labels", label) for label in labels])
             if not force:
                 raise UsageError(f"{url}: already exists; use --force to replace it")
-        elif url in folders:
-            raise UsageError(f"{url}: is a folder; {option} takes a file")
+        elif url in folders and not (force and (marker := markers.get(option)) and exists(url / marker)):
+            problem = "already exists" if markers.get(option) else f"is a folder; {option} takes a file"
+            raise UsageError(f"{url}: {problem}")
 
 
 def _check_apart(url: Url, option: str, inputs: Given) -> None:
     for source, place in inputs:
-        if isinstance(place, Url) and (place == url or place in _above(url)):
+        if isinstance(place, Url) and (place == url or place in _above(url) or url in _above(place)):
             raise UsageError(f"{url}: is part of the input, {source}; choose another output for {option}")
 
 

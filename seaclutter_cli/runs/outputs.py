@@ -4,69 +4,45 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cached_property, reduce
-from operator import truediv
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from seaclutter_cli.config import Config, ConfigSource
 from seaclutter_cli.errors import OutputError, UsageError
-from seaclutter_cli.runs.object_outputs import check_objects, is_object_folder
+from seaclutter_cli.runs.object_outputs import check_objects
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.recordings import Outcome, PathLike, ReadOptions
+from seaclutter_cli.runs.recordings import Outcome, ReadOptions
 from seaclutter_cli.runs.same_file import Identities, Identity, files_in
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sources import SOURCES, Recording, metadata_beside
-from seaclutter_cli.sources.frame_files import FRAME_READERS
-from seaclutter_cli.storage.locations import Location, Url, location
+from seaclutter_cli.sinks.formats import is_single_frame
+from seaclutter_cli.sources import Recording, metadata_beside
+from seaclutter_cli.storage.locations import Location, Url
 from seaclutter_cli.storage.objects import exists, list_folder
 from seaclutter_cli.storage.parts import remove_stale
 from seaclutter_cli.storage.real_paths import RealPaths
-from seaclutter_cli.text import count, named_folder
+from seaclutter_cli.text import count
 
-_OTHER_SUFFIXES = {suffix for kind in SOURCES.values() for suffix in kind.suffixes} - {".mcap"} | set(FRAME_READERS)
 _making_parents = ContextVar("making_parents", default=False)
 
 Paths = Mapping[str, Location | Iterable[Location] | None]
 """Places of files by the option that gives them."""
 
 
-def is_folder(output: PathLike, outputs: int) -> bool:
-    """Return whether a path denotes a folder for outputs and not a single output file."""
-    if outputs > 1 or named_folder(output):
-        return True
-    place = location(output)
-    if isinstance(place, Url):
-        return is_object_folder(place)
-    return os.path.isdir(place)  # noqa: PTH112 - false if the name is too long
+@dataclass(frozen=True)
+class Root:
+    """What the option ``-o`` gives: a folder of outputs, below which folders are created, or an output.
 
-
-def plan_outputs(recordings: Sequence[Recording], output: PathLike) -> list[Location]:
-    """Return the output file of each recording: ``output`` itself for one, files in it for several.
-
-    Raises
-    ------
-    UsageError
-        If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
+    Parameters
+    ----------
+    place : Path or Url
+        The folder or output.
+    marker : str
+        File by which outputs are recognised that are folders; empty if they are files.
     """
-    path = location(output)
-    if not is_folder(output, len(recordings)):
-        return [path]
-    if is_file(path):
-        raise UsageError(f"{path}: is a file, but {count(len(recordings), 'recording')} need a folder")
-    targets: dict[Location, Recording] = {}
-    for recording in recordings:
-        target = reduce(truediv, recording.inside, path) / f"{recording.name}.mcap"
-        if target in targets:
-            first = targets[target].paths[0]
-            raise UsageError(f"{first} and {recording.paths[0]} would both become {target}; filter them separately")
-        targets[target] = recording
-    return list(targets)
 
-
-def check_suffixes(logs: Iterable[Location]) -> None:
-    """Raise `UsageError` if the name of a filtered log is that of a file in another format."""
-    for path in (path for path in logs if path.suffix.lower() in _OTHER_SUFFIXES):
-        raise UsageError(f"{path}: filtered logs are MCAP files; choose a name such as {path.stem}.mcap")
+    place: Location
+    marker: str = ""
 
 
 def inputs_of(
@@ -86,16 +62,18 @@ def inputs_of(
     file : Path, mapping or Config, optional
         Configuration.
     configs : iterable of Config, optional
-        Effective configurations, which may name a model.
+        Effective configurations, which may name a model and a mask.
     """
     logs = [path for recording in recordings for path in recording.paths]
     local = [log for log in logs if isinstance(log, Path)]
-    models = {getattr(config.filter, "scene_model", None) for config in configs}
+    configs = list(configs)
+    models, masks = ({getattr(config.filter, key, None) for config in configs} for key in ("scene_model", "mask"))
     return {
         "LOGS": [*logs, *(beside for log in local for beside in metadata_beside(log))],
         "--calibration": [reading.calibration] if reading and reading.calibration else [],
         "-c": [file] if isinstance(file, Path | Url) else [],
         "filter.scene_model": [Path(model) for model in models if model],
+        "filter.mask": [Path(mask) for mask in masks if mask],
     }
 
 
@@ -111,19 +89,20 @@ def prepare_outputs(
     *,
     force: bool,
     observer: Observer = SILENT,
-    root: Location | None = None,
+    root: Root | None = None,
 ) -> None:
     """Check the paths of output files before anything is read or written, and prepare their folders.
 
-    Folders in ``root``, and within `making_parents` all, are created. Incomplete files that killed runs left are
+    Folders below ``root``, and within `making_parents` all, are created. Incomplete files that killed runs left are
     removed, with a note to the observer. A file that the observer writes, its ``log_file``, is an output, too.
     `check_outputs` describes the other parameters and the errors.
     """
-    check_outputs(outputs, inputs, labels, force=force, log_file=getattr(observer, "log_file", None), root=root)
+    log_file = getattr(observer, "log_file", None)
+    check_outputs(outputs, inputs, labels, force=force, log_file=log_file, root=root)
     real = RealPaths()
     folders = {real(path).parent: path for _, path in _local(_flat(outputs))}
     for folder, path in folders.items():
-        if _making_parents.get() or _is_below(folder, root):
+        if _making_parents.get() or _is_below(folder, root.place if root else None):
             _make(folder, path)
     _tidy(folders, observer)
 
@@ -145,7 +124,7 @@ def check_outputs(
     *,
     force: bool,
     log_file: Path | None = None,
-    root: Location | None = None,
+    root: Root | None = None,
 ) -> None:
     """Check the paths of output files.
 
@@ -162,8 +141,8 @@ def check_outputs(
         Whether existing files may be replaced.
     log_file : Path, optional
         File to which the observer appends messages; it may exist.
-    root : Path or Url, optional
-        Folder of the outputs, below which folders are created.
+    root : Root, optional
+        What ``-o`` gives.
 
     Raises
     ------
@@ -171,9 +150,10 @@ def check_outputs(
         If two outputs are the same file, or an output is an input, is inside an input folder, is a folder, is in a
         folder whose parent does not exist, or exists and may not be replaced.
     """
-    check_objects(list(_flat(outputs)), list(_flat(inputs)), labels, force=force)
+    markers = {"-o": root.marker} if root else {}
+    check_objects(list(_flat(outputs)), list(_flat(inputs)), labels, force=force, markers=markers)
     known = _Known()
-    targets = [_Target(path, option, known) for option, path in _local(_flat(outputs))]
+    targets = [_Target(path, option, known, markers.get(option, "")) for option, path in _local(_flat(outputs))]
     log = [_Target(log_file, "--log-file", known)] if log_file else []
     _check_distinct([*targets, *log], known)
     read = _Inputs(_local(_flat(inputs)), known)
@@ -183,16 +163,18 @@ def check_outputs(
             raise UsageError(
                 f"{target.path}: is part of the input, {option}; choose another output for {target.option}"
             )
+        if option := target.marker and (read.option_in(target) or labelled.option_in(target)):
+            raise UsageError(f"{target.path}: contains the input, {option}; choose another output for {target.option}")
     for target in targets:
         _check_place(target, force=force)
-    _check_folders(targets, root)
+    _check_folders(targets, root.place if root else None)
 
 
 def existing(places: Iterable[Location]) -> set[Location]:
     """Return the places at which there is something, with a single request for each folder of objects."""
     given = list(places)
     folders = {place.parent for place in given if isinstance(place, Url)}
-    objects = {url for folder in folders for url in list_folder(folder)[0]}
+    objects = {url for folder in folders for found in list_folder(folder) for url in found}
     return {place for place in given if (os.path.lexists(place) if isinstance(place, Path) else place in objects)}
 
 
@@ -214,10 +196,10 @@ class _Known:
 
 
 class _Target:
-    """An output file, and the option that gives it."""
+    """An output, and the option that gives it; ``marker`` is a file in it if it is a folder."""
 
-    def __init__(self, path: Path, option: str, known: _Known) -> None:
-        self.path, self.option = path, option
+    def __init__(self, path: Path, option: str, known: _Known, marker: str = "") -> None:
+        self.path, self.option, self.marker = path, option, marker
         self.file = known.real(path)
         self.exists = os.path.lexists(self.file)
         self.identity = known.identities.of(self.file)
@@ -245,6 +227,10 @@ class _Inputs:
             found = next(filter(None, map(self._options.get, above)), None)
         return self._inside.get(target.identity) if found is None and target.exists else found
 
+    def option_in(self, target: _Target) -> str | None:
+        """Return the option of an input in a folder that an output would replace."""
+        return next((option for option, path in self._paths if target.file in path.parents), None)
+
 
 def _check_distinct(targets: Sequence[_Target], known: _Known) -> None:
     """Check that no two outputs are the same file, and that none is the folder of another."""
@@ -255,14 +241,19 @@ def _check_distinct(targets: Sequence[_Target], known: _Known) -> None:
             raise UsageError(f"{target.path}: is given for two outputs, {other.option} and {target.option}")
     for inner in targets:
         outer = first.get(known.identities.of_folder(inner.file.parent))
-        if outer and not outer.exists:
+        if outer and (outer.marker or not outer.exists):
             raise UsageError(f"{outer.path}: is given for a file, {outer.option}, and a folder, {inner.option}")
 
 
 def _check_place(target: _Target, *, force: bool) -> None:
     path = target.path
     if target.exists and target.file.is_dir():
-        raise UsageError(f"{path}: is a folder; {target.option} takes a file")
+        if not target.marker:
+            raise UsageError(f"{path}: is a folder; {target.option} takes a file")
+        if not (target.file / target.marker).exists():
+            raise UsageError(f"{path}: is a folder of something else; choose another output for {target.option}")
+    elif target.exists and target.marker and not is_single_frame(target.path):
+        raise UsageError(f"{path}: is a file, but the output is a folder")
     if target.exists and not force:
         raise UsageError(f"{path}: already exists; use --force to replace it")
 

@@ -1,65 +1,119 @@
 """Going on where a run stopped: which recordings are already filtered."""
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO, Protocol, TypeVar
 
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import UsageError
-from seaclutter_cli.runs.filter_result import FilterOutcome
+from seaclutter_cli.errors import InputError, OutputError, UsageError
+from seaclutter_cli.jobs.together import in_threads
+from seaclutter_cli.records import Metadata
 from seaclutter_cli.runs.labels import LabelFile
-from seaclutter_cli.runs.recordings import ReadOptions
+from seaclutter_cli.runs.log_outcome import LogOutcome
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.outputs import existing
+from seaclutter_cli.runs.recordings import ReadOptions, expand
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, digest_of, digest_of_paths, from_entries
 from seaclutter_cli.sinks import McapOptions
+from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.objects import find_object, open_object
+from seaclutter_cli.storage.objects import find_object, is_folder_of_objects, open_object
+
+O = TypeVar("O", bound=LogOutcome)  # noqa: E741 - an outcome
+O_co = TypeVar("O_co", bound=LogOutcome, covariant=True)
 
 _OF_THE_RUN = ("config", "water", "scene", "record", "method", "is_part")
 """Fields of `McapOptions` that the run fills in."""
 
+_LATER = ("split", "include", "exclude")
+"""Fields that count only if they are set, so that the records of earlier versions stay valid."""
+
 
 def identity_of(
     paths: Sequence[Location],
-    config: Config,
+    config: Config | None,
     reading: ReadOptions,
     written: McapOptions,
     labels: LabelFile | None,
-    *,
-    with_scene: bool,
+    **others: Any,
 ) -> RunIdentity:
-    """Return what the filtered file of a recording depends on, given its files or their copies."""
-    model = getattr(config.filter, "scene_model", None)
-    models = [Path(model)] if model and Path(model).is_file() else []
+    """Return what the output of a recording depends on, given its files or their copies; ``others`` are options."""
+    named = [getattr(config.filter, key, None) for key in ("scene_model", "mask")] if config else []
+    files = [Path(name) for name in named if name and Path(name).is_file()]
     calibration = reading.calibration
     options = {
         "reading": {**asdict(reading), "calibration": digest_of_paths([calibration]) if calibration else None},
         "written": {
-            k: v for k, v in vars(written).items() if k not in ("config", "water", "scene", "record", "method")
+            k: v
+            for k, v in vars(written).items()
+            if k not in ("config", "water", "scene", "record", "method") and (v or k not in _LATER)
         },
-        "with_scene": with_scene,
+        **others,
     }
     label_parts = [digest_of_paths([labels.path]), asdict(labels.options)] if labels else []
     return RunIdentity(
         input=digest_of_paths(paths),
-        config=digest_of([config.as_dict(), digest_of_paths(models)]),
+        config=digest_of([config.as_dict(), digest_of_paths(files)] if config else []),
         options=digest_of(options),
         labels=digest_of(label_parts),
     )
 
 
+class LogWork(Protocol[O_co]):
+    """Work on a recording that writes a log."""
+
+    @property
+    def recording(self) -> Recording:
+        """The recording."""
+        ...
+
+    @property
+    def output(self) -> Location:
+        """The log, or the first of its parts."""
+        ...
+
+    def earlier(self) -> tuple[O_co | None, str]:
+        """Return the outcome of an earlier run whose output is complete, or what differs; see `earlier_run`."""
+        ...
+
+
+def earlier_outcomes(works: Sequence[LogWork[O]], observer: Observer) -> list[O | None]:
+    """Return the outcomes of earlier runs whose outputs are complete; None for recordings that must be done again."""
+    present = existing(work.output for work in works)
+    found = in_threads(lambda work: work.earlier() if work.output in present else (None, ""), works)
+    for work, (outcome, difference) in zip(works, found, strict=True):
+        if difference:
+            observer.note(f"{work.recording.name}: filtered again; {difference}")
+        if outcome is not None:
+            observer.damage(outcome.damage)
+    return [outcome for outcome, _ in found]
+
+
+@contextmanager
+def same_output_accepted(work: LogWork[O]) -> Iterator[None]:
+    """Accept an output that another process has completed, which died or was given up before its answer came."""
+    try:
+        yield
+    except OutputError:
+        with suppress(UsageError, OSError):  # not an output of a run, or none at all
+            if isinstance(work.output, Path) and work.earlier()[0] is not None:
+                return
+        raise
+
+
 def earlier_run(
-    blank: FilterOutcome, identity: Callable[[], RunIdentity], paths: Sequence[Location], *, force: bool
-) -> tuple[FilterOutcome | None, str]:
+    blank: O, identity: Callable[[], RunIdentity], paths: Sequence[Location], *, force: bool
+) -> tuple[O | None, str]:
     """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs if there is one.
 
     Parameters
     ----------
-    blank : FilterOutcome
+    blank : LogOutcome
         Outcome without results; those of the earlier run are filled in.
     identity : callable
         Returns what the output depends on.
@@ -99,17 +153,40 @@ def record_in(output: Location) -> Mapping[str, str] | None:
         If the file is not a complete output of this program.
     """
     try:
-        with ExitStack() as stack:
-            stream: BinaryIO | None = None
-            if isinstance(output, Path):
-                stream = stack.enter_context(output.open("rb")) if output.exists() else None
-            elif stored := find_object(output):
-                stream = stack.enter_context(open_object(stored))
-            if stream is None:
-                return None
-            found = [record for record in make_reader(stream).iter_metadata() if record.name == NAME]
-    except (McapError, OSError, ValueError, EOFError) as error:
+        records = _metadata_in(output)
+    except (McapError, InputError, OSError, ValueError, EOFError) as error:
         raise UsageError(f"{output}: not a filtered log, not replaced ({error}); use --force to replace it") from error
+    if records is None:
+        return None
+    found = [record for record in records if record.name == NAME]
     if not found:
         raise UsageError(f"{output}: without a record of its run, not replaced; use --force to replace it")
-    return found[-1].metadata
+    return found[-1].entries
+
+
+def _metadata_in(output: Location) -> Sequence[Metadata] | None:
+    """Return the metadata records in an output; None if there is none. Of an MCAP file, only the end is read."""
+    if output.suffix.lower() != ".mcap" or (isinstance(output, Path) and output.is_dir()):
+        return _metadata_of_log(output)
+    with ExitStack() as stack:
+        stream: BinaryIO | None = None
+        if isinstance(output, Path):
+            stream = stack.enter_context(output.open("rb")) if output.exists() else None
+        elif stored := find_object(output):
+            stream = stack.enter_context(open_object(stored))
+        if stream is None:
+            return None
+        return [Metadata(record.name, record.metadata) for record in make_reader(stream).iter_metadata()]
+
+
+def _metadata_of_log(output: Location) -> Sequence[Metadata] | None:
+    if isinstance(output, Path):
+        if not output.exists():
+            return None
+        recording = Recording((output,))
+    elif find_object(output) or is_folder_of_objects(output):
+        recording = expand(str(output), ahead=False)[0]
+    else:
+        return None
+    with closing(ReadOptions().open(recording)) as source:
+        return list(source.metadata)

@@ -1,6 +1,6 @@
-"""Consumers of filtered frames: the filtered MCAP file and the CSV table of frames."""
+"""Consumers of filtered frames: the filtered log and the CSV table of frames."""
 
 from seaclutter_cli.sinks.csv import CsvSink
-from seaclutter_cli.sinks.mcap import McapOptions, McapSink
+from seaclutter_cli.sinks.log import LogSink, McapOptions
 
-__all__ = ["CsvSink", "McapOptions", "McapSink"]
+__all__ = ["CsvSink", "LogSink", "McapOptions"]

@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import shutil
 import weakref
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
@@ -19,18 +20,19 @@ if TYPE_CHECKING:
     from seaclutter_cli.storage.objects import PendingObject
 
 
-class _PartFile(io.FileIO):
-    """The incomplete file; its errors are `OutputError` and name the target."""
+class PartFile(io.FileIO):
+    """A new incomplete file; its errors are `OutputError` and name the target."""
 
     def __init__(self, part: Path, target: Location) -> None:
         super().__init__(part, "xb")
         self._target = target
 
     def write(self, data: Any, /) -> int:
+        """Write data, or raise `OutputError`."""
         try:
             return super().write(data)
         except OSError as error:
-            raise OutputError(_explain(self._target, error)) from error
+            raise OutputError(explain(self._target, error)) from error
 
 
 class AtomicFile(AbstractContextManager["AtomicFile"]):
@@ -63,11 +65,18 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         opened: list[BinaryIO] = []
         self._remover = weakref.finalize(self, _remove, self.part, opened)
         try:
-            self.stream = self._open()
-            opened.append(self.stream)
+            self._create(opened)
         except BaseException:
             self.discard()
             raise
+
+    def _create(self, opened: list[BinaryIO]) -> None:
+        """Create the incomplete file; ``opened`` receives what must be closed before its removal."""
+        self.stream = self._open()
+        opened.append(self.stream)
+
+    def _close(self) -> None:
+        self.stream.close()
 
     def _staged(self, url: Url) -> Path:
         assert self._scratch is not None  # noqa: S101 - made for every URL
@@ -78,7 +87,7 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
             if self._target.exists() and not self._target.is_file():
                 raise OutputError(f"{self.path}: not a regular file, cannot be replaced")
             self._target.parent.mkdir(exist_ok=True)
-            return cast("BinaryIO", io.BufferedWriter(_PartFile(self.part, self.path)))
+            return cast("BinaryIO", io.BufferedWriter(PartFile(self.part, self.path)))
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
 
@@ -95,7 +104,7 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
             _note_removal(error, self.path)
             return
         try:
-            self.stream.close()
+            self._close()
             if self._group is None:
                 self._send()
                 self.publish()
@@ -104,7 +113,7 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         except BaseException as failure:
             self.discard()
             if isinstance(failure, OSError):
-                raise OutputError(_explain(self.path, failure)) from failure
+                raise OutputError(explain(self.path, failure)) from failure
             raise
 
     def prepare(self, *, replace: bool = True) -> None:
@@ -119,7 +128,7 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         if self._target.is_dir() or not os.access(self._target.parent, os.W_OK):
             raise OutputError(f"{self.path}: can no longer be written; the incomplete file was removed")
         if not replace and os.path.lexists(self._target):
-            raise OutputError(_appeared(self.path))
+            raise OutputError(appeared(self.path))
 
     def _send(self) -> None:
         if isinstance(self.path, Url):
@@ -144,9 +153,9 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
             else:
                 _rename_to_new(self.part, self._target)
         except FileExistsError as error:
-            raise OutputError(_appeared(self.path)) from error
+            raise OutputError(appeared(self.path)) from error
         except OSError as error:
-            raise OutputError(_explain(self.path, error)) from error
+            raise OutputError(explain(self.path, error)) from error
         self._remover.detach()
         release(self.part)
 
@@ -176,6 +185,25 @@ class CompleteFile(AtomicFile):
         self._target, self._group = Path(os.path.realpath(path)), None
         self._pending = self._scratch = None
         self._remover = weakref.finalize(self, _remove, part, [])
+
+
+class Leftover(CompleteFile):
+    """A file of an earlier run that the files of a group replace although it has another name."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, path)
+        self._remover.detach()
+
+    def publish(self, *, replace: bool = True) -> None:
+        """Remove the file, if files may be replaced."""
+        if replace:
+            self.part.unlink(missing_ok=True)
+
+    def prepare(self, *, replace: bool = True) -> None:
+        """Do nothing."""
+
+    def discard(self) -> None:
+        """Do nothing: the file stays."""
 
 
 class OutputGroup(AbstractContextManager["OutputGroup"]):
@@ -240,7 +268,10 @@ def _remove(part: Path, opened: list[BinaryIO]) -> None:
         with suppress(OSError, OutputError):
             stream.close()
     with suppress(OSError):
-        part.unlink(missing_ok=True)
+        if part.is_dir() and not part.is_symlink():
+            shutil.rmtree(part, ignore_errors=True)
+        else:
+            part.unlink(missing_ok=True)
     release(part)
 
 
@@ -266,11 +297,13 @@ def _note_removal(error: BaseException | None, path: Location) -> None:
         error.add_note(f"{path}: the incomplete file was removed")
 
 
-def _appeared(path: Location) -> str:
+def appeared(path: Location) -> str:
+    """Return the message about an output that appeared while it was written."""
     return f"{path}: appeared while this run was writing it; use --force to replace it; this run's file was removed"
 
 
-def _explain(path: Location, error: OSError) -> str:
+def explain(path: Location, error: OSError) -> str:
+    """Return the message about an output that cannot be written."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = "scratch folder" if isinstance(path, Url) else "disk"
         return f"{path}: the {where} is full; the incomplete file was removed"

@@ -6,11 +6,11 @@ The output bytes do not depend on the number of threads.
 
 import struct
 import zlib
-from collections import Counter, defaultdict, deque
-from collections.abc import Callable
-from concurrent.futures import Future
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from threading import local
+from types import MappingProxyType
 from typing import BinaryIO
 
 import lz4.frame
@@ -20,14 +20,13 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
-from seaclutter_cli.threads import executor, threads
+from seaclutter_cli.sinks.compressor import Compressor
 
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_SIZE = 1 << 20
 """Size in bytes at which a chunk is closed, as in other writers."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")
-_MAX_THREADS = 4
 _thread = local()
 
 
@@ -77,15 +76,16 @@ class McapWriter:
         A key of `COMPRESSIONS`.
     """
 
+    encoding: str | None = None
+    lost: Sequence[str] = ()
+    broken: Mapping[str, int] = MappingProxyType({})
+
     def __init__(self, stream: BinaryIO, *, profile: str, library: str, compression: str) -> None:
         self._stream = stream
         self._offset = 0
         self._compression = compression
         self._chunk = _Chunk()
-        workers = min(_MAX_THREADS, threads())
-        self._pool = executor(workers, "compress")
-        self._pending: deque[tuple[_Chunk, Future[tuple[int, Buffer | bytearray]]]] = deque()
-        self._max_pending = workers + 1 if workers > 1 else 0
+        self._compressor = Compressor(self._compressed, self._write_chunk)
         self._schemas: dict[Schema, int] = {}
         self._channels: dict[int, tuple[Channel, int]] = {}
         self._counts: Counter[int] = Counter()
@@ -94,6 +94,11 @@ class McapWriter:
         self._indexed: Counter[Opcode] = Counter()
         self._write(MAGIC)
         self._write_record(mcap_records.Header(profile=profile, library=library))
+
+    @property
+    def messages(self) -> int:
+        """Number of messages written."""
+        return self._counts.total()
 
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel under its own id, before its first message."""
@@ -150,25 +155,24 @@ class McapWriter:
         """Write pending chunks, the summary and the footer."""
         if self._chunk.data:
             self._submit()
-        while self._pending:
-            self._write_chunk(*self._pending.popleft())
-        self._pool.shutdown()
+        self._compressor.finish()
         self._write_record(mcap_records.DataEnd(data_section_crc=0))
         self._write_summary()
         self._write(MAGIC)
 
     def abort(self) -> None:
         """Stop the threads and leave the file incomplete."""
-        self._pool.shutdown(cancel_futures=True)
+        self._compressor.abort()
 
     def _submit(self) -> None:
         chunk, self._chunk = self._chunk, _Chunk()
-        self._pending.append((chunk, self._pool.submit(_compress, chunk.data, self._compression)))
-        if len(self._pending) > self._max_pending:
-            self._write_chunk(*self._pending.popleft())
+        self._compressor.submit(chunk)
 
-    def _write_chunk(self, chunk: _Chunk, compressed: Future[tuple[int, Buffer | bytearray]]) -> None:
-        crc, data = compressed.result()
+    def _compressed(self, chunk: _Chunk) -> tuple[int, Buffer | bytearray]:
+        return zlib.crc32(chunk.data), COMPRESSIONS[self._compression](chunk.data)
+
+    def _write_chunk(self, chunk: _Chunk, compressed: tuple[int, Buffer | bytearray]) -> None:
+        crc, data = compressed
         offset = self._offset
         head = struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, len(chunk.data), crc)
         head += _prefixed(self._compression) + struct.pack("<Q", len(data))
@@ -246,10 +250,6 @@ class McapWriter:
         for part in parts:
             self._stream.write(part)
             self._offset += len(part)
-
-
-def _compress(data: bytearray, compression: str) -> tuple[int, Buffer | bytearray]:
-    return zlib.crc32(data), COMPRESSIONS[compression](data)
 
 
 def _serialise(*records: mcap_records.McapRecord) -> bytes:

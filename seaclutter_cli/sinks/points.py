@@ -42,6 +42,11 @@ def write_pcd(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> Non
     OutputError
         If the file cannot be written.
     """
+    _write(path, pcd_header(cloud), cloud, group)
+
+
+def pcd_header(cloud: Cloud) -> str:
+    """Return the header of a binary PCD file with the points of a packed cloud."""
     fields = cloud.fields
     rows = {
         "FIELDS": [field.name for field in fields],
@@ -51,8 +56,8 @@ def write_pcd(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> Non
     }
     lines = ["# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7"]
     lines += [f"{key} {' '.join(values)}" for key, values in rows.items()]
-    lines += [f"WIDTH {cloud.size}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {cloud.size}", "DATA binary"]
-    _write(path, "\n".join(lines) + "\n", cloud, group)
+    shape = [f"WIDTH {cloud.width}", f"HEIGHT {cloud.height}", "VIEWPOINT 0 0 0 1 0 0 0"]
+    return "\n".join([*lines, *shape, f"POINTS {cloud.size}", "DATA binary"]) + "\n"
 
 
 def write_ply(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> None:

@@ -90,7 +90,8 @@ def has_metadata_beside(name: str) -> bool:
 
 def metadata_beside(log: Path) -> list[Path]:
     """Return the times of frames, or the metadata of a sensor, beside a log, which belong to it."""
-    if times := times_beside(log if log.is_dir() else log.parent):
+    is_log = log.name.lower().endswith(LOG_SUFFIXES)
+    if not is_log and (times := times_beside(log if log.is_dir() else log.parent)):
         return [times]
     if not has_metadata_beside(log.name):
         return []

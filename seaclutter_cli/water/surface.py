@@ -14,6 +14,7 @@ _CELL_M = 1.5
 _CELLS = int(2 * _REACH_M / _CELL_M)
 _SMOOTHING_M = 2.5
 _TRUNCATION = 4.0
+_WEIGHTS = int(_TRUNCATION * _SMOOTHING_M / _CELL_M)
 _MAX_PER_CELL = 3
 _SHRINKAGE = 2.0
 _ROUGHNESS = 0.5
@@ -35,9 +36,12 @@ class GridCells:
     @classmethod
     def of(cls, x: Floats, y: Floats) -> "GridCells":
         """Return the cells of positions in metres."""
-        column, row = np.floor((x + _REACH_M) / _CELL_M), np.floor((y + _REACH_M) / _CELL_M)
+        column, row = (x + _REACH_M) / _CELL_M, (y + _REACH_M) / _CELL_M
         inside = (column >= 0) & (column < _CELLS) & (row >= 0) & (row < _CELLS)
-        return cls(np.where(inside, column * _CELLS + row, _CELLS**2).astype(np.int64))
+        with np.errstate(invalid="ignore"):  # positions far beyond the grid have no integer
+            number = column.astype(np.int64) * _CELLS + row.astype(np.int64)
+        number[~inside] = _CELLS**2
+        return cls(number)
 
 
 @dataclass(frozen=True)
@@ -66,8 +70,7 @@ class Swell:
         np.minimum(count, _MAX_PER_CELL, out=grids[0])
         total = np.bincount(cell, weights=height[used], minlength=_CELLS**2 + 1)
         np.multiply(total, grids[0] / np.maximum(count, 1), out=grids[1])
-        kernel = _smoothing()
-        grids[:, :-1] = (kernel @ grids[:, :-1].reshape(2, _CELLS, _CELLS) @ kernel).reshape(2, -1)
+        grids[:, :-1] = _smoothed(grids[:, :-1].reshape(2, _CELLS, _CELLS)).reshape(2, -1)
         grids[:, -1] = 0
         weight, sums = grids
         return cls(sums / (weight + _SHRINKAGE), weight)
@@ -75,6 +78,18 @@ class Swell:
     def at(self, cells: GridCells) -> tuple[Floats, Floats]:
         """Return height and number of echoes at positions; both are 0 beyond the grid."""
         return self.height_m[cells.number], self.echoes[cells.number]
+
+
+def _smoothed(grids: Floats) -> Floats:
+    """Return grids, shape (2, 80, 80), summed along both axes with Gaussian weights, in halves: most weights are 0."""
+    weights, middle = _smoothing(), _CELLS // 2
+    along, across = np.empty_like(grids), np.empty_like(grids)
+    halves = (slice(middle), slice(middle + _WEIGHTS)), (slice(middle, None), slice(middle - _WEIGHTS, None))
+    for half, used in halves:
+        np.matmul(weights[half, used], grids[:, used], out=along[:, half])
+    for half, used in halves:
+        np.matmul(along[:, :, used], weights[used, half], out=across[:, :, half])
+    return across
 
 
 @cache

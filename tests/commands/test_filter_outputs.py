@@ -1,11 +1,16 @@
 """Names and folders of filtered logs."""
 
 import shutil
+from contextlib import closing
 
 import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
+from seaclutter_cli.commands.written import FORMATS
+from seaclutter_cli.records import Message
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
+from seaclutter_cli.sources import open_source
 from tests.paths import SAMPLE
 
 
@@ -13,12 +18,43 @@ def run(*arguments):
     return CliRunner().invoke(cli, ["filter", *map(str, arguments), "-n", "1", "-m", "none"])
 
 
-@pytest.mark.parametrize("name", ["out.bag", "out.DB3", "out.pcd", "out.las", "out.pcap", "out.npy"])
-def test_a_name_of_another_format_is_refused(tmp_path, name):
+@pytest.mark.parametrize("name", ["out.pcap", "out.PCAPNG", "out.npy", "out.ply", "out.csv", "out.bin"])
+def test_a_name_of_a_format_that_is_only_read_is_refused(tmp_path, name):
     result = run(SAMPLE, "-o", tmp_path / name)
     assert result.exit_code == 2
-    assert "filtered logs are MCAP files; choose a name such as out.mcap" in result.stderr
+    assert "this format can only be read; choose a name such as out.mcap" in result.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["out.bag", "out.BAG", "out.pcd", "out.las", "out.laz", "out.npz"])
+def test_the_name_selects_the_format(tmp_path, name):
+    assert run(SAMPLE, "-o", tmp_path / name).exit_code == 0
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    with closing(open_source(tmp_path / name)) as source:
+        is_bag = name.lower().endswith("bag")
+        assert source.format == ("ROS 1 bag" if is_bag else f"{name[-3:].upper()} file")
+        messages = [record for record in source.records() if isinstance(record, Message)]
+        assert len(messages) == 1 + is_bag  # with the diagnostics
+
+
+@pytest.mark.parametrize(
+    ("name", "to", "problem"),
+    [
+        ("out.DB3", None, "a ROS 2 recording is a folder; use -o out --to rosbag2-db3"),
+        ("out.bag", "mcap", "has the suffix of other files than --to mcap"),
+        ("out.mcap", "pcd", "has the suffix of other files than --to pcd"),
+        ("out.pcd", "las", "has the suffix of other files than --to las"),
+    ],
+)
+def test_a_name_of_another_format_is_refused(tmp_path, name, to, problem):
+    result = run(SAMPLE, "-o", tmp_path / name, *(["--to", to] if to else []))
+    assert result.exit_code == 2
+    assert problem in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_formats_of_the_option_are_those_of_the_registry():
+    assert tuple(OUTPUT_FORMATS) == FORMATS
 
 
 @pytest.mark.parametrize("name", ["out.mcap", "out.MCAP", "out", "out.v2"])

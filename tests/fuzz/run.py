@@ -19,9 +19,11 @@ import csv
 import json
 import random
 import shutil
+import sqlite3
 import tempfile
 import time
 import traceback
+from contextlib import closing
 from dataclasses import dataclass, field
 from fnmatch import fnmatch
 from functools import cache
@@ -31,6 +33,7 @@ from typing import NamedTuple
 import yaml
 from click.testing import CliRunner
 from mcap.reader import NonSeekingReader
+from rosbags.rosbag1 import Reader
 
 from seaclutter_cli.commands import cli
 from tests.fuzz import seeds
@@ -183,7 +186,11 @@ def _judge(recipe, command, result, places):
     left = _files(places["OUT"])
     if result.exit_code in (0, 3):
         expected = [word.partition("/")[2] for word in command.split() if word.startswith("OUT/")]
-        outcome.problems += [f"output {name} is missing" for name in expected if name not in left]
+        outcome.problems += [
+            f"output {name} is missing"
+            for name in expected
+            if not any(one == name or f"{name}/" in one for one in left)
+        ]
         outcome.problems += [problem for name in left if (problem := _unreadable(places["OUT"] / name))]
         left = [name for name in left if name.endswith(".part")]
         if "--json" in command and not _is_json(result.stdout):
@@ -230,13 +237,33 @@ def _files(folder):
     return [path.relative_to(folder).as_posix() for path in sorted(folder.rglob("*")) if path.is_file()]
 
 
+def _read_mcap(path):
+    with path.open("rb") as stream:
+        for _ in NonSeekingReader(stream, validate_crcs=True).iter_messages():
+            pass
+
+
+def _read_bag(path):
+    with Reader(path) as reader:
+        for _ in reader.messages():
+            pass
+
+
+def _read_db3(path):
+    with closing(sqlite3.connect(path)) as db:
+        found = db.execute("PRAGMA integrity_check").fetchall()
+        if found != [("ok",)]:
+            raise ValueError(found)
+
+
+LOGS = {".mcap": _read_mcap, ".bag": _read_bag, ".db3": _read_db3}
+
+
 def _unreadable(path):
     """Return what is wrong with an output; None if it can be read."""
     try:
-        if path.suffix == ".mcap":
-            with path.open("rb") as stream:
-                for _ in NonSeekingReader(stream, validate_crcs=True).iter_messages():
-                    pass
+        if path.suffix in LOGS:
+            LOGS[path.suffix](path)
         elif path.suffix in (".las", ".laz"):
             import laspy
 

@@ -21,7 +21,8 @@ from tests.messages import wrapped
 from tests.scenes.onnx_files import model_bytes
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.ouster import test_decoder as ouster
-from tests.sources.frame_files import writers
+from tests.sources import scenarios
+from tests.sources.frame_files import data_sets, writers
 from tests.sources.pcap import captures
 from tests.sources.shared import test_packet_topics as packet_topics
 
@@ -177,6 +178,21 @@ def frame_files(folder, suffix, **options):
         points = logs.sea_points(POINTS, (number,))[["x", "y", "z", "intensity"]].astype(writers.XYZI)
         data = writers.WRITERS[suffix](points, **options)
         (folder / "log" / f"{logs.START_NS + number * logs.PERIOD_NS}{suffix}").write_bytes(data)
+
+
+def scenario(folder):
+    """Write a scenario of Autoferry."""
+    scenarios.write(folder)
+
+
+def canoe(folder):
+    """Write a sequence of CANOE."""
+    data_sets.canoe(folder / "log", FRAMES)
+
+
+def pohang(folder):
+    """Write a sequence of Pohang Canal."""
+    data_sets.pohang(folder / "log", FRAMES)
 
 
 def labelled(folder, form):

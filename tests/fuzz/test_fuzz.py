@@ -7,7 +7,7 @@ import pytest
 from mcap.opcode import Opcode
 
 from seaclutter_cli.runs import filter as filter_run
-from seaclutter_cli.sinks.mcap import McapSink
+from seaclutter_cli.sinks.log import LogSink
 from seaclutter_cli.sources.mcap.source import McapSource
 from tests.fuzz import layers, mutate
 from tests.fuzz.campaign import Tally, campaign, check_limits, table
@@ -51,7 +51,7 @@ def test_files_left_are_found(monkeypatch):
     def fail(self):
         raise SystemExit(1)
 
-    monkeypatch.setattr(McapSink, "end", fail)
+    monkeypatch.setattr(LogSink, "end", fail)
     monkeypatch.setattr("seaclutter_cli.sinks.atomic.AtomicFile.__exit__", lambda *_: None)
     assert filtered().left
 

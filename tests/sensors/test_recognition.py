@@ -17,7 +17,12 @@ OUSTER = (*XYZI, "t", "reflectivity", "ring", "range")
         (VELODYNE, 16, 28_000, {"VLP-16", "Puck Hi-Res"}),
         (VELODYNE, 32, 50_000, {"VLP-32A", "VLP-32B", "VLP-32C", "HDL-32E"}),
         (OUSTER, 128, 100_000, {"OS0-128", "OS1-128", "OS2-128"}),
-        (ROBOSENSE, 22, 2_630, {"RS-LiDAR-32", "RS-Helios", "PandarXT-32"}),  # beams above the horizon see nothing
+        (
+            ROBOSENSE,
+            22,
+            2_630,
+            {"RS-LiDAR-32", "RS-Helios", "RS-Bpearl", "PandarXT-32"},
+        ),  # beams above the horizon see nothing
         (ROBOSENSE, 40, 60_000, {"Pandar40P"}),
         (VELODYNE, 16, 500_000, {"Alpha Prime"}),  # more points than 16 beams can return
         (VELODYNE, 200, 1_000, set()),

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from seaclutter_cli.config import load_config
 from seaclutter_cli.pipeline import run
 from seaclutter_cli.selection import Selection
-from seaclutter_cli.sinks import McapOptions, McapSink
+from seaclutter_cli.sinks import LogSink, McapOptions
 from seaclutter_cli.sources import open_source
 from tests.logs import CLOUD_KINDS, START_NS, cloud_topic, foxglove_class, write_log
 from tests.logs import Entry as LogEntry
@@ -50,7 +50,7 @@ def filter_log(path, target, *, topics=(), method="joint", overrides=(), sinks=(
     results = []
     with (
         closing(open_source(Path(path))) as source,
-        McapSink(Path(target), McapOptions(config=config.to_yaml(), **options)) as sink,
+        LogSink(Path(target), McapOptions(config=config.to_yaml(), **options)) as sink,
     ):
         selection = Selection(topics=topics)
         run(source, config.make_filter, [sink, *sinks], selection, lambda result: results.append(_detached(result)))

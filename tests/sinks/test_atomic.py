@@ -162,7 +162,7 @@ def test_an_interrupt_while_the_file_is_created(tmp_path, monkeypatch):
         part.touch()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("seaclutter_cli.sinks.atomic._PartFile", create)
+    monkeypatch.setattr("seaclutter_cli.sinks.atomic.PartFile", create)
     with pytest.raises(KeyboardInterrupt):
         AtomicFile(tmp_path / "out.bin")
     assert names(tmp_path) == []

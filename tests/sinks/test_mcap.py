@@ -17,7 +17,7 @@ from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Channel, Message, Schema
-from seaclutter_cli.sinks import McapOptions, McapSink
+from seaclutter_cli.sinks import LogSink, McapOptions
 from seaclutter_cli.sources import open_source
 from tests.logs import (
     LAYOUTS,
@@ -130,7 +130,7 @@ def test_any_layout_of_points_is_preserved(tmp_path, out):
 
 def write_channels(path, channels, clouds=(), **options):
     """Write a log without messages; return the ids of its topics."""
-    with McapSink(path, McapOptions(**options)) as sink:
+    with LogSink(path, McapOptions(**options)) as sink:
         sink.begin(FakeSource(tuple(channels)), clouds)
         sink.end()
     return {topic: number for number, (topic, *_) in contents(path).channels.items()}
@@ -168,7 +168,7 @@ def test_too_many_channels(out):
 
 def test_a_channel_that_appears_late_is_declared(out):
     known, late = (Channel(1, topic, "json", Schema("note", "jsonschema", b"{}")) for topic in ("/known", "/late"))
-    with McapSink(out, McapOptions()) as sink:
+    with LogSink(out, McapOptions()) as sink:
         sink.begin(FakeSource((known,)), [])
         for k, channel in enumerate((late, known, late)):
             sink.copy(Message(channel, k, k, k, b"{}"))
@@ -179,7 +179,7 @@ def test_a_channel_that_appears_late_is_declared(out):
 def test_two_publishers_of_one_topic_remain_separate(tmp_path, out):
     log = cloud_log(tmp_path / "in.mcap", topics=["/points", "/other"], frames=3)
     before = contents(log)
-    with closing(open_source(log)) as source, McapSink(out, McapOptions(keep_raw=True)) as sink:
+    with closing(open_source(log)) as source, LogSink(out, McapOptions(keep_raw=True)) as sink:
         same = {c: replace(c, topic="/points") if c.topic == "/other" else c for c in source.channels}
         sink.begin(FakeSource(tuple(same.values())), [c for c in same.values() if c.topic == "/points"])
         for k, record in enumerate(r for r in source.records() if isinstance(r, Message)):
@@ -258,7 +258,7 @@ def test_each_lidar_has_its_own_state(tmp_path, out):
 
 def test_a_failed_run_leaves_no_file(tmp_path, out):
     log = cloud_log(tmp_path / "in.mcap")
-    with pytest.raises(UsageError), closing(open_source(log)) as source, McapSink(out, McapOptions()) as sink:
+    with pytest.raises(UsageError), closing(open_source(log)) as source, LogSink(out, McapOptions()) as sink:
         sink.begin(source, source.channels)  # one of them contains no clouds
     assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
 
@@ -274,7 +274,7 @@ def test_a_failed_run_leaves_no_thread(tmp_path, out, error):
 
 
 def write_and_fail(path, channel, error):
-    with McapSink(path, McapOptions()) as sink:
+    with LogSink(path, McapOptions()) as sink:
         sink.begin(FakeSource((channel,)), [])
         for k in range(4):
             sink.copy(Message(channel, k, k, k, bytes(2**20)))

@@ -44,9 +44,10 @@ class Echoes:
         """Return the echoes among the points of a frame, given their zones and the reasons that follow from them."""
         in_reach = (reason == Reason.KEPT) | (reason == Reason.NEAR)
         index = np.flatnonzero(in_reach & (frame.range_m >= min(OWN_SHIP_M, params.start_m)))
-        xyz = params.mounting.levelled(frame.coordinates[:, index])
-        intensity = frame.intensity[index] if params.use_intensity else None
-        return cls(index, xyz, frame.range_m[index], intensity, zone[index])
+        used = index if len(index) < frame.size else slice(None)  # no copies of whole frames
+        xyz = params.mounting.levelled(frame.coordinates[:, used])
+        intensity = frame.intensity[used] if params.use_intensity else None
+        return cls(index, xyz, frame.range_m[used], intensity, zone[used])
 
     @property
     def size(self) -> int:

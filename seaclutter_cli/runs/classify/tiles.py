@@ -13,7 +13,8 @@ from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings, load_settings
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.outputs import Paths, is_folder, prepare_outputs
+from seaclutter_cli.runs.output_plan import is_folder
+from seaclutter_cli.runs.outputs import Paths, prepare_outputs
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las

@@ -1,1 +1,1 @@
-"""Hesai sensors: PandarXT-32 and Pandar40P."""
+"""Hesai sensors: PandarXT-32, Pandar40P, Pandar64 and PandarQT."""

@@ -1,4 +1,4 @@
-"""Decoder for Hesai sensors: PandarXT-32 and Pandar40P."""
+"""Decoder for Hesai sensors."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -53,6 +53,8 @@ class HesaiDecoder:
         self, model: HesaiModel, elevation_deg: NDArray[np.float64], azimuth_deg: NDArray[np.float64], *, returns: bool
     ) -> None:
         self.facts = SensorFacts(model.name, {"intensity": "reflectivity, 0 to 255"})
+        if model.is_experimental:
+            self.facts.details["decoder"] = "experimental, not checked with packets of a real sensor"
         self._model = model
         self._azimuth_deg = azimuth_deg
         self._cos, self._sin = np.cos(np.radians(elevation_deg)), np.sin(np.radians(elevation_deg))
@@ -102,8 +104,7 @@ class HesaiDecoder:
         clock_ns = utc_ns(data)
         self._count_lost(data, clock_ns, returns)
         firings = data["blocks"].shape[1] // returns
-        late_ns = self._model.last_block_ns - self._model.block_ns * np.arange(firings - 1, -1, -1)
-        fired_ns = clock_ns[:, None] + late_ns
+        fired_ns = clock_ns[:, None] + self._model.firings_ns(firings)
         azimuths = data["blocks"]["azimuth"][:, ::returns].astype(np.int64)
         numbers = self._counter.count(azimuths, fired_ns, data["rpm"].astype(np.int64))
         shifted_ns = fired_ns + self._clock.shifts(clock_ns, times_ns)[:, None]
@@ -175,7 +176,7 @@ def _distinct(distances: NDArray[np.generic], intensities: NDArray[np.generic]) 
 class Hesai:
     """Supported Hesai sensors."""
 
-    title = "Hesai PandarXT-32, Pandar40P"
+    title = "Hesai PandarXT-32, Pandar40P, Pandar64, PandarQT"
     scan_types: Mapping[str, str] = {
         "pandar_msgs/msg/PandarScan": "packets",
         "nebula_msgs/msg/NebulaPackets": "packets",
@@ -190,7 +191,9 @@ class Hesai:
         """Return a decoder for the sensor that sent these packets; `InputError` if it is not supported."""
         model = _model(packets.payloads)
         if model is None:
-            raise InputError("the packets are not from a supported Hesai sensor (PandarXT-32 and Pandar40P)")
+            raise InputError(
+                "the packets are not from a supported Hesai sensor (PandarXT-32, Pandar40P, Pandar64 and PandarQT)"
+            )
         returns = bool(np.isin(_matching(model, packets.payloads)["mode"], DUAL_MODES).any())
         if options.calibration is not None:
             elevation, azimuth = read_angles(options.calibration, len(model.channel_ns))

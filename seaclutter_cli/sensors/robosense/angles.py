@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sensors.robosense.models import CHANNELS, RobosenseModel
+from seaclutter_cli.sensors.robosense.models import RobosenseModel
 
+VERTICAL_AT = 468
+"""Offset of the vertical angles in device information."""
 _MIN_ANGLE, _ANGLE_LIMIT = -9000, 18000
+_SIXTEEN = 16
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,7 @@ class Angles:
 
     Parameters
     ----------
-    vertical, horizontal : ndarray, shape (32,), int64
+    vertical, horizontal : ndarray, shape (C,), int64
         Elevation and azimuth offset of each channel, in hundredths of a degree.
     """
 
@@ -28,30 +31,36 @@ class Angles:
 
     @property
     def rings(self) -> NDArray[np.uint16]:
-        """Ring of each channel, shape (32,): the number of lasers with a lower elevation."""
-        lasers = self.vertical[: 16 if np.array_equal(self.vertical[:16], self.vertical[16:]) else CHANNELS]
+        """Ring of each channel, shape (C,): the number of lasers with a lower elevation."""
+        first, second = np.split(self.vertical, 2)
+        lasers = first if np.array_equal(first, second) else self.vertical
         return np.searchsorted(np.sort(lasers), self.vertical).astype(np.uint16)
 
 
 def make_angles(vertical: NDArray[np.int64], horizontal: NDArray[np.int64]) -> Angles | None:
-    """Return the angles of all channels of a block from those of 16 or 32 lasers; None if an angle is out of range."""
+    """Return the angles of all channels of a block from those of its lasers; None if an angle is out of range.
+
+    The channels of 16 lasers repeat.
+    """
     both = np.stack([vertical, horizontal])
     if ((both < _MIN_ANGLE) | (both >= _ANGLE_LIMIT)).any():
         return None
-    vertical, horizontal = np.tile(both, CHANNELS // both.shape[1])
+    vertical, horizontal = np.tile(both, 2 if both.shape[1] == _SIXTEEN else 1)
     return Angles(vertical, horizontal)
 
 
 def packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles | None:
     """Return the angles in a device information packet, shape (1248,); None if they are not programmed."""
-    if model.lasers == CHANNELS:
-        tables = packet[468:660].astype(np.int64).reshape(2, CHANNELS, 3)
+    if model.name != "RS-LiDAR-16":
+        begins, size = (VERTICAL_AT, model.format.horizontal_at), 3 * model.lasers
+        tables = np.stack([packet[begin : begin + size] for begin in begins]).astype(np.int64).reshape(2, -1, 3)
         if (tables[..., 0] == 0xFF).any() or (model.name == "RS-LiDAR-32" and not tables[0, 0].any()):
             return None
         sizes = tables[..., 1] << 8 | tables[..., 2]
-        if model.name == "RS-LiDAR-32":
-            # Single precision, and halves rounded up, as in the vendor's driver.
-            sizes = np.floor((sizes.astype(np.float32) * np.float32(0.1)).astype(np.float64) + 0.5).astype(np.int64)
+        # Single precision, and halves rounded up, as in the vendor's driver.
+        sizes = np.floor((sizes.astype(np.float32) * np.float32(model.angle_unit)).astype(np.float64) + 0.5).astype(
+            np.int64
+        )
         vertical, horizontal = np.where(tables[..., 0] != 0, -sizes, sizes)
         return make_angles(vertical, horizontal)
     table = packet[1165:1213].astype(np.int64).reshape(16, 3)

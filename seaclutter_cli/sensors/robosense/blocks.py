@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.robosense.device import Device
-from seaclutter_cli.sensors.robosense.models import BLOCKS
-from seaclutter_cli.sensors.robosense.packets import BLOCK_ID
+from seaclutter_cli.sensors.robosense.models import PacketFormat
 
+_WHOLE = 0xFFFF
 BLIND = 100
 """Azimuth step between blocks, in hundredths of a degree, above which a blind sector separates them."""
 
@@ -59,9 +59,11 @@ def join(parts: Sequence[Blocks]) -> Blocks:
     return Blocks(*(np.concatenate(columns) for columns in zip(*(part._columns() for part in parts), strict=True)))  # noqa: SLF001
 
 
-def valid_blocks(blocks: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return which blocks, shape (P, 12), are valid: azimuth below 360° and no invalid id up to the block."""
-    return np.logical_and.accumulate(blocks["id"] == BLOCK_ID, axis=1) & (blocks["azimuth"] < 36000)
+def valid_blocks(blocks: NDArray[Any], layout: PacketFormat) -> NDArray[np.bool_]:
+    """Return which blocks, shape (P, B), are valid: azimuth below 360° and no invalid id up to the block."""
+    mask, value = layout.block_id
+    ids = blocks["id"] if mask == _WHOLE else blocks["id"] & mask
+    return np.logical_and.accumulate(ids == value, axis=1) & (blocks["azimuth"] < 36000)
 
 
 def steps(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -69,16 +71,18 @@ def steps(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64]
 
     Parameters
     ----------
-    azimuth : ndarray, shape (P, 12), int64
+    azimuth : ndarray, shape (P, B), int64
         Azimuths of the blocks in hundredths of a degree.
     device : Device
         The sensor.
 
     Returns
     -------
-    step, time_ns : ndarray, shape (P, 12), int64
+    step, time_ns : ndarray, shape (P, B), int64
         Rotation in hundredths of a degree, and start time in nanoseconds.
     """
+    if device.paired and azimuth.shape[1] % 2:
+        return _steps_of_one_and_a_half(azimuth, device)
     stride = 2 if device.paired else 1
     first = azimuth[:, ::stride]
     step = np.diff(first, axis=1)
@@ -92,7 +96,35 @@ def steps(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64]
     return np.repeat(step, stride, axis=1), np.repeat(time_ns, stride, axis=1)
 
 
-def second_returns(packets: int, device: Device) -> NDArray[np.bool_]:
-    """Return which blocks of P packets contain second returns, shape (P, 12)."""
-    odd = np.arange(BLOCKS) % 2 == 1
-    return np.broadcast_to(odd & device.paired, (packets, BLOCKS))
+def _steps_of_one_and_a_half(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the result of `steps` for packets of three blocks: a pair and half a pair, or the other way round."""
+    step = azimuth[:, 2] - azimuth[:, 0]
+    step += np.where(step < 0, 36000, 0)
+    blind = step > BLIND
+    step[blind] = device.step
+    late_ns = np.where(blind, device.gap_ns, device.step_ns)
+    begins_with_pair = azimuth[:, 0] == azimuth[:, 1]
+    steps, time_ns = np.full(azimuth.shape, device.step, np.int64), np.zeros(azimuth.shape, np.int64)
+    steps[:, 0], time_ns[:, 2] = step, late_ns
+    steps[begins_with_pair, 1] = step[begins_with_pair]
+    time_ns[~begins_with_pair, 1] = late_ns[~begins_with_pair]
+    return steps, time_ns
+
+
+def second_returns(azimuth: NDArray[np.int64], device: Device, before: int) -> NDArray[np.bool_]:
+    """Return which blocks of P packets contain second returns, shape (P, B).
+
+    Parameters
+    ----------
+    azimuth : ndarray, shape (P, B), int64
+        Azimuths of the blocks in hundredths of a degree.
+    device : Device
+        The sensor.
+    before : int
+        Azimuth of the block before.
+    """
+    blocks = azimuth.shape[1]
+    if device.paired and blocks % 2:
+        # Pairs extend from one packet into the next.
+        return np.asarray(np.diff(azimuth.ravel(), prepend=before) == 0).reshape(azimuth.shape)
+    return np.broadcast_to((np.arange(blocks) % 2 == 1) & device.paired, azimuth.shape)

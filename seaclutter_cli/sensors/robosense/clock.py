@@ -9,13 +9,12 @@ DAY_NS = 86400 * 10**9
 _MAX_S = 9_000_000_000
 
 
-def header_times(packets: NDArray[Any], *, helios: bool) -> NDArray[np.int64]:
+def header_times(packets: NDArray[Any], *, is_utc: bool) -> NDArray[np.int64]:
     """Return the header times of data packets, shape (P,), in nanoseconds of UTC; 0 for invalid times."""
-    if helios:
-        time = packets["helios_time"]
+    time = packets["time"]
+    if is_utc:
         seconds = time["high"].astype(np.int64) << 32 | time["low"]
         return np.where(seconds < _MAX_S, seconds, 0) * 10**9 + time["microseconds"].astype(np.int64) * 1000
-    time = packets["classic_time"]
     year, month, day, hour, minute, second = time["date"].astype(np.int64).T
     months = ((year + 30) * 12 + month - 1).astype("datetime64[M]")
     days = months.astype("datetime64[D]").astype(np.int64) + day - 1

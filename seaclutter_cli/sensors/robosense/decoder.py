@@ -1,6 +1,7 @@
-"""Decoder for RoboSense's rotating lidars: RS-LiDAR-32, RS-LiDAR-16 and RS-Helios."""
+"""Decoder for RoboSense's rotating lidars."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,15 @@ from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets
 from seaclutter_cli.sensors.robosense.angles import file_angles
 from seaclutter_cli.sensors.robosense.blocks import Blocks, join, second_returns, steps, valid_blocks
 from seaclutter_cli.sensors.robosense.clock import RobosenseClock, header_times, wrong_times
-from seaclutter_cli.sensors.robosense.device import Device, assumed_device, guess_model, read_device
+from seaclutter_cli.sensors.robosense.device import Device, assumed_device, read_device
+from seaclutter_cli.sensors.robosense.identity import find_model
 from seaclutter_cli.sensors.robosense.losses import RobosenseLosses
-from seaclutter_cli.sensors.robosense.models import BLOCKS, CLASSIC_ID, HELIOS_ID, MODELS, RobosenseModel
-from seaclutter_cli.sensors.robosense.packets import DATA, INFO_ID, PACKET_BYTES, temperatures_degc
+from seaclutter_cli.sensors.robosense.models import CHECKED, CLASSIC_ID, HELIOS_ID, RobosenseModel
+from seaclutter_cli.sensors.robosense.packets import INFO_ID, PACKET_BYTES, data_packets, temperatures_degc
 from seaclutter_cli.sensors.robosense.points import Geometry
 
 _TOLERANCE = 100
-_CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16")
+_ANGLES_HINT = "pass the angles with --calibration FILE (one line 'elevation,azimuth offset' in degrees per laser)"
 
 
 class RoboSense:
@@ -64,7 +66,8 @@ class RoboSense:
         if not len(data):
             raise InputError("RoboSense: no data packets, only device information")
         warnings: list[str] = []
-        model = _find_model(data[0], info, options, warnings)
+        angles_hint = "" if len(info) or options.calibration else f", and {_ANGLES_HINT}"
+        model = find_model(data[0], info, options.model, warnings, angles_hint)
         device = _find_device(model, data, info, options, warnings)
         return RoboSenseDecoder(device, warnings, Packets(packets.times_ns[is_data], data))
 
@@ -75,30 +78,6 @@ def _begins(payloads: NDArray[np.uint8], with_bytes: bytes) -> NDArray[np.bool_]
         return np.zeros(len(payloads), np.bool_)
     begins: NDArray[np.bool_] = (payloads[:, : len(wanted)] == wanted).all(axis=1)
     return begins
-
-
-def _find_model(
-    data: NDArray[np.uint8], info: NDArray[np.uint8], options: DecoderOptions, warnings: list[str]
-) -> RobosenseModel:
-    helios = data[:4].tobytes() == HELIOS_ID
-    allowed = ("RS-Helios",) if helios else _CLASSIC
-    wanted = options.model
-    guessed = "RS-Helios" if helios else next((name for packet in info if (name := guess_model(packet))), None)
-    if wanted is None and guessed is None:
-        raise InputError(
-            "RoboSense: RS-LiDAR-32 and RS-LiDAR-16 share a packet format: select one with --sensor"
-            + ("" if len(info) or options.calibration else f", and {_ANGLES_HINT}")
-        )
-    if wanted is None or wanted not in allowed:
-        if wanted in MODELS or guessed is None:
-            raise InputError(f"RoboSense: the packets are from {' or '.join(allowed)}, not from {wanted}")
-        return MODELS[guessed]
-    if guessed not in (None, wanted):
-        warnings.append(f"the device information is from {guessed}, but the packets are decoded as {wanted}")
-    return MODELS[wanted]
-
-
-_ANGLES_HINT = "pass the angles with --calibration FILE (one line 'elevation,azimuth offset' in degrees per laser)"
 
 
 def _find_device(
@@ -117,18 +96,21 @@ def _find_device(
         warnings.append(
             "no device information (DIFOP): rotation rate and return mode are inferred, the distance unit is assumed"
         )
-        azimuth = data.view(DATA)["blocks"]["azimuth"].reshape(-1, BLOCKS).astype(np.int64)
+        azimuth = data_packets(model, data)["blocks"]["azimuth"].astype(np.int64)
         device = assumed_device(model, azimuth)
     intensity = device.details.get("intensity", "")
     if intensity.startswith(("raw", "unknown")):
         warnings.append(f"intensity is {intensity}: thresholds for calibrated intensity do not apply")
     if device.model.unit_m > model.unit_m:
         warnings.append("old firmware: the distance unit is 1 cm")
+    if (at := model.format.mode_at) is not None:
+        dual = int(data[0, at]) in model.format.dual_modes
+        details = {**device.details, "return mode": "dual" if dual else "single"}
+        device = replace(device, dual=dual, details=details)
     if options.calibration is None:
         return device
     angles = file_angles(model, options.calibration)
-    details = {**device.details, "angles": str(options.calibration)}
-    return Device(device.model, angles, device.dual, device.rotation_hz, device.fov, details)
+    return replace(device, angles=angles, details={**device.details, "angles": str(options.calibration)})
 
 
 class RoboSenseDecoder:
@@ -153,18 +135,21 @@ class RoboSenseDecoder:
             raise InputError(f"{device.model.name}: the laser angles are unknown")
         self._device = device
         self._geometry = Geometry(device, device.angles)
-        self._helios = device.model.header == HELIOS_ID
+        self._is_utc = device.model.format.is_utc
         self._clock, self._losses = RobosenseClock(device.model.packet_ns), RobosenseLosses(device)
         self._parts: list[Blocks] = []
         self._azimuth = -1
         self._frames = 0
         self._starts_whole = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
-        header_ns = header_times(sample.payloads.view(DATA)[:, 0], helios=self._helios)
+        packets = data_packets(device.model, sample.payloads)
+        header_ns = header_times(packets, is_utc=self._is_utc)
         wrong = bool(wrong_times(header_ns, sample.times_ns).mean() > 0.5)
-        temperature = temperatures_degc(sample.payloads.view(DATA)[:1, 0])[0]
+        temperature = temperatures_degc(packets[:1], device.model.format)[0]
         self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
         self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
+        if device.model.name not in CHECKED:
+            self.facts.details["decoder"] = "experimental, not checked with packets of a real sensor"
         if wrong:
             warnings.append("the sensor clock is off by more than a day: times are shifted to the recording time")
 
@@ -174,12 +159,12 @@ class RoboSenseDecoder:
         if payloads.shape[1] != PACKET_BYTES:
             self.facts.bad_packets += len(packets)
             return
-        is_data = _begins(payloads, self._device.model.header)
+        is_data = _begins(payloads, self._device.model.format.id)
         if not is_data.all():
             self.facts.bad_packets += int((~is_data & ~_begins(payloads, INFO_ID[:4])).sum())
             payloads, times_ns = payloads[is_data], times_ns[is_data]
         if len(payloads):
-            yield from self._frames_of(np.ascontiguousarray(payloads).view(DATA)[:, 0], times_ns)
+            yield from self._frames_of(data_packets(self._device.model, payloads), times_ns)
 
     def finish(self) -> Iterator[PacketFrame]:
         """Yield the last revolution."""
@@ -189,7 +174,7 @@ class RoboSenseDecoder:
             yield self._frame(blocks, partial=not self._ends_whole(blocks))
 
     def _frames_of(self, packets: NDArray[Any], record_ns: NDArray[np.int64]) -> Iterator[PacketFrame]:
-        valid = valid_blocks(packets["blocks"])
+        valid = valid_blocks(packets["blocks"], self._device.model.format)
         self.facts.bad_packets += int((~valid.any(axis=1)).sum())
         if not valid.any():
             return
@@ -214,14 +199,14 @@ class RoboSenseDecoder:
         step, after_ns = steps(azimuth, self._device)
         used = azimuth[valid]
         revolution = np.cumsum(np.diff(used, prepend=self._azimuth) < 0, dtype=np.int64)
+        second = second_returns(azimuth, self._device, self._azimuth)
         self._azimuth = int(used[-1])
-        header_ns = header_times(packets, helios=self._helios)
+        header_ns = header_times(packets, is_utc=self._is_utc)
         before = np.cumsum(valid.sum(axis=1)) - valid.sum(axis=1)
         first = revolution[np.minimum(before, len(revolution) - 1)]
         times_ns = self._clock.times(header_ns, record_ns, first)[:, None] + after_ns
         self._losses.add(header_ns, after_ns, azimuth)
         self.facts.lost_packets = self._losses.packets
-        second = second_returns(len(packets), self._device)
         return Blocks(used, step[valid], times_ns[valid], second[valid], raw["channels"][valid]), revolution
 
     def _keep(self, blocks: Blocks) -> None:

@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.robosense.angles import Angles, packet_angles
-from seaclutter_cli.sensors.robosense.models import CHANNELS, RobosenseModel, with_old_firmware
+from seaclutter_cli.sensors.robosense.models import RUBY, RobosenseModel, with_old_firmware
 
+CLASSIC_MODELS = ("RS-LiDAR-32", "RS-LiDAR-16")
+"""Models that state how their intensities are calibrated, and of which there is old firmware."""
 _OLD_VERSIONS = {bytes.fromhex(text) for text in ("000000", "ffffff", "55aa5a", "e90100")}
 _TWO_RETURNS_SINCE = bytes((8, 2, 9))
 _MODES = {1: "strongest", 2: "last", 4: "strongest", 5: "last", 6: "nearest"}
@@ -33,6 +35,8 @@ class Device:
         Start and end of the field of view, in hundredths of a degree.
     details : dict of str to str
         Facts for display.
+    reversed : bool
+        Whether azimuths grow anticlockwise.
     """
 
     model: RobosenseModel
@@ -41,6 +45,7 @@ class Device:
     rotation_hz: int
     fov: tuple[int, int]
     details: dict[str, str]
+    reversed: bool = False
 
     @property
     def step_ns(self) -> int:
@@ -56,7 +61,7 @@ class Device:
     @property
     def paired(self) -> bool:
         """Whether two blocks contain the two returns of one firing."""
-        return self.dual and self.model.lasers == CHANNELS
+        return self.dual and self.model.lasers == self.model.channels
 
     @property
     def gap_ns(self) -> int:
@@ -68,28 +73,36 @@ class Device:
 
 def read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
     """Return the sensor described by a device information packet, shape (1248,)."""
-    old = model.name != "RS-Helios" and packet[41:44].tobytes() in _OLD_VERSIONS
+    is_classic = model.name in CLASSIC_MODELS
+    old = is_classic and packet[41:44].tobytes() in _OLD_VERSIONS
     angles = packet_angles(model, packet)
     rpm, start, end = (int(packet[offset]) << 8 | int(packet[offset + 1]) for offset in (8, 32, 34))
     mode = int(packet[300])
-    dual = mode == 0 and not (old and packet[45:48].tobytes() < _TWO_RETURNS_SINCE)
+    dual = mode in model.format.dual_modes and not (old and packet[45:48].tobytes() < _TWO_RETURNS_SINCE)
     used = with_old_firmware(model) if old else model
     details = {
         "serial number": packet[292:298].tobytes().hex(),
         "firmware": f"top board {packet[40:45].tobytes().hex()}, bottom board {packet[45:50].tobytes().hex()}",
         "rotation rate": f"{rpm} rpm",
-        "return mode": "dual" if dual else f"single ({_MODES.get(mode, f'mode {mode}')})",
+        "return mode": "dual" if dual else f"single ({_name(mode, model)})",
         "distance unit": f"{used.unit_m * 1000:g} mm",
     }
-    if model.name != "RS-Helios":
+    if is_classic:
         details["intensity"] = _INTENSITY.get(int(packet[291]), f"unknown (mode byte {packet[291]:#04x})")
-    return Device(used, angles, dual, rpm // 60 or 10, (start, end), details)
+    is_reversed = model.name == "RS-Bpearl" and packet[337] != 0
+    return Device(used, angles, dual, rpm // 60 or 10, (start, end), details, bool(is_reversed))
+
+
+def _name(mode: int, model: RobosenseModel) -> str:
+    """Return the name of a mode with one return; those of the RS-Ruby differ between its versions."""
+    known = {} if model.format.begin == RUBY.begin else _MODES
+    return known.get(mode, f"mode {mode}")
 
 
 def assumed_device(model: RobosenseModel, azimuth: NDArray[np.int64]) -> Device:
-    """Return a sensor inferred from block azimuths, shape (P, 12), without device information."""
+    """Return a sensor inferred from block azimuths, shape (P, B), without device information."""
     steps = np.diff(azimuth, axis=1) % 36000
-    if model.lasers == CHANNELS:
+    if model.lasers == model.channels:
         dual = len(steps) > 0 and float((steps[:, ::2] == 0).mean()) > 0.5
         steps = steps[:, 1::2] if dual else steps
         rotation_hz = _rotation_hz(steps, model.block_ns)
@@ -114,7 +127,15 @@ def guess_model(packet: NDArray[np.uint8]) -> str | None:
     of_16 = _is_used(packet[1165:1213])
     if of_32 == of_16:
         return None
-    return "RS-LiDAR-32" if of_32 else "RS-LiDAR-16"
+    if of_16:
+        return "RS-LiDAR-16"
+    # All lasers of an RS-Bpearl look up, half of those of an RS-LiDAR-32 look down.
+    return "RS-LiDAR-32" if packet[468:564:3].any() else "RS-Bpearl"
+
+
+def guess_helios(packet: NDArray[np.uint8]) -> str:
+    """Return the RS-Helios that sent a device information packet: one with 16 lasers lacks the angles of others."""
+    return "RS-Helios-16P" if _is_used(packet[468:516]) and not _is_used(packet[516:564]) else "RS-Helios"
 
 
 def _is_used(table: NDArray[np.uint8]) -> bool:

@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.robosense.blocks import BLIND
 from seaclutter_cli.sensors.robosense.device import Device
-from seaclutter_cli.sensors.robosense.models import BLOCKS
 
 _CLOCK_JUMP_NS = 3600 * 10**9
 
@@ -25,7 +24,7 @@ class RobosenseLosses:
 
     def __init__(self, device: Device) -> None:
         self._device = device
-        self._period_ns = device.step_ns * BLOCKS // (2 if device.paired else 1)
+        self._period_ns = device.step_ns * device.model.blocks // (2 if device.paired else 1)
         self._last: tuple[NDArray[np.int64], ...] | None = None
         self.packets = 0
 
@@ -36,7 +35,7 @@ class RobosenseLosses:
         ----------
         times_ns : ndarray, shape (P,), int64
             Start times by the sensor clock.
-        after_ns, azimuth : ndarray, shape (P, 12), int64
+        after_ns, azimuth : ndarray, shape (P, B), int64
             Start time of each block relative to its packet; azimuth of each block in hundredths of a degree.
         """
         columns = (times_ns, after_ns[:, -1] + self._device.step_ns, azimuth[:, 0], azimuth[:, -1])

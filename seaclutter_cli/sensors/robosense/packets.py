@@ -1,68 +1,95 @@
 """Layout and writers of RoboSense packets."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.sensors.robosense.angles import Angles
-from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, CLASSIC_ID, RobosenseModel
+from seaclutter_cli.sensors.robosense.angles import VERTICAL_AT, Angles
+from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, PacketFormat, RobosenseModel
 
 PACKET_BYTES = 1248
+_HALF_HEADER = 4
 DATA_PORT, INFO_PORT = 6699, 7788
 INFO_ID = bytes.fromhex("a5ff005a11115555")
 NO_BLOCK = 65535
 """Invalid azimuth for blocks to leave out of a packet."""
 
 CHANNEL = np.dtype([("distance", ">u2"), ("intensity", "u1")])
-BLOCK = np.dtype([("id", ">u2"), ("azimuth", ">u2"), ("channels", "V96")])
-"""A block. Its channels are raw bytes, which copy several times faster; see `channels`."""
 CLASSIC_TIME = np.dtype([("date", "u1", (6,)), ("milliseconds", ">u2"), ("microseconds", ">u2")])
 HELIOS_TIME = np.dtype([("high", ">u2"), ("low", ">u4"), ("microseconds", ">u4")])
-DATA: np.dtype[Any] = np.dtype(
-    {
-        "names": ["id", "classic_time", "helios_time", "temperature", "blocks"],
-        "formats": ["S8", CLASSIC_TIME, HELIOS_TIME, ("u1", (2,)), (BLOCK, (BLOCKS,))],
-        "offsets": [0, 20, 20, 38, 42],
-        "itemsize": PACKET_BYTES,
-    }
-)
-"""A data packet (MSOP)."""
-BLOCK_ID = 0xFFEE
+
+
+@cache
+def data_layout(model: RobosenseModel) -> np.dtype[Any]:
+    """Return the layout of a data packet (MSOP).
+
+    The channels of a block are raw bytes, which copy several times faster; see `channels`.
+    """
+    layout = model.format
+    size = CHANNEL.itemsize * model.channels + (_HALF_HEADER if layout.has_halves else 0)
+    block = np.dtype([("id", ">u2"), ("azimuth", ">u2"), ("channels", f"V{size}")])
+    time = HELIOS_TIME if layout.is_utc else CLASSIC_TIME
+    return np.dtype(
+        {
+            "names": ["id", "time", "temperature", "blocks"],
+            "formats": ["S8", time, ("u1", (2,)), (block, (model.blocks,))],
+            "offsets": [0, layout.time_at, layout.temperature_at, layout.begin],
+            "itemsize": PACKET_BYTES,
+        }
+    )
+
+
+def data_packets(model: RobosenseModel, payloads: NDArray[np.uint8]) -> NDArray[Any]:
+    """Return data packets, shape (P,), structured, from payloads, shape (P, 1248)."""
+    return np.ascontiguousarray(payloads).view(data_layout(model))[:, 0]
 
 
 def channels(raw: NDArray[Any]) -> NDArray[Any]:
-    """Return the channels of blocks, shape (B, 32), structured, from their bytes, shape (B,)."""
-    return np.ascontiguousarray(raw).view(CHANNEL).reshape(-1, CHANNELS)
+    """Return the channels of blocks, shape (B, C), structured, from their bytes, shape (B,)."""
+    if raw.dtype.itemsize % CHANNEL.itemsize:  # the header of the second half lies between
+        half = (raw.dtype.itemsize - _HALF_HEADER) // 2
+        pieces = np.ascontiguousarray(raw).view(np.uint8).reshape(len(raw), -1)
+        joined = np.concatenate([pieces[:, :half], pieces[:, half + _HALF_HEADER :]], axis=1)
+        return joined.view(CHANNEL)
+    return np.ascontiguousarray(raw).view(CHANNEL).reshape(len(raw), -1)
 
 
-def temperatures_degc(packets: NDArray[Any]) -> NDArray[np.float64]:
+def temperatures_degc(packets: NDArray[Any], layout: PacketFormat) -> NDArray[np.float64]:
     """Return the temperature in each data packet, shape (P,), in degrees Celsius.
 
     Examples
     --------
-    >>> packets = np.zeros(2, DATA)
+    >>> from seaclutter_cli.sensors.robosense.models import CLASSIC, RUBY
+    >>> packets = np.zeros(2, [("temperature", "u1", (2,))])
     >>> packets["temperature"] = (0x18, 0x01), (0x18, 0x81)
-    >>> temperatures_degc(packets)
+    >>> temperatures_degc(packets, CLASSIC)
     array([ 2.1875, -2.1875])
+    >>> temperatures_degc(packets, RUBY)
+    array([24.   , 24.5  ])
     """
-    low, high = packets["temperature"].astype(np.int64).T
+    first, second = packets["temperature"].astype(np.int64).T
+    if layout.temperature_big_endian:
+        high, low = first, (first & 0x7F) << 4 | second >> 4
+        return np.asarray(np.where(high & 0x80, -low, low) / 16)
+    low, high = first, second
     sixteenths = (high & 0x7F) << 5 | low >> 3
     return np.asarray(np.where(high & 0x80, -sixteenths, sixteenths) / 16)
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Measurements of a sensor by block: P packets of 12 blocks.
+    """Measurements of a sensor by block: P packets of B blocks with C channels.
 
     Parameters
     ----------
-    azimuth : ndarray, shape (12 P,), integer
+    azimuth : ndarray, shape (B P,), integer
         Azimuth of each block in hundredths of a degree, clockwise seen from above; or `NO_BLOCK`.
-    distance_m : ndarray, shape (12 P, 32)
+    distance_m : ndarray, shape (B P, C)
         Distance of each channel in metres; 0 for no return.
-    intensity : ndarray, shape (12 P, 32), uint8
+    intensity : ndarray, shape (B P, C), uint8
         Intensity of each channel.
     times_ns : ndarray, shape (P,), int64
         Unix time of the first firing of each packet.
@@ -76,32 +103,38 @@ class Columns:
 
 def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
     """Return data packets, shape (P, 1248), with distances rounded to the unit of the model."""
-    packets = np.zeros(len(columns.times_ns), DATA)
+    packets = np.zeros(len(columns.times_ns), data_layout(model))
     blocks = packets["blocks"].reshape(-1)
     missing = columns.azimuth == NO_BLOCK
-    blocks["id"] = np.where(missing, 0, BLOCK_ID)
+    blocks["id"] = np.where(missing, 0, model.format.block_id[1])
     blocks["azimuth"] = np.where(missing, 0, columns.azimuth)
     units = np.rint(np.asarray(columns.distance_m, np.float64) / model.unit_m)
     measured = np.empty(units.shape, CHANNEL)
     measured["distance"], measured["intensity"] = np.clip(units, 0, 65535), columns.intensity
-    blocks["channels"] = measured.view("V96")[:, 0]
+    if model.format.has_halves:
+        first, second = np.split(measured.view(np.uint8), 2, axis=1)
+        header = np.ascontiguousarray(blocks[["id", "azimuth"]]).view(np.uint8).reshape(len(blocks), -1)
+        raw = np.ascontiguousarray(np.concatenate([first, header[:, :_HALF_HEADER], second], axis=1))
+    else:
+        raw = measured
+    blocks["channels"] = raw.view(blocks["channels"].dtype)[:, 0]
     packets["blocks"] = blocks.reshape(packets["blocks"].shape)
     payloads = packets.view(np.uint8).reshape(-1, PACKET_BYTES)
-    if model.header == CLASSIC_ID:
-        _write_classic_time(packets, columns.times_ns)
-        packets["id"] = CLASSIC_ID + bytes.fromhex("5aa550a0")
-    else:
+    is_classic = model.format.id == CLASSIC_ID
+    packets["id"] = CLASSIC_ID + bytes.fromhex("5aa550a0") if is_classic else model.format.id
+    if model.format.is_utc:
         seconds, rest = np.divmod(columns.times_ns, 10**9)
-        packets["helios_time"]["high"], packets["helios_time"]["low"] = seconds >> 32, seconds & 0xFFFFFFFF
-        packets["helios_time"]["microseconds"] = rest // 1000
-        packets["id"] = model.header
+        packets["time"]["high"], packets["time"]["low"] = seconds >> 32, seconds & 0xFFFFFFFF
+        packets["time"]["microseconds"] = rest // 1000
+    else:
+        _write_classic_time(packets, columns.times_ns)
     return payloads
 
 
 def _write_classic_time(packets: NDArray[Any], times_ns: NDArray[np.int64]) -> None:
     microseconds = (times_ns // 1000).astype("datetime64[us]")
     day, month = microseconds.astype("datetime64[D]"), microseconds.astype("datetime64[M]")
-    time, date = packets["classic_time"], packets["classic_time"]["date"]
+    time, date = packets["time"], packets["time"]["date"]
     date[:, 0] = month.astype("datetime64[Y]").astype(int) - 30
     date[:, 1] = month.astype(int) % 12 + 1
     date[:, 2] = (day - month).astype(int) + 1
@@ -129,6 +162,8 @@ class DeviceSettings:
         0xC1 if the sensor calibrates its intensities.
     serial : bytes
         Serial number, six bytes.
+    reversed : bool
+        Whether azimuths grow anticlockwise (RS-Bpearl).
     """
 
     rpm: int = 600
@@ -137,6 +172,7 @@ class DeviceSettings:
     versions: tuple[bytes, bytes] = (bytes((6, 2, 9, 0, 0)), bytes((8, 3, 1, 0, 0)))
     intensity_mode: int = 0xC1
     serial: bytes = bytes.fromhex("5ea000000001")
+    reversed: bool = False
 
 
 def write_info(
@@ -151,13 +187,13 @@ def write_info(
     pieces[24] = DATA_PORT.to_bytes(2, "big") * 2 + INFO_PORT.to_bytes(2, "big") * 2
     for offset, piece in pieces.items():
         packet[offset : offset + len(piece)] = np.frombuffer(piece, np.uint8)
-    packet[300], packet[291] = settings.return_mode, settings.intensity_mode
+    packet[300], packet[291], packet[337] = settings.return_mode, settings.intensity_mode, settings.reversed
     if angles is None:
         packet[468:660] = packet[1165:1213] = 0xFF
-    elif model.lasers == CHANNELS:
-        factor = 1 if model.name == "RS-Helios" else 10
-        packet[468:564] = _signed(angles.vertical * factor)
-        packet[564:660] = _signed(angles.horizontal * factor)
+    elif model.name != "RS-LiDAR-16":
+        for begin, values in ((VERTICAL_AT, angles.vertical), (model.format.horizontal_at, angles.horizontal)):
+            units = np.rint(values[: model.lasers] / model.angle_unit).astype(np.int64)
+            packet[begin : begin + 3 * model.lasers] = _signed(units)
     else:
         values = np.abs(angles.vertical[: model.lasers]) * 100
         packet[1165:1213] = np.stack([values >> 16, values >> 8 & 255, values & 255], 1).astype(np.uint8).reshape(-1)

@@ -10,11 +10,11 @@ from seaclutter_cli.sensors.packets import point_dtype
 from seaclutter_cli.sensors.robosense.angles import Angles
 from seaclutter_cli.sensors.robosense.blocks import BLIND, Blocks
 from seaclutter_cli.sensors.robosense.device import Device
-from seaclutter_cli.sensors.robosense.models import CHANNELS, RobosenseModel
+from seaclutter_cli.sensors.robosense.models import RobosenseModel
 from seaclutter_cli.sensors.robosense.packets import channels
 
 _MIN_AZIMUTH, _MAX_AZIMUTH = -9000, 45000
-_SWAPPED = 0x8000
+_SWAPPED, _ALL_BITS = 0x8000, 0xFFFF
 
 
 class Geometry:
@@ -37,6 +37,7 @@ class Geometry:
         share = (channel_ns / device.step_ns).astype(np.float32)
         rotation = np.arange(max(BLIND, device.step) + 1, dtype=np.float32)[:, None] * share
         self._rotation = rotation.astype(np.int64)
+        self._reversed = device.reversed
         self._directions = _directions()
         forward, up = np.array(model.lens_m, np.float32)
         self._lens = _lens(float(forward))
@@ -55,7 +56,7 @@ class Geometry:
         positions = self._directions.take(azimuth + self._horizontal, mode="clip")
         positions *= range_m * self._cos
         positions += self._lens.take(azimuth, mode="clip")
-        points["xy"] = positions
+        points["xy"] = positions.conj() if self._reversed else positions
         points["z"] = range_m * self._sin + self._up
         points["intensity"] = intensity
         points["ring"] = self._rings
@@ -66,20 +67,22 @@ class Geometry:
         return _select(points.reshape(-1).view(self._dtype), (distance >= least) & (distance <= most))
 
     def _measured(self, measured: NDArray[Any]) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-        """Return distances in units and intensities, shape (B, 32)."""
+        """Return distances in units and intensities, shape (B, C)."""
         distance, intensity = measured["distance"].astype(np.uint16), measured["intensity"]
+        if (mask := self._device.model.format.distance_mask) != _ALL_BITS:
+            distance &= mask
         if self._device.model.swaps_halves:
             swapped = distance[:, 0] >= _SWAPPED
             distance &= _SWAPPED - 1
             intensity = intensity.copy()
             for values in (distance, intensity):
-                values[swapped] = np.roll(values[swapped], CHANNELS // 2, axis=1)
+                values[swapped] = np.roll(values[swapped], values.shape[1] // 2, axis=1)
         return distance, intensity
 
     def _return_numbers(self, blocks: Blocks) -> NDArray[np.int64]:
         if self._device.paired:
             return 1 + blocks.second[:, None].astype(np.int64)
-        return 1 + np.arange(CHANNELS) // self._device.model.lasers
+        return 1 + np.arange(self._device.model.channels) // self._device.model.lasers
 
 
 @cache

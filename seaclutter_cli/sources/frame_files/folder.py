@@ -7,27 +7,33 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
+from seaclutter_cli.documents import MAX_JSON_BYTES
 from seaclutter_cli.errors import CloudError, InputError, UsageError
 from seaclutter_cli.messages import CODECS
+from seaclutter_cli.messages.carried import SIDECAR, from_text
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message, Metadata
+from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.csv import is_point_table
+from seaclutter_cli.sources.frame_files.poses import Pose, pose_message, poses_beside
 from seaclutter_cli.sources.frame_files.stamps import from_names, from_time_files
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
-_LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "")
+_LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "points", "")
+_POSE = "geometry_msgs/msg/PoseStamped"
 _MAX_MESSAGE_BYTES = 2**32 - 2**16
 
 
 class FolderSource:
     """A folder of frames of one format, or a single frame file, as ROS 2 point clouds on ``/points``.
 
-    Known layouts are SeePerSea (``point_clouds/*.pcd`` with ``timestamp/*.txt``) and KITTI (``velodyne/*.bin`` or
-    ``velodyne_points/data/*.bin``, with ``times.txt`` or ``timestamps.txt`` next to this folder); otherwise the frames
-    are in the folder itself. Stamps come from the file names if all contain a time, otherwise from the time files of
-    these layouts, otherwise from the rate, starting at 0.
+    Known layouts are SeePerSea (``point_clouds/*.pcd`` with ``timestamp/*.txt``), KITTI (``velodyne/*.bin`` or
+    ``velodyne_points/data/*.bin``, with ``times.txt`` or ``timestamps.txt`` next to this folder), CANOE
+    (``lidar/*.bin``, with poses in ``novatel/lidar_poses.csv``), a lidar of Pohang Canal (``points/*.bin``), and
+    USVInland (with ``Laser_Timestamp_Middle.txt``); otherwise the frames are in the folder itself, with
+    ``times.txt`` if this program wrote it. Stamps come from the file names if all contain a time, otherwise from the
+    time files of these layouts, otherwise from the rate, starting at 0.
 
     Parameters
     ----------
@@ -47,7 +53,7 @@ class FolderSource:
     profile = "ros2"
     compression: str | None = None
     facts = NO_FACTS
-    metadata: Sequence[Metadata] = ()
+    _pose_channel: Channel | None = None
 
     def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
         """List the frames without reading them."""
@@ -57,15 +63,29 @@ class FolderSource:
             files = _find_frames(path)
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}") from error
+        self.metadata = _read_metadata(files[0].parent) if path.is_dir() else ()
+        """Metadata records in the file ``seaclutter.json``, which this program writes."""
         self.damage: list[Damage] = []
         self.warnings: list[str] = []
         self._frames = self._stamped(files, rate_hz)
         self._read = FRAME_READERS[files[0].suffix.lower()]
         self._channel = Channel(1, "/points", "cdr", ros2_schema(_TYPE))
+        self._poses = self._read_poses(files[0].parent)
         kind = files[0].suffix[1:].upper()
         single = files == [path]
         self.format = f"{kind} file" if single else f"folder of {kind}"
         self.name = path.stem if single else (path if path.name not in ("", "..") else path.resolve()).name
+
+    def _read_poses(self, folder: Path) -> Mapping[int, Pose]:
+        try:
+            poses = poses_beside(folder)
+        except InputError as error:
+            self.warnings.append(f"{error}; the log has no poses")
+            return {}
+        stamps = {stamp_ns for stamp_ns, _ in self._frames}
+        found = {stamp_ns: pose for stamp_ns, pose in poses.items() if stamp_ns in stamps}
+        self._pose_channel = Channel(2, "/pose", "cdr", ros2_schema(_POSE)) if found else None
+        return found
 
     def _stamped(self, files: list[Path], rate_hz: float) -> list[tuple[int, Path]]:
         stamps = from_names(files)
@@ -80,23 +100,30 @@ class FolderSource:
 
     @property
     def channels(self) -> Sequence[Channel]:
-        """The channel ``/points``."""
-        return (self._channel,)
+        """The channel ``/points``, and ``/pose`` if the frames have poses."""
+        return (self._channel, self._pose_channel) if self._pose_channel else (self._channel,)
 
     @property
     def counts(self) -> dict[int, int]:
-        """Number of frame files, by channel id."""
-        return {self._channel.id: len(self._frames)}
+        """Number of frame files, and of their poses, by channel id."""
+        poses = {self._pose_channel.id: len(self._poses)} if self._pose_channel else {}
+        return {self._channel.id: len(self._frames), **poses}
 
-    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:
-        """Yield a message for each readable frame, one in memory at a time; add the others to the damage.
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
+        """Yield metadata, then a message for each readable frame, one at a time; add the others to the damage.
+
+        The pose of a frame comes before it.
 
         Reading starts at the first frame with a stamp of at least ``start_ns``, and stops before the first one with a
         stamp of at least ``end_ns``.
         """
+        yield from self.metadata
         first = 0 if start_ns is None else self._index_at(start_ns)
         last = len(self._frames) if end_ns is None else self._index_at(end_ns)
         for index, (stamp_ns, file) in list(enumerate(self._frames))[first:last]:
+            if self._pose_channel and stamp_ns in self._poses:
+                data = pose_message(self._poses[stamp_ns], stamp_ns)
+                yield Message(self._pose_channel, stamp_ns, stamp_ns, index, data)
             try:
                 message = self._message(index, stamp_ns, file)
             except (CloudError, OSError) as error:
@@ -106,8 +133,9 @@ class FolderSource:
                 del message
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return the number of frames, by channel id, that `records` leaves out before ``start_ns``."""
-        return {self._channel.id: self._index_at(start_ns)}
+        """Return the number of frames and poses, by channel id, that `records` leaves out before ``start_ns``."""
+        poses = {self._pose_channel.id: sum(one < start_ns for one in self._poses)} if self._pose_channel else {}
+        return {self._channel.id: self._index_at(start_ns), **poses}
 
     @property
     def span_ns(self) -> tuple[int, int] | None:
@@ -142,8 +170,16 @@ class FolderSource:
         """Do nothing: no file is kept open."""
 
 
+def _read_metadata(folder: Path) -> Sequence[Metadata]:
+    try:
+        with (folder / SIDECAR).open("rb") as file:
+            return from_text(file.read(MAX_JSON_BYTES))
+    except OSError:
+        return ()
+
+
 def is_frame_folder(path: Path) -> bool:
-    """Return whether a path is a folder that contains frame files, directly or in a layout of SeePerSea or KITTI.
+    """Return whether a path is a folder that contains frame files, directly or in the layout of a data set.
 
     Only names are checked and, because they may be any table, the first lines of CSV files. False for a folder that
     cannot be listed.

@@ -1,7 +1,5 @@
 """KITTI ``.bin`` files of x, y, z and intensity; SemanticKITTI and WADS use them too."""
 
-from pathlib import Path
-
 import numpy as np
 
 from seaclutter_cli.cloud import Cloud, from_array
@@ -10,7 +8,7 @@ from seaclutter_cli.errors import CloudError
 _POINT = np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")])
 
 
-def read_kitti(path: Path) -> Cloud:
+def kitti_cloud(content: bytes) -> Cloud:
     """Return the points of a KITTI file: x, y, z in metres and intensity, float32. An empty file gives an empty cloud.
 
     Raises
@@ -18,7 +16,6 @@ def read_kitti(path: Path) -> Cloud:
     CloudError
         If the file size is not a multiple of 16 bytes.
     """
-    content = path.read_bytes()
     if len(content) % _POINT.itemsize:
         raise CloudError(
             f"{len(content)} bytes is not a multiple of 16, the size of a KITTI point (x, y, z, intensity as float32)"

@@ -3,7 +3,7 @@
 import os
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +25,25 @@ def read_npy(path: Path) -> Cloud:
         If the file does not contain such an array, or is truncated.
     """
     with reading("NPY"), path.open("rb") as file:
-        version = np.lib.format.read_magic(file)
-        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read_header(file)
-        if not dtype.hasobject:
-            check_size(file.tell() + prod(shape) * dtype.itemsize, os.fstat(file.fileno()).st_size)
-        file.seek(0)
-        return from_array(_structured(np.lib.format.read_array(file, allow_pickle=False)))
+        return from_array(_structured(read_checked(file, os.fstat(file.fileno()).st_size)))
+
+
+def read_checked(file: IO[bytes], size: int) -> NDArray[Any]:
+    """Return the array in a file of ``size`` bytes, after a check that it can contain as much as it declares.
+
+    Raises
+    ------
+    CloudError
+        If it cannot.
+    """
+    version = np.lib.format.read_magic(file)
+    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read_header(file)
+    if not dtype.hasobject:
+        check_size(file.tell() + prod(shape) * dtype.itemsize, size)
+    file.seek(0)
+    array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
+    return array
 
 
 def _structured(array: NDArray[Any]) -> NDArray[Any]:

@@ -7,6 +7,7 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.messages.carried import SIDECAR
 from seaclutter_cli.text import count
 
 _NANO = 1_000_000_000
@@ -14,6 +15,7 @@ _LIMIT_NS = 2**31 * _NANO  # ROS stamps have signed 32-bit seconds.
 _UNITS_NS = ((10**18, 1), (10**15, 10**3), (10**12, 10**6))
 _IN_NAME = re.compile(r"(?<![\d.])([1-9]\d{18}|[1-9]\d{15}|[1-9]\d{12}|[1-9]\d{9}\.\d+)(?![\d.])", re.ASCII)
 
+_USVINLAND = "Laser_Timestamp_Middle.txt"
 _SECONDS_AND_NANOSECONDS = re.compile(r"(?<![\d.])([1-9]\d{9})[^\d.]+(\d{1,9})(?![\d.])", re.ASCII)
 
 
@@ -65,7 +67,7 @@ def from_names(files: Sequence[Path]) -> list[int] | None:
 
 
 def from_time_files(files: Sequence[Path]) -> list[int] | None:
-    """Return one stamp per file from the time files of a SeePerSea or KITTI folder; None without such files.
+    """Return one stamp per file from the time files of a SeePerSea, KITTI or USVInland folder; None without such files.
 
     Raises
     ------
@@ -83,8 +85,12 @@ def from_time_files(files: Sequence[Path]) -> list[int] | None:
 
 
 def times_beside(folder: Path) -> Path | None:
-    """Return the time file beside a folder of KITTI frames, or the folder of time files beside one of SeePerSea."""
+    """Return the times of a folder of frames: a file beside it (KITTI), in it (USVInland, or our own), or a folder."""
+    if (own := folder / "times.txt").is_file() and (folder / SIDECAR).is_file():
+        return own
     if folder.name == "point_clouds" and (times := folder.parent / "timestamp").is_dir():
+        return times
+    if folder.name.endswith("-Lidar") and (times := folder / _USVINLAND).is_file():
         return times
     if folder.name not in ("velodyne", "data"):
         return None

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.families import PACKET_FAMILIES, SelfCalibrating
 from seaclutter_cli.sensors.packets import Packets
+from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.log_file import LogFile
 from seaclutter_cli.text import count
@@ -39,6 +40,8 @@ class Flow:
         Number of datagrams.
     samples, calibrations : list of (int, ndarray)
         Times and payloads of some data packets and of some calibration packets.
+    unsupported : str or None
+        Name of the sensor if it is known, but not decoded.
     """
 
     address: str
@@ -49,6 +52,7 @@ class Flow:
     count: int = 0
     samples: list[tuple[int, NDArray[np.uint8]]] = field(default_factory=list)
     calibrations: list[tuple[int, NDArray[np.uint8]]] = field(default_factory=list)
+    unsupported: str | None = None
 
     @property
     def ends(self) -> str:
@@ -57,7 +61,8 @@ class Flow:
 
     def __str__(self) -> str:
         """Return a description for the message that no sensor was found."""
-        return f"{count(self.count, 'UDP datagram')} of {count(self.length, 'byte')} from {self.ends}"
+        text = f"{count(self.count, 'UDP datagram')} of {count(self.length, 'byte')} from {self.ends}"
+        return f"{text} ({self.unsupported}: not supported; {ADVICE})" if self.unsupported else text
 
 
 @dataclass
@@ -131,6 +136,7 @@ class CaptureSurvey:
             if any(family.recognises(payload) for payload in payloads):
                 flow.family = name
                 return
+        flow.unsupported = flow.unsupported or next(filter(None, map(name_unsupported, payloads[:1])), None)
 
     def _sample(self, flow: Flow, datagrams: Datagrams, rows: NDArray[np.int64]) -> None:
         family = PACKET_FAMILIES[flow.family or ""]

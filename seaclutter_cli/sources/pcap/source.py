@@ -129,6 +129,7 @@ class CaptureSource:
         if not survey.sensors():
             found = _found(survey, cut, udp.other, self.damage)
             raise InputError(f"{self._path}: no packets of a supported lidar; {found}")
+        self.warnings += [f"{flow} are not decoded" for flow in survey.flows.values() if flow.unsupported]
         return survey
 
     def _usable(self, survey: CaptureSurvey) -> list[tuple[CapturedSensor, PacketDecoder]]:

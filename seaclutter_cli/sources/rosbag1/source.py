@@ -7,6 +7,7 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
+from seaclutter_cli.messages.carried import from_message, is_carrier
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sources.rosbag1.chunks import read_index, unpack
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
@@ -51,7 +52,6 @@ class BagSource:
     format = "ROS 1 bag"
     profile = "ros1"
     facts = NO_FACTS
-    metadata: Sequence[Metadata] = ()
 
     def __init__(self, path: Path) -> None:
         self.name = path.name.removesuffix(".active").removesuffix(".bag")
@@ -81,27 +81,41 @@ class BagSource:
         self._indexed = survey.indexed
         self._chunks = list(survey.chunks.values())
         self._unpack_untimed(survey)
+        self.metadata = self._read_metadata()
+        """Metadata records, which this program writes to a bag as a message."""
+
+    def _read_metadata(self) -> Sequence[Metadata]:
+        """Return the metadata records in a message about them, whose channels are then hidden."""
+        self._hidden: set[int] = set()
+        carriers = {number for number, channel in self._channels.items() if is_carrier(channel)}
+        found = [from_message(message.data) for message in self.latest(carriers, _ANY_TIME[1])] if carriers else []
+        if not all(found):
+            return ()
+        self._hidden = carriers
+        return [record for records in found for record in records]
 
     @property
     def channels(self) -> Sequence[Channel]:
         """Channels known before reading, including those without messages."""
-        return list(self._channels.values())
+        return [channel for number, channel in self._channels.items() if number not in self._hidden]
 
     @property
     def counts(self) -> dict[int, int]:
         """Messages per channel id."""
-        return {channel: self._counts[channel] for channel in self._channels}
+        return {channel: self._counts[channel] for channel in self._channels if channel not in self._hidden}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield the messages in log time order; can be called again.
+        """Yield metadata, then the messages in log time order; can be called again.
 
         Chunks outside ``[start_ns, end_ns)`` are left out.
         """
+        yield from self.metadata
         read = 0
         chunks = within(self._chunks, start_ns, end_ns, self._is_counted)
         for message in in_time_order(chunks, self._unpack, self._load, most_waiting(len(self._file))):
             read += 1
-            yield message
+            if message.channel.id not in self._hidden:
+                yield message
         if len(chunks) == len(self._chunks):
             self._compare(read)
 

@@ -7,8 +7,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
+from seaclutter_cli.messages.carried import from_custom_data
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.rosbag2.compression import is_large, unpack_file, unpack_message
@@ -47,7 +49,6 @@ class Db3Source:
     format = "ROS 2 bag (sqlite3)"
     profile = "ros2"
     facts = NO_FACTS
-    metadata: Sequence[Metadata] = ()
 
     def __init__(self, path: Path) -> None:
         self.name = path.name.removesuffix(".zstd").removesuffix(".db3")
@@ -59,6 +60,8 @@ class Db3Source:
         try:
             self._db = open_database(self._unpacked(), self._stack)
             self._channels = self._read_channels()
+            self.metadata = self._read_metadata()
+            """Metadata records, which this program writes as custom data."""
         except BROKEN as error:
             self.close()
             raise InputError(f"{path}: not a readable ROS 2 recording: {error}") from error
@@ -81,7 +84,8 @@ class Db3Source:
         return {}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield the messages with log times in ``[start_ns, end_ns)`` in log time order; can be called again."""
+        """Yield metadata, then the messages with log times in ``[start_ns, end_ns)`` in order; can be called again."""
+        yield from self.metadata
         del self.damage[self._at_opening :]
         size = self._path.stat().st_size
         lost, large, most = 0, 0, limits().message_bytes_of(size)
@@ -174,6 +178,18 @@ class Db3Source:
         except BROKEN:
             return {}
         return {row[0]: Schema(row[0], row[1], row[2].encode()) for row in rows if all(map(_is_text, row))}
+
+    def _read_metadata(self) -> Sequence[Metadata]:
+        """Return the records of this program in the custom data of the recording."""
+        columns = {row[1] for row in self._db.execute("PRAGMA table_info(metadata)")}
+        if not has_table(self._db, "metadata") or "metadata" not in columns:
+            return ()
+        try:
+            rows = self._texts("SELECT metadata FROM metadata ORDER BY rowid DESC LIMIT 1")
+            document = load_yaml(rows[0][0]) if rows and _is_text(rows[0][0]) else None
+        except (*BROKEN, DocumentError):
+            return ()
+        return from_custom_data(document.get("custom_data")) if isinstance(document, dict) else ()
 
     def _texts(self, query: str) -> list[tuple[Any, ...]]:
         """Return the rows of a query, which must not exceed the limit of declarations."""

@@ -10,6 +10,7 @@ from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
 from seaclutter_cli.records import Buffer, Channel, Message, Record
 from seaclutter_cli.sensors.families import SelfCalibrating
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, Packets
+from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 from seaclutter_cli.sources.shared.packet_companions import contains_packets, find_companion, read_recorded
 from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_packets, runs
 
@@ -156,6 +157,8 @@ class Candidate:
 
 
 def _unknown(packets: Packets, families: Iterable[PacketFamily]) -> str:
+    if name := name_unsupported(packets.payloads[0]):
+        return f"packets of a {name} are not supported; {ADVICE}"
     titles = ", ".join(family.title for family in families)
     return f"packets of {packets.payloads.shape[1]:,} bytes are not from a supported sensor ({titles})"
 

@@ -26,7 +26,10 @@ START = dt.datetime(2024, 2, 29, 23, 59, 59, tzinfo=dt.UTC)
 START_NS = int(START.timestamp()) * 10**9
 XT32, P40, P40_NUMBERED = "XT32", "P40", "P40 with sequence numbers"
 # Channels, blocks per packet, time between blocks, and time from the packet's time to its last block, in nanoseconds.
+P64, P64_NUMBERED, QT = "P64", "P64 with sequence numbers", "QT"
 SHAPES = {XT32: (32, 8, 50_000, 5_632), P40: (40, 10, 55_560, -28_580), P40_NUMBERED: (40, 10, 55_560, -28_580)}
+SHAPES |= {P64: (64, 6, 55_560, -42_580), P64_NUMBERED: (64, 6, 55_560, -42_580), QT: (64, 4, 166_667, 525_711)}
+WITH_CONFIDENCE = (XT32, QT)
 SINGLE, DUAL = 0x37, 0x39
 NOMINAL = DecoderOptions()
 
@@ -146,10 +149,10 @@ def make_packet(kind, number, azimuths, time_ns, mode=SINGLE, utc=None):
     channels, blocks, _, _ = SHAPES[kind]
     body = b""
     for block in range(blocks):
-        body += (b"" if kind == XT32 else b"\xff\xee") + struct.pack("<H", azimuths[block])
+        body += (b"\xff\xee" if kind in (P40, P40_NUMBERED) else b"") + struct.pack("<H", azimuths[block])
         for channel in range(channels):
             distance, intensity = returns_of(kind, number, block, channel, mode)
-            body += struct.pack("<HB", distance, intensity) + (b"\x01" if kind == XT32 else b"")
+            body += struct.pack("<HB", distance, intensity) + (b"\x01" if kind in WITH_CONFIDENCE else b"")
     moment = dt.datetime.fromtimestamp(time_ns // 10**9, dt.UTC)
     micros = time_ns % 10**9 // 1000
     first = moment.year - (1900 if kind == XT32 else 2000)
@@ -158,8 +161,13 @@ def make_packet(kind, number, azimuths, time_ns, mode=SINGLE, utc=None):
         head = bytes([0xEE, 0xFF, 6, 1, 0, 0, 32, 8, 0, 4, 2 if mode == DUAL else 1, 1])
         tail = bytes(10) + struct.pack("<BH6sIB", mode, 600, utc, micros, 0x42)
         return head + body + tail + struct.pack("<I", (number + 2**32 - 5) % 2**32)
-    tail = bytes(8) + struct.pack("<HIBB6s", 600, micros, mode, 0x42, utc)
-    return body + tail + (struct.pack("<I", number + 1) if kind == P40_NUMBERED else b"")
+    end = struct.pack("<HIBB6s", 600, micros, mode, 0x42, utc)
+    numbered = struct.pack("<I", number + 1) if kind in (P40_NUMBERED, P64_NUMBERED, QT) else b""
+    if kind == QT:
+        head = bytes([0xEE, 0xFF, 3, 1, 0, 0, 64, 4, 0, 4, 2 if mode == DUAL else 1, 1])
+        return head + body + bytes(10) + end + numbered
+    head = bytes([0xEE, 0xFF, 64, 6, 0, 4, 0, 0]) if kind in (P64, P64_NUMBERED) else b""
+    return head + body + bytes(8) + end + numbered
 
 
 def make_packets(kind, revolutions=3.0, mode=SINGLE, start=0.0, *, backwards=False, behind_ns=0):
@@ -176,6 +184,8 @@ def make_packets(kind, revolutions=3.0, mode=SINGLE, start=0.0, *, backwards=Fal
         time_ns = START_NS + round(firings[-1] * block_ns / 1000) * 1000
         made.append(make_packet(kind, number, azimuths, time_ns - behind_ns, mode))
         times.append(time_ns + 20_000)
+        if kind == QT:  # the packet's time is that of its beginning
+            last_ns = 25_710 + (blocks // pair - 1) * block_ns
         for block in range(blocks):
             late_ns = last_ns - (blocks - 1 - block) // pair * block_ns
             slots += [(number, block, azimuths[block], time_ns + late_ns)]
@@ -186,6 +196,15 @@ XT_ELEVATION = list(range(15, -17, -1))
 P40_ELEVATION = {1: 15.0, 5: 3.0, 12: 0.0, 17: -1.66, 30: -6.0, 38: -14.0, 39: -19.0, 40: -25.0}
 P40_AZIMUTH = {1: -1.042, 7: 3.125, 8: -5.208, 9: -1.042, 28: 3.125, 29: -5.208, 30: -1.042, 40: -1.042}
 P40_FIRING = {1: -42.22, 4: -3.62, 8: -54.67, 21: -23.89, 40: -3.62}
+P64_ELEVATION = {1: 14.708, 7: 1.686, 17: -0.005, 33: -2.71, 54: -6.235, 55: -7.237, 63: -19.063, 64: -25.071}
+P64_AZIMUTH = {1: -1.042, 7: 1.042, 17: -3.125, 33: 5.208, 54: -1.042, 55: -1.042, 63: -1.042, 64: -1.042}
+P64_FIRING = {1: -23.18, 7: -11.444, 17: -48.764, 33: -25.148, 54: -16.66, 55: -7.532, 63: -8.836, 64: -12.748}
+QT_ELEVATION = {1: -52.121, 16: -24.517, 17: -22.964, 32: -0.725, 33: 0.725, 49: 24.524, 64: 52.133}
+QT_AZIMUTH = {1: 8.736, 16: 5.987, 17: -5.27, 32: -4.881, 33: 5.493, 49: -5.33, 64: -7.892}
+QT_FIRING = {1: 2.31, 16: 33.56, 17: 36.61, 32: 67.86, 33: 70.9, 49: 105.2, 64: 136.45}
+TABLES = dict.fromkeys((P40, P40_NUMBERED), (P40_ELEVATION, P40_AZIMUTH, P40_FIRING))
+TABLES |= dict.fromkeys((P64, P64_NUMBERED), (P64_ELEVATION, P64_AZIMUTH, P64_FIRING))
+TABLES[QT] = (QT_ELEVATION, QT_AZIMUTH, QT_FIRING)
 
 
 @pytest.mark.parametrize("kind", SHAPES)
@@ -194,14 +213,14 @@ def test_points_agree_with_the_manual(kind, mode):
     packets, slots = make_packets(kind, revolutions=0.5, mode=mode, start=30.0)
     points = np.concatenate([frame.points for frame in decode(packets)[0]])
     points = points[np.argsort(points["timestamp"], kind="stable")]
-    known = range(1, 33) if kind == XT32 else [channel for channel in P40_ELEVATION if channel in P40_AZIMUTH]
+    known = range(1, 33) if kind == XT32 else TABLES[kind][0].keys() & TABLES[kind][1].keys()
     for channel in known:
         found = points[points["ring"] == channel - 1]
         expected = slow_points(kind, mode, slots, channel)
         assert len(found) == len(expected) > 100
         assert np.abs(xyz(found) - expected[:, :3]).max() < 1e-4
         np.testing.assert_array_equal(found["intensity"], expected[:, 3])
-        if kind == XT32 or channel in P40_FIRING:
+        if kind == XT32 or channel in TABLES[kind][2]:
             assert np.abs(found["timestamp"] - expected[:, 4]).max() < 1e-6
         if mode == DUAL:
             np.testing.assert_array_equal(found["return_number"], expected[:, 5])
@@ -209,9 +228,10 @@ def test_points_agree_with_the_manual(kind, mode):
 
 def slow_points(kind, mode, slots, channel):
     """Return x, y, z, intensity, time and return number of a channel's points."""
-    elevation = XT_ELEVATION[channel - 1] if kind == XT32 else P40_ELEVATION[channel]
-    offset = 0.0 if kind == XT32 else P40_AZIMUTH[channel]
-    fired = 0.368 + 1.512 * (channel - 1) if kind == XT32 else P40_FIRING.get(channel, 0)
+    if kind == XT32:
+        elevation, offset, fired = XT_ELEVATION[channel - 1], 0.0, 0.368 + 1.512 * (channel - 1)
+    else:
+        elevation, offset, fired = (table.get(channel, 0) for table in TABLES[kind])
     points = []
     for number, block, azimuth, time_ns in slots:
         second = mode == DUAL and block % 2 == 1
@@ -240,7 +260,7 @@ def test_each_channel_is_split_where_it_crosses_azimuth_0(kind, mode, backwards)
             assert (steps > -1e-3).all()
             assert 358.5 < steps.sum() < 360.01
     assert all(one.stamp_ns < two.stamp_ns for one, two in pairwise(frames))
-    assert frames[-1].stamp_ns / 1e9 == pytest.approx(slots[-1][3] / 1e9, abs=1e-4)
+    assert frames[-1].stamp_ns / 1e9 == pytest.approx(slots[-1][3] / 1e9, abs=2e-4)
 
 
 @pytest.mark.parametrize("kind", SHAPES)
@@ -259,7 +279,7 @@ def test_revolutions_are_separated_across_a_gap(kind, gap):
     keep = np.delete(np.arange(len(packets)), lost)
     frames, facts = decode(Packets(packets.times_ns[keep], packets.payloads[keep]))
     assert facts.lost_packets == len(lost)
-    assert max(np.ptp(frame.points["timestamp"]) for frame in frames) < 0.1 + 8.5 / 3600
+    assert max(np.ptp(frame.points["timestamp"]) for frame in frames) < 0.1 + 17 / 3600
     assert sum(len(frame.points) for frame in frames) == pytest.approx(len(keep) * 0.8 * slots_of(kind), rel=0.01)
 
 
@@ -339,7 +359,7 @@ def test_an_invalid_calibration_is_an_error(text, tmp_path):
 
 
 def test_other_sensors_are_rejected():
-    with pytest.raises(InputError, match="PandarXT-32 and Pandar40P"):
+    with pytest.raises(InputError, match="PandarXT-32, Pandar40P, Pandar64 and PandarQT"):
         Hesai().decoder(Packets(np.zeros(1, np.int64), np.zeros((1, 893), np.uint8)), DecoderOptions())
 
 

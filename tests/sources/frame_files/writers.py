@@ -83,6 +83,12 @@ def npy(array):
     return file.getvalue()
 
 
+def npz(points):
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **{name: points[name] for name in points.dtype.names})
+    return stream.getvalue()
+
+
 def text(points, *, names=True, delimiter=","):
     file = io.StringIO()
     writer = csv.writer(file, delimiter=delimiter)
@@ -105,5 +111,6 @@ WRITERS = {
     ".laz": lambda points: las(points, ".laz"),
     ".bin": lambda points: points.tobytes(),
     ".npy": lambda points: npy(np.stack([points[name] for name in points.dtype.names], axis=1)),
+    ".npz": npz,
     ".csv": text,
 }

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.ouster import test_decoder as ouster
+from tests.sensors.robosense.test_solid import make_packets as make_m1_packets
 from tests.sensors.velodyne.test_decoder import make_packets as velodyne_packets
 from tests.sources.pcap import captures
 from tests.sources.shared.packet_bags import DEFINITIONS, Types, array, write
@@ -102,7 +103,12 @@ def _plain(make):
     return lambda types, packets, _: make(types, packets)
 
 
+def m1_packets():
+    return pairs(make_m1_packets("M1", [*range(1, 41)] * 3))
+
+
 DRIVERS = {
+    "rslidar_sdk, RS-M1": Driver(m1_packets, _plain(sdk_messages), 6699),
     "rslidar_sdk": Driver(robosense_packets, _plain(sdk_messages), 6699),
     "rslidar": Driver(robosense_packets, _plain(old_messages), 6699),
     "ouster_ros": _ouster(OUSTER_1, b"\0"),

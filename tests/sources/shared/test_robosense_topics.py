@@ -113,7 +113,9 @@ def test_without_device_information(messages, packets, tmp_path):
     path = write(tmp_path, "mcap", types, messages(types, data))
     found, (warning,), *_ = clouds(path)
     assert not found
-    assert warning.startswith("/rslidar_packets is not decoded: RoboSense: RS-LiDAR-32 and RS-LiDAR-16 share")
+    assert warning.startswith(
+        "/rslidar_packets is not decoded: RoboSense: RS-LiDAR-32, RS-LiDAR-16 and RS-Bpearl share"
+    )
     angles = tmp_path / "angles.csv"
     angles.write_text("".join(f"{-25 + n},0\n" for n in range(32)))
     found, warnings, *_ = clouds(path, model="RS-LiDAR-32", calibration=angles)

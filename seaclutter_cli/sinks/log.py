@@ -1,14 +1,18 @@
-"""Filtered MCAP file, a drop-in replacement for the input."""
+"""Filtered log, a drop-in replacement for the input."""
 
+import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from seaclutter_cli import __version__
+from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import OutputError, UsageError
-from seaclutter_cli.frame import FilterResult
+from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import CloudCodec, Source
 from seaclutter_cli.messages import find_codec, has_fixed_fields
 from seaclutter_cli.messages.definitions import points_channel
@@ -25,9 +29,11 @@ from seaclutter_cli.messages.recorded import (
 )
 from seaclutter_cli.messages.scene import TOPIC as SCENE_TOPIC
 from seaclutter_cli.messages.scene import SceneUpdate, scene_format
-from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sinks.mcap_writer import McapWriter
+from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata
+from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sinks.log_output import LogOutput, McapOutput
+from seaclutter_cli.sinks.log_writer import LogWriter
+from seaclutter_cli.sinks.split import Parts, Split
 from seaclutter_cli.storage.locations import Location
 
 _NEW = -1
@@ -36,7 +42,7 @@ _MAX_CHANNELS = 2**16
 
 @dataclass(frozen=True, kw_only=True)
 class McapOptions:
-    """Contents of a filtered MCAP file.
+    """Contents of a filtered log.
 
     Parameters
     ----------
@@ -49,7 +55,13 @@ class McapOptions:
     diagnostics : bool
         Write a message with thresholds, corrections and counts for each frame.
     compression : str or None
-        ``zstd``, ``lz4`` or empty for none; None uses the compression of the input, zstd if unknown.
+        ``zstd``, ``lz4`` or empty for none; None uses the compression of the input, zstd if unknown. ROS 1 bags have
+        LZ4 or none, sqlite3 files none.
+    split : Split, optional
+        Limit of a part of the log; the parts have numbers in their names.
+    include, exclude : tuple of str
+        Regular expressions for the names of the other topics: those that are written, by default all, and those that
+        are left out.
     latched : tuple of str
         Topics whose last message before the start of a part is written, beside those that are known as latched.
     config : str
@@ -80,6 +92,9 @@ class McapOptions:
     keep_organized: bool = False
     diagnostics: bool = True
     compression: str | None = None
+    split: Split | None = None
+    include: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
     latched: tuple[str, ...] = ()
     config: str = ""
     water: bool = False
@@ -87,6 +102,11 @@ class McapOptions:
     record: Callable[[], Metadata] | None = None
     method: str = ""
     is_part: bool = False
+
+    def takes(self, topic: str) -> bool:
+        """Return whether one of the other topics is written."""
+        included = not self.include or any(re.search(pattern, topic) for pattern in self.include)
+        return included and not any(re.search(pattern, topic) for pattern in self.exclude)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,29 +123,49 @@ class _Outputs:
     draw: Callable[[SceneUpdate], bytes]
 
 
-class McapSink(AbstractContextManager["McapSink"]):
-    """Sink that writes a recording to a filtered MCAP file.
+class LogSink(AbstractContextManager["LogSink"]):
+    """Sink that writes a recording to a filtered log.
 
     Parameters
     ----------
     path : Path or Url
-        Target; the file appears when the context exits without an error.
+        Target; the log appears when the context exits without an error.
     options : McapOptions
-        Contents of the file.
+        Contents of the log.
     group : OutputGroup, optional
-        Files that appear together with this one.
+        Outputs that appear together with this one.
+    output : callable, optional
+        Class of the log: by default an MCAP file.
+    as_is : bool, optional
+        Whether frames are written with `keep` only, so that nothing is added to the log but the records about it.
     """
 
-    def __init__(self, path: Location, options: McapOptions, group: OutputGroup | None = None) -> None:
-        self._file = AtomicFile(path, group)
-        self._options = options
+    def __init__(
+        self,
+        path: Location,
+        options: McapOptions,
+        group: OutputGroup | None = None,
+        *,
+        output: type[LogOutput] = McapOutput,
+        as_is: bool = False,
+    ) -> None:
+        self._output = output(path, group, split=options.split is not None)
+        self._options, self._as_is = options, as_is
         self._layout = WATER if options.water else PLAIN
-        self._writer: McapWriter | None = None
+        self._parts = Parts(options.split)
+        self._writers: list[LogWriter] = []  # of the first part, which is completed last, and of the current one
+        self._number = -1
+        self._broken = Counter[str]()
         self._channels: dict[Channel, int] = {}
+        self._declared: dict[int, Channel] = {}
         self._used: set[int] = set()
         self._outputs: dict[Channel, _Outputs] = {}
         self._topics: dict[str, RecordedTopic] = {}
         self._first_frames: dict[str, int] = {}
+        self._next_frames: dict[str, int] = {}
+        self._lost: dict[str, None] = {}
+        self.messages = 0
+        """Number of messages written; complete after `end`."""
 
     def __enter__(self) -> Self:
         """Return the sink."""
@@ -134,51 +174,65 @@ class McapSink(AbstractContextManager["McapSink"]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Complete the file under its name, or remove it after an error."""
-        if kind is not None and self._writer is not None:
-            self._writer.abort()
-        self._file.__exit__(kind, error, trace)
+        """Complete the log under its name, or remove it after an error."""
+        if kind is not None:
+            for writer in self._writers:
+                writer.abort()
+        self._output.__exit__(kind, error, trace)
+
+    @property
+    def lost(self) -> Sequence[str]:
+        """What the log cannot keep of the recording, in words; complete after `end`."""
+        return list(self._lost)
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Write the header and declare all channels."""
-        compression = self._options.compression
-        if compression is None:
-            compression = "zstd" if source.compression is None else source.compression
-        library = f"seaclutter {__version__}"
-        self._writer = McapWriter(self._file.stream, profile=source.profile, library=library, compression=compression)
-        entries = {"version": __version__, "config": self._options.config}
-        self._writer.add_metadata(Metadata("seaclutter", entries))
+        self._source = source
+        self._begin_part()
         taken = {channel.topic for channel in source.channels}
+        self._selected = {channel.topic for channel in clouds}
         for channel in source.channels:
-            self._declare(channel)
+            if self._takes(channel):
+                self._declare(channel)
         several = len({channel.topic for channel in clouds}) > 1
         before = recorded_topics(source.metadata)
+        self._topics |= before if self._as_is else {}
         for channel in clouds:
             earlier = before.get(channel.topic, RecordedTopic(RAW, channel.topic))
             methods, is_part = (*earlier.methods, self._options.method), self._options.is_part or earlier.is_part
             known = RecordedTopic(RAW, channel.topic, methods, is_part=is_part)
-            self._outputs[channel] = self._add_outputs(channel, taken, known, several=several)
+            if self._as_is:
+                self._topics[channel.topic] = replace(earlier, is_part=is_part)
+            else:
+                self._outputs[channel] = self._add_outputs(channel, taken, known, several=several)
 
     def copy(self, record: Message | Attachment | Metadata) -> None:
         """Write a record unchanged."""
         if isinstance(record, Message):
-            number = self._channels.get(record.channel)
-            if number is None:
-                number = self._declare(record.channel)
-            self._put(number, record, record.data)
+            if self._takes(record.channel):
+                self._make_room(record, len(record.data))
+                self._copy(record)
         elif isinstance(record, Attachment):
-            self._open_writer.attach(record)
+            self._writer.attach(record)
         else:
-            self._open_writer.add_metadata(record)
+            self._writer.add_metadata(record)
+
+    def keep(self, frame: Frame) -> None:
+        """Write a frame unchanged."""
+        message = message_of(frame)
+        self._make_room(message, len(message.data))
+        self._count(frame)
+        self._copy(message)
 
     def write(self, result: FilterResult) -> None:
         """Write the messages of a filtered frame."""
-        message, cloud = _record_of(result), result.frame.cloud
-        self._first_frames.setdefault(message.channel.topic, result.frame.index)
+        message, cloud = message_of(result.frame), result.frame.cloud
+        self._make_room(message, len(message.data))
+        self._count(result.frame)
         outputs = self._outputs[message.channel]
         if self._options.keep_raw:
-            self.copy(message)
-        self._put(outputs.filtered, message, self._filtered(outputs.codec, result))
+            self._copy(message)
+        self._put(outputs.filtered, message, filtered_message(outputs.codec, result, self._options))
         if outputs.removed is not None:
             mask = ~result.keep
             removed = cloud.select(mask).with_field("reason", result.reason[mask])
@@ -189,30 +243,64 @@ class McapSink(AbstractContextManager["McapSink"]):
             self._put(outputs.scene, message, outputs.draw(self._options.scene(result)))
 
     def end(self) -> None:
-        """Write the records about topics and the run, and the summary."""
-        first = self._first_frames
-        self._open_writer.add_metadata(
-            to_metadata({name: replace(t, first_frame=first.get(t.clouds, 0)) for name, t in self._topics.items()})
-        )
+        """Write the records about topics and the run, and the summary; report messages that could not be translated."""
+        self._end_part()
+        first = self._writers[0]
         if self._options.record is not None:
-            self._open_writer.add_metadata(self._options.record())
-        self._open_writer.finish()
+            first.add_metadata(self._options.record())
+        first.finish()
+        for topic, messages in self._broken.items():
+            problem = f"messages on {topic} that do not fit their definition"
+            self._source.damage.append(Damage(Path(self._source.name), None, problem, lost_messages=messages))
 
-    def _filtered(self, codec: CloudCodec, result: FilterResult) -> Buffer:
-        cloud = result.frame.cloud
-        organised = cloud.height > 1
-        if (not organised or self._options.keep_organized) and result.keep.all():
-            return _record_of(result).data
-        if organised and self._options.keep_organized:
-            return codec.encode(cloud.blank(~result.keep))
-        return codec.encode(cloud.select(result.keep))
+    def _takes(self, channel: Channel) -> bool:
+        return channel.topic in self._selected or self._options.takes(channel.topic)
+
+    def _make_room(self, message: Message, size: int) -> None:
+        """Begin another part if a message no longer belongs to this one."""
+        if self._parts.is_next(message.log_time_ns, size):
+            self._end_part()
+            self._begin_part()
+            for number, channel in self._declared.items():
+                self._writer.add_channel(replace(channel, id=number))
+
+    def _begin_part(self) -> None:
+        self._number += 1
+        writer = self._output.part(self._number, self._source, self._options.compression)
+        self._writers = [*self._writers[:1], writer]
+        self._first_frames = dict(self._next_frames)
+        if not self._as_is:
+            writer.add_metadata(Metadata("seaclutter", {"version": __version__, "config": self._options.config}))
+
+    def _end_part(self) -> None:
+        """Write the record about topics; the first part is finished at the end of the log."""
+        first = self._first_frames
+        if self._topics:
+            topics = {name: replace(t, first_frame=first.get(t.clouds, 0)) for name, t in self._topics.items()}
+            self._writer.add_metadata(to_metadata(topics))
+        if len(self._writers) > 1:
+            self._writer.finish()
+        self._lost |= dict.fromkeys(self._writer.lost)
+        self._broken.update(self._writer.broken)
+        self.messages += self._writer.messages
+
+    @property
+    def _writer(self) -> LogWriter:
+        if not self._writers:
+            raise RuntimeError("begin() has not been called")
+        return self._writers[-1]
+
+    def _count(self, frame: Frame) -> None:
+        self._first_frames.setdefault(frame.topic, frame.index)
+        self._next_frames[frame.topic] = frame.index + 1
 
     def _add_outputs(self, channel: Channel, taken: set[str], known: RecordedTopic, *, several: bool) -> _Outputs:
         codec = find_codec(channel)
         if codec is None:
             raise UsageError(f"topic {channel.topic} contains no point clouds")
         options = self._options
-        encoding, schema, serialise = diagnostics_format(channel.message_encoding, self._layout)
+        text = self._writer.encoding or channel.message_encoding
+        encoding, schema, serialise = diagnostics_format(text, self._layout)
         filtered, removed, removed_codec, diagnostics = self._channels[channel], None, codec, None
         self._topics[channel.topic] = known if options.keep_raw else replace(known, content=FILTERED)
         if options.keep_raw:
@@ -232,7 +320,7 @@ class McapSink(AbstractContextManager["McapSink"]):
         draw: Callable[[SceneUpdate], bytes] = _no_scene
         scene = None
         if options.scene:
-            encoding, schema, draw = scene_format(channel.message_encoding)
+            encoding, schema, draw = scene_format(text)
             scene, _ = self._shared_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
         return _Outputs(codec, filtered, removed, removed_codec, diagnostics, serialise, scene, draw)
 
@@ -258,26 +346,41 @@ class McapSink(AbstractContextManager["McapSink"]):
         if number not in range(_MAX_CHANNELS) or number in self._used:
             number = next((free for free in range(1, _MAX_CHANNELS) if free not in self._used), None)
         if number is None:
-            raise OutputError(f"topic {channel.topic}: an MCAP file can have at most {_MAX_CHANNELS} channels")
+            raise OutputError(f"topic {channel.topic}: a log can have at most {_MAX_CHANNELS} channels")
         self._used.add(number)
         self._channels[channel] = number
-        self._open_writer.add_channel(replace(channel, id=number))
+        self._declared[number] = channel
+        self._writer.add_channel(replace(channel, id=number))
         return number
 
+    def _copy(self, message: Message) -> None:
+        number = self._channels.get(message.channel)
+        self._put(self._declare(message.channel) if number is None else number, message, message.data)
+
     def _put(self, number: int, message: Message, data: Buffer) -> None:
-        self._open_writer.write(number, message.log_time_ns, message.publish_time_ns, message.sequence, data)
-
-    @property
-    def _open_writer(self) -> McapWriter:
-        if self._writer is None:
-            raise RuntimeError("begin() has not been called")
-        return self._writer
+        self._writer.write(number, message.log_time_ns, message.publish_time_ns, message.sequence, data)
 
 
-def _record_of(result: FilterResult) -> Message:
-    if result.frame.message is None:
+def message_of(frame: Frame) -> Message:
+    """Return the message of a frame."""
+    if frame.message is None:
         raise ValueError("the frame has no message; only frames read from a log can be written")
-    return result.frame.message
+    return frame.message
+
+
+def filtered_message(codec: CloudCodec, result: FilterResult, options: McapOptions) -> Buffer:
+    """Return the message with the points of a frame that were kept."""
+    cloud, kept = result.frame.cloud, filtered_cloud(result, options)
+    return message_of(result.frame).data if kept is cloud else codec.encode(kept)
+
+
+def filtered_cloud(result: FilterResult, options: McapOptions) -> Cloud:
+    """Return the points of a frame that were kept; the cloud itself if it does not change."""
+    cloud = result.frame.cloud
+    organised = cloud.height > 1
+    if (not organised or options.keep_organized) and result.keep.all():
+        return cloud
+    return cloud.blank(~result.keep) if organised and options.keep_organized else cloud.select(result.keep)
 
 
 def _no_scene(_: SceneUpdate) -> bytes:

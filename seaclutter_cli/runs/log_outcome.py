@@ -1,0 +1,59 @@
+"""Outcome of work that writes a log for each recording."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from seaclutter_cli.pipeline import TopicTally
+from seaclutter_cli.runs.batch import size_of
+from seaclutter_cli.runs.recordings import Outcome
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.objects import find_object, list_objects
+
+
+@dataclass(kw_only=True)
+class LogOutcome(Outcome):
+    """Outcome of work on one recording, with a log as output.
+
+    Parameters
+    ----------
+    output : Path or Url
+        The log, or the first of its parts.
+    topics : dict of str to TopicTally
+        Sums over the frames of each cloud topic.
+    bytes_in, bytes_out : int
+        Sizes of the recording and of the log.
+    """
+
+    output: Location
+    topics: dict[str, TopicTally] = field(default_factory=dict)
+    bytes_in: int = 0
+    bytes_out: int = 0
+
+    @property
+    def frames(self) -> int:
+        """Number of frames of all topics."""
+        return sum(tally.frames for tally in self.topics.values())
+
+    @property
+    def points_in(self) -> int:
+        """Number of points of all topics."""
+        return sum(tally.points_in for tally in self.topics.values())
+
+    def counts(self) -> dict[str, Any]:
+        """Return further columns of the manifest of a run."""
+        return {
+            "output": None if self.error else str(self.output),
+            "frames": self.frames,
+            "points_in": self.points_in,
+            "bytes_in": self.bytes_in,
+            "bytes_out": self.bytes_out,
+        }
+
+
+def output_size(outcome: LogOutcome) -> int:
+    """Return the size of an output in bytes; 0 if there is none."""
+    if outcome.error or isinstance(outcome.output, Path):
+        return 0 if outcome.error else size_of(outcome.output)
+    found = find_object(outcome.output)
+    return found.size if found else sum(one.size for one in list_objects(outcome.output))

@@ -1,0 +1,205 @@
+"""Proposal of a mask of own ship's structure from recordings."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from typing import Any
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.pipeline import map_frames
+from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.structure import draw_mask
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
+from seaclutter_cli.runs.recordings import (
+    Logs,
+    Outcome,
+    ReadOptions,
+    RecordingsResult,
+    expand,
+    expected_frames,
+    opened,
+    require_frames,
+    require_selected,
+    storing_errors,
+)
+from seaclutter_cli.selection import cloud_channels
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.scratch import copies_removed
+from seaclutter_cli.structure.search import MIN_FRAMES, FoundStructure, StructureSearch
+from seaclutter_cli.text import count
+
+_LEAST_REACH_M, _MOST_REACH_M = 1.0, 100.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaskOptions:
+    """Options of the search for own structure.
+
+    Parameters
+    ----------
+    output, plot_file : Path, Url or None
+        Files for the mask and its picture.
+    reach_m : float
+        Range up to which structure is searched.
+    reading : ReadOptions
+        Part of each recording to read, and how.
+    force : bool
+        Replace existing files.
+    """
+
+    output: Location | None = None
+    plot_file: Location | None = None
+    reach_m: float = 20.0
+    reading: ReadOptions = field(default_factory=ReadOptions)
+    force: bool = False
+
+    @property
+    def targets(self) -> Mapping[str, Location | None]:
+        """Output files by option."""
+        return {"-o": self.output, "--plot": self.plot_file}
+
+
+@copies_removed()
+def find_mask(logs: Logs, options: MaskOptions, observer: Observer = SILENT) -> "MaskResult":
+    """Find own ship's structure in recordings of one lidar, and write a mask of it.
+
+    Parameters
+    ----------
+    logs : path, or sequence of paths
+        Files, folders or globs; together they show what is constant.
+    options : MaskOptions
+        Input and output files.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Raises
+    ------
+    SeaclutterError
+        If the run cannot start or continue; an error in a single recording is stored in its outcome.
+    """
+    if not _LEAST_REACH_M <= options.reach_m <= _MOST_REACH_M:
+        raise UsageError(f"--reach {options.reach_m:g}: must be {_LEAST_REACH_M:g} to {_MOST_REACH_M:g} m")
+    if options.plot_file:
+        check_target(options.plot_file)
+    recordings = expand(logs, options.reading, observer)
+    inputs = inputs_of(recordings, options.reading)
+    prepare_outputs(options.targets, inputs, force=options.force, observer=observer)
+    search, outcomes = StructureSearch(options.reach_m), []
+    for recording in recordings:
+        outcome = Outcome(recording=recording.name)
+        outcomes.append(outcome)
+        with storing_errors(outcome, observer), opened(recording, options.reading, observer, outcome) as source:
+            _add(source, options.reading, search, observer)
+    require_selected(outcomes)
+    result = MaskResult(outcomes, search.found(), options.reach_m)
+    for warning in result.warnings:
+        observer.warn(warning)
+    files: dict[Location, bytes] = {}
+    if may_appear(options.targets.values(), outcomes, observer):
+        if result.found.mask.sectors and options.output:
+            files[options.output] = result.found.mask.as_csv().encode()
+        if options.plot_file:
+            draw = partial(draw_mask, mask=result.found.mask, reach_m=options.reach_m)
+            files[options.plot_file] = render(draw, options.plot_file.suffix, aspect=1.45)
+    if options.output and options.output not in files:
+        observer.warn(f"{options.output}: not written, because there is nothing to mask")
+    write_files(files, replace=options.force)
+    return result
+
+
+def _add(source: Source, reading: ReadOptions, search: StructureSearch, observer: Observer) -> None:
+    """Add the frames of a recording."""
+    selection = reading.selection
+    clouds = cloud_channels(source, selection.topics)
+    topics = list(dict.fromkeys(channel.topic for channel in clouds))
+    if len(topics) > 1:
+        raise UsageError(f"{source.name}: each lidar needs a mask of its own; choose one topic with -t")
+    number = 0
+    with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+        for _ in map_frames(source, selection, search.add):
+            number += 1
+            step()
+    require_frames(source, number, selection)
+
+
+@dataclass(frozen=True)
+class MaskResult(RecordingsResult):
+    """Proposed mask.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        Outcome of each recording.
+    found : FoundStructure
+        The structure.
+    reach_m : float
+        Range up to which it was searched.
+    """
+
+    outcomes: Sequence[Outcome]
+    found: FoundStructure
+    reach_m: float
+
+    @property
+    def warnings(self) -> list[str]:
+        """What stands against the result."""
+        found, reach = self.found, f"{self.reach_m:g} m"
+        if found.frames < MIN_FRAMES:
+            return [f"only {count(found.frames, 'frame')}; what is constant shows in {MIN_FRAMES} and more"]
+        if found.is_at_rest and found.at_rest is not None:
+            text = (
+                f"{found.at_rest:.0%} of what is beyond {reach} is constant too, as for a vessel at rest or between "
+                "straight walls: a quay cannot be told from own ship; use a log under way in open water"
+            )
+            return [text]
+        if found.mask.sectors and found.at_rest is None:
+            text = (
+                f"too little rises out of the water beyond {reach} to show that the vessel moved; check that the mask "
+                "contains own ship only"
+            )
+            return [text]
+        return []
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as JSON-compatible data."""
+        return {
+            "recordings": [
+                {"recording": one.recording, "error": one.error, "damage": [str(item) for item in one.damage]}
+                for one in self.outcomes
+            ],
+            "frames": self.found.frames,
+            "at_rest": self.found.at_rest,
+            "share": self.found.share,
+            "sectors": [asdict(sector) for sector in self.found.mask.sectors],
+        }
+
+    def as_text(self) -> str:
+        """Return the result as human-readable text."""
+        sectors, frames = self.found.mask.sectors, count(self.found.frames, "frame")
+        if not sectors:
+            return f"No own structure found within {self.reach_m:g} m in {frames}."
+        nearest, farthest = min(s.range_min_m for s in sectors), max(s.range_max_m for s in sectors)
+        found = (
+            f"Own structure in {count(len(sectors), 'direction')} ({self.found.share:.1%} of those with returns), "
+            f"{nearest:.1f} to {farthest:.1f} m away, from {frames}."
+        )
+        return f"{found}\nAzimuths: {', '.join(_spans(sorted({s.azimuth_min_deg for s in sectors})))}"
+
+
+def _spans(starts: Sequence[float]) -> list[str]:
+    """Return the runs of directions of 1°, as text.
+
+    Examples
+    --------
+    >>> _spans([-180.0, -179.0, 3.0])
+    ['-180° to -178°', '3° to 4°']
+    """
+    spans: list[list[float]] = []
+    for start in starts:
+        if spans and start == spans[-1][1]:
+            spans[-1][1] = start + 1
+        else:
+            spans.append([start, start + 1])
+    return [f"{first:g}° to {last:g}°" for first, last in spans]

@@ -1,0 +1,147 @@
+"""Which outputs the recordings of a run get, in which format."""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import truediv
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.runs.object_outputs import is_object_folder
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.outputs import is_file
+from seaclutter_cli.runs.recordings import PathLike
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, format_of
+from seaclutter_cli.sinks.log_output import part_path, parts_after
+from seaclutter_cli.sinks.split import Split, parse_split
+from seaclutter_cli.sources import SOURCES, Recording
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from seaclutter_cli.storage.locations import Location, Url, location
+from seaclutter_cli.storage.objects import exists
+from seaclutter_cli.text import count, named_folder
+
+__all__ = [
+    "PlannedOutputs",
+    "check_names",
+    "first_part",
+    "is_folder",
+    "parse_split",
+    "places_of",
+    "plan_outputs",
+    "warn_of_losses",
+]
+
+_MAX_LOSSES = 8
+_READ = {suffix for kind in SOURCES.values() for suffix in kind.suffixes} | set(FRAME_READERS)
+_ONLY_READ = _READ - {kind.suffix for kind in OUTPUT_FORMATS.values()}
+
+
+def is_folder(output: PathLike, outputs: int, marker: str = "") -> bool:
+    """Return whether a path denotes a folder for outputs, and not a single output.
+
+    Parameters
+    ----------
+    output : path
+        The path; a slash at its end means a folder.
+    outputs : int
+        Number of outputs.
+    marker : str, optional
+        File by which an output that is a folder is recognised.
+    """
+    if outputs > 1 or named_folder(output):
+        return True
+    place = location(output)
+    if marker and exists(place / marker):
+        return False
+    if isinstance(place, Url):
+        return is_object_folder(place)
+    return os.path.isdir(place)  # noqa: PTH112 - false if the name is too long
+
+
+@dataclass(frozen=True)
+class PlannedOutputs:
+    """Outputs of recordings.
+
+    Parameters
+    ----------
+    form : str
+        Name of their format.
+    targets : list of Path or Url
+        The output of each recording.
+    """
+
+    form: str
+    targets: list[Location]
+
+
+def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | None = None) -> PlannedOutputs:
+    """Return the output of each recording: ``output`` itself for one, files or folders in it for several.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        The recordings.
+    output : path
+        Where they go.
+    to : str, optional
+        Name of the format; by default that of the name of ``output``, or MCAP.
+
+    Raises
+    ------
+    UsageError
+        If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
+    """
+    path, several = location(output), len(recordings) > 1 or named_folder(output)
+    form = to or "mcap" if several else format_of(path, to)
+    kind = OUTPUT_FORMATS[form]
+    if not is_folder(output, len(recordings), kind.marker):
+        return PlannedOutputs(form, [path])
+    form = to or "mcap"
+    kind = OUTPUT_FORMATS[form]
+    if is_file(path):
+        raise UsageError(f"{path}: is a file, but {count(len(recordings), 'recording')} need a folder")
+    targets: dict[Location, Recording] = {}
+    for recording in recordings:
+        name = recording.name + ("" if kind.is_folder else kind.suffix)
+        target = reduce(truediv, recording.inside, path) / name
+        if target in targets:
+            first = targets[target].paths[0]
+            raise UsageError(f"{first} and {recording.paths[0]} would both become {target}; filter them separately")
+        targets[target] = recording
+    return PlannedOutputs(form, list(targets))
+
+
+def check_names(outputs: Iterable[Location]) -> None:
+    """Raise `UsageError` if the name of an output is that of a format that can only be read."""
+    for output in (output for output in outputs if output.suffix.lower() in _ONLY_READ):
+        raise UsageError(f"{output}: this format can only be read; choose a name such as {output.stem}.mcap")
+
+
+def first_part(target: Location, form: str, split: Split | None) -> Location:
+    """Return the file or folder of an output, or of its first part."""
+    return target if split is None or OUTPUT_FORMATS[form].is_folder else part_path(target, 0)
+
+
+def places_of(targets: Iterable[Location], form: str, split: Split | None) -> list[Location]:
+    """Return the files and folders that outputs occupy, with the parts of earlier runs.
+
+    Raises
+    ------
+    UsageError
+        If parts would be written to object storage, where those of earlier runs could remain.
+    """
+    if split is None or OUTPUT_FORMATS[form].is_folder:
+        return list(targets)
+    places: list[Location] = []
+    for target in targets:
+        if isinstance(target, Url):
+            raise UsageError(f"{target}: --split needs an output on this machine, or --to rosbag2-mcap")
+        places += [part_path(target, 0), *parts_after(target, 0)]
+    return places
+
+
+def warn_of_losses(output: Location, form: str, lost: Sequence[str], observer: Observer) -> None:
+    """Warn of what an output cannot keep of its recording."""
+    if lost:
+        more = f" and {len(lost) - _MAX_LOSSES} more" if len(lost) > _MAX_LOSSES else ""
+        observer.warn(f"{output}: {OUTPUT_FORMATS[form].title} cannot keep: {', '.join(lost[:_MAX_LOSSES])}{more}")

@@ -1,0 +1,186 @@
+"""Writer for ROS 1 bags (format 2.0) that compresses chunks in other threads.
+
+The writer of the ``rosbags`` library compresses in the calling thread, and its LZ4 frames have options that the tools
+of ROS 1 refuse. The output bytes do not depend on the number of threads.
+"""
+
+import struct
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import BinaryIO
+
+import lz4.frame
+
+from seaclutter_cli.errors import OutputError
+from seaclutter_cli.messages.carried import STRING, TOPIC, to_message
+from seaclutter_cli.records import Buffer, Channel, Metadata, Schema
+from seaclutter_cli.sinks.compressor import Compressor
+
+MAGIC = b"#ROSBAG V2.0\n"
+CHUNK_SIZE = 768 * 2**10
+"""Size in bytes at which a chunk is closed, as in the recorder of ROS 1."""
+
+_HEADER_BYTES = 4096
+_MESSAGE, _BAG_HEADER, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = range(2, 8)
+_U32, _TIME, _ENTRY = struct.Struct("<I"), struct.Struct("<II"), struct.Struct("<III")
+_NANO = 10**9
+_STRING_MD5 = "992ce8a1687cec8c8bd883ec73ca41d1"
+
+
+def _lz4(data: bytearray) -> bytes:
+    """Return an LZ4 frame with the options that ROS 1 requires: independent blocks, a checksum, no size."""
+    return bytes(lz4.frame.compress(data, block_linked=False, content_checksum=True, store_size=False))
+
+
+COMPRESSIONS: Mapping[str, tuple[str, Callable[[bytearray], bytes | bytearray]]] = {
+    "lz4": ("lz4", _lz4),
+    "": ("none", lambda data: data),
+}
+"""Name in a bag, and function, of each compression."""
+
+
+@dataclass(slots=True)
+class _Chunk:
+    data: bytearray = field(default_factory=bytearray)
+    start_ns: int = 2**64 - 1
+    end_ns: int = 0
+    index: dict[int, bytearray] = field(default_factory=lambda: defaultdict(bytearray))
+
+
+class BagWriter:
+    """Storage in one ROS 1 bag.
+
+    Parameters
+    ----------
+    stream : BinaryIO
+        Output; the header is written again at the end.
+    compression : str
+        A key of `COMPRESSIONS`.
+    """
+
+    def __init__(self, stream: BinaryIO, *, compression: str) -> None:
+        self._stream = stream
+        self._offset = 0
+        self._name, self._compress = COMPRESSIONS[compression]
+        self._compressor = Compressor(self._compressed, self._write_chunk)
+        self._chunk = _Chunk()
+        self._connections: dict[int, bytes] = {}
+        self._undeclared: set[int] = set()
+        self._infos = bytearray()
+        self._chunks = 0
+        self._end_ns = 0
+        self._write(MAGIC, self._header(0))
+
+    def add_channel(self, channel: Channel) -> None:
+        """Declare a channel under its own id, before its first message."""
+        assert channel.schema is not None  # noqa: S101 - translated channels have one
+        known = {"md5sum": "*", "type": channel.schema.name, **dict(channel.metadata), "topic": channel.topic}
+        fields = {name: value.encode() for name, value in known.items()}
+        definition = channel.schema.data.decode("utf-8", "replace") or "\n"  # readers refuse other bytes
+        data = _header_of({**fields, "message_definition": definition.encode()})
+        head = _fields(op=bytes((_CONNECTION,)), conn=_U32.pack(channel.id), topic=channel.topic.encode())
+        self._connections[channel.id] = head + data
+        self._undeclared.add(channel.id)
+
+    def write(self, channel: int, log_time_ns: int, data: Buffer) -> None:
+        """Write a message of a declared channel.
+
+        Raises
+        ------
+        OutputError
+            If its time does not fit into a bag.
+        """
+        chunk = self._chunk
+        if channel in self._undeclared:
+            chunk.data += self._connections[channel]
+            self._undeclared.remove(channel)
+        time = _time(log_time_ns)
+        chunk.index[channel] += time + _U32.pack(len(chunk.data))
+        chunk.data += _fields(op=bytes((_MESSAGE,)), conn=_U32.pack(channel), time=time)
+        chunk.data += _U32.pack(len(data))
+        chunk.data += data
+        chunk.start_ns, chunk.end_ns = min(chunk.start_ns, log_time_ns), max(chunk.end_ns, log_time_ns)
+        self._end_ns = max(self._end_ns, log_time_ns)
+        if len(chunk.data) >= CHUNK_SIZE:
+            self._submit()
+
+    def finish(self, metadata: Sequence[Metadata]) -> None:
+        """Write the metadata records as a message, pending chunks, the index, and the header."""
+        if metadata:
+            number = max(self._connections, default=0) + 1
+            schema = Schema(STRING, "ros1msg", b"string data\n")
+            self.add_channel(Channel(number, TOPIC, "ros1", schema, (("latching", "1"), ("md5sum", _STRING_MD5))))
+            self.write(number, self._end_ns, to_message(metadata))
+        if self._chunk.data:
+            self._submit()
+        self._compressor.finish()
+        index = self._offset
+        self._write(*self._connections.values(), self._infos)
+        self._stream.seek(len(MAGIC))
+        self._write(self._header(index))
+
+    def abort(self) -> None:
+        """Stop the threads and leave the file incomplete."""
+        self._compressor.abort()
+
+    def _header(self, index: int) -> bytes:
+        head = _fields(
+            op=bytes((_BAG_HEADER,)),
+            index_pos=struct.pack("<Q", index),
+            conn_count=_U32.pack(len(self._connections)),
+            chunk_count=_U32.pack(self._chunks),
+        )
+        padding = _HEADER_BYTES - len(head) - _U32.size
+        return head + _U32.pack(padding) + b" " * padding
+
+    def _submit(self) -> None:
+        chunk, self._chunk = self._chunk, _Chunk()
+        self._compressor.submit(chunk)
+
+    def _compressed(self, chunk: _Chunk) -> bytes | bytearray:
+        return self._compress(chunk.data)
+
+    def _write_chunk(self, chunk: _Chunk, data: bytes | bytearray) -> None:
+        """Write a chunk and its index, and keep the record about it for the end."""
+        counts = {conn: len(entries) // _ENTRY.size for conn, entries in chunk.index.items()}
+        self._infos += _fields(
+            op=bytes((_CHUNK_INFO,)),
+            ver=_U32.pack(1),
+            chunk_pos=struct.pack("<Q", self._offset),
+            start_time=_time(chunk.start_ns),
+            end_time=_time(chunk.end_ns),
+            count=_U32.pack(len(counts)),
+        )
+        self._infos += _sized(b"".join(_TIME.pack(*pair) for pair in counts.items()))
+        self._chunks += 1
+        head = _fields(op=bytes((_CHUNK,)), compression=self._name.encode(), size=_U32.pack(len(chunk.data)))
+        self._write(head, _U32.pack(len(data)), data)
+        for conn, entries in chunk.index.items():
+            ids = {"conn": _U32.pack(conn), "count": _U32.pack(counts[conn])}
+            self._write(_fields(op=bytes((_INDEX,)), ver=_U32.pack(1), **ids), _sized(entries))
+
+    def _write(self, *parts: Buffer | bytearray) -> None:
+        for part in parts:
+            self._stream.write(part)
+            self._offset += len(part)
+
+
+def _fields(**fields: bytes) -> bytes:
+    return _header_of(fields)
+
+
+def _header_of(fields: Mapping[str, bytes]) -> bytes:
+    """Return the fields of a header, preceded by their size."""
+    return _sized(b"".join(_sized(name.encode() + b"=" + value) for name, value in fields.items()))
+
+
+def _sized(data: Buffer | bytearray) -> bytes:
+    return _U32.pack(len(data)) + data
+
+
+def _time(time_ns: int) -> bytes:
+    seconds, nanoseconds = divmod(time_ns, _NANO)
+    if not 0 <= seconds < 2**32:
+        raise OutputError(f"a ROS 1 bag cannot contain the log time {time_ns} ns; its times end in the year 2106")
+    return _TIME.pack(seconds, nanoseconds)

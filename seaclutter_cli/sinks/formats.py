@@ -1,0 +1,120 @@
+"""Formats of outputs: how each is written, and which names select it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.messages.carried import SIDECAR
+from seaclutter_cli.sinks.frame_files import FRAME_WRITERS
+from seaclutter_cli.sinks.frames import FrameSink
+from seaclutter_cli.sinks.log import LogSink, McapOptions
+from seaclutter_cli.sinks.log_output import BagOutput, McapOutput, Rosbag2Db3Output, Rosbag2McapOutput
+from seaclutter_cli.sinks.rosbag2_metadata import NAME
+from seaclutter_cli.storage.locations import Location
+
+OutputSink = LogSink | FrameSink
+
+
+@dataclass(frozen=True)
+class OutputFormat:
+    """A format of outputs.
+
+    Parameters
+    ----------
+    title : str
+        Name shown to the user, in the plural.
+    make_sink : callable
+        Makes the sink: takes target, options, group and ``as_is``, as `LogSink` does.
+    suffix : str
+        Suffix of its files. Such a name selects the format, except for formats of folders only.
+    compressions : tuple of str
+        Compressions that it has, by their names in MCAP.
+    marker : str
+        File in the folder that a recording becomes, by which such a folder is recognised; empty if it becomes a file.
+    has_topics : bool
+        Whether it has other messages than the clouds of one topic.
+    """
+
+    title: str
+    make_sink: Callable[..., OutputSink]
+    suffix: str
+    compressions: tuple[str, ...] = ("",)
+    marker: str = ""
+    has_topics: bool = True
+
+    @property
+    def is_folder(self) -> bool:
+        """Whether a recording becomes a folder."""
+        return bool(self.marker)
+
+    @property
+    def is_frames(self) -> bool:
+        """Whether its files have one frame each, so that a single frame may become a file."""
+        return not self.has_topics
+
+
+def _frames(name: str) -> OutputFormat:
+    make = partial(FrameSink, write_frame=FRAME_WRITERS[name], suffix=f".{name}")
+    return OutputFormat(f"{name.upper()} files", make, f".{name}", marker=SIDECAR, has_topics=False)
+
+
+OUTPUT_FORMATS: Mapping[str, OutputFormat] = {
+    "mcap": OutputFormat("MCAP files", partial(LogSink, output=McapOutput), ".mcap", ("zstd", "lz4", "")),
+    "bag": OutputFormat("ROS 1 bags", partial(LogSink, output=BagOutput), ".bag", ("lz4", "")),
+    "rosbag2-db3": OutputFormat(
+        "ROS 2 recordings in sqlite3", partial(LogSink, output=Rosbag2Db3Output), ".db3", marker=NAME
+    ),
+    "rosbag2-mcap": OutputFormat(
+        "ROS 2 recordings in MCAP",
+        partial(LogSink, output=Rosbag2McapOutput),
+        "",
+        ("zstd", "lz4", ""),
+        marker=NAME,
+    ),
+    **{name: _frames(name) for name in FRAME_WRITERS},
+}
+"""Formats by the names that ``--to`` takes. To add a format, add a line here."""
+
+
+def check_options(form: str, options: McapOptions, *, with_scene: bool = False) -> None:
+    """Raise `UsageError` if a format does not have what options ask for."""
+    kind = OUTPUT_FORMATS[form]
+    if options.compression is not None and options.compression not in kind.compressions:
+        names = ", ".join(name or "none" for name in kind.compressions)
+        raise UsageError(f"--compression: {kind.title} have {names}")
+    if kind.has_topics:
+        return
+    given = {
+        "--keep-raw": options.keep_raw,
+        "--with-removed": options.with_removed,
+        "--with-scene": with_scene,
+        "--split": options.split is not None,
+        "--include": options.include,
+        "--exclude": options.exclude,
+    }
+    if wrong := [name for name, is_given in given.items() if is_given]:
+        raise UsageError(f"{', '.join(wrong)}: {kind.title} have no topics; write a log, or leave out the option")
+
+
+def format_of(output: Location, name: str | None) -> str:
+    """Return the name of the format of an output: the one that was asked for, or that of its suffix, or MCAP.
+
+    Raises
+    ------
+    UsageError
+        If the suffix is that of another format, or of a file where a format needs a folder.
+    """
+    by_suffix = {form.suffix: key for key, form in OUTPUT_FORMATS.items() if form.suffix}
+    meant = by_suffix.get(output.suffix.lower())
+    chosen = name or meant or "mcap"
+    if meant and OUTPUT_FORMATS[meant].is_folder and OUTPUT_FORMATS[meant].has_topics:
+        raise UsageError(f"{output}: a ROS 2 recording is a folder; use -o {output.stem} --to {meant}")
+    if meant and meant != chosen:
+        raise UsageError(f"{output}: has the suffix of other files than --to {chosen}; choose another name")
+    return chosen
+
+
+def is_single_frame(output: Location) -> bool:
+    """Return whether the name of an output is that of a file with one frame."""
+    return any(output.suffix.lower() == kind.suffix for kind in OUTPUT_FORMATS.values() if kind.is_frames)

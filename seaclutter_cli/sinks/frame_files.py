@@ -1,0 +1,162 @@
+"""Writers of files with one frame each."""
+
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.errors import MissingExtraError
+from seaclutter_cli.sinks.points import pcd_header
+
+_NANO = 10**9
+_LAS_SCALE = 1e-4
+_LAS_STEPS = 4e9
+_LAS_NAME_BYTES = 32
+_ZIP_TIME = (1980, 1, 1, 0, 0, 0)
+
+
+def write_pcd_frame(stream: BinaryIO, cloud: Cloud) -> int:
+    """Write a binary PCD file with all fields; an organised cloud keeps its height and width."""
+    packed = _packed(cloud)
+    names = tuple("".join("_" if c.isspace() else c for c in field.name) for field in packed.fields)
+    fields = tuple(replace(field, name=name) for field, name in zip(packed.fields, names, strict=True))
+    stream.write(pcd_header(replace(packed, fields=fields)).encode("utf-8", "replace"))
+    stream.write(packed.data)
+    return 0
+
+
+def write_npz_frame(stream: BinaryIO, cloud: Cloud) -> int:
+    """Write an array for each field, of shape (N,), or (height, width) of an organised cloud, and the stamp.
+
+    A field with several values has one more axis. ``stamp_ns`` and ``frame_id`` are arrays without axes, unless fields
+    have these names.
+    """
+    shape = (cloud.height, cloud.width) if cloud.height > 1 else (cloud.size,)
+    points = _packed(cloud).points
+    arrays: dict[str, NDArray[Any]] = {
+        name: points[name].reshape(shape + points.dtype[name].shape) for name in points.dtype.names or ()
+    }
+    arrays.setdefault("stamp_ns", np.array(cloud.stamp_ns, np.int64))
+    arrays.setdefault("frame_id", np.array(cloud.frame_id))
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
+        for name, values in arrays.items():
+            entry = zipfile.ZipInfo(f"{name}.npy", _ZIP_TIME)  # the same bytes in every run
+            with archive.open(entry, "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, values, allow_pickle=False)
+    return 0
+
+
+def write_las_frame(stream: BinaryIO, cloud: Cloud) -> int:
+    """Write a LAS 1.4 file; see `write_laz_frame`."""
+    return _write_las(stream, cloud, packed=False)
+
+
+def write_laz_frame(stream: BinaryIO, cloud: Cloud) -> int:
+    """Write a LAZ file, and return the number of points without coordinates, which it cannot contain.
+
+    Coordinates have a resolution of 0.1 mm, if they are at most 400 km apart. Fields with the name and the type of a
+    dimension of LAS are stored in it, all others in extra dimensions, those with several values in one for each value.
+    An intensity that is no 8 or 16 bit number is rounded, and also stored as ``original_intensity``.
+
+    Raises
+    ------
+    MissingExtraError
+        If laspy or its LAZ backend is not installed.
+    """
+    return _write_las(stream, cloud, packed=True)
+
+
+def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> int:
+    try:
+        import laspy  # optional dependency
+    except ImportError as error:
+        raise MissingExtraError("LAS/LAZ", "las") from error
+    if packed and not laspy.LazBackend.LazrsParallel.is_available():
+        raise MissingExtraError("LAZ", "las")
+    points = _packed(cloud).points
+    names = points.dtype.names or ()
+    xyz = np.array([points[axis] if axis in names else np.zeros(len(points)) for axis in "xyz"], np.float64)
+    valid = np.isfinite(xyz).all(axis=0)
+    points, xyz = points[valid], xyz[:, valid]
+    header = laspy.LasHeader(point_format=7 if {"red", "green", "blue"} <= set(names) else 6, version="1.4")
+    header.creation_date = datetime.fromtimestamp(max(cloud.stamp_ns, 0) // _NANO, UTC).date()
+    header.generating_software = "seaclutter"
+    header.scales, header.offsets = _grid(xyz)
+    columns = _las_columns(laspy, header, points)
+    las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(points), header=header))
+    las.x, las.y, las.z = xyz
+    for name, values in columns.items():
+        las[name] = values
+    las.write(stream, do_compress=packed, laz_backend=laspy.LazBackend.LazrsParallel if packed else None)
+    return int(np.count_nonzero(~valid))
+
+
+def _grid(xyz: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return scales and offsets with which all coordinates fit into 32 bits: 0.1 mm and zero where possible."""
+    if not xyz.size:
+        return np.full(3, _LAS_SCALE), np.zeros(3)
+    least, most = xyz.min(axis=1), xyz.max(axis=1)
+    is_far = np.abs(xyz).max(axis=1) > _LAS_SCALE * 2**30
+    steps = np.maximum((most - least) / (_LAS_SCALE * _LAS_STEPS), 1.0)
+    return _LAS_SCALE * 10 ** np.ceil(np.log10(steps)), np.where(is_far, np.floor((least + most) / 2), 0.0)
+
+
+def _las_columns(laspy: Any, header: Any, points: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Return the values of all dimensions but the coordinates, and add those that LAS does not have to the header."""
+    standard = {dimension.name: dimension for dimension in header.point_format.standard_dimensions}
+    columns: dict[str, NDArray[Any]] = {}
+    extra: dict[str, NDArray[Any]] = {}
+    for name in points.dtype.names or ():
+        values = points[name]
+        if name in "xyz":
+            continue
+        if name == "intensity":
+            columns[name] = np.clip(np.nan_to_num(np.rint(values.astype(np.float64))), 0, 2**16 - 1).astype(np.uint16)
+        if name in standard and _fits(values, standard[name]):
+            columns[name] = values
+        elif values.ndim == 1:
+            extra[_free(f"original_{name}" if name in (*standard, "X", "Y", "Z") else name, extra)] = values
+        else:
+            parts = values.reshape(len(values), -1).T
+            extra |= {_free(f"{name}_{number}", extra): part for number, part in enumerate(parts)}
+    header.add_extra_dims([laspy.ExtraBytesParams(name, values.dtype.str[1:]) for name, values in extra.items()])
+    return columns | extra
+
+
+def _fits(values: NDArray[Any], dimension: Any) -> bool:
+    """Return whether a dimension of LAS holds values exactly."""
+    if values.ndim != 1 or values.dtype.kind not in "ui" or dimension.kind.name == "FloatingPoint":
+        return values.ndim == 1 and values.dtype == np.float64 and dimension.kind.name == "FloatingPoint"
+    if values.dtype.itemsize * 8 > max(dimension.num_bits, 8):
+        return False
+    least, most = (0, 2**dimension.num_bits - 1) if dimension.min >= 0 else (dimension.min, dimension.max)
+    return not len(values) or (int(values.min()) >= least and int(values.max()) <= most)
+
+
+def _free(name: str, taken: Mapping[str, object]) -> str:
+    """Return a name that is short enough for LAS and not taken."""
+    number, short = 1, name.encode()[:_LAS_NAME_BYTES].decode(errors="ignore")
+    while short in taken:
+        end = f"_{number}"
+        short = name.encode()[: _LAS_NAME_BYTES - len(end)].decode(errors="ignore") + end
+        number += 1
+    return short
+
+
+def _packed(cloud: Cloud) -> Cloud:
+    """Return a cloud without gaps between the fields, in little endian."""
+    return from_array(cloud.points, stamp_ns=cloud.stamp_ns, frame_id=cloud.frame_id, height=max(cloud.height, 1))
+
+
+FRAME_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], int]] = {
+    "pcd": write_pcd_frame,
+    "las": write_las_frame,
+    "laz": write_laz_frame,
+    "npz": write_npz_frame,
+}
+"""Writers by the name of the format; they return the number of points that a file cannot contain."""

@@ -1,0 +1,160 @@
+"""Frames as files: a folder with a file for each frame, or a single file."""
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from types import TracebackType
+from typing import BinaryIO, Self
+
+from seaclutter_cli import __version__
+from seaclutter_cli.cloud import Cloud
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.messages.carried import SIDECAR, to_text
+from seaclutter_cli.messages.recorded import FILTERED, RAW, RecordedTopic, recorded_topics, to_metadata
+from seaclutter_cli.records import Attachment, Channel, Message, Metadata
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.sinks.atomic_folder import AtomicFolder
+from seaclutter_cli.sinks.log import McapOptions, filtered_cloud, message_of
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.text import count
+
+TIMES = "times.txt"
+"""File in a folder of frames with the time of each frame in seconds."""
+
+_NANO = 10**9
+TOPIC = "/points"
+"""Topic of the frames when they are read again."""
+
+
+class FrameSink(AbstractContextManager["FrameSink"]):
+    """Sink that writes each frame of one topic to a file.
+
+    The names are the numbers of the frames in their recording.
+
+    Parameters
+    ----------
+    path : Path or Url
+        Target: a folder, or a file of a single frame.
+    options : McapOptions
+        What is written of a frame.
+    group : OutputGroup, optional
+        Outputs that appear together with this one.
+    write_frame : callable
+        Writes a cloud to a file, and returns the number of points that it cannot contain.
+    suffix : str
+        Suffix of the files.
+    as_is : bool, optional
+        Whether frames are written with `keep` only.
+    """
+
+    def __init__(
+        self,
+        path: Location,
+        options: McapOptions,
+        group: OutputGroup | None = None,
+        *,
+        write_frame: Callable[[BinaryIO, Cloud], int],
+        suffix: str,
+        as_is: bool = False,
+    ) -> None:
+        self._path, self._options, self._as_is = path, options, as_is
+        self._write_frame, self._suffix = write_frame, suffix
+        is_file = path.suffix.lower() == suffix
+        self._folder = None if is_file else AtomicFolder(path, group, last=SIDECAR)
+        self._file = AtomicFile(path, group) if is_file else None
+        self._metadata: list[Metadata] = []
+        self._stamps_ns: list[int] = []
+        self._first_frame = 0
+        self._others: set[str] = set()
+        self._attachments = self._points = 0
+        self._has_log_times = False
+
+    def __enter__(self) -> Self:
+        """Return the sink."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Complete the frames under their name, or remove them after an error."""
+        output = self._folder or self._file
+        if output is not None:
+            output.__exit__(kind, error, trace)
+
+    @property
+    def messages(self) -> int:
+        """Number of frames written."""
+        return len(self._stamps_ns)
+
+    @property
+    def lost(self) -> Sequence[str]:
+        """What the files cannot keep of the recording, in words."""
+        found = {
+            "log times other than stamps": self._has_log_times,
+            f"{count(self._points, 'point')} without coordinates": self._points,
+            count(len(self._others), "other topic"): self._others,
+            count(self._attachments, "attachment"): self._attachments,
+        }
+        return [name for name, is_lost in found.items() if is_lost]
+
+    def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
+        """Check that there is one topic, and keep what is known about it."""
+        topics = list(dict.fromkeys(channel.topic for channel in clouds))
+        if len(topics) > 1:
+            choices = " or ".join(f"-t {topic}" for topic in topics)
+            raise UsageError(f"{source.name}: files of frames are of one topic; choose one: {choices}")
+        known = recorded_topics(source.metadata).get(topics[0], RecordedTopic(RAW, topics[0]))
+        methods = known.methods if self._as_is else (*known.methods, self._options.method)
+        content = known.content if self._as_is else FILTERED
+        is_part = self._options.is_part or known.is_part
+        self._known = RecordedTopic(content, TOPIC, methods, is_part=is_part)
+        if not self._as_is:
+            self._metadata.append(Metadata("seaclutter", {"version": __version__, "config": self._options.config}))
+
+    def copy(self, record: Message | Attachment | Metadata) -> None:
+        """Keep a metadata record; count what is lost."""
+        if isinstance(record, Metadata):
+            self._metadata.append(record)
+        elif isinstance(record, Attachment):
+            self._attachments += 1
+        else:
+            self._others.add(record.channel.topic)
+
+    def keep(self, frame: Frame) -> None:
+        """Write a frame unchanged."""
+        self._add(frame, frame.cloud)
+
+    def write(self, result: FilterResult) -> None:
+        """Write the points of a frame that were kept."""
+        self._add(result.frame, filtered_cloud(result, self._options))
+
+    def _add(self, frame: Frame, cloud: Cloud) -> None:
+        message = message_of(frame)
+        self._has_log_times |= frame.stamp_ns != message.log_time_ns
+        if not self._stamps_ns:
+            self._first_frame = frame.index
+        elif self._file is not None:
+            raise UsageError(
+                f"{self._path}: has room for one frame only; name a folder, as in"
+                f" -o {self._path.name.removesuffix(self._suffix)} --to {self._suffix[1:]}, or add -n 1"
+            )
+        self._stamps_ns.append(frame.stamp_ns)
+        if self._file is not None:
+            self._points += self._write_frame(self._file.stream, cloud)
+        elif self._folder is not None:
+            with self._folder.open(f"{frame.index:06d}{self._suffix}") as stream:
+                self._points += self._write_frame(stream, cloud)
+
+    def end(self) -> None:
+        """Write times and metadata records."""
+        if self._folder is None:
+            return
+        self._metadata.append(to_metadata({TOPIC: replace(self._known, first_frame=self._first_frame)}))
+        if self._options.record is not None:
+            self._metadata.append(self._options.record())
+        with self._folder.open(TIMES) as file:
+            file.writelines(f"{stamp // _NANO}.{stamp % _NANO:09d}\n".encode() for stamp in self._stamps_ns)
+        with self._folder.open(SIDECAR) as file:
+            file.write(to_text(self._metadata).encode())

@@ -1,0 +1,168 @@
+"""Masks of own ship's structure by beam and azimuth: directions, with the ranges at which the structure returns.
+
+A mask is a table (CSV) with a row for each sector. Elevation and azimuth are those of a point in the cloud's frame, so
+a mask fits every cloud of the same lidar in the same place, with or without a field for the beam.
+"""
+
+import csv
+import io
+from collections.abc import Iterator
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.text import count
+
+Floats = NDArray[np.float64]
+
+_MAX_BYTES = 16 * 2**20
+_MAX_CELLS = 2**22
+_DECIMALS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Sector:
+    """A range of directions and distances that own structure occupies; lower bounds are included, upper ones not.
+
+    Parameters
+    ----------
+    elevation_min_deg, elevation_max_deg : float
+        Elevation above the plane z = 0 of the cloud.
+    azimuth_min_deg, azimuth_max_deg : float
+        Azimuth from x towards y, -180 to 180.
+    range_min_m, range_max_m : float
+        Range.
+    """
+
+    elevation_min_deg: float
+    elevation_max_deg: float
+    azimuth_min_deg: float
+    azimuth_max_deg: float
+    range_min_m: float
+    range_max_m: float
+
+    def __post_init__(self) -> None:
+        """Check the order of the limits."""
+        names = [field.name for field in fields(self)]
+        values = astuple(self)
+        if not np.isfinite(values).all():
+            raise ValueError("all values must be finite numbers")
+        for low, high in zip(range(0, 6, 2), range(1, 6, 2), strict=True):
+            if not values[low] < values[high]:
+                raise ValueError(f"{names[low]} ({values[low]:g}) must be less than {names[high]} ({values[high]:g})")
+        if self.azimuth_min_deg < -180 or self.azimuth_max_deg > 180:
+            raise ValueError("azimuths must be from -180 to 180")
+
+
+COLUMNS = tuple(field.name for field in fields(Sector))
+
+
+class StructureMask:
+    """A mask of own structure, as a grid in which each direction is found in constant time.
+
+    Parameters
+    ----------
+    sectors : sequence of Sector
+        Where they overlap, their ranges are joined.
+
+    Raises
+    ------
+    ValueError
+        If the directions need a grid of more than four million cells.
+    """
+
+    def __init__(self, sectors: tuple[Sector, ...]) -> None:
+        self.sectors = sectors
+        table = np.array([astuple(one) for one in sectors], np.float64).reshape(-1, len(COLUMNS))
+        self._elevations, self._azimuths = np.unique(table[:, :2]), np.unique(table[:, 2:4])
+        shape = max(len(self._elevations) - 1, 0), max(len(self._azimuths) - 1, 0)
+        if shape[0] * shape[1] > _MAX_CELLS:
+            raise ValueError(f"{count(len(sectors), 'sector')} with too many different limits")
+        self._nearest, self._farthest = np.full(shape, np.inf), np.full(shape, -np.inf)
+        rows = np.searchsorted(self._elevations, table[:, :2])
+        columns = np.searchsorted(self._azimuths, table[:, 2:4])
+        for (top, bottom), (left, right), (near, far) in zip(rows, columns, table[:, 4:], strict=True):
+            cells = np.s_[top:bottom, left:right]
+            self._nearest[cells] = np.minimum(self._nearest[cells], near)
+            self._farthest[cells] = np.maximum(self._farthest[cells], far)
+
+    def contains(self, xyz: Floats, range_m: Floats) -> NDArray[np.bool_]:
+        """Return whether points belong to own structure.
+
+        Parameters
+        ----------
+        xyz : ndarray, shape (3, N), float64
+            Coordinates in metres.
+        range_m : ndarray, shape (N,), float64
+            Ranges in metres.
+        """
+        inside = np.zeros(len(range_m), np.bool_)
+        if not self.sectors:
+            return inside
+        near = np.flatnonzero(range_m < self._farthest.max())
+        row = np.searchsorted(self._elevations, elevation_deg(xyz[:, near], range_m[near]), "right") - 1
+        column = np.searchsorted(self._azimuths, azimuth_deg(xyz[:, near]), "right") - 1
+        known = (row >= 0) & (row < len(self._nearest)) & (column >= 0) & (column < self._nearest.shape[1])
+        near, cell = near[known], (row[known], column[known])
+        inside[near] = (range_m[near] >= self._nearest[cell]) & (range_m[near] < self._farthest[cell])
+        return inside
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Return the mask in a file.
+
+        Raises
+        ------
+        ConfigError
+            If the file cannot be read or is not a mask; names the line.
+        """
+        try:
+            with path.open(encoding="utf-8", newline="") as file:
+                text = file.read(_MAX_BYTES + 1)
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "not UTF-8 text"
+            raise ConfigError(f"filter.mask: {path}: cannot be read ({reason})") from error
+        if len(text) > _MAX_BYTES:
+            raise ConfigError(f"filter.mask: {path}: has more than {_MAX_BYTES:,} characters")
+        try:
+            return cls(tuple(_sectors(text)))
+        except (ValueError, csv.Error) as error:
+            raise ConfigError(f"filter.mask: {path}: {error}") from error
+
+    def as_csv(self) -> str:
+        """Return the text of a file for `load`."""
+        out = io.StringIO()
+        write = csv.writer(out, lineterminator="\n")
+        write.writerow(COLUMNS)
+        write.writerows([f"{value:.{_DECIMALS}f}" for value in astuple(one)] for one in self.sectors)
+        return out.getvalue()
+
+
+def _sectors(text: str) -> Iterator[Sector]:
+    rows = csv.reader(io.StringIO(text))
+    head = next(rows, [])
+    if sorted(head) != sorted(COLUMNS):
+        raise ValueError(f"line 1: must have the columns {', '.join(COLUMNS)}")
+    for row in rows:
+        try:
+            if len(row) != len(head):
+                raise ValueError(f"must have {len(head)} values, has {len(row)}")  # noqa: TRY301 - gets its line
+            yield Sector(**{name: float(value) for name, value in zip(head, row, strict=True)})
+        except ValueError as error:
+            raise ValueError(f"line {rows.line_num}: {error}") from error
+
+
+def elevation_deg(xyz: Floats, range_m: Floats) -> Floats:
+    """Return the elevation of points above the plane z = 0, shape (N,); 0 at the origin."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.degrees(np.arcsin(np.clip(np.where(range_m > 0, xyz[2] / range_m, 0), -1, 1))))
+
+
+def azimuth_deg(xyz: Floats) -> Floats:
+    """Return the azimuth of points from x towards y, shape (N,), in [-180, 180)."""
+    azimuth = np.degrees(np.arctan2(xyz[1], xyz[0]))
+    return np.asarray(np.where(azimuth == 180, -180.0, azimuth))

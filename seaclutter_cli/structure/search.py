@@ -1,0 +1,222 @@
+"""Search for own ship's structure: what returns in the same direction at the same range while the scene changes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.structure.grid import BeamGrid
+from seaclutter_cli.structure.mask import Floats, Sector, StructureMask
+from seaclutter_cli.water import WaterTracker
+
+STEP_M = 0.08
+"""Depth of a cell; a structure returns within two of them."""
+_MARGIN_M = 0.1
+_STRONG, _WEAK = 0.8, 0.25
+"""Shares of the frames in which a cell returns: of structure, and of its edges."""
+_ABOVE_WATER_M = 0.3
+_FAR_STEP_M, _FAR_M = 1.0, 100.0
+_HIGH_M = 1.0
+_MIN_FAR_CELLS = 20
+_AT_REST = 0.25
+MIN_FRAMES = 20
+_DECIMALS = 3
+_BESIDE_BINS = 13
+_GOES_ON, _MOST_ONGOING = 0.15, 0.3
+"""Share of the frames in which a wall returns beside a part of it, and share of a part's borders at which it may."""
+
+
+@dataclass(frozen=True)
+class FoundStructure:
+    """Result of a search.
+
+    Parameters
+    ----------
+    mask : StructureMask
+        Own structure; without sectors if there is none, or the vessel is at rest.
+    frames : int
+        Number of frames.
+    share : float
+        Share of the directions in which the lidar measures that the structure occupies.
+    at_rest : float or None
+        Share of the returns farther away that are constant as well; None if there are too few to tell.
+    """
+
+    mask: StructureMask
+    frames: int
+    share: float
+    at_rest: float | None
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether so much of the surroundings is constant that the vessel did not move."""
+        return self.at_rest is not None and self.at_rest >= _AT_REST
+
+
+class StructureSearch:
+    """Counter of the frames in which each cell of direction and range returns.
+
+    Parameters
+    ----------
+    reach_m : float
+        Range up to which structure is searched.
+
+    Notes
+    -----
+    1. *Cells*: beam (a ring, or 1° of elevation), 1° of azimuth, 8 cm of range. Two neighbours in range count as one,
+       so that noise across a border does not matter.
+    2. *Structure*: cells that return in at least 80 % of the frames and touch another such cell; and around them, those
+       that return in 25 %, which are the edges.
+    3. *Water* of a calm day returns at constant ranges as well, so cells less than 0.3 m above the mean water do not
+       count.
+    4. *Walls* that the vessel passes are constant where the beams meet them squarely. They go on beside that, at ranges
+       that change; own structure ends. Parts that go on are left out.
+    5. *Rest*: if at least a quarter of the cells farther away and well above the water are as constant (within 1 m),
+       the vessel did not move. What is constant may then be a quay.
+    """
+
+    def __init__(self, reach_m: float) -> None:
+        self._reach_m, self._frames = reach_m, 0
+        self._bins = int(np.ceil(reach_m / STEP_M))
+        self._far_bins = int(np.ceil((_FAR_M - reach_m) / _FAR_STEP_M)) if reach_m < _FAR_M else 0
+        self._grid: BeamGrid | None = None
+        self._water, self._planes = WaterTracker(), np.zeros(4)
+
+    def add(self, frame: Frame) -> None:
+        """Add a frame."""
+        if self._grid is None:
+            if not frame.valid.any():
+                return
+            self._grid = BeamGrid.of(frame)
+            directions = self._grid.size
+            self._counts = np.zeros((directions, self._bins), np.uint32)
+            self._far = np.zeros((directions, self._far_bins), np.uint32)
+        xyz = frame.coordinates[:, frame.valid]
+        range_m, direction = frame.range_m[frame.valid], self._grid.directions(frame)
+        self._frames += 1
+        _count(self._counts, direction, range_m / STEP_M)
+        _count(self._far, direction, (range_m - self._reach_m) / _FAR_STEP_M)
+        surface = self._water.step(xyz, frame.stamp_ns / 1e9)
+        if surface is not None:
+            plane = surface.plane
+            self._planes += (1, plane.slope_x, plane.slope_y, plane.level_m)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames with points."""
+        return self._frames
+
+    def found(self) -> FoundStructure:
+        """Return what the frames so far show."""
+        nothing = StructureMask(())
+        if self._grid is None or self._frames < MIN_FRAMES:
+            return FoundStructure(nothing, self._frames, 0.0, None)
+        at_rest = self._rest(self._grid)
+        seen = int(np.count_nonzero(self._counts.any(axis=1) | self._far.any(axis=1)))
+        sectors = [] if at_rest is not None and at_rest >= _AT_REST else self._sectors(self._grid)
+        return FoundStructure(StructureMask(tuple(sectors)), self._frames, len(sectors) / max(seen, 1), at_rest)
+
+    def _sectors(self, grid: BeamGrid) -> list[Sector]:
+        constant = self._counts.max(axis=1) >= _STRONG * self._frames
+        rows = np.flatnonzero(grid.unfolded(constant).any(axis=(1, 2)))
+        if not len(rows):
+            return []
+        part = grid.between(max(int(rows[0]) - 1, 0), int(rows[-1]) + 2)
+        share = (part.of_rows(self._counts, grid) / np.float32(self._frames)).astype(np.float32)
+        share[self._height(part, (np.arange(self._bins) + 0.5) * STEP_M) < _ABOVE_WATER_M] = 0
+        cells = part.unfolded(share)
+        parts = _connected(cells >= _STRONG, cells >= _WEAK)
+        parts[~_ends_within(parts, cells)[parts]] = 0
+        return _sectors(part, parts > 0)
+
+    def _height(self, grid: BeamGrid, range_m: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return the height above the mean water of each direction and range; infinite without water."""
+        number, *sums = self._planes
+        if not number:
+            return np.full((grid.size, len(range_m)), np.inf, np.float32)
+        slope_x, slope_y, level_m = np.array(sums) / number
+        x, y, z = grid.centers
+        rise = (z - slope_x * x - slope_y * y).astype(np.float32)
+        return np.asarray(rise[:, None] * range_m.astype(np.float32) - np.float32(level_m))
+
+    def _rest(self, grid: BeamGrid) -> float | None:
+        """Return the share of the cells beyond the reach, well above the water, that are constant."""
+        range_m = self._reach_m + (np.arange(self._far_bins) + 0.5) * _FAR_STEP_M
+        high = self._height(grid, range_m) >= _HIGH_M
+        frames = float(self._far[high].sum()) / self._frames  # the mean number of cells that return in a frame
+        if frames < _MIN_FAR_CELLS:
+            return None
+        constant = float(self._far[high & (self._far >= _STRONG * self._frames)].sum()) / self._frames
+        return constant / frames
+
+
+def _count(counts: NDArray[np.uint32], direction: NDArray[np.int64], depth: Floats) -> None:
+    """Count each cell that has a return in a frame, together with the cell before it, once."""
+    cells = counts.shape[1]
+    with np.errstate(invalid="ignore"):
+        inside = (depth >= 0) & (depth < cells)
+    flat = direction[inside] * cells + depth[inside].astype(np.int64)
+    before = flat[flat % cells > 0] - 1
+    counts.reshape(-1)[np.unique(np.concatenate((flat, before)))] += 1
+
+
+def _connected(strong: NDArray[np.bool_], weak: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the part of each weak cell, (rows, columns, bins): those connected to strong ones with a strong neighbour.
+
+    Parts are numbered from 1; other cells have 0. Columns go round.
+    """
+    around = np.ones((3, 3, 3))
+    wrapped = np.concatenate((strong[:, -1:], strong, strong[:, :1]), axis=1)
+    neighbors = ndimage.convolve(wrapped.astype(np.uint8), around.astype(np.uint8), mode="constant")[:, 1:-1]
+    across = np.zeros((3, 3, 3), np.uint8)  # in the same direction, noise alone makes neighbours
+    across[1, 1] = 1
+    own = ndimage.convolve(strong.astype(np.uint8), across, mode="constant")
+    seeds = strong & (neighbors > own)
+    labels, number = ndimage.label(weak, around)
+    keep = np.zeros(number + 1, np.bool_)
+    keep[labels[seeds]] = True
+    # Parts that the border between -180° and 180° separates belong together.
+    for _ in range(2):
+        for first, last in ((labels[:, 0], labels[:, -1]), (labels[:, -1], labels[:, 0])):
+            near = ndimage.maximum_filter(keep[first] & (first > 0), 3)
+            keep[last[near & (last > 0)]] = True
+    keep[0] = False
+    return np.where(keep[labels], labels, 0)
+
+
+def _ends_within(parts: NDArray[np.int64], share: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return for each part whether it ends at the directions beside it, instead of going on at changing ranges.
+
+    Parameters
+    ----------
+    parts : ndarray, shape (rows, columns, bins), int64
+        Part of each cell, from 1; 0 for none.
+    share : ndarray, shape (rows, columns, bins), float32
+        Share of the frames in which each cell returns.
+    """
+    near = ndimage.uniform_filter1d(share, _BESIDE_BINS, axis=2, mode="constant") * (_BESIDE_BINS / 2)
+    occupied = (parts > 0).any(axis=2)
+    borders, ongoing = np.zeros(parts.max() + 1), np.zeros(parts.max() + 1)
+    for step in (-1, 1):
+        outside = ~np.roll(occupied, -step, axis=1)
+        at_border = (parts > 0) & outside[:, :, None]
+        numbers = parts[at_border]
+        borders += np.bincount(numbers, minlength=len(borders))
+        goes_on = np.roll(near, -step, axis=1)[at_border] >= _GOES_ON
+        ongoing += np.bincount(numbers[goes_on], minlength=len(borders))
+    return ongoing <= _MOST_ONGOING * borders
+
+
+def _sectors(grid: BeamGrid, cells: NDArray[np.bool_]) -> list[Sector]:
+    """Return a sector for each run of ranges of each direction."""
+    found = []
+    for row, column in zip(*np.nonzero(cells.any(axis=2)), strict=True):
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], cells[row, column], [False]))))
+        limits = grid.limits(int(row), int(column))
+        # A cell counts the returns in the next one, too.
+        spans = [(first * STEP_M - _MARGIN_M, (last + 1) * STEP_M + _MARGIN_M) for first, last in edges.reshape(-1, 2)]
+        near, far = max(spans[0][0], 0.0), spans[-1][1]
+        found.append(Sector(*(round(float(value), _DECIMALS) for value in (*limits, near, far))))
+    return found

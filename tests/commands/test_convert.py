@@ -1,0 +1,317 @@
+"""The command convert, and what filter and convert share: parts, other topics, formats, --resume, -j."""
+
+import json
+from contextlib import closing
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.commands import cli
+from seaclutter_cli.messages import CODECS
+from seaclutter_cli.messages.recorded import recorded_topics
+from seaclutter_cli.pipeline import frames
+from seaclutter_cli.records import Message
+from seaclutter_cli.selection import Selection
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
+from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.recordings import find_recordings
+from tests.logs import Entry, Extra, Topic, cloud_messages, cloud_topic, write_log
+
+START_NS = 1_700_000_000 * 10**9
+TEXT = ("std_msgs/msg/String", "ros2msg", b"string data\n")
+FORMS = pytest.mark.parametrize("form", OUTPUT_FORMATS)
+LOG_FORMS = pytest.mark.parametrize("form", [name for name, kind in OUTPUT_FORMATS.items() if kind.has_topics])
+
+
+def run(*arguments, exit_code=0):
+    result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
+    assert result.exit_code == exit_code, result.output
+    return result
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def text(word):
+    return bytes((0, 1, 0, 0)) + (len(word) + 1).to_bytes(4, "little") + word.encode() + b"\0"
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """Return a log of two seconds with clouds, texts, and static transforms at its beginning."""
+    topics = [cloud_topic("/points"), Topic("/text", "cdr", TEXT), Topic("/tf_static", "cdr", TEXT)]
+    topics.append(Topic("/camera/info", "json", None))
+    entries = [Entry("/tf_static", START_NS, text("static")), Entry("/camera/info", START_NS, b"{}")]
+    for number, data in enumerate(cloud_messages("ros2", 20, 50)):
+        entries.append(Entry("/points", START_NS + number * 10**8, data, sequence=number))
+        entries.append(Entry("/text", START_NS + number * 10**8 + 1, text(f"{number}")))
+    path = tmp_path_factory.mktemp("logs") / "trial.mcap"
+    return write_log(path, topics, entries, extras=[Extra("notes.txt", data=b"x")])
+
+
+def target_of(folder, form):
+    return folder / ("out" + ("" if OUTPUT_FORMATS[form].is_folder else OUTPUT_FORMATS[form].suffix))
+
+
+def topics_in(path):
+    with closing(open_source(path)) as source:
+        found = [record.channel.topic for record in source.records() if isinstance(record, Message)]
+        return {topic: found.count(topic) for topic in found}
+
+
+def indices(path):
+    with closing(open_source(path)) as source:
+        return [frame.index for frame in frames(source, Selection())]
+
+
+@LOG_FORMS
+def test_all_topics_are_converted(log, tmp_path, form):
+    run("convert", log, "-o", target_of(tmp_path, form), "--to", form)
+    expected = {"/points": 20, "/text": 20, "/tf_static": 1}
+    assert topics_in(target_of(tmp_path, form)) == expected | ({"/camera/info": 1} if form == "mcap" else {})
+
+
+@FORMS
+def test_what_is_lost_is_said_in_one_line(log, tmp_path, form):
+    result = run("convert", log, "-o", target_of(tmp_path, form), "--to", form)
+    lost = {
+        "mcap": None,
+        "bag": "1 attachment, sequence numbers, /camera/info (its messages have no definition)",
+        "rosbag2-db3": "1 attachment, sequence numbers, /camera/info (its messages have no definition)",
+        "rosbag2-mcap": "/camera/info (its messages have no definition)",
+        "las": "log times other than stamps, 500 points without coordinates, 3 other topics, 1 attachment",
+        "laz": "log times other than stamps, 500 points without coordinates, 3 other topics, 1 attachment",
+    }.get(form, "log times other than stamps, 3 other topics, 1 attachment")
+    lines = [line for line in result.stderr.splitlines() if "Warning" in line]
+    assert [line.partition(": ")[2].partition(" cannot keep: ")[2] for line in lines] == ([lost] if lost else [])
+
+
+@FORMS
+@pytest.mark.parametrize("command", ["convert", "filter"])
+def test_clips_keep_frame_numbers(log, tmp_path, form, command):
+    target = target_of(tmp_path, form)
+    run(command, log, "-o", target, "--to", form, "--start", "0.5", "--end", "1.05")
+    assert indices(target) == [5, 6, 7, 8, 9, 10]
+    again = tmp_path / "again.mcap"
+    run("convert", target, "-o", again, "--start", "0.2")
+    assert indices(again) == [7, 8, 9, 10]
+
+
+@LOG_FORMS
+def test_clips_keep_latched_messages(log, tmp_path, form):
+    target = target_of(tmp_path, form)
+    run("convert", log, "-o", target, "--to", form, "--start", "2023-11-14T22:13:21Z", "-n", "2")
+    assert topics_in(target) == {"/tf_static": 1, "/points": 2, "/text": 2}
+
+
+@FORMS
+def test_an_empty_clip_is_refused(log, tmp_path, form):
+    result = run("convert", log, "-o", target_of(tmp_path, form), "--to", form, "--start", "90", exit_code=2)
+    assert "no recording has a frame in the selected time" in result.stderr or "no frames from 90 s" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@FORMS
+@pytest.mark.parametrize("command", ["convert", "filter"])
+def test_resume_and_force(log, tmp_path, form, command):
+    target = target_of(tmp_path, form)
+    arguments = [command, log, "-o", target, "--to", form]
+    run(*arguments)
+    before = contents(target)
+    assert "already exists; use --force" in run(*arguments, exit_code=2).stderr
+    assert "skipped, the output was complete" in run(*arguments, "--resume").output
+    assert contents(target) == before
+    result = run(*arguments, "--resume", "-n", "3", "-q")
+    assert "Traceback" not in result.output
+    assert len(indices(target)) == 3
+    run(*arguments, "--force")
+    assert {name: data for name, (data, _) in contents(target).items()} == {n: d for n, (d, _) in before.items()}
+
+
+def contents(path):
+    files = [path] if path.is_file() else sorted(path.iterdir())
+    return {file.name: (file.read_bytes(), file.stat().st_mtime_ns) for file in files}
+
+
+@FORMS
+def test_several_recordings_in_processes_give_the_same_bytes(log, tmp_path, form):
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.mcap").write_bytes(log.read_bytes())
+    for jobs in ("1", "2"):
+        run("convert", tmp_path / "a.mcap", tmp_path / "b.mcap", "-o", f"{tmp_path}/{jobs}/", "--to", form, "-j", jobs)
+    trees = [
+        {
+            file.relative_to(tmp_path / jobs): file.read_bytes()
+            for file in (tmp_path / jobs).rglob("*")
+            if file.is_file()
+        }
+        for jobs in "12"
+    ]
+    assert trees[0] == trees[1]
+    assert len(trees[0]) >= 2
+
+
+@LOG_FORMS
+def test_parts_are_one_recording(log, tmp_path, form):
+    """By duration, parts begin at multiples of it; each records the number of its first frame."""
+    target = target_of(tmp_path, form)
+    run("convert", log, "-o", target, "--to", form, "--split", "0.5s")
+    if OUTPUT_FORMATS[form].is_folder:
+        path = target
+        parts = sorted(one for one in target.iterdir() if one.name != "metadata.yaml")
+    else:
+        parts = sorted(tmp_path.iterdir())
+        path = None
+    assert [part.name.rpartition(".")[0] for part in parts] == [f"out_{number}" for number in range(4)]
+    assert [indices(part) for part in parts] == [list(range(at, at + 5)) for at in (0, 5, 10, 15)]
+    if path is None:
+        (recording,) = find_recordings([str(tmp_path)])
+        with closing(recording.open()) as source:
+            assert [frame.index for frame in frames(source, Selection())] == list(range(20))
+    else:
+        assert indices(path) == list(range(20))
+
+
+def test_parts_by_size(log, tmp_path):
+    run("filter", log, "-o", tmp_path / "out.mcap", "--split", "5kB", "--keep-raw", "-m", "none")
+    parts = sorted(tmp_path.iterdir(), key=lambda path: int(path.stem.partition("_")[2]))
+    assert len(parts) > 3
+    with closing(open_source(parts[1])) as source:
+        recorded = recorded_topics(source.metadata)
+        first = next(frames(source, Selection(topics=["/points"])))
+    assert first.index == recorded["/points"].first_frame == recorded["/points/filtered"].first_frame > 0
+    assert sum(topics_in(part).get("/points", 0) for part in parts) == 20
+
+
+def test_fewer_parts_leave_none_of_an_earlier_run(log, tmp_path):
+    run("convert", log, "-o", tmp_path / "out.bag", "--split", "0.3s")
+    assert len(list(tmp_path.iterdir())) == 7
+    result = run("convert", log, "-o", tmp_path / "out.bag", "--split", "1s", exit_code=2)
+    assert "out_0.bag: already exists" in result.stderr
+    run("convert", log, "-o", tmp_path / "out.bag", "--split", "1s", "--force")
+    assert (names(tmp_path)) == ["out_0.bag", "out_1.bag"]
+
+
+def test_parts_of_an_earlier_run_are_refused(log, tmp_path):
+    (tmp_path / "out_3.bag").write_bytes(b"mine")
+    result = run("convert", log, "-o", tmp_path / "out.bag", "--split", "1s", exit_code=2)
+    assert "out_3.bag: already exists" in result.stderr
+    assert names(tmp_path) == ["out_3.bag"]
+
+
+def test_a_failed_run_leaves_no_part(log, tmp_path):
+    result = run("filter", log, "-o", tmp_path / "out.bag", "--split", "0.3s", "--intensity-field", "none", exit_code=1)
+    assert "none" in result.stderr
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("form", ["rosbag2-db3", "rosbag2-mcap", "pcd"])
+def test_a_failed_run_leaves_no_folder(log, tmp_path, form):
+    run("filter", log, "-o", tmp_path / "out", "--to", form, "--intensity-field", "none", exit_code=1)
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "kept"),
+    [
+        (["--include", "^/t"], {"/text", "/tf_static"}),
+        (["--include", "text", "--include", "camera"], {"/text", "/camera/info"}),
+        (["--exclude", "^/t"], {"/camera/info"}),
+        (["--include", "^/t", "--exclude", "static$"], {"/text"}),
+    ],
+)
+def test_other_topics_by_regular_expression(log, tmp_path, options, kept):
+    run("filter", log, "-o", tmp_path / "out.mcap", "--no-diagnostics", *options)
+    assert set(topics_in(tmp_path / "out.mcap")) == {"/points", *kept}
+    run("convert", log, "-o", tmp_path / "other.mcap", "-t", "/points", *options)
+    assert set(topics_in(tmp_path / "other.mcap")) == {"/points", *kept}
+    with closing(open_source(tmp_path / "out.mcap")) as source:
+        assert {channel.topic for channel in source.channels} == {"/points", *kept}
+
+
+def test_convert_without_a_topic_chooses_clouds_too(log, tmp_path):
+    run("convert", log, "-o", tmp_path / "out.bag", "--include", "text")
+    assert topics_in(tmp_path / "out.bag") == {"/text": 20}
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        (["--include", "("], "not a regular expression"),
+        (["--split", "7"], "expected a size such as 2GB, or a duration such as 10min"),
+        (["--split", "0s"], "expected a size"),
+        (["--to", "pcd", "--split", "1s"], "--split: PCD files have no topics"),
+        (["--to", "bag", "--compression", "zstd"], "--compression: ROS 1 bags have lz4, none"),
+        (["--to", "rosbag2-db3", "--compression", "lz4"], "ROS 2 recordings in sqlite3 have none"),
+    ],
+)
+def test_wrong_options(log, tmp_path, options, problem):
+    assert problem in run("convert", log, "-o", tmp_path / "out", *options, exit_code=2).stderr
+    assert names(tmp_path) == []
+
+
+def test_frames_have_no_topics(log, tmp_path):
+    result = run("filter", log, "-o", tmp_path / "out", "--to", "npz", "--keep-raw", "--with-scene", exit_code=2)
+    assert "--keep-raw, --with-scene: NPZ files have no topics" in result.stderr
+
+
+def test_a_file_of_one_frame(log, tmp_path):
+    result = run("convert", log, "-o", tmp_path / "out.pcd", exit_code=2)
+    assert "has room for one frame only; name a folder, as in -o out --to pcd, or add -n 1" in result.stderr
+    assert names(tmp_path) == []
+    run("convert", log, "-o", tmp_path / "out.pcd", "-n", "1")
+    assert names(tmp_path) == ["out.pcd"]
+
+
+def test_a_folder_of_something_else_is_not_replaced(log, tmp_path):
+    mine = tmp_path / "trial" / "mine.txt"
+    mine.parent.mkdir()
+    mine.write_text("mine")
+    result = run("convert", log, "-o", f"{tmp_path}/", "--to", "pcd", "--force", exit_code=2)
+    assert "trial: is a folder of something else" in result.stderr
+    assert mine.read_text() == "mine"
+
+
+def test_an_output_does_not_replace_its_input(log, tmp_path):
+    run("convert", log, "-o", tmp_path / "out", "--to", "rosbag2-db3")
+    for name in ("out", "out/out_0.db3"):
+        result = run("convert", tmp_path / name, "-o", tmp_path / "out", "--to", "rosbag2-db3", "--force", exit_code=2)
+        assert "the input, LOGS" in result.stderr
+
+
+def test_an_existing_folder_holds_the_outputs(log, tmp_path):
+    (tmp_path / "all").mkdir()
+    run("convert", log, "-o", tmp_path / "all", "--to", "rosbag2-mcap")
+    assert (names(tmp_path / "all" / "trial")) == ["metadata.yaml", "trial_0.mcap"]
+
+
+def test_json_and_manifest(log, tmp_path):
+    result = run(
+        "convert", log, "-o", tmp_path / "out.bag", "--json", "--manifest", tmp_path / "runs.json", "-t", "/points"
+    )
+    (found,) = json.loads(result.stdout)["results"] if "results" in result.stdout else json.loads(result.stdout)
+    assert (found["format"], found["messages"], found["topics"]) == (
+        "bag",
+        41,
+        {"/points": {"frames": 20, "points": 1000}},
+    )
+    assert found["lost"][0] == "1 attachment"
+    (row,) = json.loads((tmp_path / "runs.json").read_text())
+    assert (row["frames"], row["points_in"], row["points_out"]) == (20, 1000, 1000)
+
+
+def test_organised_clouds_keep_their_shape(tmp_path):
+    points = np.zeros(12, [("x", "f4"), ("y", "f4"), ("z", "f4"), ("intensity", "f4"), ("echo", "u2", 2)])
+    points["x"] = np.arange(12)
+    points["echo"] = np.arange(24).reshape(12, 2)
+    data = CODECS["sensor_msgs/msg/PointCloud2", "cdr"].encode(from_array(points, stamp_ns=START_NS, height=3))
+    log = write_log(tmp_path / "a.mcap", [cloud_topic("/points")], [Entry("/points", START_NS, data)])
+    for form in ("pcd", "npz"):
+        run("convert", log, "-o", tmp_path / f"out.{form}")
+        with closing(open_source(tmp_path / f"out.{form}")) as source:
+            (frame,) = frames(source, Selection())
+            assert (frame.cloud.height, frame.cloud.width) == (3, 4)
+            np.testing.assert_array_equal(frame.cloud.points["echo"], points["echo"])

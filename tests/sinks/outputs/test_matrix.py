@@ -1,0 +1,118 @@
+"""Every input format to every output format and back: points, fields, times and counts."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.runs.convert import ConvertOptions, convert_logs
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
+from seaclutter_cli.sources import SOURCES
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from tests.fuzz.formats import FORMATS
+from tests.sinks.outputs.reading import READERS, Read, by_this_program
+
+INPUTS = {
+    "mcap zstd": "log.mcap",
+    "mcap unchunked": "log.mcap",
+    "mcap ros1": "log.mcap",
+    "mcap protobuf": "log.mcap",
+    "mcap json": "log.mcap",
+    "mcap packets": "log.mcap",
+    "bag": "log.bag",
+    "bag lz4": "log.bag",
+    "rosbag2 db3": "log",
+    "rosbag2 message zstd": "log",
+    "rosbag2 file zstd": "log",
+    "rosbag2 mcap": "log",
+    "pcap robosense": "log.pcap",
+    "pcap hesai": "log.pcap",
+    "pcap velodyne": "log.pcap",
+    "pcap ouster": "log.pcap",
+    "pcd binary": "log",
+    "ply": "log",
+    "las frames": "log",
+    "laz frames": "log",
+    "kitti bin": "log",
+    "npy": "log",
+    "npz": "log",
+    "csv frames": "log",
+}
+RESOLUTION_M = {"las": 0.5e-4, "laz": 0.5e-4}
+
+
+def test_every_format_is_in_the_matrix():
+    assert READERS.keys() == OUTPUT_FORMATS.keys()
+    assert {name.split()[0] for name in INPUTS} >= {"mcap", "bag", "rosbag2", "pcap"}
+    assert set(SOURCES) == {"mcap", "bag", "db3", "capture"}
+    frames = {"kitti bin": ".bin", "csv frames": ".csv"}
+    assert {frames.get(name, "." + name.split()[0]) for name in INPUTS} >= set(FRAME_READERS)
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """Return a function that gives the path and the frames of an input, which is written once."""
+    known = {}
+
+    def find(name):
+        if name not in known:
+            folder = tmp_path_factory.mktemp("input")
+            FORMATS[name].write(folder)
+            known[name] = folder / INPUTS[name], by_this_program(folder / INPUTS[name])
+        return known[name]
+
+    return find
+
+
+def convert(path, target, form):
+    result = convert_logs(path, target, ConvertOptions(to=form))
+    (outcome,) = result.outcomes
+    assert outcome.error is None
+    assert all("/imu" in item.problem for item in outcome.damage)  # of random bytes, which have no translation
+    return outcome
+
+
+@pytest.mark.parametrize("form", OUTPUT_FORMATS)
+@pytest.mark.parametrize("name", INPUTS)
+def test_there_and_back(name, form, inputs, tmp_path):
+    path, expected = inputs(name)
+    target = tmp_path / f"out_{form}{'' if OUTPUT_FORMATS[form].is_folder else OUTPUT_FORMATS[form].suffix}"
+    outcome = convert(path, target, form)
+    assert outcome.frames == len(expected)
+    assert outcome.points_in == sum(len(frame.columns["x"]) for frame in expected)
+    check(form, by_this_program(target), expected)
+    if not (form == "mcap" and name in ("mcap protobuf", "mcap json")):  # kept as they are
+        check(form, READERS[form](target), expected)
+    convert(target, tmp_path / "back.mcap", "mcap")
+    check(form, by_this_program(tmp_path / "back.mcap"), expected)
+
+
+def check(form, found, expected):
+    assert len(found) == len(expected)
+    for one, other in zip(found, expected, strict=True):
+        check_frame(form, one, other)
+
+
+def check_frame(form: str, found: Read, expected: Read) -> None:
+    assert found.stamp_ns == expected.stamp_ns
+    if OUTPUT_FORMATS[form].has_topics:
+        assert found.time_ns == expected.time_ns
+        assert list(found.columns) == list(expected.columns)
+    kept = np.ones(len(expected.columns["x"]), bool)
+    if form in RESOLUTION_M:
+        kept = np.all([np.isfinite(expected.columns[axis]) for axis in "xyz"], axis=0)
+    for name, values in expected.columns.items():
+        stored = column(found.columns, name, values)
+        if form in RESOLUTION_M and name in "xyz":
+            resolution = max(RESOLUTION_M[form], 5 * np.ptp(values[kept]) / 4e9)
+            np.testing.assert_allclose(stored, values[kept], rtol=1e-9, atol=1.01 * resolution)
+        else:
+            assert stored.dtype.newbyteorder("=") == values.dtype.newbyteorder("=")
+            np.testing.assert_array_equal(stored, values[kept])
+
+
+def column(columns, name, values):
+    """Return a field; LAS stores some under other names, and LAS and pypcd4 each of several values by itself."""
+    name = f"original_{name}" if f"original_{name}" in columns else name
+    if name in columns:
+        return columns[name]
+    parts = [[f"{name}_{number}", f"{name}__{number:04d}"] for number in range(values.shape[1])]
+    return np.stack([next(columns[one] for one in names if one in columns) for names in parts], axis=1)
