@@ -19,4 +19,5 @@ def test_a_limited_address_space_is_no_error(error, monkeypatch):
     keep_freed_memory.cache_clear()
     keep_freed_memory()
     keep_freed_memory()
-    assert asked == [16 * 2**20]
+    (size,) = asked
+    assert size >= 2**20
