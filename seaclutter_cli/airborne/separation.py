@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.following import CellDetails
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.squares import Echoes, Squares, echoes_of
 from seaclutter_cli.airborne.strips import Column, strips_of
-from seaclutter_cli.airborne.surface import CALM_M, SeaSurfaceModel, SurfaceParams
+from seaclutter_cli.airborne.surface import CALM_M, RoughWater, SeaSurfaceModel, SeparationParams, SurfaceParams
+from seaclutter_cli.airborne.waves import Waves
 from seaclutter_cli.errors import InputError
 
-NEVER, OTHER, WATER = 0, 1, 9
-"""ASPRS classes: never classified (points without finite coordinates), unclassified, water."""
+NEVER, OTHER, GROUND, WATER = 0, 1, 2, 9
+"""ASPRS classes: never classified (points without finite coordinates), unclassified, ground, water."""
 _FARTHEST_M = 1e12
 
 
@@ -113,15 +115,15 @@ def separate(
         grid.add(xyz[:, _located(xyz)])
     if not grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
-    surface = SeaSurfaceModel(grid, params)
-    if surface.is_rough:
-        return _rough(parts, surface, column)
+    surface = SeaSurfaceModel(grid, params, lambda squares, top: _echoes(parts, grid, squares, top, column))
+    if surface.waves is not None and surface.is_rough:
+        return _rough(parts, surface, surface.waves, column)
     found = [_classes(xyz, surface) for xyz in parts]
     classification, height = (np.concatenate(values) for values in zip(*found, strict=True))
     return Separation(classification, height, surface.cells, SeaState.of(surface))
 
 
-def _rough(parts: Iterable[NDArray[np.float64]], whole: SeaSurfaceModel, column: Column) -> Separation:
+def _rough(parts: Iterable[NDArray[np.float64]], whole: SeaSurfaceModel, waves: Waves, column: Column) -> Separation:
     """Return the separation of rough water, strip by strip: where strips overlap, they show it at two moments."""
     intensity, strip = column("intensity"), strips_of(column)
     points = sum(xyz.shape[1] for xyz in parts)
@@ -134,7 +136,7 @@ def _rough(parts: Iterable[NDArray[np.float64]], whole: SeaSurfaceModel, column:
         for xyz in selected:
             grid.add(xyz[:, _located(xyz)])
         details = _details(selected, grid, None if intensity is None else intensity[own])
-        surface = SeaSurfaceModel(grid, whole.params, details, whole.waves)
+        surface = SeaSurfaceModel(grid, whole.params, rough=RoughWater(waves, whole.land_by_block, details))
         found = [_classes(xyz, surface) for xyz in selected]
         classification[own], height[own] = (np.concatenate(values) for values in zip(*found, strict=True))
         surfaces.append(surface)
@@ -167,7 +169,28 @@ def _classes(xyz: NDArray[np.float64], surface: SeaSurfaceModel) -> tuple[NDArra
     limit = np.full(len(finite), surface.params.threshold_m)
     height[finite], limit[finite] = surface.heights(xyz if finite.all() else xyz[:, finite])
     classes = np.where(height > limit, OTHER, WATER)
+    if isinstance(surface.params, SeparationParams) and surface.params.land == "class2":
+        classes[finite] = np.where(surface.is_ground(xyz[:, finite]), GROUND, classes[finite])
     return np.where(finite, classes, NEVER).astype(np.uint8), height.astype(np.float32)
+
+
+def _echoes(
+    parts: Iterable[NDArray[np.float64]],
+    grid: ElevationGrid,
+    squares: Squares,
+    top: NDArray[np.float64],
+    column: Column,
+) -> Echoes:
+    """Return the echoes of squares that are no higher than ``top``, the elevation of each cell."""
+
+    def located() -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+        for xyz in parts:
+            used = _located(xyz)
+            cell = np.zeros(len(used), np.int64)
+            cell[used] = grid.locate(*xyz[:2, used])
+            yield cell, used & (xyz[2] <= top.reshape(-1)[cell])
+
+    return echoes_of(squares, grid, located(), column)
 
 
 def _details(parts: Iterable[NDArray[np.float64]], grid: ElevationGrid, intensity: NDArray[Any] | None) -> CellDetails:

@@ -1,5 +1,6 @@
 """Sea surface of tiles and frames by morphological opening."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -10,12 +11,16 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.cells import joined_cells
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.opening import open_grid, without_pits
 from seaclutter_cli.airborne.rising import height_limits
-from seaclutter_cli.airborne.waves import Waves, estimate_waves
+from seaclutter_cli.airborne.squares import Echoes, Squares, squares_of, wave_deviations
+from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_waves
 from seaclutter_cli.errors import InputError
 
 Cells = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+EchoReader = Callable[[Squares, Cells], Echoes]
 
 MAX_WINDOW_CELLS = 1000
 CALM_M = 0.5
@@ -65,10 +70,13 @@ class SeparationParams(SurfaceParams):
     island_m : float or None
         The opened surface is land where it rises more than this above the sea level, down to ``height_m`` above that
         level; null: it is sea, as in [Shi2022].
+    land : {"keep", "class2", "ignore"}
+        What low and flat land becomes: non-sea points; the same, with class 2 on the ground; or sea, as in [Shi2022].
     """
 
     height_m: Annotated[float, Gt(0)] | Literal["auto"] = "auto"  # type: ignore[assignment]  # a frame is too small
     island_m: Annotated[float, Gt(0)] | None = 2.0
+    land: Literal["keep", "class2", "ignore"] = "keep"
 
     @property
     def follows_waves(self) -> bool:
@@ -87,6 +95,25 @@ class SeparationParams(SurfaceParams):
             raise ValueError(f"island_m ({self.island_m:g}) must not be less than height_m ({self.threshold_m:g})")
 
 
+@dataclass(frozen=True)
+class RoughWater:
+    """What the surface of one strip needs to know about the tile, and about the strip's cells.
+
+    Parameters
+    ----------
+    waves : Waves
+        Waves of the tile.
+    land : mapping of (int, int) to ndarray, shape (256, 256), bool, or None
+        Land of the tile by block.
+    details : CellDetails
+        Highest elevations and intensities of the strip.
+    """
+
+    waves: Waves
+    land: Mapping[tuple[int, int], Mask] | None
+    details: CellDetails
+
+
 class SeaSurfaceModel:
     r"""Sea surface of a tile or frame: the opening of its grid of lowest elevations ([Shi2022], section 1.1).
 
@@ -96,8 +123,10 @@ class SeaSurfaceModel:
         Grid of all valid points.
     params : SurfaceParams
         Window and heights. With `SeparationParams`, islands are handled, too.
-    details : callable, optional
-        Returns more about each cell than its lowest elevation; called on rough water only.
+    echoes : callable, optional
+        Returns the echoes of squares up to an elevation of each cell; without it, only islands are land.
+    rough : RoughWater, optional
+        The surface follows these waves.
 
     Attributes
     ----------
@@ -136,35 +165,63 @@ class SeaSurfaceModel:
         self,
         grid: ElevationGrid,
         params: SurfaceParams,
-        details: CellDetails | None = None,
-        waves: Waves | None = None,
+        echoes: EchoReader | None = None,
+        rough: "RoughWater | None" = None,
     ) -> None:
         self._grid = grid
         self.params = params
         tile = isinstance(params, SeparationParams)
         lowest = without_pits(grid, _PIT * params.threshold_m) if tile else grid.lowest
         self._opened = open_grid(grid, params.window_m, lowest)
-        self.waves = waves
+        self.waves: Waves | None = None
         self.followed: FollowedSurface | None = None
-        if waves is None and isinstance(params, SeparationParams) and params.follows_waves:
-            self.waves = estimate_waves(grid, lowest, self._opened)
-        island_m = params.island_m if isinstance(params, SeparationParams) else None
-        if self.waves is not None and details is not None:
-            self.followed = self._follow(lowest, self.waves, island_m, details)
-        elif island_m is not None and len(self._opened):
-            level = self._level(island_m / 4)
-            self._opened[self._land_cells(level, params.threshold_m, island_m)] = level
+        self.shores: Shores | None = None
+        self._land = np.zeros(lowest.shape, np.bool_)
+        if not isinstance(params, SeparationParams):
+            return
+        self._top = self._opened + params.threshold_m
+        if rough is not None:
+            self._follow(lowest, rough)
+            return
+        if params.land != "ignore" and echoes is not None:
+            squares = squares_of(grid, lowest, lowest <= self._top)
+            deviation = wave_deviations(squares, *local_waves(grid, lowest, self._opened))
+            self.shores = shores_of(grid, lowest, squares, echoes(squares, self._top), deviation)
+        if params.follows_waves:
+            water = lowest if self.shores is None else np.where(self.shores.land, np.inf, lowest)
+            self.waves = estimate_waves(grid, water, self._opened)
+        if len(self._opened):
+            self._level_land(params)
 
-    def _follow(self, lowest: Cells, waves: Waves, island_m: float | None, details: CellDetails) -> FollowedSurface:
-        """Return the surface of rough water; the crests of waves must not join islands, nor become some."""
-        land = np.zeros(lowest.shape, np.bool_)
-        if island_m is not None:
+    def _level_land(self, params: SeparationParams) -> None:
+        """Lower the opened surface to the level of the water on islands and other land."""
+        shores = self.shores
+        if shores is not None and not shores.bodies:
+            self._land = shores.land
+        elif shores is not None and (shores.land.any() or shores.steps_m > params.threshold_m):
+            island_m = params.island_m or np.inf
+            self._land = self._land_cells(shores.level_m, shores.bank_m, island_m, shores.land) | shores.land
+            self._opened[self._land] = shores.level_m[self._land]
+        elif params.island_m is not None:
+            sea_level = self._level(params.island_m / 4)
+            self._opened[self._land_cells(sea_level, params.threshold_m, params.island_m)] = sea_level
+
+    def _follow(self, lowest: Cells, rough: "RoughWater") -> None:
+        """Set the surface of rough water; the crests of waves must not join islands, nor become some."""
+        waves, params = rough.waves, self.params
+        self.waves = waves
+        own = np.zeros(lowest.shape, np.bool_)
+        if rough.land is not None:
+            for block, slot in self._grid.blocks.items():
+                own[slot] = rough.land[block]
+        land = own.copy()
+        if isinstance(params, SeparationParams) and params.island_m is not None:
             above = _LAND_DEVIATIONS * waves.deviation_m
-            high = max(island_m, _ISLAND_DEVIATIONS * waves.deviation_m)
-            land = self._land_cells(waves.level_m, above, high)
-        followed = follow_waves(self._grid, lowest, land, waves, lowest - self._opened, details)
-        self._limits = height_limits(self._grid, lowest, land, followed, details)
-        return followed
+            high = max(params.island_m, _ISLAND_DEVIATIONS * waves.deviation_m)
+            land |= self._land_cells(waves.level_m, above, high, own)
+        self.followed = follow_waves(self._grid, lowest, land, waves, lowest - self._opened, rough.details)
+        self._limits = height_limits(self._grid, lowest, land, self.followed, rough.details)
+        self._land = own
 
     def height(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the height above the surface in metres, shape (N,), of points from the grid, shape (3, N)."""
@@ -173,10 +230,20 @@ class SeaSurfaceModel:
     def heights(self, xyz: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | float]:
         """Return the heights of points above the surface, and the height over which each is a non-sea point."""
         cell = self._grid.locate(xyz[0], xyz[1])
-        if self.followed is None:
-            return np.asarray(xyz[2] - self._opened.reshape(-1)[cell]), self.params.threshold_m
-        height = xyz[2] - self.followed.surface.reshape(-1)[cell]
-        return height, self._limits.limit.reshape(-1)[cell]
+        if self.followed is not None:
+            height = xyz[2] - self.followed.surface.reshape(-1)[cell]
+            limit: NDArray[np.float64] | float = self._limits.limit.reshape(-1)[cell]
+        else:
+            height = np.asarray(xyz[2] - self._opened.reshape(-1)[cell])
+            limit = self.params.threshold_m
+        if self._land.any():
+            limit = np.where(self._land.reshape(-1)[cell], -np.inf, limit)
+        return height, limit
+
+    def is_ground(self, xyz: NDArray[np.float64]) -> Mask:
+        """Return whether points, shape (3, N), are on land, and no higher above the opened surface than calm water."""
+        cell = self._grid.locate(xyz[0], xyz[1])
+        return np.asarray(self._land.reshape(-1)[cell] & (xyz[2] <= self._top.reshape(-1)[cell]))
 
     @property
     def is_rough(self) -> bool:
@@ -187,6 +254,13 @@ class SeaSurfaceModel:
     def object_height_m(self) -> float:
         """Height above the surface from which an object stands out by height alone; on rough water, the median."""
         return self._limits.alone_m if self.followed else self.params.threshold_m
+
+    @property
+    def land_by_block(self) -> Mapping[tuple[int, int], Mask] | None:
+        """Cells of land squares by block; None if land was not looked for."""
+        if self.shores is None:
+            return None
+        return {block: self.shores.land[slot] for block, slot in self._grid.blocks.items()}
 
     @property
     def cells(self) -> int:
@@ -200,14 +274,18 @@ class SeaSurfaceModel:
         values, counts = np.unique(step, return_counts=True)
         return float(np.median(known[step == values[np.argmax(counts)]]))
 
-    def _land_cells(self, level: float, height_m: float, island_m: float) -> NDArray[np.bool_]:
-        """Return a mask of the land cells, shape (S, 256, 256)."""
-        above = level + height_m
+    def _land_cells(self, level: float | Cells, height_m: float, island_m: float, also: Mask | None = None) -> Mask:
+        """Return a mask of the land cells, shape (S, 256, 256); cells of ``also`` are seeds, too."""
+        levels = np.broadcast_to(level, self._opened.shape)
         land, high = (np.zeros(self._opened.shape, np.bool_) for _ in range(2))
         for slot, (lowest, opened) in enumerate(zip(self._grid.lowest, self._opened, strict=True)):
-            known = np.isfinite(lowest)
+            known, above = np.isfinite(lowest), levels[slot] + height_m
             land[slot] = (opened > above) | (known & (lowest > above))
-            high[slot] = (opened > above) & (np.where(known, np.maximum(opened, lowest), opened) > level + island_m)
+            highest = np.where(known, np.maximum(opened, lowest), opened)
+            high[slot] = (opened > above) & (highest > levels[slot] + island_m)
+            if also is not None:
+                land[slot] |= also[slot]
+                high[slot] |= also[slot]
         if not high.any():
             return high
         number, group = joined_cells(land, self._grid.blocks)

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 
 Cells = NDArray[np.float64]
 
 _FEW_CELLS = 2000
+_QUARTER = BLOCK // 2
 _REACH_CELLS = 64
 _CRESTS = 4.0
 _MIN_OSCILLATION = 0.15
@@ -19,6 +20,7 @@ _MAX_DEVIATION_M = 1.0
 _MAX_STEP_M = 2.0
 _MIN_SHARE = 0.5
 _ROUGHEST_PARTS = 0.75
+_MAX_TILT = 0.5
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,28 @@ class Waves:
     def height_m(self) -> float:
         """Significant wave height: four standard deviations of the elevation."""
         return 4 * self.deviation_m
+
+
+def local_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> tuple[Cells, Sequence[PartWaves]]:
+    """Return the waves in those quarters of blocks that look like sea, and their centres in cells, shape (2, P)."""
+    centers, found = [], []
+    for block, slot in grid.blocks.items():
+        for corner in np.ndindex(2, 2):
+            part = tuple(slice(_QUARTER * at, _QUARTER * (at + 1)) for at in corner)
+            waves = _part(block, lowest[slot][part], opened[slot][part], grid.cell_m)
+            if waves is not None and waves.is_sea and _tilt(lowest[slot][part]) < _MAX_TILT * waves.deviation_m:
+                centers.append([2 * at + c + 0.5 for at, c in zip(block, corner, strict=True)])
+                found.append(waves)
+    return _QUARTER * np.array(centers).reshape(-1, 2).T, found
+
+
+def _tilt(lowest: Cells) -> float:
+    """Return the standard deviation of a plane through a square of cells: large on slopes, small on waves."""
+    known = np.isfinite(lowest)
+    place = np.stack(np.nonzero(known)).astype(np.float64)
+    place -= place.mean(axis=1, keepdims=True)
+    slope = place @ (lowest[known] - lowest[known].mean()) / (place**2).sum(axis=1)
+    return float((slope @ place).std())
 
 
 def estimate_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Waves | None:

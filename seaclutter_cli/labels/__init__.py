@@ -6,7 +6,7 @@ from pathlib import Path
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.interfaces import Labels
-from seaclutter_cli.labels import csv, in_cloud, seepersea, semantickitti, sustechpoints
+from seaclutter_cli.labels import autoferry, csv, in_cloud, seepersea, semantickitti, sustechpoints
 from seaclutter_cli.labels.options import LabelOptions
 
 __all__ = ["LABELS", "LabelFormat", "LabelOptions", "open_labels"]
@@ -41,6 +41,11 @@ LABELS: Mapping[str, LabelFormat] = {
     ),
     "semantickitti": LabelFormat(
         "a SemanticKITTI folder of .label files", semantickitti.matches, semantickitti.open_semantickitti
+    ),
+    "autoferry": LabelFormat(
+        "a scenario of the Autoferry sensor fusion data set with *_groundTruth.json and *_detections.json",
+        autoferry.matches,
+        autoferry.open_autoferry,
     ),
     "cloud": LabelFormat(
         "a log whose clouds have a field 'label' (.mcap, .bag, rosbag2)", in_cloud.matches, in_cloud.open_in_cloud

@@ -1,6 +1,5 @@
 """Packets of known lidars that are not decoded."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,26 +11,17 @@ ADVICE = "record the sensor_msgs/PointCloud2 of the maker's driver"
 
 @dataclass(frozen=True)
 class _Kind:
-    """Packets of a sensor: their first bytes, their lengths (any if empty), and what else they have in common."""
+    """Packets of a sensor: their first bytes and their lengths (any if empty)."""
 
     name: str
     begins: bytes
     lengths: tuple[int, ...] = ()
-    matches: Callable[[NDArray[np.uint8]], bool] = lambda _: True
 
 
 _MEMS, _ROTATING = bytes.fromhex("55aa5aa5"), bytes.fromhex("55aa055a")
 _HESAI = b"\xee\xff"
 
-
-def _is_airy(payload: NDArray[np.uint8]) -> bool:
-    """Return whether a packet has eight blocks of 48 channels, of which each begins with FF EE."""
-    blocks = payload[42:1226].reshape(8, 148)
-    return bool((blocks[:, :2] == (0xFF, 0xEE)).all())
-
-
 _KINDS = (
-    _Kind("RoboSense RS-Airy", _ROTATING, (1248,), _is_airy),
     _Kind("RoboSense RS-Ruby-48 or RS-Ruby-Plus-48", _ROTATING, (1268,)),
     _Kind("RoboSense RS-M2", _MEMS, (1342,)),
     _Kind("RoboSense RS-M3", _MEMS, (1448,)),
@@ -61,6 +51,6 @@ def name_unsupported(payload: NDArray[np.uint8]) -> str | None:
     """
     for kind in _KINDS:
         fits = not kind.lengths or len(payload) in kind.lengths
-        if fits and payload[: len(kind.begins)].tobytes() == kind.begins and kind.matches(payload):
+        if fits and payload[: len(kind.begins)].tobytes() == kind.begins:
             return kind.name
     return None

@@ -67,10 +67,17 @@ def _open_capture(path: Path, decoding: DecoderOptions) -> Source:
     return CaptureSource(path, decoding)
 
 
+def _open_detections(path: Path, _: DecoderOptions) -> Source:
+    from seaclutter_cli.sources.detections import DetectionSource
+
+    return DetectionSource(path)
+
+
 SOURCES: Mapping[str, Format] = {
     "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), _open_mcap),
     "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), _open_bag),
     "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), _open_db3),
+    "detections": Format("Autoferry detections", ("_detections.json",), (), _open_detections),
     "capture": Format("PCAP", (".pcap", ".pcapng", ".cap"), CAPTURE_MAGICS, _open_capture),
 }
 """Formats of log files. Add a new format here; formats of single frames are in `FRAME_READERS`."""

@@ -198,6 +198,8 @@ def test_lists_of_built_in_items():
     assert json.loads(run("config", "list", "sensors", "--match", "HESAI", "--json").stdout)["sensors"].keys() == {
         "PandarXT-32",
         "Pandar40P",
+        "Pandar64",
+        "PandarQT",
     }
     assert run("config", "list", "--match", "xyzzy").stdout == "nothing matches\n"
 

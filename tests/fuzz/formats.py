@@ -80,6 +80,11 @@ _MCAP = {"commands": _log("log.mcap"), "layers": _MESSAGES, "guarded": _CHECKED}
 _BAG = {"commands": _log("log.bag"), "layers": (layers.bag_chunk, layers.bag_message), "guarded": (cut, drop)}
 _FOLDER = {"commands": _log("log"), "files": "log/*"}
 _PACKETS = {"commands": _log("log.pcap"), "files": "log.pcap", "layers": (layers.packet,)}
+_SCENARIO = (
+    "filter IN/scenario2_detections.json -t /radar/detections -o OUT/out.mcap --csv OUT/frames.csv -m none",
+    "evaluate IN/scenario2_detections.json -t /radar/detections --labels IN/ -m none -o OUT/frames.csv --json",
+    "info IN/scenario2_detections.json --json",
+)
 _TEXT_HEAD = {**_FOLDER, "mutations": (*BYTES, *TEXT)}
 
 FORMATS: dict[str, Format] = {
@@ -146,6 +151,7 @@ FORMATS: dict[str, Format] = {
     "las frames": Format(partial(seeds.frame_files, suffix=".las"), **_FOLDER),
     "laz frames": Format(partial(seeds.frame_files, suffix=".laz"), **_FOLDER),
     "kitti bin": Format(partial(seeds.frame_files, suffix=".bin"), **_FOLDER),
+    "autoferry": Format(seeds.scenario, _SCENARIO, "scenario2_*", DOCUMENT),
     "canoe": Format(seeds.canoe, _log("log"), "log/*/*", (*BYTES, *TEXT)),
     "pohang": Format(seeds.pohang, _log("log/lidar/lidar_port"), "log/lidar/lidar_port/points/*"),
     "npy": Format(partial(seeds.frame_files, suffix=".npy"), **_TEXT_HEAD),

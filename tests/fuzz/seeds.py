@@ -21,6 +21,7 @@ from tests.messages import wrapped
 from tests.scenes.onnx_files import model_bytes
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.ouster import test_decoder as ouster
+from tests.sources import scenarios
 from tests.sources.frame_files import data_sets, writers
 from tests.sources.pcap import captures
 from tests.sources.shared import test_packet_topics as packet_topics
@@ -177,6 +178,11 @@ def frame_files(folder, suffix, **options):
         points = logs.sea_points(POINTS, (number,))[["x", "y", "z", "intensity"]].astype(writers.XYZI)
         data = writers.WRITERS[suffix](points, **options)
         (folder / "log" / f"{logs.START_NS + number * logs.PERIOD_NS}{suffix}").write_bytes(data)
+
+
+def scenario(folder):
+    """Write a scenario of Autoferry."""
+    scenarios.write(folder)
 
 
 def canoe(folder):

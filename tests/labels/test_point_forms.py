@@ -6,8 +6,8 @@ import pytest
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.labels import LabelOptions, open_labels
 from seaclutter_cli.labels.semantickitti import point_truth
+from seaclutter_cli.sources.frame_files.binary import read_bin
 from seaclutter_cli.sources.frame_files.folder import FolderSource
-from seaclutter_cli.sources.frame_files.kitti import read_kitti
 from tests.labels.frames import XYZ, frame, put, write
 from tests.paths import shared
 
@@ -21,7 +21,7 @@ def test_wads(where):
     files = sorted((folder / "velodyne").iterdir())
     assert len(FolderSource(folder).counts) == 1
     for index, file in enumerate(files):
-        labelled = frame(index, read_kitti(file).points)
+        labelled = frame(index, read_bin(file).points)
         truth = labels.truth(labelled)
         raw = np.fromfile(folder / "labels" / f"{file.stem}.label", "<u4") & 0xFFFF
         assert truth.targets is None
@@ -36,7 +36,7 @@ def test_wads_of_another_frame():
     folder = shared(WADS)
     second = sorted((folder / "velodyne").iterdir())[1]
     with pytest.raises(LabelError, match=r"042223\.label: frame 0: [\d,]+ labels for [\d,]+ points"):
-        open_labels(folder).truth(frame(0, read_kitti(second).points))
+        open_labels(folder).truth(frame(0, read_bin(second).points))
 
 
 def test_classes_can_be_configured():

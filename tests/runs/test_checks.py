@@ -23,6 +23,7 @@ def frame(size=4000, *, scale=1.0, dtype=POINT, seed=0, quay=None):
     cloud["intensity"] = np.clip(np.floor(scale * (1 + rng.exponential(300 / cloud["x"]))), 0, 255 * scale)
     if quay is not None:
         cloud["intensity"][cloud["x"] > 40] = quay
+    cloud["z"] = rng.normal(0, 0.01, size)
     if "ring" in dtype.names:
         cloud["ring"] = np.arange(size) % 32
     return Frame(from_array(cloud, stamp_ns=10**9))
@@ -33,6 +34,19 @@ def warnings(frames, facts=None, overrides=(), file=None):
     checks, method = Checks(config, facts or {}), config.make_filter()
     found = [text for one in frames for text in checks.add(method.step(one))]
     return found + checks.finish()
+
+
+def test_points_at_one_height_are_named_for_methods_that_need_heights():
+    flat = frame().cloud.points.copy()
+    flat["z"] = -2
+    flat = Frame(from_array(flat, stamp_ns=10**9))
+    for method in ("confirmed", "sea_surface", "none"):
+        config = load_config(method=method)
+        checks = Checks(config, {})
+        checks.add(config.make_filter().step(flat))
+        found = [text for text in checks.finish() if "at one height" in text]
+        assert len(found) == (method != "none")
+        assert not [text for text in checks.finish() if "at one height" in text], "once"
 
 
 def test_clutter_that_fits_gives_no_warning():

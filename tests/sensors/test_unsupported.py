@@ -14,9 +14,8 @@ from seaclutter_cli.sources.formats import open_source
 from tests.sources.pcap import captures
 from tests.sources.shared.driver_topics import DRIVERS, write_topic
 
-AIRY = bytes.fromhex("55aa055a") + bytes(38) + 8 * (b"\xff\xee" + bytes(146)) + bytes(22)
 PACKETS = {
-    "RoboSense RS-Airy": AIRY,
+    "RoboSense RS-Ruby-48 or RS-Ruby-Plus-48": bytes.fromhex("55aa055a").ljust(1268, b"\0"),
     "RoboSense RS-M2": bytes.fromhex("55aa5aa5").ljust(1342, b"\0"),
     "Hesai QT128 (protocol 3.2)": b"\xee\xff\x03\x02".ljust(1127, b"\0"),
     "Hesai AT128 (protocol 4.1 or 4.3)": b"\xee\xff\x04\x03".ljust(1118, b"\0"),

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 
 _OPTIONS = (
     click.option("--with-height", is_flag=True, help="Also write each point's height above the sea surface."),
+    click.option(
+        "--land",
+        type=click.Choice(["keep", "class2", "ignore"]),
+        help="Low and flat land: non-sea points; ASPRS class 2 on the ground; or not looked for, so that it is sea."
+        " [default: keep]",
+    ),
     force_option,
     settings_options,
     tile_jobs_option,
@@ -32,9 +38,9 @@ _OPTIONS = (
 def command(tiles: tuple[str, ...], output: str, options: "SeparateTilesOptions", console: Console) -> None:
     """Separate each TILE into sea and non-sea points by morphological opening; on rough water, follow the waves.
 
-    Sea points get the ASPRS class 9 (water), all others 1. Everything else in a LAS or LAZ file is kept; a record says
-    which waves were found. TILE is a LAS or LAZ file, or a PCD, PLY, NPY, KITTI or CSV file in metres with z upwards,
-    or a folder or glob of such files.
+    Sea points get the ASPRS class 9 (water), all others 1; land is recognised by its level, flatness and echoes.
+    Everything else in a LAS or LAZ file is kept; a record says which waves were found. TILE is a LAS or LAZ file, or a
+    PCD, PLY, NPY, KITTI or CSV file in metres with z upwards, or a folder or glob of such files.
     """
     from seaclutter_cli.runs.classify.separate import separate_tiles
 

@@ -2,13 +2,13 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from time import perf_counter
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from seaclutter_cli.airborne.separation import OTHER, WATER, SeaState, separate
+from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, separate
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
@@ -35,6 +35,8 @@ class SeparateTilesOptions:
         Settings of the separation.
     with_height : bool
         Also write each point's height above the sea surface.
+    land : {"keep", "class2", "ignore"} or None
+        What low and flat land becomes; None: as in the settings.
     force : bool
         Replace existing files.
     batch : BatchOptions
@@ -49,6 +51,7 @@ class SeparateTilesOptions:
 
     settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
     with_height: bool = False
+    land: Literal["keep", "class2", "ignore"] | None = None
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
@@ -83,10 +86,11 @@ def separate_tiles(
     """
     options = options or SeparateTilesOptions()
     settings = options.settings.load()
+    params = replace(settings.separation, land=options.land) if options.land else settings.separation
     paths = find_tiles(tiles)
     targets = plan_tiles(paths, output, {}, {"-c": options.settings.file}, force=options.force, observer=observer)
     works = [
-        SeparateWork(path=path, target=target, params=settings.separation, with_height=options.with_height)
+        SeparateWork(path=path, target=target, params=params, with_height=options.with_height)
         for path, target in zip(paths, targets, strict=True)
     ]
     with process_tiles(works, options.batch, observer, replaced=options.force) as (separated, _):
@@ -121,7 +125,8 @@ class SeparateWork(TileWork["SeparatedTile"]):
         texts = {SEA_STATE: json.dumps(asdict(found.sea))} if self.params.follows_waves else {}
         extra = HEIGHT if self.with_height else {}
         write_tile(tile, self.place, columns, extra, files, texts)
-        sea, other = (int(np.count_nonzero(found.classification == code)) for code in (WATER, OTHER))
+        sea, never = (int(np.count_nonzero(found.classification == code)) for code in (WATER, NEVER))
+        other = tile.size - sea - never
         seconds = perf_counter() - started
         return SeparatedTile(self.path.stem, str(self.target), tile.size, sea, other, found.sea, seconds), tile.size
 

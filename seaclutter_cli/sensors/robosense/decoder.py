@@ -103,6 +103,10 @@ def _find_device(
         warnings.append(f"intensity is {intensity}: thresholds for calibrated intensity do not apply")
     if device.model.unit_m > model.unit_m:
         warnings.append("old firmware: the distance unit is 1 cm")
+    if (at := model.format.mode_at) is not None:
+        dual = int(data[0, at]) in model.format.dual_modes
+        details = {**device.details, "return mode": "dual" if dual else "single"}
+        device = replace(device, dual=dual, details=details)
     if options.calibration is None:
         return device
     angles = file_angles(model, options.calibration)

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.robosense.device import guess_helios, guess_model
 from seaclutter_cli.sensors.robosense.models import (
+    AIRY,
+    AIRY_BY_MOUNTING,
     BPEARL_4,
     CLASSIC_ID,
     MODELS,
@@ -21,6 +23,7 @@ _CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Bpearl")
 _HELIOS = ("RS-Helios", "RS-Helios-16P")
 _RUBIES = (("RS-Ruby", "RS-Ruby-Plus"), ("RS-Ruby-80", "RS-Ruby-Plus-80"))
 _BPEARL_4_TYPE, _80V_MODEL = (3, 4), 3
+_AIRY_UNSUPPORTED, _AIRY_MOUNTING_AT = (1, 3), 289
 
 
 def find_model(
@@ -56,16 +59,18 @@ def find_model(
     if wanted is None or wanted not in allowed:
         if wanted in MODELS or guessed is None:
             raise InputError(f"RoboSense: the packets are from {' or '.join(allowed)}, not from {wanted}")
-        return _version(MODELS[guessed], data)
+        return _version(MODELS[guessed], data, info)
     if guessed not in (None, wanted):
         warnings.append(f"the device information is from {guessed}, but the packets are decoded as {wanted}")
-    return _version(MODELS[wanted], data)
+    return _version(MODELS[wanted], data, info)
 
 
 def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
     """Return the models that share the format of a data packet."""
     if data[:4].tobytes() == CLASSIC_ID:
         return _CLASSIC
+    if is_airy(data):
+        return ("RS-Airy",)
     for names in _RUBIES:
         model = MODELS[names[0]]
         ids = data[RUBY.begin :: 4 + 3 * model.channels][: model.blocks]
@@ -80,11 +85,20 @@ def _guess(allowed: Sequence[str], info: NDArray[np.uint8]) -> str | None:
         return next((name for packet in info if (name := guess_model(packet))), None)
     if allowed == _HELIOS:
         return guess_helios(info[0]) if len(info) else "RS-Helios"
-    return None
+    return allowed[0] if len(allowed) == 1 else None
 
 
-def _version(model: RobosenseModel, data: NDArray[np.uint8]) -> RobosenseModel:
-    """Return the version of a model that sent a data packet."""
+def is_airy(data: NDArray[np.uint8]) -> bool:
+    """Return whether a packet has eight blocks of 48 channels, of which each begins with FF EE."""
+    return bool((data[AIRY.begin : AIRY.begin + 1184].reshape(8, 148)[:, :2] == (0xFF, 0xEE)).all())
+
+
+def _version(model: RobosenseModel, data: NDArray[np.uint8], info: NDArray[np.uint8]) -> RobosenseModel:
+    """Return the version of a model that sent a data packet and device information."""
+    if model.name == "RS-Airy":
+        if data[32] in _AIRY_UNSUPPORTED:
+            raise InputError(f"packets of a RoboSense RS-Airy with other than 96 lasers are not supported; {ADVICE}")
+        return AIRY_BY_MOUNTING.get(int(info[0, _AIRY_MOUNTING_AT]), model) if len(info) else model
     if model.name == BPEARL_4.name and tuple(data[31:33].tolist()) == _BPEARL_4_TYPE:
         return BPEARL_4
     return RUBY_PLUS_80V if model.name == RUBY_PLUS_80V.name and data[31] == _80V_MODEL else model

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,12 @@ class PacketFormat:
         Offset of the horizontal angles in device information; those of the vertical angles is 468.
     dual_modes : tuple of int
         Return modes with two returns.
+    mode_at : int or None
+        Offset of the return mode in a data packet; None if it is in device information.
+    has_halves : bool
+        Whether a block consists of two blocks, each with id, azimuth and half of the channels.
+    distance_mask : int
+        Bits of a distance; others have another meaning.
     """
 
     id: bytes
@@ -41,6 +48,9 @@ class PacketFormat:
     temperature_big_endian: bool = False
     horizontal_at: int = 564
     dual_modes: tuple[int, ...] = (0,)
+    mode_at: int | None = None
+    has_halves: bool = False
+    distance_mask: int = 0xFFFF
 
 
 CLASSIC_ID = bytes.fromhex("55aa050a")
@@ -49,6 +59,7 @@ HELIOS_ID = bytes.fromhex("55aa055a")
 CLASSIC = PacketFormat(CLASSIC_ID)
 HELIOS = PacketFormat(HELIOS_ID, is_utc=True)
 RUBY = PacketFormat(HELIOS_ID, 80, (0xFF00, 0xFE00), 10, True, 8, True, 852, (3,))
+AIRY = replace(HELIOS, horizontal_at=756, dual_modes=(3,), mode_at=17, has_halves=True, distance_mask=0x3FFF)
 RUBY_PLUS = replace(RUBY, dual_modes=(3, 4, 5))
 
 
@@ -154,6 +165,13 @@ _RUBY_PLUS_80V_NS = _ns(
     "20.976x4 23.127x4 25.278x4 27.428x4 29.579x4 31.963x4"
 )
 _RUBY_RANGE_M = (0.4, 250)
+_AIRY_NS = {
+    "upright": _ns(
+        "0x8 5.712x8 12.376x8 19.04x8 25.704x8 33.32x8 41.888x8 50.456x8 59.024x8 70.448x8 81.872x8 93.296x8"
+    ),
+    "side": _ns("0x8 11.424x8 22.848x8 34.272x8 45.696x8 54.264x8 62.832x8 71.4x8 79.016x8 85.68x8 92.344x8 99.008x8"),
+    "M": _ns("0x8 7.616x8 16.184x8 24.752x8 33.32x8 42.84x8 52.36x8 61.88x8 71.4x8 79.968x8 88.536x8 97.104x8"),
+}
 
 BPEARL_4 = RobosenseModel(
     "RS-Bpearl", 32, 0.0025, (0.1, 150), 55560, (0.01619, 0.09571), _BPEARL_4_NS, replace(CLASSIC, is_utc=True)
@@ -176,6 +194,9 @@ MODELS: Mapping[str, RobosenseModel] = {
         RobosenseModel(
             "RS-Ruby-Plus-80", 80, 0.005, _RUBY_RANGE_M, 55560, (0.02892, 0), _RUBY_PLUS_80_NS, RUBY_PLUS, 80, 4
         ),
+        RobosenseModel(
+            "RS-Airy", 96, 0.005, (0.1, 60), 111080, (hypot(0.0075, 0.00664), 0.04532), _AIRY_NS["M"], AIRY, 96, 4
+        ),
     )
 }
 """Models by name."""
@@ -183,6 +204,10 @@ MODELS: Mapping[str, RobosenseModel] = {
 CHECKED = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Helios")
 """Models whose decoder is not experimental."""
 
+AIRY_BY_MOUNTING = {
+    mode: replace(MODELS["RS-Airy"], firing_ns=_AIRY_NS[name]) for mode, name in enumerate(("upright", "side", "M"))
+}
+"""The RS-Airy by the mounting that its device information states."""
 RUBY_PLUS_80V = replace(MODELS["RS-Ruby-Plus-80"], firing_ns=_RUBY_PLUS_80V_NS)
 """The RS-Ruby-Plus-80V, which its packets state."""
 

@@ -11,6 +11,7 @@ from seaclutter_cli.sensors.robosense.angles import VERTICAL_AT, Angles
 from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, PacketFormat, RobosenseModel
 
 PACKET_BYTES = 1248
+_HALF_HEADER = 4
 DATA_PORT, INFO_PORT = 6699, 7788
 INFO_ID = bytes.fromhex("a5ff005a11115555")
 NO_BLOCK = 65535
@@ -28,7 +29,8 @@ def data_layout(model: RobosenseModel) -> np.dtype[Any]:
     The channels of a block are raw bytes, which copy several times faster; see `channels`.
     """
     layout = model.format
-    block = np.dtype([("id", ">u2"), ("azimuth", ">u2"), ("channels", f"V{CHANNEL.itemsize * model.channels}")])
+    size = CHANNEL.itemsize * model.channels + (_HALF_HEADER if layout.has_halves else 0)
+    block = np.dtype([("id", ">u2"), ("azimuth", ">u2"), ("channels", f"V{size}")])
     time = HELIOS_TIME if layout.is_utc else CLASSIC_TIME
     return np.dtype(
         {
@@ -47,6 +49,11 @@ def data_packets(model: RobosenseModel, payloads: NDArray[np.uint8]) -> NDArray[
 
 def channels(raw: NDArray[Any]) -> NDArray[Any]:
     """Return the channels of blocks, shape (B, C), structured, from their bytes, shape (B,)."""
+    if raw.dtype.itemsize % CHANNEL.itemsize:  # the header of the second half lies between
+        half = (raw.dtype.itemsize - _HALF_HEADER) // 2
+        pieces = np.ascontiguousarray(raw).view(np.uint8).reshape(len(raw), -1)
+        joined = np.concatenate([pieces[:, :half], pieces[:, half + _HALF_HEADER :]], axis=1)
+        return joined.view(CHANNEL)
     return np.ascontiguousarray(raw).view(CHANNEL).reshape(len(raw), -1)
 
 
@@ -104,7 +111,13 @@ def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
     units = np.rint(np.asarray(columns.distance_m, np.float64) / model.unit_m)
     measured = np.empty(units.shape, CHANNEL)
     measured["distance"], measured["intensity"] = np.clip(units, 0, 65535), columns.intensity
-    blocks["channels"] = measured.view(blocks["channels"].dtype)[:, 0]
+    if model.format.has_halves:
+        first, second = np.split(measured.view(np.uint8), 2, axis=1)
+        header = np.ascontiguousarray(blocks[["id", "azimuth"]]).view(np.uint8).reshape(len(blocks), -1)
+        raw = np.ascontiguousarray(np.concatenate([first, header[:, :_HALF_HEADER], second], axis=1))
+    else:
+        raw = measured
+    blocks["channels"] = raw.view(blocks["channels"].dtype)[:, 0]
     packets["blocks"] = blocks.reshape(packets["blocks"].shape)
     payloads = packets.view(np.uint8).reshape(-1, PACKET_BYTES)
     is_classic = model.format.id == CLASSIC_ID

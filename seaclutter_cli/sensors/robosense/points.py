@@ -14,7 +14,7 @@ from seaclutter_cli.sensors.robosense.models import RobosenseModel
 from seaclutter_cli.sensors.robosense.packets import channels
 
 _MIN_AZIMUTH, _MAX_AZIMUTH = -9000, 45000
-_SWAPPED = 0x8000
+_SWAPPED, _ALL_BITS = 0x8000, 0xFFFF
 
 
 class Geometry:
@@ -69,6 +69,8 @@ class Geometry:
     def _measured(self, measured: NDArray[Any]) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
         """Return distances in units and intensities, shape (B, C)."""
         distance, intensity = measured["distance"].astype(np.uint16), measured["intensity"]
+        if (mask := self._device.model.format.distance_mask) != _ALL_BITS:
+            distance &= mask
         if self._device.model.swaps_halves:
             swapped = distance[:, 0] >= _SWAPPED
             distance &= _SWAPPED - 1

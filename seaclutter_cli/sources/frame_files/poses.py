@@ -14,7 +14,7 @@ from seaclutter_cli.messages.serialisation import Header, Writer
 
 _MAX_BYTES = 64 * 2**20
 _COLUMNS = 7
-_FRAME_ID = "enu"
+_ENU = "enu"
 _MICRO_NS = 1000
 
 
@@ -51,10 +51,10 @@ def poses_beside(folder: Path) -> Mapping[int, Pose]:
         raise InputError(f"{path}: line {rows.line_num}: {error}") from error
 
 
-def pose_message(pose: Pose, stamp_ns: int) -> bytes:
+def pose_message(pose: Pose, stamp_ns: int, frame_id: str = _ENU) -> bytes:
     """Return a pose as the bytes of a ROS 2 message ``geometry_msgs/msg/PoseStamped``."""
     write = Writer(2)
-    write.header(Header(stamp_ns, _FRAME_ID))
+    write.header(Header(stamp_ns, frame_id))
     write.numbers("ddddddd", (*pose.position, *pose.orientation))
     return write.message()
 

@@ -90,7 +90,7 @@ def times_beside(folder: Path) -> Path | None:
         return own
     if folder.name == "point_clouds" and (times := folder.parent / "timestamp").is_dir():
         return times
-    if (times := folder / _USVINLAND).is_file():
+    if folder.name.endswith("-Lidar") and (times := folder / _USVINLAND).is_file():
         return times
     if folder.name not in ("velodyne", "data"):
         return None

@@ -26,6 +26,7 @@ class Kind:
     ruby: bool = False
     channels: int = 32
     blocks: int = 12
+    airy: bool = False
 
 
 RS32_US = [2.88 * c for c in range(15)] + [44.64] + [1.44 + 2.88 * c for c in range(15)] + [46.08]
@@ -37,6 +38,11 @@ BPEARL_4_US = [
 RUBY_US = [3.236 * (c % 64 // 4) for c in range(128)]
 RUBY_80_SIZES = [3, 2, 4, 3, 3, 3, 3, 2, 2, 2, 2, 2, 2, 2, 2, 3], [3, 3, 3, 2, 4, 2, 3, 3, 2, 2, 2, 3, 2, 1, 2, 3]
 RUBY_80_US = [3.236 * step for sizes in RUBY_80_SIZES for step, size in enumerate(sizes) for _ in range(size)]
+AIRY_US = [
+    us
+    for us in (0, 5.712, 12.376, 19.04, 25.704, 33.32, 41.888, 50.456, 59.024, 70.448, 81.872, 93.296)
+    for _ in range(8)
+]
 KINDS = {
     "RS-LiDAR-32": Kind(32, 0.005, 0.4, 230, 55.52, 0.03997, RS32_US),
     "RS-LiDAR-16": Kind(16, 0.005, 0.4, 230, 55.50, 0.03825, [2.8 * c for c in range(16)]),
@@ -46,6 +52,20 @@ KINDS = {
     "fourth RS-Bpearl": Kind(32, 0.0025, 0.1, 150, 55.56, 0.01619, BPEARL_4_US, helios=True, rz=0.09571),
     "RS-Ruby": Kind(128, 0.005, 0.4, 250, 55.55, 0.03615, RUBY_US, helios=True, ruby=True, channels=128, blocks=3),
     "RS-Ruby-80": Kind(80, 0.005, 0.4, 250, 55.552, 0.03615, RUBY_80_US, helios=True, ruby=True, channels=80, blocks=4),
+    "RS-Airy": Kind(
+        96,
+        0.005,
+        0.1,
+        60,
+        111.08,
+        math.hypot(0.0075, 0.00664),
+        AIRY_US,
+        helios=True,
+        rz=0.04532,
+        channels=96,
+        blocks=4,
+        airy=True,
+    ),
     "old RS-LiDAR-32": Kind(32, 0.01, 0.4, 230, 50, 0.03997, [3.0 * (c % 16) for c in range(32)], old=True),
 }
 
@@ -88,6 +108,8 @@ class Reference:
     def add(self, packet):
         kind = self.kind
         begin, size = 80 if kind.ruby else 42, 4 + 3 * kind.channels
+        if kind.airy:  # two blocks of 48 channels are one of 96
+            size = 296
         blocks = [packet[begin + size * b : begin + size * (b + 1)] for b in range(kind.blocks)]
         az = [int.from_bytes(block[2:4], "big") for block in blocks]
         start = header_time(packet, kind)
@@ -140,8 +162,13 @@ class Reference:
 
     def block(self, number, block, az, d, start):
         kind = self.kind
+        if kind.airy:
+            assert block[148:152] == block[:4]
+            block = block[:148] + block[152:]
         raw = [int.from_bytes(block[4 + 3 * c : 6 + 3 * c], "big") for c in range(kind.channels)]
         intensity = [block[6 + 3 * c] for c in range(kind.channels)]
+        if kind.airy:
+            raw = [value & 0x3FFF for value in raw]
         if kind.old:
             if raw[0] & 0x8000:
                 raw, intensity = raw[16:] + raw[:16], intensity[16:] + intensity[:16]

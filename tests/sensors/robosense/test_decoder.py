@@ -18,7 +18,7 @@ from seaclutter_cli.sensors.robosense.packets import NO_BLOCK, Columns, DeviceSe
 from tests.sensors.robosense.reference import Reference
 
 START_NS = 1_760_000_000 * 10**9
-NAMES = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Helios", "RS-Helios-16P", "RS-Bpearl", "RS-Ruby", "RS-Ruby-80")
+NAMES = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Helios", "RS-Helios-16P", "RS-Bpearl", "RS-Ruby", "RS-Ruby-80", "RS-Airy")
 DUAL_MODES = {"RS-Ruby": 3, "RS-Ruby-80": 3}
 OLD = DeviceSettings(versions=(bytes(5), bytes((8, 2, 8, 0, 0))), intensity_mode=0xA1)
 
@@ -101,6 +101,8 @@ def test_agrees_with_the_reference(name, dual, wrap):
     info = write_info(model, angles_of(model), DeviceSettings(fov=fov, return_mode=mode))
     columns = columns_of(model, azimuth)
     payloads = write_data(model, columns)
+    if name == "RS-Airy":
+        info[289], payloads[:, 17], payloads[:, 32] = 0, 3 * dual, 2
     options = DecoderOptions(model=name) if "Ruby" in name else None
     decoder, frames = decode(payloads, columns.times_ns + 700_000, info, options, batch=3)
     assert_same(frames, reference_of(name, angles_of(model), payloads, dual=dual, fov=fov))
@@ -140,6 +142,28 @@ def test_the_fourth_version_of_the_bpearl():
     decoder, frames = decode(payloads, columns.times_ns, write_info(BPEARL_4, angles_of(BPEARL_4)))
     assert decoder.facts.model == "RS-Bpearl"
     assert_same(frames, reference_of("fourth RS-Bpearl", angles_of(BPEARL_4), payloads))
+
+
+@pytest.mark.parametrize(("mounting", "second_us"), [(0, 5.712), (1, 11.424), (2, 7.616), (0xFF, 7.616)])
+def test_the_airy_fires_by_its_mounting(mounting, second_us):
+    model = MODELS["RS-Airy"]
+    columns = columns_of(model, np.arange(96) * 40)
+    columns = replace(columns, distance_m=np.full((96, 96), 20.0))
+    info = write_info(model, angles_of(model))
+    info[289] = mounting
+    _, frames = decode(write_data(model, columns), columns.times_ns, info)
+    times = frames[0].points["timestamp"][:16] - START_NS / 1e9
+    np.testing.assert_allclose(times, np.repeat([0, second_us * 1e-6], 8), atol=1e-6)
+
+
+@pytest.mark.parametrize("mode", [1, 3])
+def test_an_airy_with_other_lasers_is_not_supported(mode):
+    model = MODELS["RS-Airy"]
+    columns = columns_of(model, np.arange(96) * 40)
+    payloads = write_data(model, columns)
+    payloads[:, 32] = mode
+    with pytest.raises(InputError, match="other than 96 lasers are not supported; record the"):
+        decode(payloads, columns.times_ns, write_info(model, angles_of(model)))
 
 
 def test_the_80v_fires_in_fours():

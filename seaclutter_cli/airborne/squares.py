@@ -1,0 +1,195 @@
+"""Squares of eight by eight cells: their level, flatness, neighbours and echoes, on which water is told from land."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
+from seaclutter_cli.airborne.strips import Column
+from seaclutter_cli.airborne.waves import PartWaves
+
+Values = NDArray[np.float64]
+Cells = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Value = TypeVar("Value", bound=np.generic)
+
+SIDE = 8
+"""Width of a square in cells."""
+_PER_BLOCK = BLOCK // SIDE
+_LEAST_CELLS = 6
+_LEAST_ECHOES, _MANY_ECHOES = 12, 60
+_STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
+_FAR = 1 << 31
+_AT_LEVEL, _NEAR_LEVEL_M = 4.0, 0.2
+
+
+@dataclass(frozen=True)
+class Squares:
+    """The N squares of a tile in which enough cells have points.
+
+    Parameters
+    ----------
+    index : ndarray, shape (N,), int64
+        Index of each square among those of all blocks.
+    xy : ndarray, shape (2, N), int64
+        Column and row.
+    level_m, spread_m : ndarray, shape (N,), float64
+        Median of the lowest elevations, and half the distance between their 16th and 84th percentile; of the cells on
+        the opened surface, if there are enough.
+    open_share : ndarray, shape (N,), float64
+        Share of these cells among those with points.
+    top_m : ndarray, shape (N,), float64
+        The highest of the lowest elevations of all cells.
+    neighbor : ndarray, shape (4, N), int64
+        Index of the square on each side; -1 for none.
+    side_m : float
+        Width of a square.
+    """
+
+    index: NDArray[np.int64]
+    xy: NDArray[np.int64]
+    level_m: Values
+    spread_m: Values
+    open_share: Values
+    top_m: Values
+    neighbor: NDArray[np.int64]
+    side_m: float
+
+
+def squares_of(grid: ElevationGrid, lowest: Cells, on_surface: Mask) -> Squares:
+    """Return the squares of a grid.
+
+    Parameters
+    ----------
+    grid : ElevationGrid
+        The grid, in S blocks.
+    lowest : ndarray, shape (S, 256, 256), float64
+        Lowest elevations; plus infinity in empty cells.
+    on_surface : ndarray, shape (S, 256, 256), bool
+        Cells whose lowest echo is on the opened surface.
+    """
+    known, low = (_by_square(values) for values in (on_surface, lowest))
+    filled = np.isfinite(low).sum(axis=1)
+    index = np.flatnonzero(filled >= _LEAST_CELLS)
+    known, low, filled = known[index], low[index], filled[index]
+    share = known.sum(axis=1) / np.maximum(filled, 1)
+    enough = known.sum(axis=1) >= _LEAST_CELLS
+    used = np.where(enough[:, None], known, np.isfinite(low))
+    ordered = np.sort(np.where(used, low, np.inf), axis=1)
+    last, row = used.sum(axis=1) - 1, np.arange(len(index))
+    lower, level, upper = (ordered[row, np.rint(part * last).astype(np.int64)] for part in (0.1587, 0.5, 0.8413))
+    top = np.where(np.isfinite(low), low, -np.inf).max(axis=1)
+    xy = positions(grid, index)
+    return Squares(
+        index, xy, level, (upper - lower) / 2, np.where(enough, share, 0), top, _neighbors(xy), SIDE * grid.cell_m
+    )
+
+
+def _by_square(values: NDArray[Value]) -> NDArray[Value]:
+    split = values.reshape(-1, _PER_BLOCK, SIDE, _PER_BLOCK, SIDE)
+    return split.transpose(0, 1, 3, 2, 4).reshape(-1, SIDE * SIDE)
+
+
+def by_cell(values: NDArray[Value]) -> NDArray[Value]:
+    """Return values of all squares of S blocks, shape (S * 32 * 32,), for all cells, shape (S, 256, 256)."""
+    blocks = values.reshape(-1, _PER_BLOCK, _PER_BLOCK)
+    return np.repeat(np.repeat(blocks, SIDE, axis=1), SIDE, axis=2)
+
+
+def squares_in(grid: ElevationGrid) -> int:
+    """Return the number of squares of all blocks."""
+    return len(grid.blocks) * _PER_BLOCK**2
+
+
+def square_of(cell: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the square of each cell, both as indices."""
+    slot, inside = np.divmod(cell, BLOCK * BLOCK)
+    column, row = np.divmod(inside, BLOCK)
+    return np.asarray((slot * _PER_BLOCK + column // SIDE) * _PER_BLOCK + row // SIDE)
+
+
+def positions(grid: ElevationGrid, index: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return column and row of squares, shape (2, N), from their indices."""
+    block = np.array(list(grid.blocks), np.int64).reshape(-1, 2)
+    slot, inside = np.divmod(index, _PER_BLOCK**2)
+    return np.asarray(block[slot].T * _PER_BLOCK + np.stack(np.divmod(inside, _PER_BLOCK)))
+
+
+def _neighbors(xy: NDArray[np.int64]) -> NDArray[np.int64]:
+    key = xy[0] * _FAR + xy[1]
+    order = np.argsort(key)
+    found = np.full((len(_STEPS), len(key)), -1, np.int64)
+    for own, (dx, dy) in zip(found, _STEPS, strict=True):
+        wanted = key + dx * _FAR + dy
+        at = np.minimum(np.searchsorted(key[order], wanted), max(len(key) - 1, 0))
+        if len(key):
+            hit = key[order][at] == wanted
+            own[hit] = order[at[hit]]
+    return found
+
+
+def wave_deviations(squares: Squares, centers: Values, waves: Sequence[PartWaves]) -> Values:
+    """Return the standard deviation of the nearest waves at each square, shape (N,); 0 if it is not at their level.
+
+    ``centers`` are those of the waves in cells, shape (2, P).
+    """
+    from scipy.spatial import cKDTree
+
+    if not waves:
+        return np.zeros(len(squares.index))
+    nearest = cKDTree(centers.T / SIDE).query(squares.xy.T + 0.5)[1]
+    level, deviation = (np.array([getattr(w, name) for w in waves])[nearest] for name in ("level_m", "deviation_m"))
+    near = np.abs(squares.level_m - level) <= _AT_LEVEL * deviation + _NEAR_LEVEL_M
+    return np.where(near, deviation, 0)
+
+
+@dataclass(frozen=True)
+class Echoes:
+    """What the echoes from the surface of each of N squares look like; NaN if unknown.
+
+    Parameters
+    ----------
+    variation : ndarray, shape (N,), float64
+        Standard deviation of their intensities divided by the mean; of fewer than 60 echoes, the average with the
+        squares beside.
+    several : ndarray, shape (N,), float64
+        Share of those from pulses with several echoes.
+    """
+
+    variation: Values
+    several: Values
+
+
+def echoes_of(
+    squares: Squares, grid: ElevationGrid, parts: Iterable[tuple[NDArray[np.int64], Mask]], column: Column
+) -> Echoes:
+    """Return the echoes of squares; ``parts`` have the cell of each point, and whether it is on the surface."""
+    intensity, returns = column("intensity"), column("number_of_returns")
+    total = squares_in(grid)
+    count, one, two, several = (np.zeros(total) for _ in range(4))
+    start = 0
+    for cell, used in parts:
+        square = square_of(cell[used])
+        own = slice(start, start + len(cell))
+        count += np.bincount(square, minlength=total)
+        if intensity is not None:
+            value = np.nan_to_num(intensity[own][used].astype(np.float64))
+            one += np.bincount(square, value, total)
+            two += np.bincount(square, value**2, total)
+        if returns is not None:
+            several += np.bincount(square, returns[own][used] > 1, total)
+        start += len(cell)
+    number = np.where(count >= _LEAST_ECHOES, count, np.nan)[squares.index]
+    mean = one[squares.index] / number
+    spread = np.sqrt(np.maximum(two[squares.index] / number - mean**2, 0))
+    unknown = np.full(len(number), np.nan)
+    variation = np.divide(spread, mean, out=unknown.copy(), where=mean > 0)
+    around = np.append(variation, np.nan)[np.vstack((np.arange(len(number)), squares.neighbor))]
+    known = np.isfinite(around)
+    total = np.where(known, around, 0).sum(axis=0)
+    average = np.divide(total, known.sum(axis=0), out=unknown.copy(), where=known.any(axis=0))
+    variation = np.where(number < _MANY_ECHOES, average, variation)
+    return Echoes(variation, unknown if returns is None else several[squares.index] / number)

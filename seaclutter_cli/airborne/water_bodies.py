@@ -1,0 +1,207 @@
+"""Bodies of water of a tile, each with its level, and the land between them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.squares import Echoes, Squares
+
+Values = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_BAND_M, _BAND_DEVIATIONS = 0.2, 3.0
+_ROUGH_M = 0.15
+_OPEN_SHARE = 0.5
+_LEAST_SQUARES = 6
+_LOWER_SHARE, _HIGHER_SHARE = 0.1, 0.02
+_SEVERAL = 0.05
+SPECULAR, DIFFUSE = 0.6, 0.45
+_COARSE = 8
+_LARGEST, _MIRROR_SHARE, _GROUND_SHARE = 0.5, 0.05, 0.5
+_CLEAR_SHARE = 0.8
+_GROUND = (SPECULAR + DIFFUSE) / 2
+_STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
+
+
+@dataclass(frozen=True)
+class WaterBody:
+    """Connected squares at one level.
+
+    Parameters
+    ----------
+    squares : ndarray, shape (M,), int64
+        The squares.
+    level_m, deviation_m : float
+        Their median level, and the median deviation of elevations in them.
+    is_water : bool
+        Whether it is water, not land.
+    """
+
+    squares: NDArray[np.int64]
+    level_m: float
+    deviation_m: float
+    is_water: bool
+
+
+def find_bodies(squares: Squares, echoes: Echoes, deviation_m: Values) -> Sequence[WaterBody]:
+    r"""Return the level regions of a tile, and whether each is water.
+
+    Parameters
+    ----------
+    squares : Squares
+        The N squares of the tile.
+    echoes : Echoes
+        Their echoes.
+    deviation_m : ndarray, shape (N,), float64
+        Standard deviation of the waves in each square; 0 if there are none.
+
+    Notes
+    -----
+    The most frequent level comes first, with all flat squares within 0.2 m of it, or three standard deviations of the
+    waves; then that of the remaining squares, and so on. Connected squares are a region. Regions of fewer than six
+    squares are left out: the opening takes what is that small for an object.
+
+    Signs of water and of land are added up. A region needs more signs of water than of land; one that covers half of
+    the tile, or any if there is no other water, as many. If nothing in the tile reflects like a mirror, it is either
+    all land or not known: no region is returned unless nearly all squares are in regions with two more signs of land,
+    and without waves.
+
+    * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
+      along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher, as a weir, holds it back.
+    * Still water is level. A plane through a slope or a river falls by more than one in a thousand (-2); wind and
+      strips that do not match cause less.
+    * Water is flat. Neighbouring squares that differ by more than 4 cm, or means over 64 cells by more than 5 cm,
+      beyond what waves explain, are a sign of land (-1).
+    * Water reflects like a mirror, and an echo depends on the facet that it met: a coefficient of variation of at least
+      0.6 among neighbouring intensities (+1; the speckle of many facets has 0.7 and more). Ground scatters light in all
+      directions: 0.45 at most (-1, if a twentieth of the tile does reflect like a mirror). Squares of ground and others
+      are not joined; a region with ground at its level along half of its edge is a part of it (-2).
+    * A pulse has several echoes under trees, and one on water (-1).
+    """
+    ground = echoes.variation <= _GROUND
+    regions = [own for kind in (ground, ~ground) for own in _regions(squares, deviation_m, kind)]
+    regions.sort(key=len, reverse=True)
+    mirrors = sum(len(own) for own in regions if _median(echoes.variation[own]) >= SPECULAR)
+    tells = mirrors > _MIRROR_SHARE * len(squares.index)
+    if not np.isfinite(echoes.variation).any():
+        return []
+    found = [(own, _signs(squares, echoes, own, deviation_m, tells=tells)) for own in regions]
+    clear = sum(len(own) for own, signs in found if signs <= -2 and not deviation_m[own].any())
+    if not tells and clear < _CLEAR_SHARE * sum(map(len, regions)):
+        return []
+    certain = [signs >= (0 if len(own) >= _LARGEST * len(squares.index) else 1) for own, signs in found]
+    water = certain if any(certain) else [signs >= 0 for _, signs in found]
+    return [_body(squares, own, is_water=is_water) for own, is_water in zip(regions, water, strict=True)]
+
+
+def _regions(squares: Squares, deviation_m: Values, kind: Mask) -> Iterator[NDArray[np.int64]]:
+    """Yield connected flat squares at one level, beginning with the most frequent level."""
+    band = bands_of(deviation_m)
+    flat = (squares.spread_m <= np.maximum(_ROUGH_M, _BAND_DEVIATIONS * deviation_m)) & (
+        squares.open_share >= _OPEN_SHARE
+    )
+    remaining = np.flatnonzero(flat & kind)
+    while len(remaining) >= _LEAST_SQUARES:
+        level = squares.level_m[remaining]
+        step = np.floor(level / np.median(band[remaining])).astype(np.int64)
+        _, which, counts = np.unique(step, return_inverse=True, return_counts=True)
+        if counts.max() < _LEAST_SQUARES:
+            return
+        middle = np.median(level[which == np.argmax(counts)])
+        inside = np.abs(level - middle) <= band[remaining]
+        own = remaining[inside]
+        part = connected(squares, own)
+        for number in np.flatnonzero(np.bincount(part) >= _LEAST_SQUARES):
+            yield own[part == number]
+        remaining = remaining[~inside]
+
+
+def bands_of(deviation_m: Values) -> Values:
+    """Return how far squares of a region may be from its level, shape (N,)."""
+    return np.maximum(_BAND_M, _BAND_DEVIATIONS * deviation_m)
+
+
+def connected(squares: Squares, own: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Return the group of each of some squares; those that touch by side are one."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    place = np.full(len(squares.index) + 1, -1)
+    place[own] = np.arange(len(own))
+    pairs = [(place[own], place[side[own]]) for side in squares.neighbor]
+    one, other = (np.concatenate(ends) for ends in zip(*pairs, strict=True))
+    both = other >= 0
+    graph = coo_array((np.ones(both.sum(), np.bool_), (one[both], other[both])), shape=(len(own), len(own)))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], deviation_m: Values, *, tells: bool) -> int:
+    """Return the number of signs that a region is water, less those that it is land."""
+    level = float(np.median(squares.level_m[own]))
+    waves = float(np.median(deviation_m[own]))
+    variation, several = (_median(values[own]) for values in (echoes.variation, echoes.several))
+    signs = _hollow(squares, own, level, float(np.median(bands_of(deviation_m[own]))))
+    slope, tilt, step, bumps = _unevenness(squares, own)
+    signs -= 2 * (slope > _SLOPE and tilt > np.hypot(_TILT_M, waves / 2))
+    signs -= step > np.hypot(_STEP_M, waves) or bumps > np.hypot(_BUMPS_M, waves)
+    signs += int(variation >= SPECULAR) - int(tells and variation <= DIFFUSE)
+    signs -= 2 * (tells and _goes_on_as_ground(squares, echoes, own, level))
+    signs -= several > _SEVERAL
+    return int(signs)
+
+
+def _body(squares: Squares, own: NDArray[np.int64], *, is_water: bool) -> WaterBody:
+    level, spread = (float(np.median(values[own])) for values in (squares.level_m, squares.spread_m))
+    return WaterBody(own, level, spread, is_water)
+
+
+def _goes_on_as_ground(squares: Squares, echoes: Echoes, own: NDArray[np.int64], level_m: float) -> bool:
+    """Return whether half of the edge of a region touches ground at its level."""
+    inside = np.zeros(len(squares.index) + 1, np.bool_)
+    inside[own] = True
+    beyond = squares.neighbor[:, own]
+    beyond = beyond[~inside[beyond]]
+    ground = np.append((echoes.variation <= _GROUND) & (np.abs(squares.level_m - level_m) <= _BAND_M), False)
+    return bool(np.count_nonzero(ground[beyond]) > _GROUND_SHARE * len(beyond))
+
+
+def _hollow(squares: Squares, own: NDArray[np.int64], level_m: float, band_m: float) -> int:
+    """Return -2 if water would run off a region, over at most one square beyond it; 1 if it is in a hollow."""
+    last = len(squares.index)  # stands for a missing neighbour
+    inside, open_way = np.zeros(last + 1, np.bool_), np.zeros(last + 1, np.bool_)
+    inside[own] = True
+    open_way[:last] = squares.top_m <= level_m + band_m
+    lower = np.append(squares.level_m < level_m - band_m, False)
+    around = squares.neighbor[:, own]
+    edge = ~inside[around]
+    beyond = around[edge]
+    start = np.broadcast_to(own, around.shape)[edge]
+    next_lower = np.append((lower[squares.neighbor] & ~inside[squares.neighbor]).any(axis=0), False)
+    falls = open_way[start] & (lower[beyond] | (~lower[beyond] & open_way[beyond] & next_lower[beyond]))
+    if np.count_nonzero(falls) > _LOWER_SHARE * len(beyond):
+        return -2
+    higher = np.append(squares.top_m > level_m + band_m, False)[beyond]
+    return int(np.count_nonzero(higher) > _HIGHER_SHARE * len(beyond))
+
+
+def _median(values: Values) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def _unevenness(squares: Squares, own: NDArray[np.int64]) -> tuple[float, float, float, float]:
+    """Return the slope of a plane through a region, and its standard deviation; that of steps and of wide means."""
+    offset = squares.xy[:, own] - squares.xy[:, own].mean(axis=1, keepdims=True)
+    level = squares.level_m[own] - squares.level_m[own].mean()
+    slope = np.linalg.lstsq(offset.T, level, rcond=None)[0]
+    plane = offset.T @ slope
+    _, which, count = np.unique(squares.xy[:, own] // _COARSE, axis=1, return_inverse=True, return_counts=True)
+    mean = (np.bincount(which.reshape(-1), level - plane) / count)[count >= _COARSE]
+    steepness = float(np.hypot(*slope)) / squares.side_m
+    inside = np.full(len(squares.index) + 1, np.nan)
+    inside[own] = level
+    steps = (inside[squares.neighbor[:2, own]] - level)[np.isfinite(inside[squares.neighbor[:2, own]])]
+    step = 1.48 * float(np.median(np.abs(steps))) if len(steps) else 0.0
+    return steepness, float(plane.std()), step / np.sqrt(2), float(mean.std()) if len(mean) > 1 else 0.0

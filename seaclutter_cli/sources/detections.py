@@ -1,0 +1,153 @@
+"""Detections of the Autoferry sensor fusion data set: positions that detectors found, as clouds of a few points.
+
+See https://github.com/Autoferry/sensor_fusion_dataset. Positions are relative to own ship in axes that point north,
+east and down. Here x points north, y west and z up, as clouds have it.
+"""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.messages import CODECS
+from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.records import Channel, Damage, Message, Metadata
+from seaclutter_cli.sources.frame_files.poses import Pose, pose_message
+from seaclutter_cli.sources.shared.facts import NO_FACTS
+
+SUFFIX = "_detections.json"
+_CLOUD, _POSE = "sensor_msgs/msg/PointCloud2", "geometry_msgs/msg/PoseStamped"
+_TOPICS = {1: "/lidar/detections", 2: "/radar/detections"}
+"""Topics by ``sensorID``; cameras (3 and 4) give bearings only."""
+_FRAME_ID, _MAP_ID = "own_ship", "map"
+_POINT = np.dtype([(axis, "<f8") for axis in "xyz"])
+
+
+@dataclass(frozen=True, slots=True)
+class _Detections:
+    topic: str
+    stamp_ns: int
+    own_ship: tuple[float, float]
+    places: NDArray[np.float64]
+
+
+class DetectionSource:
+    """A file of detections, as ROS 2 point clouds on a topic for each sensor, and own ship's positions on ``/pose``.
+
+    Parameters
+    ----------
+    path : Path
+        File whose name ends in ``_detections.json``.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is not a list of detections.
+    """
+
+    format = "Autoferry detections"
+    profile = "ros2"
+    compression: str | None = None
+    facts = NO_FACTS
+    metadata: Sequence[Metadata] = ()
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.name.removesuffix(SUFFIX) or path.stem
+        self.damage: list[Damage] = []
+        self.warnings: list[str] = []
+        self._found, bearings = [], 0
+        for number, item in enumerate(_items(path)):
+            try:
+                found = _parsed(item)
+            except (KeyError, TypeError, ValueError, OverflowError):
+                self.damage.append(Damage(path, None, f"detection {number} is not valid", lost_messages=1))
+                continue
+            self._found += [found] if found else []
+            bearings += found is None
+        if bearings:
+            self.warnings.append(f"{self.name}: {bearings:,} detections of cameras are left out; they are bearings")
+        self._found.sort(key=lambda one: one.stamp_ns)
+        self._channels = {
+            topic: Channel(number, topic, "cdr", ros2_schema(_POSE if topic == "/pose" else _CLOUD))
+            for number, topic in enumerate((*_TOPICS.values(), "/pose"), 1)
+        }
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """A channel for each sensor that gives positions, and ``/pose``."""
+        return list(self._channels.values())
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Number of messages by channel id."""
+        return self._counted(self._found)
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Times of the first and the last detections."""
+        return (self._found[0].stamp_ns, self._found[-1].stamp_ns) if self._found else None
+
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:
+        """Yield the messages with log times in ``[start_ns, end_ns)`` in order; own ship's position comes first."""
+        for index, one in enumerate(self._found):
+            if (start_ns is not None and one.stamp_ns < start_ns) or (end_ns is not None and one.stamp_ns >= end_ns):
+                continue
+            pose = Pose((*one.own_ship, 0.0), (0.0, 0.0, 0.0, 1.0))
+            yield self._message("/pose", one, index, pose_message(pose, one.stamp_ns, _MAP_ID))
+            points = np.zeros(one.places.shape[1], _POINT)
+            points["x"], points["y"] = one.places[0], -one.places[1]
+            cloud = from_array(points, stamp_ns=one.stamp_ns, frame_id=_FRAME_ID)
+            yield self._message(one.topic, one, index, CODECS[_CLOUD, "cdr"].encode(cloud))
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:
+        """Return the number of messages by channel id before a time."""
+        return self._counted([one for one in self._found if one.stamp_ns < start_ns])
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:  # noqa: ARG002
+        """Return an empty list: no topic is latched."""
+        return []
+
+    def close(self) -> None:
+        """Do nothing: no file is kept open."""
+
+    def _message(self, topic: str, one: _Detections, index: int, data: bytes) -> Message:
+        return Message(self._channels[topic], one.stamp_ns, one.stamp_ns, index, data)
+
+    def _counted(self, found: Sequence[_Detections]) -> dict[int, int]:
+        topics = [*(one.topic for one in found), *["/pose"] * len(found)]
+        return {channel.id: topics.count(topic) for topic, channel in self._channels.items()}
+
+
+def _items(path: Path) -> list[Any]:
+    try:
+        with path.open("rb") as file:
+            items = load_json(file.read(MAX_JSON_BYTES + 1))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    except DocumentError as error:
+        raise InputError(f"{path}: {error}") from error
+    if not isinstance(items, list):
+        raise InputError(f"{path}: must be a list of detections, as in the Autoferry sensor fusion data set")
+    return items
+
+
+def _parsed(item: Any) -> _Detections | None:
+    """Return the detections of a sensor at one time; None for bearings of a camera."""
+    topic = _TOPICS.get(item["sensorID"])
+    if topic is None:
+        return None
+    # MATLAB writes one position as a list of two numbers, several as two lists, and none as an empty list.
+    places = np.array(item["measurement"], np.float64).reshape(2, -1)
+    north, east = (float(value) for value in item["ownshipPosition"])
+    if not np.isfinite([*places.ravel(), north, east]).all():
+        raise ValueError("not finite")
+    stamp_ns = round(float(item["time"]) * 1e6) * 1000
+    if not 0 <= stamp_ns < 2**31 * 10**9:
+        raise ValueError("not a time")
+    return _Detections(topic, stamp_ns, (north, -east), places)

@@ -1,0 +1,144 @@
+"""Land and water of tiles: level regions, their echoes, several water levels, real tiles."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
+from seaclutter_cli.airborne.squares import squares_of
+from seaclutter_cli.airborne.surface import SeparationParams
+from tests.paths import shared
+
+SIZE = 400.0, 300.0
+
+
+def relief(rng, x, y, std=0.1):
+    """Return ground that undulates over some ten metres."""
+    total = sum(np.sin(x / rng.uniform(4, 14) + y / rng.uniform(4, 14) + rng.uniform(0, 7)) for _ in range(12))
+    return std * total / np.sqrt(6) + rng.normal(0, 0.03, len(x))
+
+
+def waves(rng, x, y, height, length):
+    total = np.zeros(len(x))
+    for _ in range(30):
+        k, angle = 2 * np.pi / (length * rng.normal(1, 0.1)), 0.6 + rng.normal(0, 0.3)
+        total += np.sin(k * (np.cos(angle) * x + np.sin(angle) * y) + rng.uniform(0, 7))
+    return height / 4 * total / total.std() + rng.normal(0, 0.03, len(x))
+
+
+def tile(ground, *, height=0.1, length=15.0, level=0.0, speckle=True, seed=5):
+    """Return points, whether each is on land, and their attributes.
+
+    ``ground`` returns the elevation of the ground; where it is below the water, there is water.
+    """
+    rng = np.random.default_rng(seed)
+    x, y = (rng.uniform(0, side, 240_000) for side in SIZE)
+    bottom = ground(x, y, relief(rng, x, y))
+    surface = waves(rng, x, y, height, length) + (level(x, y) if callable(level) else level)
+    land = bottom > surface
+    water = rng.gamma(2.0, 30, len(x)) if speckle else rng.normal(60, 10, len(x))
+    intensity = np.where(land, rng.normal(200, 40, len(x)), water).clip(0)
+    columns = {"intensity": intensity, "number_of_returns": np.ones(len(x), int)}
+    return np.stack((x, y, np.maximum(bottom, surface))), land, columns
+
+
+def shares(xyz, land, columns, **params):
+    """Return the share of land, and that of water, called non-sea."""
+    other = separate([xyz], SeparationParams(**params), columns.get).classification == OTHER
+    return other[land].mean() if land.any() else 1.0, other[~land].mean() if not land.all() else 0.0
+
+
+def sea_only(x, _y, _bumps):
+    return np.full(len(x), -5.0)
+
+
+COASTS = {
+    "beach 1 in 30": lambda x, _, bumps: (x - 200) / 30 + bumps,
+    "beach 1 in 100": lambda x, _, bumps: (x - 150) / 100 + bumps,
+    "cliff": lambda x, _, bumps: np.where(x > 250, 15 + bumps, -5),
+    "dike and low polder": lambda x, _, bumps: np.select([x < 190, x < 205], [-5.0, 4.0], 0.6 + bumps),
+}
+
+
+@pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (0.5, 60.0), (1.2, 40.0)])
+@pytest.mark.parametrize("coast", COASTS)
+def test_coasts(coast, height, length):
+    land, water = shares(*tile(COASTS[coast], height=height, length=length))
+    assert land > 0.95
+    assert water < 0.05
+
+
+def test_a_polder_below_the_sea_behind_a_dike():
+    xyz, _, columns = tile(lambda x, _y, _b: np.where((x > 190) & (x < 205), 4.0, -5))
+    rng = np.random.default_rng(3)
+    polder = xyz[0] >= 205
+    xyz[2, polder] = -2 + relief(rng, *xyz[:2, polder])
+    columns["intensity"][polder] = rng.normal(200, 40, polder.sum())
+    land, water = shares(xyz, xyz[0] > 190, columns)
+    assert land > 0.98
+    assert water < 0.02
+
+
+def test_basins_on_both_sides_of_a_weir():
+    weir = tile(lambda x, _y, _b: np.where(np.abs(x - 200) < 3, 2.5, -5), level=lambda x, _: np.where(x < 200, 0, 1.2))
+    land, water = shares(*weir)
+    assert land > 0.99
+    assert water < 0.01
+
+
+@pytest.mark.parametrize("speckle", [True, False])
+@pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (0.5, 60.0), (1.2, 40.0)])
+def test_a_tile_of_sea_has_no_land(height, length, speckle):
+    xyz, land, columns = tile(sea_only, height=height, length=length, speckle=speckle)
+    for attributes in (columns, {}):
+        assert shares(xyz, land, attributes)[1] < 0.01
+
+
+def test_a_slope_without_water_is_land():
+    assert shares(*tile(lambda x, _, bumps: 1 + x / 100 + bumps))[0] > 0.98
+
+
+def test_without_intensities_only_islands_are_land():
+    xyz, land, columns = tile(COASTS["beach 1 in 100"])
+    alone = separate([xyz], SeparationParams()).classification
+    np.testing.assert_array_equal(alone, separate([xyz], SeparationParams(land="ignore"), columns.get).classification)
+    assert (alone[land] == OTHER).mean() < 0.95
+
+
+def test_ground_of_land_is_class_2_on_request():
+    xyz, land, columns = tile(COASTS["dike and low polder"])
+    house = land & (np.abs(xyz[0] - 300) < 5) & (np.abs(xyz[1] - 150) < 5)
+    xyz[2, house] += 6
+    found = separate([xyz], SeparationParams(land="class2"), columns.get).classification
+    inland = land & (xyz[0] > 215)
+    assert (found[inland & ~house] == GROUND).mean() > 0.97
+    assert (found[house] == OTHER).all()
+    kept = separate([xyz], SeparationParams(), columns.get).classification
+    np.testing.assert_array_equal(np.where(found == GROUND, OTHER, found), kept)
+
+
+@pytest.mark.parametrize(("folder", "name", "unit"), [("las", "autzen_trim", 0.3048), ("airborne", "ahn3_sluice", 1.0)])
+def test_real_tiles(folder, name, unit):
+    laspy = pytest.importorskip("laspy")
+    read = laspy.read(shared(folder) / f"{name}.laz")
+    columns = {key: np.asarray(read[key]) for key in ("intensity", "number_of_returns")}
+    xyz = np.stack((read.x, read.y, read.z)) * unit
+    sea = separate([xyz], SeparationParams(), columns.get).classification == WATER
+    truth = np.asarray(read.classification)
+    if name == "autzen_trim":  # a river with a pool that is level
+        assert sea.mean() < 0.02
+    else:
+        assert sea[truth == 2].mean() < 0.03
+        assert sea[truth == 9].mean() > 0.985
+
+
+def test_squares_have_level_spread_and_neighbours():
+    x, y = (side.ravel() + 0.5 for side in np.mgrid[:32, :16].astype(float))
+    grid = ElevationGrid(1.0)
+    grid.add(np.stack((x, y, np.where(x < 16, 1.0, 0.1 * y))))
+    squares = squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
+    order = np.lexsort(squares.xy)
+    assert squares.xy[:, order].T.tolist() == [[i, j] for j in range(2) for i in range(4)]
+    np.testing.assert_allclose(squares.level_m[order], [1, 1, 0.45, 0.45, 1, 1, 1.25, 1.25], atol=0.06)
+    assert squares.spread_m[order][:2].tolist() == [0, 0]
+    assert (squares.neighbor >= 0).sum() == 2 * (3 * 2 + 4)
