@@ -17,7 +17,14 @@ from seaclutter_cli.runs.convert_result import ConvertOutcome, ConvertSummary
 from seaclutter_cli.runs.log_outcome import output_size
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.output_plan import check_names, first_part, places_of, plan_outputs, warn_of_losses
+from seaclutter_cli.runs.output_plan import (
+    check_names,
+    first_part,
+    places_of,
+    plan_outputs,
+    warn_of_losses,
+    warn_of_patterns,
+)
 from seaclutter_cli.runs.outputs import Root, inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import (
     Logs,
@@ -176,6 +183,7 @@ class ConvertWork(Work[ConvertOutcome]):
 
     def _stream(self, source: Source, outcome: ConvertOutcome, observer: Observer, group: OutputGroup) -> None:
         selection = replace(self.options.reading.selection, latched=self.options.written.latched)
+        warn_of_patterns(source, self.options.written, observer)
         clouds = self._clouds(source, selection)
         outcome.topics |= {channel.topic: TopicTally() for channel in clouds}
         record = partial(self._record, source, outcome)

@@ -24,7 +24,14 @@ from seaclutter_cli.runs.log_outcome import output_size
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.output_plan import check_names, first_part, places_of, plan_outputs, warn_of_losses
+from seaclutter_cli.runs.output_plan import (
+    check_names,
+    first_part,
+    places_of,
+    plan_outputs,
+    warn_of_losses,
+    warn_of_patterns,
+)
 from seaclutter_cli.runs.outputs import (
     Paths,
     Root,
@@ -299,6 +306,7 @@ class FilterWork(Work[FilterOutcome]):
     ) -> None:
         selection = replace(self.options.reading.selection, latched=self.options.written.latched)
         clouds = cloud_channels(source, selection.topics)
+        warn_of_patterns(source, self.options.written, observer)
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
         labels = self.labels.open() if self.labels else None
         if labels and len(topics) > 1:

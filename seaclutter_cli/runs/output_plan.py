@@ -1,16 +1,19 @@
 """Which outputs the recordings of a run get, in which format."""
 
 import os
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import truediv
 
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.interfaces import Source
 from seaclutter_cli.runs.object_outputs import is_object_folder
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.outputs import is_file
 from seaclutter_cli.runs.recordings import PathLike
+from seaclutter_cli.sinks import McapOptions
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, format_of
 from seaclutter_cli.sinks.log_output import part_path, parts_after
 from seaclutter_cli.sinks.split import Split, parse_split
@@ -29,6 +32,7 @@ __all__ = [
     "places_of",
     "plan_outputs",
     "warn_of_losses",
+    "warn_of_patterns",
 ]
 
 _MAX_LOSSES = 8
@@ -138,6 +142,14 @@ def places_of(targets: Iterable[Location], form: str, split: Split | None) -> li
             raise UsageError(f"{target}: --split needs an output on this machine, or --to rosbag2-mcap")
         places += [part_path(target, 0), *parts_after(target, 0)]
     return places
+
+
+def warn_of_patterns(source: Source, options: McapOptions, observer: Observer) -> None:
+    """Warn of patterns for other topics that match no topic of a recording."""
+    for option, patterns in (("--include", options.include), ("--exclude", options.exclude)):
+        for pattern in patterns:
+            if not any(re.search(pattern, channel.topic) for channel in source.channels):
+                observer.warn(f"{source.name}: {option} {pattern} matches no topic")
 
 
 def warn_of_losses(output: Location, form: str, lost: Sequence[str], observer: Observer) -> None:

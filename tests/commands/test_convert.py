@@ -232,6 +232,13 @@ def test_other_topics_by_regular_expression(log, tmp_path, options, kept):
         assert {channel.topic for channel in source.channels} == {"/points", *kept}
 
 
+@pytest.mark.parametrize("command", ["convert", "filter"])
+def test_a_pattern_that_matches_nothing_is_named(log, tmp_path, command):
+    result = run(command, log, "-o", tmp_path / "out.mcap", "--include", "radar", "--exclude", "^/t")
+    assert "trial: --include radar matches no topic" in result.stderr
+    assert "--exclude" not in result.stderr
+
+
 def test_convert_without_a_topic_chooses_clouds_too(log, tmp_path):
     run("convert", log, "-o", tmp_path / "out.bag", "--include", "text")
     assert topics_in(tmp_path / "out.bag") == {"/text": 20}

@@ -51,8 +51,8 @@ def _log(name: str, *more: str) -> Commands:
         f"info IN/{name} --json",
         f"{write} -m confirmed --keep-organized --with-scene --json",
         f"calibrate IN/{name} -o OUT/config.yaml",
-        f"convert IN/{name} -o OUT/out.bag --json",
-        f"convert IN/{name} -o OUT/out --to rosbag2-db3",
+        f"convert IN/{name} -o OUT/out.bag --exclude imu --json",
+        f"convert IN/{name} -o OUT/out --to rosbag2-db3 --exclude imu",
         *more,
     )
 
