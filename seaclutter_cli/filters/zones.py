@@ -34,8 +34,8 @@ class ZoneParams:
         Boxes of own structure to remove, each [x_min, x_max, y_min, y_max, z_min, z_max] in metres in the cloud's
         frame, bounds included; they take precedence over ``near`` and ``far``.
     exclude_polygons : tuple of ExcludedPolygon
-        Outlines of own structure to remove, each {vertices: [[x, y], …], z_min_m: null, z_max_m: null} in metres in the
-        cloud's frame.
+        Outlines of own structure to remove, each {vertices: [[x, y], ...], z_min_m: null, z_max_m: null} in metres in
+        the cloud's frame.
     mask : str
         File of a mask of own structure by beam and azimuth, as ``seaclutter mask`` writes it; empty for none.
     """

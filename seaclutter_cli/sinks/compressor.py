@@ -39,10 +39,14 @@ class Compressor(Generic[T, R]):
         if len(self._pending) > self._max_pending:
             self._next()
 
-    def finish(self) -> None:
-        """Wait for all items, and end the threads."""
+    def drain(self) -> None:
+        """Wait for all items."""
         while self._pending:
             self._next()
+
+    def finish(self) -> None:
+        """Wait for all items, and end the threads."""
+        self.drain()
         self._pool.shutdown()
 
     def abort(self) -> None:

@@ -102,6 +102,7 @@ class McapWriter:
 
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel under its own id, before its first message."""
+        self._compressor.drain()  # so that the place of the record does not depend on the number of threads
         schema_id = 0
         if channel.schema is not None:
             schema_id = self._schemas.get(channel.schema, 0)
@@ -122,6 +123,7 @@ class McapWriter:
 
     def attach(self, attachment: Attachment) -> None:
         """Write an attachment without copying its data."""
+        self._compressor.drain()
         head = struct.pack("<QQ", attachment.log_time_ns, attachment.create_time_ns)
         for text in (attachment.name, attachment.media_type):
             head += _prefixed(text)
@@ -146,6 +148,7 @@ class McapWriter:
 
     def add_metadata(self, metadata: Metadata) -> None:
         """Write a metadata record."""
+        self._compressor.drain()
         offset = self._offset
         self._write_record(mcap_records.Metadata(name=metadata.name, metadata=metadata.entries))
         entry = mcap_records.MetadataIndex(offset=offset, length=self._offset - offset, name=metadata.name)

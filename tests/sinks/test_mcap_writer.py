@@ -212,6 +212,7 @@ def test_chunks_have_the_requested_size_unless_a_message_is_larger():
 @pytest.mark.parametrize("threads", [1, 2, 4, 64])
 def test_bytes_do_not_depend_on_the_number_of_threads(monkeypatch, compression, threads):
     items = [(1 + k % 2, k, k, k, bytes(k * j % 256 for j in range(500))) for k in range(100)]
+    items[50:50] = [Attachment(1, 2, "a", "b", b"attached"), Metadata("m", {"key": "value"})]
     monkeypatch.setenv("SEACLUTTER_THREADS", "1")
     expected = written(items, compression)
     monkeypatch.setenv("SEACLUTTER_THREADS", str(threads))

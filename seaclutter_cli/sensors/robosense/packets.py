@@ -68,7 +68,7 @@ def temperatures_degc(packets: NDArray[Any], layout: PacketFormat) -> NDArray[np
     >>> temperatures_degc(packets, CLASSIC)
     array([ 2.1875, -2.1875])
     >>> temperatures_degc(packets, RUBY)
-    array([24.   , 24.5  ])
+    array([24. , 24.5])
     """
     first, second = packets["temperature"].astype(np.int64).T
     if layout.temperature_big_endian:
