@@ -113,24 +113,27 @@ class WaterSurface:
         Height of the water above the plane.
     upright : ndarray, shape (N,), bool
         Which of the points that the estimate received are in columns with echoes at several heights.
+    cells : GridCells
+        Cells of these N points.
     """
 
     plane: Plane
     sigma_m: float
     swell: Swell
     upright: NDArray[np.bool_]
+    cells: GridCells
 
-    def above(self, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
+    def above(self, x: Floats, y: Floats, z: Floats, cells: GridCells | None = None) -> tuple[Floats, Floats, Floats]:
         """Return the height of points above the water, its standard deviation, and how many echoes show the water.
 
-        Heights and deviations are in metres.
+        Heights and deviations are in metres; ``cells`` are those of the points, if they are known.
 
         Notes
         -----
         Where many echoes support the swell, half of the deviation remains as waves too short for the grid. Where there
         are none, the plane is all that is known, and the deviation is that of the water plus that of the plane.
         """
-        swell, echoes = self.swell.at(GridCells.of(x, y))
+        swell, echoes = self.swell.at(GridCells.of(x, y) if cells is None else cells)
         unknown = _SHRINKAGE / (echoes + _SHRINKAGE)
         deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + _RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation, echoes

@@ -66,8 +66,9 @@ class WaterTracker:
         if self._plane is None:
             return None
         flat = np.flatnonzero(~stands)
-        swell = self._swell(GridCells.of(x[flat], y[flat]), (z - self._plane.height(x, y))[flat])
-        return WaterSurface(self._plane, self._sigma_m, swell, stands)
+        grid = GridCells.of(x, y)
+        swell = self._swell(GridCells(grid.number[flat]), (z - self._plane.height(x, y))[flat])
+        return WaterSurface(self._plane, self._sigma_m, swell, stands, grid)
 
     def _update(self, lowest: Plane, echoes: WaterEchoes, time_s: float) -> None:
         known = self._plane is not None

@@ -71,7 +71,7 @@ def measure(echoes: Echoes, threshold: Floats, water: WaterSurface | None, param
         height, deviation, shown = z + _UNSEEN_M, np.zeros(echoes.size), np.zeros(echoes.size)
         sigma, upright = 0.0, np.zeros(echoes.size, np.bool_)
     else:
-        height, deviation, shown = water.above(x, y, z)
+        height, deviation, shown = water.above(x, y, z, water.cells)
         sigma, upright = water.sigma_m, water.upright
     beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
     rise = np.maximum(params.min_rise_m, params.rise_sigmas * deviation) + beyond
