@@ -151,7 +151,7 @@ class MaskResult(RecordingsResult):
         if found.is_at_rest and found.at_rest is not None:
             text = (
                 f"{found.at_rest:.0%} of what is beyond {reach} is constant too, as for a vessel at rest or between "
-                "straight walls: a quay cannot be told from own ship; use a log under way in open water"
+                "straight walls: a quay looks like own ship; use a log under way in open water"
             )
             return [text]
         if found.mask.sectors and found.at_rest is None:

@@ -27,11 +27,11 @@ class GridCells:
 
     Parameters
     ----------
-    number : ndarray, shape (N,), int64
+    number : ndarray, shape (N,), int32
         Number of the cell; 6400 beyond the grid.
     """
 
-    number: NDArray[np.int64]
+    number: NDArray[np.int32]
 
     @classmethod
     def of(cls, x: Floats, y: Floats) -> "GridCells":
@@ -39,7 +39,7 @@ class GridCells:
         column, row = (x + _REACH_M) / _CELL_M, (y + _REACH_M) / _CELL_M
         inside = (column >= 0) & (column < _CELLS) & (row >= 0) & (row < _CELLS)
         with np.errstate(invalid="ignore"):  # positions far beyond the grid have no integer
-            number = column.astype(np.int64) * _CELLS + row.astype(np.int64)
+            number = column.astype(np.int32) * np.int32(_CELLS) + row.astype(np.int32)
         number[~inside] = _CELLS**2
         return cls(number)
 
