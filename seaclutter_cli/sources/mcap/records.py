@@ -305,7 +305,7 @@ def split(records: Buffer, report: Gap, *, trusted: bool) -> Iterator[tuple[int,
 
 
 def _is_chain(records: Buffer) -> bool:
-    """Return whether sizes lead from record to record to the end of a chunk, as `walk` would, at a tenth of its cost."""
+    """Return whether sizes lead from record to record to the end of a chunk; a tenth of the cost of `walk`."""
     at = 0
     while at + RECORD.size <= len(records):
         op, size = RECORD.unpack_from(records, at)
