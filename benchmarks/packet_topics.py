@@ -12,8 +12,6 @@ from contextlib import closing
 from pathlib import Path
 
 from capture import packets as robosense_packets
-from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
 
 from seaclutter_cli.records import Message
 from seaclutter_cli.sensors.packets import DecoderOptions
@@ -57,22 +55,6 @@ def decode(path: Path, options: DecoderOptions) -> tuple[int, float]:
     return frames, min(seconds)
 
 
-def with_checksums(path: Path) -> Path:
-    """Copy an MCAP file with checksums, which spare the search for damage; `rosbags` writes none, ROS 2 does."""
-    target = path.with_name("log.mcap")
-    with next(path.glob("*.mcap")).open("rb") as file, target.open("wb") as copy:
-        writer = Writer(copy, compression=CompressionType.NONE)
-        writer.start("ros2")
-        ids: dict[int, int] = {}
-        for schema, channel, message in make_reader(file).iter_messages():
-            if channel.id not in ids and schema is not None:
-                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
-                ids[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, schema_id)
-            writer.add_message(ids[channel.id], message.log_time, message.data, message.publish_time)
-        writer.finish()
-    return target
-
-
 def in_new_process(path: Path, options: DecoderOptions) -> tuple[int, float]:
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         return pool.submit(decode, path, options).result()
@@ -91,7 +73,6 @@ def main(folder: Path) -> None:
         print(f"{name:<20}{'pcap':<10}{frames / seconds:>14.0f}{'1.00':>14}", flush=True)
         for container in CONTAINERS:
             path = write_topic(driver, container, of_driver, packets)
-            path = with_checksums(path) if container == "mcap" else path
             of_topic, topic_seconds = in_new_process(path, DecoderOptions())
             assert of_topic == frames
             ratio = seconds / topic_seconds

@@ -3,6 +3,7 @@
 from dataclasses import MISSING, fields
 
 from seaclutter_cli.parameters import descriptions, summary, yaml_value
+from seaclutter_cli.simulation.airborne.land import LANDS, LandParams
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObjectParams, TileParams, WaterParams
 from seaclutter_cli.simulation.lidar.noise import NoiseParams
 from seaclutter_cli.simulation.marine.scene import RecordingParams, SceneObjectParams, VesselParams
@@ -37,19 +38,27 @@ SCENE = {
 NOTES = {
     "noise": "Without this section, the noise is that of the lidar.",
     "objects": "A list; each object has these keys.",
+    "land": "A list; each piece of land covers those before it, and objects at random positions keep clear of all.",
 }
-TILE = {"tile": TileParams, "lidar": AirborneParams, "water": WaterParams, "objects": TileObjectParams}
+TILE = {
+    "tile": TileParams,
+    "lidar": AirborneParams,
+    "water": WaterParams,
+    "land": LandParams,
+    "objects": TileObjectParams,
+}
 RANDOM = """\
 ### random
 
 Number of objects, from 0 to 50, of each class, at random places and of random sizes: `random: {ship: 3, reef: 2}`.
 """
+LAND_KEYS = ("height_m", "slope", "crest_m", "relief_m", "ragged_m", "trees", "houses", "reflectivity")
 
 
 def page():
     """Return the text of the page."""
     parts = [INTRODUCTION, "## Recordings\n", *(section(name, kind) for name, kind in SCENE.items())]
-    parts += ["## Airborne tiles\n", *(section(name, kind) for name, kind in TILE.items()), RANDOM]
+    parts += ["## Airborne tiles\n", *(section(name, kind) for name, kind in TILE.items()), RANDOM, land_kinds()]
     return "\n".join(parts)
 
 
@@ -61,6 +70,15 @@ def section(name, kind):
         rows.append(f"| `{field.name}` | {default} | {allowed[field.name]} | {described[field.name]} |")
     text = " ".join(filter(None, (f"{summary(kind)}.", NOTES.get(name))))
     return "\n".join((f"### {name}\n", text, "", *rows, ""))
+
+
+def land_kinds():
+    rows = ["### Kinds of land\n", f"| kind | what it is | {' | '.join(f'`{key}`' for key in LAND_KEYS)} |"]
+    rows.append("|---" * (len(LAND_KEYS) + 2) + "|")
+    for name, kind in LANDS.items():
+        values = " | ".join(f"{getattr(kind.typical, key):g}" for key in LAND_KEYS)
+        rows.append(f"| {name} | {kind.meaning} | {values} |")
+    return "\n".join((*rows, ""))
 
 
 if __name__ == "__main__":

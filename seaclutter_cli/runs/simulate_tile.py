@@ -12,6 +12,7 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.runs.simulation import SimulateOptions, TileSimulationResult
+from seaclutter_cli.simulation.airborne.coast import LAND_CODES
 from seaclutter_cli.simulation.airborne.recording import record_tile
 from seaclutter_cli.simulation.airborne.scene import load_tile_scene, save_tile_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -50,13 +51,17 @@ def simulate_tile(
     targets = {"-o": output, "--scene-file": options.scene_file}
     prepare_outputs(targets, {"SCENE": Path(name)}, force=options.force, observer=observer)
     points: Counter[int] = Counter()
+    land = 0
     started = perf_counter()
 
     def on_strip(echoes: NDArray[np.void]) -> None:
-        points.update(dict(enumerate(np.bincount(echoes["object_class"]).tolist())))
+        nonlocal land
+        on_land = np.isin(echoes["classification"], LAND_CODES)
+        land += int(on_land.sum())
+        points.update(dict(enumerate(np.bincount(echoes["object_class"][~on_land]).tolist())))
 
     with OutputGroup(replace=options.force) as files:
         if options.scene_file:
             save_tile_scene(chosen, options.scene_file, files)
         record_tile(chosen, output, on_strip, files)
-    return TileSimulationResult(chosen, points, output, perf_counter() - started)
+    return TileSimulationResult(chosen, points, land, output, perf_counter() - started)

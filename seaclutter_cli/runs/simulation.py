@@ -130,6 +130,8 @@ class TileSimulationResult(Result):
         Scene that was recorded.
     points : counter of int
         Number of points by class code; 0 is the sea.
+    land : int
+        Number of points on land.
     output : Path
         File of the tile.
     seconds : float
@@ -140,6 +142,7 @@ class TileSimulationResult(Result):
 
     scene: TileScene
     points: Counter[int]
+    land: int
     output: Path
     seconds: float
 
@@ -151,11 +154,12 @@ class TileSimulationResult(Result):
     def as_dict(self) -> dict[str, Any]:
         """Return the result as JSON-compatible data."""
         listed = [{"class": name, "objects": objects, "points": points} for name, objects, points in self._rows()]
-        return {"output": str(self.output), "sea": self.points[0], "objects": listed}
+        return {"output": str(self.output), "sea": self.points[0], "land": self.land, "objects": listed}
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
         rows = [(name, objects, f"{points:,}") for name, objects, points in self._rows()]
-        shown = table(("class", "objects", "points"), [("sea", "", f"{self.points[0]:,}"), *rows])
-        output = printable(str(self.output))
-        return f"{output}\n{indented(shown)}\n{count(self.points.total(), 'point')} in {self.seconds:.1f} s"
+        land = [("land", "", f"{self.land:,}")] if self.scene.land else []
+        shown = table(("class", "objects", "points"), [("sea", "", f"{self.points[0]:,}"), *land, *rows])
+        output, total = printable(str(self.output)), self.points.total() + self.land
+        return f"{output}\n{indented(shown)}\n{count(total, 'point')} in {self.seconds:.1f} s"

@@ -13,9 +13,12 @@ KEYS = "docs/guide/scenes.md has all keys; so has a file that simulate --scene-f
 """Advice in errors of scenes."""
 
 _COLUMN = 40
+_ENTRIES = {"objects": "an object", "land": "a piece of land"}
 
 
-def scene_text(sections: Mapping[str, Any], absent: Mapping[str, Any], kind: type[Any], objects: Sequence[Any]) -> str:
+def scene_text(
+    sections: Mapping[str, Any], absent: Mapping[str, Any], lists: Mapping[str, tuple[type[Any], Sequence[Any]]]
+) -> str:
     """Return the text of a scene file.
 
     Parameters
@@ -24,10 +27,8 @@ def scene_text(sections: Mapping[str, Any], absent: Mapping[str, Any], kind: typ
         Parameters of each section.
     absent : mapping
         Parameters of sections that the scene does not have, which become comments.
-    kind : type
-        Dataclass of the objects; a comment describes its keys.
-    objects : sequence
-        Objects, one per line, without default values.
+    lists : mapping
+        Dataclass and items of each list; a comment describes the keys. Items are one per line, without default values.
     """
     lines: list[str] = []
     for name, params in sections.items():
@@ -37,10 +38,11 @@ def scene_text(sections: Mapping[str, Any], absent: Mapping[str, Any], kind: typ
         lines += [f"# {line}" for line in (*_commented(f"{name}:", meaning), *_keys(plain(params), type(params)))] + [
             ""
         ]
-    lines.append(f"# {summary(kind)}. Keys that an object leaves out have these values:")
-    lines += [f"# {line}" for line in _keys(_defaults(kind), kind)]
-    lines.append("objects:" if objects else "objects: []")
-    lines += [f"  - {yaml_value(_changed(item))}" for item in objects]
+    for name, (kind, items) in lists.items():
+        lines.append(f"# {summary(kind)}. Keys that {_ENTRIES[name]} leaves out have these values:")
+        lines += [f"# {line}" for line in _keys(_defaults(kind), kind)]
+        lines.append(f"{name}:" if items else f"{name}: []")
+        lines += [f"  - {yaml_value(_changed(item))}" for item in items]
     return "\n".join(lines) + "\n"
 
 

@@ -75,11 +75,12 @@ class BagWriter:
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel under its own id, before its first message."""
         assert channel.schema is not None  # noqa: S101 - translated channels have one
-        known = {"md5sum": "*", "type": channel.schema.name, **dict(channel.metadata), "topic": channel.topic}
+        topic = channel.topic or "/"  # readers refuse an empty name
+        known = {"md5sum": "*", "type": channel.schema.name, **dict(channel.metadata), "topic": topic}
         fields = {name: value.encode() for name, value in known.items()}
         definition = channel.schema.data.decode("utf-8", "replace") or "\n"  # readers refuse other bytes
         data = _header_of({**fields, "message_definition": definition.encode()})
-        head = _fields(op=bytes((_CONNECTION,)), conn=_U32.pack(channel.id), topic=channel.topic.encode())
+        head = _fields(op=bytes((_CONNECTION,)), conn=_U32.pack(channel.id), topic=topic.encode())
         self._connections[channel.id] = head + data
         self._undeclared.add(channel.id)
 

@@ -1,5 +1,6 @@
 """Every failure that a campaign ever found, as a builder of a small input: files and the command line that failed."""
 
+import sqlite3
 import struct
 from functools import partial
 from random import Random
@@ -71,12 +72,26 @@ def an_endless_ship():
     return seeds.tree(partial(seeds.scene, text=text)), FORMATS["tile scene"].commands[0]
 
 
+def a_topic_without_a_name():
+    """Return a recording whose topic has an empty name; readers refused the bag that it was converted to."""
+    files = seeds.tree(seeds.rosbag2)
+    (name,) = (name for name in files if name.endswith(".db3"))
+    database = sqlite3.connect(":memory:")
+    database.deserialize(files[name])
+    database.execute("UPDATE topics SET name = ''")
+    database.commit()
+    files[name] = database.serialize()
+    form = FORMATS["rosbag2 db3"]
+    return files, next(command for command in form.commands if ".bag" in command and "convert" in command)
+
+
 CASES = {
     "metadata of a model that are not text": (metadata_that_is_not_text, 1, "its metadata are not valid text"),
     "a description that is not ASCII": (description_that_is_not_ascii, 0, ""),
     "coordinates beyond all scales": (coordinates_beyond_all_scales, 1, "no points with finite coordinates"),
     "a tree without an attribute": (a_tree_without_an_attribute, 1, "not a seaclutter model"),
     "a frame without labels": (a_frame_without_labels, 1, "log.mcap: frame "),
+    "a topic without a name": (a_topic_without_a_name, 0, ""),
     "an endless ship": (an_endless_ship, 2, "size_m"),
     "scattered points": (scattered_points, 1, "are scattered over more than"),
 }

@@ -2,6 +2,7 @@
 
 import json
 import re
+from copy import deepcopy
 
 import yaml
 
@@ -164,14 +165,14 @@ def document(data, random, _):
         box, key = random.choice(places)
         change = random.randrange(7)
         if change < 3:
-            box[key] = random.choice(EVIL_VALUES)
+            box[key] = deepcopy(random.choice(EVIL_VALUES))
         elif change == 3:
             source, name = random.choice(places)
             box[key] = json.loads(json.dumps(source[name], default=str))  # a copy: no circles
         elif change == 4 and box is not content:
             del box[key]
         elif change == 5 and isinstance(box, dict):
-            box[random.choice((f"{key}x", "", "x", 1, None, str(key).upper()))] = box[key]
+            box[random.choice((f"{key}x", "", "x", 1, None, str(key).upper()))] = deepcopy(box[key])
         else:
             for _ in range(random.choice((1, 2, 60))):
                 box[key] = [box[key]]

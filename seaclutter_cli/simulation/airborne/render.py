@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.simulation.airborne.coast import VEGETATION, Coast, CoastalWater, leaves, make_coast
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObject, TileScene, WaterParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M, Patch
 from seaclutter_cli.simulation.airborne.water import TileWater, water
@@ -16,6 +17,8 @@ _BLOCK = 2**15
 _RESOLUTION_M = 0.6
 _WEAKEST = 0.0015
 _MEAN_SQUARE_SLOPE = 0.03
+_GROUND_NOISE_M = 0.02
+_LEAF_REFLECTIVITY = 0.45
 _DIFFUSE = 0.12
 _LOW_NOISE, _HIGH_NOISE, _WATER, _OTHER = 7, 18, 9, 1
 
@@ -56,10 +59,10 @@ class Pulses:
     times_s: Floats
 
 
-_RAY = np.dtype([("z", "f8"), ("reflectivity", "f8"), ("number", "u2")])
+_RAY = np.dtype([("z", "f8"), ("reflectivity", "f8"), ("number", "u2"), ("code", "u1")])
 
-Groups = tuple[NDArray[np.intp], Floats, Floats, NDArray[np.uint16]]
-"""Pulses with a possible echo of one number; its mean height and power, and the object of the ray in its middle."""
+Groups = tuple[NDArray[np.intp], Floats, Floats, NDArray[np.uint16], NDArray[np.uint8]]
+"""Pulses with a possible echo of one number; its mean height and power, object and class of the ray in its middle."""
 
 
 class Hits:
@@ -68,11 +71,13 @@ class Hits:
     Parameters
     ----------
     z, reflectivity : ndarray, shape (P,), float64
-        Height and reflectivity of the water at each pulse.
+        Height and reflectivity of the water or ground at each pulse.
+    code : ndarray, shape (P,), uint8
+        Its class.
     """
 
-    def __init__(self, z: Floats, reflectivity: Floats) -> None:
-        self._water = {"z": z, "reflectivity": reflectivity}
+    def __init__(self, z: Floats, reflectivity: Floats, code: NDArray[np.uint8]) -> None:
+        self.z, self.reflectivity, self.code = z, reflectivity, code
         self._row = np.full(len(z), -1, np.int32)
         self._rows = 0
         self._rays = np.zeros((0, _BEAMS), _RAY)
@@ -82,10 +87,10 @@ class Hits:
         return len(self._row)
 
     def rays(self, pulses: NDArray[np.intp]) -> NDArray[np.void]:
-        """Return height, reflectivity and number of the object (0: water) of each ray, shape (N, 7)."""
+        """Return height, reflectivity, number of the object (0: none) and class of each ray, shape (N, 7)."""
         rays = np.zeros((len(pulses), _BEAMS), _RAY)
-        for name, values in self._water.items():
-            rays[name] = values[pulses][:, None]
+        for name in ("z", "reflectivity", "code"):
+            rays[name] = getattr(self, name)[pulses][:, None]
         row = self._row[pulses]
         rays[row >= 0] = self._rays[row[row >= 0]]
         return rays
@@ -159,14 +164,20 @@ class TileRenderer:
             for item in self.objects
         ]
         self.lines = strips(scene.lidar, scene.tile.size_m)
+        wave_m = float(np.hypot(scene.water.wave_m, scene.water.swell_m))
+        self.coast = make_coast(scene.land, scene.tile.size_m, wave_m, seed) if scene.land else None
 
     def strip(self, index: int) -> NDArray[np.void]:
         """Return the echoes of a strip, as `POINT`."""
         scene, seed = self.scene, self.scene.tile.seed
         rng = np.random.default_rng([seed, 3, index])
         sea = water(scene.water, max(scene.tile.size_m), np.random.default_rng([seed, 4, index]))
+        if self.coast is not None:
+            sea = CoastalWater(sea.heights, sea.swell, self.coast)
         pulses = fly(scene.lidar, scene.tile.size_m, self.lines[index], rng)
         hits = self._sea_hits(pulses, sea, rng)
+        if self.coast is not None:
+            hits = _land_hits(self.coast, pulses, hits, rng)
         for item, patch in zip(self.objects, self._patches, strict=True):
             self._hit_object(item, patch, pulses, sea, hits, rng)
         points = _echoes(pulses, hits, scene.lidar, rng)
@@ -186,7 +197,7 @@ class TileRenderer:
         mirror = np.exp(-tilt / (2 * _MEAN_SQUARE_SLOPE))
         reflectivity = params.reflectivity * (_DIFFUSE + (1 - _DIFFUSE) * mirror) * rng.gamma(2.0, 0.5, len(tilt))
         z = sea.height(pulses.x, pulses.y) + rng.normal(0, 0.02, len(tilt))
-        return Hits(z, reflectivity)
+        return Hits(z, reflectivity, np.full(len(z), _WATER, np.uint8))
 
     def _hit_object(
         self, item: TileObject, patch: Patch, pulses: Pulses, sea: TileWater, hits: Hits, rng: np.random.Generator
@@ -209,6 +220,7 @@ class TileRenderer:
         rays = hits.rays(near)
         hit = z > rays["z"]
         rays["z"][hit], rays["reflectivity"][hit], rays["number"][hit] = z[hit], reflectivity[hit], item.number
+        rays["code"][hit] = _OTHER
         some = hit.any(axis=1)
         hits.put(near[some], rays[some])
 
@@ -219,6 +231,24 @@ class TileRenderer:
         if patch.motion == "floats":
             return np.full_like(x, sea.heave(*item.position_m))
         return sea.height(x, y)
+
+
+def _land_hits(coast: Coast, pulses: Pulses, water: Hits, rng: np.random.Generator) -> Hits:
+    """Return where pulses end on water, ground, buildings and trees."""
+    z, cells = coast.descend(pulses.x, pulses.y, pulses.slope)
+    z += rng.normal(0, _GROUND_NOISE_M, len(z))
+    reflectivity = coast.reflectivity[cells] * np.cos(np.arctan(pulses.slope)) ** 0.5
+    dry = (coast.ground[cells] >= coast.level[cells]) & (z > water.z)
+    code = np.where(dry, coast.code[cells], water.code)
+    hits = Hits(np.where(dry, z, water.z), np.where(dry, reflectivity, water.reflectivity), code)
+    trees = np.flatnonzero(dry & (coast.canopy[cells] > 0))
+    if len(trees):
+        rays = hits.rays(trees)
+        canopy = coast.canopy[cells][trees].astype(np.float64)
+        rays["z"], stopped = leaves(canopy, z[trees], _BEAMS, rng)
+        rays["code"][stopped], rays["reflectivity"][stopped] = VEGETATION, _LEAF_REFLECTIVITY
+        hits.put(trees, rays)
+    return hits
 
 
 def _beams(x: Floats, y: Floats, lidar: AirborneParams) -> tuple[Floats, Floats]:
@@ -283,16 +313,17 @@ def _echoes(pulses: Pulses, hits: Hits, lidar: AirborneParams, rng: np.random.Ge
         weakest = _WEAKEST * rng.exponential(3.0, len(hits))
         detected = possible[2] > weakest[possible[0]]
         found.append([column[detected] for column in possible])
-    pulse, height, power, label = (np.concatenate(column) for column in zip(*found, strict=True))
+    pulse, height, power, label, code = (np.concatenate(column) for column in zip(*found, strict=True))
     order = np.argsort(pulse, kind="stable")
-    return _points(pulses, (pulse[order], height[order], power[order], label[order]), lidar, rng)
+    echoes = pulse[order], height[order], power[order], label[order], code[order]
+    return _points(pulses, echoes, lidar, rng)
 
 
 def _groups(hits: Hits, block: NDArray[np.intp], lidar: AirborneParams) -> list[Groups]:
     """Return the possible echoes of a block of pulses, from the highest down."""
     rays = hits.rays(block)
     order = np.argsort(-rays["z"], axis=1, kind="stable")
-    z, reflectivity, number = (np.take_along_axis(rays[name], order, 1) for name in _RAY.names or ())
+    z, reflectivity, number, code = (np.take_along_axis(rays[name], order, 1) for name in _RAY.names or ())
     group = np.concatenate((np.zeros((len(z), 1), np.int64), np.cumsum(-np.diff(z, axis=1) > _RESOLUTION_M, axis=1)), 1)
     found = []
     for echo in range(lidar.max_returns):
@@ -302,7 +333,7 @@ def _groups(hits: Hits, block: NDArray[np.intp], lidar: AirborneParams) -> list[
         middle = np.argmax(in_echo, axis=1) + (count - 1) // 2
         height = (z[rows] * in_echo).sum(axis=1) / count
         power = (reflectivity[rows] * in_echo).sum(axis=1) / _BEAMS
-        found.append((block[rows], height, power, number[rows, middle]))
+        found.append((block[rows], height, power, number[rows, middle], code[rows, middle]))
     return found
 
 
@@ -312,7 +343,7 @@ def _points(
     lidar: AirborneParams,
     rng: np.random.Generator,
 ) -> NDArray[np.void]:
-    pulse, height, power, label = echoes
+    pulse, height, power, label, code = echoes
     out = np.zeros(len(pulse), POINT)
     z = height + rng.normal(0, lidar.range_noise_m, len(pulse))
     out["x"], out["y"], out["z"] = pulses.x[pulse], pulses.y[pulse] - pulses.slope[pulse] * z, z
@@ -325,7 +356,7 @@ def _points(
     out["scan_angle"] = np.degrees(np.arctan(pulses.slope[pulse]))
     out["gps_time"] = pulses.times_s[pulse]
     out["object_id"] = label
-    out["classification"] = np.where(label > 0, _OTHER, _WATER)
+    out["classification"] = code
     return out
 
 

@@ -10,6 +10,7 @@ from annotated_types import Ge, Gt, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.parameters import OneOf, check_names
+from seaclutter_cli.simulation.airborne.land import LandParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, Size
 from seaclutter_cli.simulation.scene_file import KEYS, scene_text, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -28,6 +29,7 @@ from seaclutter_cli.validation import (
 
 _TRIES = 4000
 _MARGIN_M = 12.0
+_ACROSS = 9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,13 +176,14 @@ class TileScene:
     lidar: AirborneParams
     water: WaterParams
     objects: tuple[TileObjectParams, ...]
+    land: tuple[LandParams, ...] = ()
 
     def with_tile(self, **changes: Any) -> "TileScene":
         """Return the scene with other values in the section ``tile``; None keeps a value."""
         return replace(self, tile=replace(self.tile, **{k: v for k, v in changes.items() if v is not None}))
 
     def placed_objects(self) -> list[TileObject]:
-        """Return the objects, with random positions clear of all others.
+        """Return the objects, with random positions clear of all others and of the land.
 
         Raises
         ------
@@ -210,9 +213,19 @@ class TileScene:
                 rng.uniform(reach, np.maximum(np.array(self.tile.size_m) - reach, reach + 1e-6))
             )
             item = TileObject(index + 1, given.kind, position, heading, size, reflectivity)  # type: ignore[arg-type]
-            if given.position_m or all(_apart(item, other, self.tile.gap_m) for other in placed):
+            if given.position_m or (
+                all(_apart(item, other, self.tile.gap_m) for other in placed) and self._is_afloat(item)
+            ):
                 return item
         raise ConfigError(f"objects.{index}: no room for another {given.kind}; remove objects or enlarge the tile")
+
+    def _is_afloat(self, item: TileObject) -> bool:
+        """Return whether an object, and the gap around it, is clear of all land."""
+        half = np.asarray(_bounds(item.size_m, item.heading)) / 2
+        offset = np.linspace(-1, 1, _ACROSS)
+        x, y = (at + side * offset for at, side in zip(item.position_m, half, strict=True))
+        lands = (one.complete() for one in self.land)
+        return all(float(one.distance(x[:, None], y).max()) < -self.tile.gap_m for one in lands)
 
     @property
     def sections(self) -> Mapping[str, Any]:
@@ -221,8 +234,11 @@ class TileScene:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the scene as the content of a file, with default values."""
-        objects = [{key: value for key, value in plain(item).items() if value is not None} for item in self.objects]
-        return {**plain(self.sections), "objects": objects}
+        lists = {
+            name: [{key: value for key, value in plain(item).items() if value is not None} for item in items]
+            for name, items in (("objects", self.objects), ("land", self.land))
+        }
+        return {**plain(self.sections), **lists}
 
 
 def _bounds(size: Size, heading: float) -> tuple[float, float]:
@@ -243,7 +259,7 @@ def _apart(one: TileObject, other: TileObject, gap_m: float) -> bool:
 
 
 _KINDS = {"tile": TileParams, "lidar": AirborneParams, "water": WaterParams}
-_SECTIONS = (*_KINDS, "objects", "random")
+_SECTIONS = (*_KINDS, "land", "objects", "random")
 
 
 def builtin_tiles() -> Mapping[str, Path]:
@@ -271,7 +287,8 @@ def save_tile_scene(scene: TileScene, path: Path, group: OutputGroup | None = No
     OutputError
         If the file cannot be written.
     """
-    write_scene(scene_text(scene.sections, {}, TileObjectParams, scene.objects), path, group)
+    lists = {"land": (LandParams, scene.land), "objects": (TileObjectParams, scene.objects)}
+    write_scene(scene_text(scene.sections, {}, lists), path, group)
 
 
 def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
@@ -280,8 +297,9 @@ def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
     parts = build_sections(_KINDS, raw, problems)
     listed = build_list(TileObjectParams, raw.get("objects") or [], "objects", "an object", problems)
     objects = [*listed, *_random(raw.get("random") or {}, problems)]
+    land = build_list(LandParams, raw.get("land") or [], "land", "land", problems)
     raise_problems(where, problems, KEYS)
-    return TileScene(**parts, objects=tuple(objects))
+    return TileScene(**parts, objects=tuple(objects), land=tuple(land))
 
 
 def _random(raw: Any, problems: list[str]) -> list[TileObjectParams]:

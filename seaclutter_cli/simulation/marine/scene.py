@@ -224,7 +224,7 @@ def save_scene(scene: Scene, path: Path, group: OutputGroup | None = None) -> No
         If the file cannot be written.
     """
     absent = {} if scene.noise else {"noise": LIDARS[scene.recording.lidar].noise}
-    write_scene(scene_text(scene.sections, absent, SceneObjectParams, scene.objects), path, group)
+    write_scene(scene_text(scene.sections, absent, {"objects": (SceneObjectParams, scene.objects)}), path, group)
 
 
 def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:

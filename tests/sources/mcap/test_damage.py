@@ -16,7 +16,7 @@ from seaclutter_cli.sources.mcap import records
 from seaclutter_cli.sources.mcap.source import McapSource
 from seaclutter_cli.sources.shared import chunked
 from seaclutter_cli.text import count
-from tests.logs import LAYOUTS, MAGIC, records_of
+from tests.logs import LAYOUTS, MAGIC, join, records_of
 from tests.sources.damaged import MOST_SECONDS, damage_texts, flip, message_blocks, read, small_log
 
 SMALL = ("zstd", "lz4", "none", "unchunked", "no summary", "bare", "unchunked, bare", "no message index", "no index")
@@ -264,3 +264,19 @@ def test_few_of_the_bytes_that_could_be_a_record_are_examined(monkeypatch):
     walker = records._Walker(noise.tobytes(), lambda *_: None)
     assert walker.next_record(0, noise.size) == noise.size
     assert len(examined) < 100
+
+
+@settings(max_examples=300, deadline=None)
+@given(mutations())
+def test_records_of_a_chunk_are_read_in_turn_only_if_a_search_finds_the_same(mutate):
+    log = small_log("unchunked, bare")
+    inside = [piece for piece in records_of(log) if piece.op in records._INSIDE]
+    content = join(*inside)[len(MAGIC) : -len(MAGIC)]
+    assert inside
+    assert records._is_chain(content)
+    gaps, searched = [], []
+    damaged = mutate(content)
+    in_turn = list(records.split(damaged, lambda *gap: gaps.append(gap), trusted=False))
+    found = [(span.op, span.start, span.end) for span in records.walk(damaged, lambda *gap: searched.append(gap))]
+    assert in_turn == found
+    assert gaps == searched

@@ -1,0 +1,207 @@
+"""Maps of the land of a tile, its water levels and sheltered waves, and the rays that end on the ground."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from seaclutter_cli.simulation.airborne.land import Land, LandParams, Map
+from seaclutter_cli.simulation.airborne.water import TileWater
+
+Floats = NDArray[np.float64]
+
+GROUND, VEGETATION, BUILDING = LAND_CODES = 2, 5, 6
+"""ASPRS classes of land."""
+_STEP_M, _MOST_CELLS = 0.5, 5_000_000
+_BREAKING = 0.6
+_SHELTERED = 0.15
+_PLOT_M, _HOUSE_M = 30.0, ((6.0, 14.0), (7.0, 10.0), (4.0, 9.0))
+_TREE_M = 5.0, 14.0
+_LEAVES = 0.65
+_CLEAR_M = 0.3
+_TINT = ((0.12, 0.6), (0.12, 6.0), (0.2, 60.0))
+"""Standard deviation of the logarithm of the reflectivity, and width in metres, of variations of the ground."""
+_BOTTOM_M, _WET_SAND, _WET_M = -1000.0, 0.3, 0.5
+
+
+@dataclass(frozen=True)
+class Coast:
+    """Ground and water levels of a tile, in cells of ``step_m``, by x and y.
+
+    Parameters
+    ----------
+    step_m : float
+        Width of a cell.
+    ground : ndarray, shape (X, Y), float32
+        Elevation of the ground, or of the roof of a building, in metres.
+    level : ndarray, shape (X, Y), float32
+        Mean level of the water.
+    damping : ndarray, shape (X, Y), float32
+        Height of the waves in shallow or sheltered water, divided by that in open water.
+    canopy : ndarray, shape (X, Y), float32
+        Height of trees above the ground; 0 for none.
+    code : ndarray, shape (X, Y), uint8
+        Class of the ground, `GROUND` or `BUILDING`.
+    reflectivity : ndarray, shape (X, Y), float32
+        Reflectivity at normal incidence.
+    """
+
+    step_m: float
+    ground: NDArray[np.float32]
+    level: NDArray[np.float32]
+    damping: NDArray[np.float32]
+    canopy: NDArray[np.float32]
+    code: NDArray[np.uint8]
+    reflectivity: NDArray[np.float32]
+
+    def cells(self, x: Floats, y: Floats) -> tuple[NDArray[np.intp], ...]:
+        """Return the cells of positions; those beyond the tile have the nearest one."""
+        sides = zip((x, y), self.ground.shape, strict=True)
+        return tuple(np.clip(at / self.step_m, 0, count - 1).astype(np.intp) for at, count in sides)
+
+    def descend(self, x: Floats, y: Floats, slope: Floats) -> tuple[Floats, tuple[NDArray[np.intp], ...]]:
+        """Return the elevation at which rays end on ground or still water, shape (P,), and their cells.
+
+        Rays are located by their intersection with mean sea level; ``slope`` is their displacement along y per metre
+        of descent.
+        """
+        solid = np.maximum(self.ground, self.level)
+        top, bottom = float(solid.max()) + 0.01, float(solid.min())
+        steps = max(1, int(np.ceil((top - bottom) * float(np.abs(slope).max(initial=0)) / self.step_m)))
+        edges = np.linspace(top, bottom, steps + 1)
+        z, remaining = np.full(len(x), bottom), np.arange(len(x))
+        cells = self.cells(x, y - slope * bottom)
+        for upper, lower in pairwise(edges.tolist()):
+            middle = y[remaining] - slope[remaining] * 0.5 * (upper + lower)
+            below = self.cells(x[remaining], middle)
+            height = solid[below]
+            stopped = height >= lower
+            ended = remaining[stopped]
+            z[ended] = np.minimum(height[stopped], upper)
+            for own, at in zip(cells, below, strict=True):
+                own[ended] = at[stopped]
+            remaining = remaining[~stopped]
+        return z, cells
+
+
+@dataclass(frozen=True)
+class CoastalWater(TileWater):
+    """Water at the levels of a coast; waves are lower where it is shallow, and in basins.
+
+    Parameters
+    ----------
+    coast : Coast
+        The coast.
+    """
+
+    coast: Coast
+
+    def height(self, x: Floats, y: Floats) -> Floats:
+        """Return elevations at given positions, shape (N,)."""
+        cell = self.coast.cells(x, y)
+        return np.asarray(self.coast.level[cell] + self.coast.damping[cell] * super().height(x, y))
+
+    def heave(self, x: float, y: float) -> float:
+        """Return the elevation of the level and the swell at a position."""
+        cell = self.coast.cells(np.array([x]), np.array([y]))
+        return float(self.coast.level[cell][0] + self.coast.damping[cell][0] * super().heave(x, y))
+
+
+def make_coast(lands: Sequence[LandParams], size_m: tuple[float, ...], wave_m: float, seed: int) -> Coast:
+    """Return the coast of a tile; each piece of land covers those before it.
+
+    Parameters
+    ----------
+    lands : sequence of LandParams
+        Land of the scene.
+    size_m : (float, float)
+        Extent of the tile.
+    wave_m : float
+        Significant wave height in open water; waves are lower where the water is less than 1.7 times as deep.
+    seed : int
+        Seed of all random values.
+    """
+    step = max(_STEP_M, float(np.sqrt(np.prod(size_m) / _MOST_CELLS)))
+    maps = _Maps(step, tuple(int(np.ceil(side / step)) for side in size_m))
+    for index, params in enumerate(lands):
+        maps.add(params.complete(), np.random.default_rng([seed, 5, index]))
+    return maps.coast(wave_m, np.random.default_rng([seed, 6]))
+
+
+class _Maps:
+    """Maps of a coast as they grow."""
+
+    def __init__(self, step_m: float, shape: tuple[int, ...]) -> None:
+        self._step, self._shape = step_m, shape
+        self._x, self._y = ((np.arange(count, dtype=np.float64) + 0.5) * step_m for count in shape)
+        self._ground, self._level = np.full(shape, _BOTTOM_M), np.zeros(shape)
+        self._damping, self._reflectivity = np.ones(shape), np.full(shape, _WET_SAND)
+        self._canopy, self._code = np.zeros(shape), np.full(shape, GROUND, np.uint8)
+
+    def add(self, land: Land, rng: np.random.Generator) -> None:
+        """Cover the maps with a piece of land; outside, its slope is the bottom of the water if nothing is higher."""
+        values = land.relief
+        distance = land.distance(self._x[:, None], self._y[None, :]) + values.ragged_m * self._noise(rng, 25.0)
+        own, level = land.profile(distance, values)
+        own = own + values.relief_m * (0.9 * self._noise(rng, 12.0) + 0.4 * self._noise(rng, 2.5))
+        inside = distance > 0
+        reach = inside | (own > self._ground)
+        self._ground[reach], self._reflectivity[reach] = own[reach], values.reflectivity
+        self._damping[inside] = 1.0
+        if level is not None:
+            self._level[inside], self._damping[inside] = level, _SHELTERED
+        dry = inside & (own > self._level + _CLEAR_M)
+        trees, roofs = self._trees(rng, values.trees, dry), self._roofs(rng, values.houses, dry)
+        self._ground += roofs
+        self._code[inside] = np.where(roofs > 0, BUILDING, GROUND)[inside]
+        self._canopy[inside] = np.where(roofs > 0, 0, trees)[inside]
+
+    def coast(self, wave_m: float, rng: np.random.Generator) -> Coast:
+        """Return the maps, with the reflectivity of different and of wet ground, and waves that break."""
+        tint = np.ones(self._shape)
+        for deviation, scale_m in _TINT:
+            tint *= np.exp(deviation * self._noise(rng, scale_m))
+        above = self._ground - self._level
+        reflectivity = (self._reflectivity * tint * np.clip(above / _WET_M, 0.5, 1)).clip(0.02, 0.9)
+        damping = self._damping * np.clip(-_BREAKING * above / max(wave_m, 1e-6), 0, 1)
+        ground, level, waves, canopy, bright = (
+            values.astype(np.float32) for values in (self._ground, self._level, damping, self._canopy, reflectivity)
+        )
+        return Coast(self._step, ground, level, waves, canopy, self._code, bright)
+
+    def _noise(self, rng: np.random.Generator, scale_m: float) -> Map:
+        """Return smooth noise of mean 0 and standard deviation 1; if it is wide, from a coarse grid."""
+        cells = scale_m / self._step
+        coarse = max(1, int(cells / 4))
+        raw = rng.standard_normal([count // coarse + 8 for count in self._shape])
+        smooth = ndimage.gaussian_filter(raw, cells / coarse, mode="wrap")
+        smooth = (smooth - smooth.mean()) / max(float(smooth.std()), 1e-9)
+        at = [np.arange(count) / coarse for count in self._shape]
+        return np.asarray(ndimage.map_coordinates(smooth, np.meshgrid(*at, indexing="ij"), order=1))
+
+    def _roofs(self, rng: np.random.Generator, share: float, dry: NDArray[np.bool_]) -> Map:
+        """Return the height of buildings above the ground; at most one in the middle of each plot."""
+        plots = [np.floor(at / _PLOT_M).astype(np.intp) for at in (self._x, self._y)]
+        count = plots[0][-1] + 1, plots[1][-1] + 1
+        built = rng.random(count) < share
+        length, width, height = (rng.uniform(*sides, count) for sides in _HOUSE_M)
+        plot = np.ix_(*plots)
+        along, across = (np.abs(at % _PLOT_M - _PLOT_M / 2) for at in (self._x, self._y))
+        house = (along[:, None] < length[plot] / 2) & (across[None, :] < width[plot] / 2)
+        return np.where(house & built[plot] & dry, height[plot], 0)
+
+    def _trees(self, rng: np.random.Generator, share: float, dry: NDArray[np.bool_]) -> Map:
+        """Return the height of trees above the ground, in groups."""
+        where, crowns = self._noise(rng, 7.0), np.clip(0.8 + 0.25 * self._noise(rng, 1.2), 0.3, 1.2)
+        height = rng.uniform(*_TREE_M)
+        return np.where(dry & (where > np.quantile(where, 1 - share)), height * crowns, 0)
+
+
+def leaves(canopy: Floats, ground: Floats, rays: int, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the elevation at which each ray of pulses into trees ends, shape (P, rays), and whether in leaves."""
+    stopped = rng.random((len(canopy), rays)) < _LEAVES
+    depth = 0.6 * rng.beta(1.0, 3.0, stopped.shape)
+    return np.where(stopped, ground[:, None] + canopy[:, None] * (1 - depth), ground[:, None]), stopped

@@ -1,0 +1,192 @@
+"""Land in tile scenes: beaches, cliffs, polders, islands, and basins with a level of their own."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval, Len
+from numpy.typing import NDArray
+
+from seaclutter_cli.parameters import OneOf, check_names
+
+Map = NDArray[np.float64]
+Share = Annotated[float, Interval(ge=0, le=1)]
+Side = Annotated[float, Interval(gt=0, le=10_000)]
+
+DRY_M = -100.0
+"""Level of the water where there is none, which is below all ground."""
+DEEP_M = -30.0
+_WALL_M = 2.5
+_CREST_WIDTH_M, _DIKE_SLOPE = 4.0, 1 / 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class LandParams:
+    """Land, or water behind a wall; values that are null are those of the kind.
+
+    Parameters
+    ----------
+    kind : str
+        Kind.
+    position_m : (float, float)
+        Centre, from the corner of the tile.
+    size_m : (float, float)
+        Length and width; both may go beyond the tile.
+    heading_deg : float
+        Direction of the length, counter-clockwise from x.
+    height_m : float or None
+        Elevation of the ground above mean sea level, or of the water in a basin.
+    slope : float or None
+        Rise per metre from the shore of a beach or island up to ``height_m``, and of the bottom in front of it.
+    crest_m : float or None
+        Elevation of the dike around a polder, or of the wall around a basin.
+    relief_m : float or None
+        Standard deviation of the undulation of the ground.
+    ragged_m : float or None
+        Standard deviation of the position of the shoreline.
+    trees : float or None
+        Share of the ground under trees.
+    houses : float or None
+        Share of the plots of 30 m with a house.
+    reflectivity : float or None
+        Reflectivity of the ground at normal incidence.
+    """
+
+    kind: Annotated[str, OneOf("kind of land", ("beach", "cliff", "polder", "island", "basin"))]
+    position_m: Annotated[tuple[float, ...], Len(2, 2)]
+    size_m: Annotated[tuple[Side, ...], Len(2, 2)]
+    heading_deg: float = 0.0
+    height_m: Annotated[float, Interval(ge=-20, le=200)] | None = None
+    slope: Annotated[float, Gt(0)] | None = None
+    crest_m: Annotated[float, Interval(ge=-20, le=200)] | None = None
+    relief_m: Annotated[float, Ge(0)] | None = None
+    ragged_m: Annotated[float, Ge(0)] | None = None
+    trees: Share | None = None
+    houses: Share | None = None
+    reflectivity: Share | None = None
+
+    def __post_init__(self) -> None:
+        """Check the kind."""
+        check_names(self)
+
+    def complete(self) -> "Land":
+        """Return the land with the values of its kind for those that are null."""
+        kind = LANDS[self.kind]
+        given = {key: getattr(self, key) for key in vars(kind.typical) if getattr(self, key, None) is not None}
+        return Land(self, kind.profile, replace(kind.typical, **given), is_round=kind.is_round)
+
+
+@dataclass(frozen=True)
+class Relief:
+    """Values of a kind of land, as in `LandParams`."""
+
+    height_m: float
+    slope: float = 0.05
+    crest_m: float = 5.0
+    relief_m: float = 0.15
+    ragged_m: float = 0.0
+    trees: float = 0.0
+    houses: float = 0.0
+    reflectivity: float = 0.3
+
+
+Profile = Callable[[Map, Relief], tuple[Map, Map | float | None]]
+"""Returns the ground, and the level of the water inside if it is not the sea, from the distance to the shoreline."""
+
+
+@dataclass(frozen=True)
+class Land:
+    """Land of a scene with all its values."""
+
+    params: LandParams
+    profile: Profile
+    relief: Relief
+    is_round: bool
+
+    def distance(self, x: Map, y: Map) -> Map:
+        """Return how far positions are inside the outline, in metres; negative outside."""
+        heading = np.radians(self.params.heading_deg)
+        c, s = np.cos(heading), np.sin(heading)
+        dx, dy = x - self.params.position_m[0], y - self.params.position_m[1]
+        along, across = np.abs(c * dx + s * dy), np.abs(c * dy - s * dx)
+        half = [side / 2 for side in self.params.size_m]
+        if self.is_round:
+            return np.asarray((1 - np.hypot(along / half[0], across / half[1])) * min(half))
+        beyond = np.maximum(along - half[0], 0), np.maximum(across - half[1], 0)
+        return np.asarray(np.minimum(half[0] - along, half[1] - across).clip(min=0) - np.hypot(*beyond))
+
+
+def _beach(distance: Map, relief: Relief) -> tuple[Map, None]:
+    """Return ground that rises evenly from below the water to its height."""
+    return np.clip(relief.slope * distance, DEEP_M, relief.height_m), None
+
+
+def _cliff(distance: Map, relief: Relief) -> tuple[Map, None]:
+    """Return ground at its height from the shoreline on, above deep water."""
+    return np.where(distance > 0, relief.height_m, DEEP_M), None
+
+
+def _polder(distance: Map, relief: Relief) -> tuple[Map, float]:
+    """Return level ground without water behind a dike, which slopes by one in three on both sides."""
+    outside = _DIKE_SLOPE * distance
+    inside = relief.crest_m - _DIKE_SLOPE * (distance - relief.crest_m / _DIKE_SLOPE - _CREST_WIDTH_M)
+    return np.minimum(np.minimum(outside, relief.crest_m), np.maximum(inside, relief.height_m)), DRY_M
+
+
+def _basin(distance: Map, relief: Relief) -> tuple[Map, float]:
+    """Return a wall, and water at its own level inside."""
+    return np.where((distance > 0) & (distance < _WALL_M), relief.crest_m, DEEP_M), relief.height_m
+
+
+@dataclass(frozen=True)
+class LandKind:
+    """A kind of land.
+
+    Parameters
+    ----------
+    meaning : str
+        Description for the reference of keys.
+    profile : callable
+        Its ground and water.
+    typical : Relief
+        Its values.
+    is_round : bool
+        Whether it is an ellipse, not a rectangle.
+    """
+
+    meaning: str
+    profile: Profile
+    typical: Relief
+    is_round: bool = False
+
+
+LANDS: Mapping[str, LandKind] = {
+    "beach": LandKind(
+        "ground that rises from the water, also below it",
+        _beach,
+        Relief(4.0, slope=0.03, ragged_m=8, trees=0.08, houses=0.03),
+    ),
+    "cliff": LandKind(
+        "ground with a steep edge in deep water",
+        _cliff,
+        Relief(12.0, relief_m=0.5, ragged_m=4, trees=0.2, reflectivity=0.22),
+    ),
+    "polder": LandKind(
+        "flat dry ground, also below the sea, behind a dike",
+        _polder,
+        Relief(0.3, relief_m=0.06, trees=0.02, houses=0.04, reflectivity=0.4),
+    ),
+    "island": LandKind(
+        "a beach on all sides of an ellipse",
+        _beach,
+        Relief(2.5, slope=0.08, ragged_m=6, trees=0.1),
+        is_round=True,
+    ),
+    "basin": LandKind(
+        "water with a level of its own behind a wall: a dock, a lock chamber, a lagoon",
+        _basin,
+        Relief(1.2, relief_m=0, crest_m=3.0, reflectivity=0.25),
+    ),
+}
+"""Kinds of land by their names in scenes; to add one, add a line here and its name in `LandParams`."""
