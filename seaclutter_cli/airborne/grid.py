@@ -59,8 +59,8 @@ class ElevationGrid:
         """Index of each block in `lowest`, by its block number along x and y."""
         return self._slots
 
-    def add(self, xyz: NDArray[np.float64]) -> None:
-        """Update the cells with points, shape (3, N), in metres and finite.
+    def add(self, xyz: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Update the cells with points, shape (3, N), in metres and finite; return the cell of each, as `locate` does.
 
         Raises
         ------
@@ -68,9 +68,11 @@ class ElevationGrid:
             If the points are too scattered for a grid in memory.
         """
         self._points += xyz.shape[1]
-        if xyz.shape[1]:
-            cell = self._flat(xyz[0], xyz[1], grow=True)
-            np.minimum.at(self._lowest.reshape(-1), cell, xyz[2])
+        if not xyz.shape[1]:
+            return np.empty(0, np.int64)
+        cell = self._flat(xyz[0], xyz[1], grow=True)
+        np.minimum.at(self._lowest.reshape(-1), cell, xyz[2])
+        return cell
 
     def locate(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the cell of each position, shape (N,), as an index into ``lowest.ravel()``; its block must exist."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.squares import Echoes, Squares, by_cell, positions, squares_in
 from seaclutter_cli.airborne.water_bodies import DIFFUSE, SPECULAR, WaterBody, bands_of, connected, find_bodies
 
@@ -78,6 +79,7 @@ def shores_of(
         wet = np.zeros(len(land) + 1, np.bool_)
         wet[np.concatenate([body.squares for body in bodies])] = True
         sure = of_land | ~wet[squares.neighbor].any(axis=0)
+    land[echoes.known > 0] = False
     own = np.flatnonzero(land)
     part = connected(squares, own)
     land[own] = (np.bincount(part) >= _LEAST_SQUARES)[part]
@@ -86,27 +88,28 @@ def shores_of(
         part = connected(squares, own)
         wet = np.isin(own, np.concatenate([body.squares for body in bodies]))
         land[own] = (np.bincount(part, wet) == 0)[part]
+    land = (land & (echoes.known <= 0)) | (echoes.known < 0)
+    sure = sure | (echoes.known < 0)
     bank = max([_BANK_M, *(_BANK_DEVIATIONS * body.deviation_m for body in bodies)])
     of_cells, certain, levels = _by_cell(grid, squares, (land, land & sure, level))
-    if bodies:
-        of_cells &= certain | ~(np.abs(np.where(np.isfinite(lowest), lowest, levels) - levels) <= bank)
+    if bodies and land.any():
+        for slot, (cells, water) in enumerate(zip(lowest, levels, strict=True)):
+            at_level = np.abs(np.where(np.isfinite(cells), cells, water) - water) <= bank
+            of_cells[slot] &= certain[slot] | ~at_level
     return Shores(bodies, of_cells, levels, bank)
 
 
 def _by_cell(grid: ElevationGrid, squares: Squares, values: tuple[NDArray[Any], ...]) -> list[NDArray[Any]]:
     """Return values by cell; squares with too few cells take those of the nearest square."""
-    from scipy.spatial import cKDTree
-
-    nearest = np.zeros(squares_in(grid), np.int64)
-    if any(len(np.unique(own)) > 1 for own in values):
-        nearest = cKDTree(squares.xy.T).query(positions(grid, np.arange(len(nearest))).T)[1]
-    return [by_cell(own[nearest]) for own in values]
+    same = [len(np.unique(value)) == 1 for value in values]
+    own = None if all(same) else nearest(squares.xy, positions(grid, np.arange(squares_in(grid))))
+    shape = grid.lowest.shape
+    return [np.broadcast_to(value[0], shape) if own is None else by_cell(value[own]) for value in values]
 
 
 def _nearest_levels(squares: Squares, bodies: Sequence[WaterBody]) -> NDArray[np.float64]:
-    from scipy.spatial import cKDTree
-
+    if len(bodies) == 1:
+        return np.full(len(squares.index), bodies[0].level_m)
     own = np.concatenate([body.squares for body in bodies])
     level = np.repeat([body.level_m for body in bodies], [len(body.squares) for body in bodies])
-    nearest = cKDTree(squares.xy[:, own].T).query(squares.xy.T)[1]
-    return np.asarray(level[nearest])
+    return np.asarray(level[nearest(squares.xy[:, own], squares.xy)])

@@ -84,19 +84,27 @@ def filled(lowest: Cells, reach: int) -> Cells:
         return lowest
     out = lowest.copy()
     for source, target in ((lowest, out), (lowest.T, out.T)):
-        for step in (1, -1):
-            values, gaps = target[:, ::step], np.isposinf(source[:, ::step])
-            np.minimum(values, _carried(source[:, ::step], reach), out=values, where=gaps)
+        gaps = np.isposinf(source)
+        target[gaps] = np.minimum(target[gaps], _nearest_in_row(source, gaps, reach))
     return out
 
 
-def _carried(values: Cells, reach: int) -> Cells:
-    """Return the last value before each cell in its row; plus infinity if it is more than ``reach`` cells away."""
-    here = np.arange(values.shape[1])
-    last = np.maximum.accumulate(np.where(np.isposinf(values), -reach - 1, here), axis=1)
-    carried = np.take_along_axis(values, np.maximum(last, 0), axis=1)
-    carried[here - last > reach] = np.inf
-    return np.asarray(carried)
+def _nearest_in_row(values: Cells, gaps: NDArray[np.bool_], reach: int) -> Cells:
+    """Return the lower of the last value before and the first after each gap in its row, shape (gaps,).
+
+    Values more than ``reach`` cells away, or none, are plus infinity.
+    """
+    columns = values.shape[1]
+    flat = np.concatenate(([np.inf], values[~gaps], [np.inf]))
+    far = -columns - reach
+    place = np.concatenate(([far], np.flatnonzero(~gaps), [values.size - far]))
+    gap = np.flatnonzero(gaps)
+    before = gap - np.arange(len(gap))  # number of values before each gap
+    found = np.full(len(gap), np.inf)
+    for near in (before, before + 1):
+        inside = (np.abs(place[near] - gap) <= reach) & (place[near] // columns == gap // columns)
+        np.minimum(found, flat[near], out=found, where=inside)
+    return found
 
 
 def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
@@ -106,16 +114,15 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     the surface; it gets the lowest of their values. Elsewhere an opening confines such a cell to itself, but near the
     edge of a tile, where no window avoids it, it would lower the surface along its whole row.
     """
-    from scipy import ndimage
-
     out = grid.lowest.copy()
-    around = np.ones((3, 3), np.bool_)
-    around[1, 1] = False
     for slot, cells, _ in grid.padded(grid.lowest, 1):
-        least = ndimage.minimum_filter(cells, footprint=around, mode="constant", cval=np.inf)
-        known = ndimage.convolve(np.isfinite(cells).astype(np.int8), around.astype(np.int8), mode="constant")
-        pits = ((cells < least - depth_m) & (known >= _NEIGHBORS) & np.isfinite(cells))[1:-1, 1:-1]
-        out[slot][pits] = least[1:-1, 1:-1][pits]
+        around = [cells[i : i + BLOCK, j : j + BLOCK] for i, j in np.ndindex(3, 3) if (i, j) != (1, 1)]
+        deep = np.isfinite(out[slot])
+        for beside in around:
+            deep &= out[slot] < beside - depth_m
+        beside = np.stack([own[deep] for own in around])
+        pits = np.isfinite(beside).sum(axis=0) >= _NEIGHBORS
+        out[slot][tuple(np.argwhere(deep)[pits].T)] = beside.min(axis=0)[pits]
     return out
 
 

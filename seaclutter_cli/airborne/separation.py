@@ -7,17 +7,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.airborne.following import CellDetails
-from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.squares import Echoes, Squares, echoes_of
+from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
+from seaclutter_cli.airborne.squares import echoes_of
 from seaclutter_cli.airborne.strips import Column, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, RoughWater, SeaSurfaceModel, SeparationParams, SurfaceParams
 from seaclutter_cli.airborne.waves import Waves
 from seaclutter_cli.errors import InputError
 
-NEVER, OTHER, GROUND, WATER = 0, 1, 2, 9
-"""ASPRS classes: never classified (points without finite coordinates), unclassified, ground, water."""
-_FARTHEST_M = 1e12
+__all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]
 
 
 def _no_column(_name: str) -> None:
@@ -64,7 +63,7 @@ class Separation:
     Parameters
     ----------
     classification : ndarray, shape (N,), uint8
-        ASPRS class: `WATER`, `OTHER`, or `NEVER` for points with a coordinate that is not finite.
+        ASPRS class: `WATER`, `OTHER`, `GROUND`, or `NEVER` for points with a coordinate that is not finite.
     height_m : ndarray, shape (N,), float32
         Height above the sea surface in metres; NaN for `NEVER`.
     cells : int
@@ -103,46 +102,48 @@ def separate(
     Parameters
     ----------
     parts : iterable of ndarray, shape (3, n), float64
-        Coordinates in metres; iterated over twice, or on rough water several times.
+        Coordinates in metres; iterated over three times, or on rough water several times.
     params : SurfaceParams
         Window and heights. With `SeparationParams`, islands and echoes from below the surface are handled, too.
     column : callable, optional
-        Returns an attribute of all points by its LAS name, or None; called on rough water only.
+        Returns an attribute of all points by its LAS name, or None.
 
     Raises
     ------
     InputError
         If no point has finite coordinates, or the points are too scattered for a grid in memory.
     """
-    grid = ElevationGrid(params.cell_m)
-    for xyz in parts:
-        grid.add(xyz[:, _located(xyz)])
-    if not grid.blocks:
+    points = GriddedPoints.of(parts, params.cell_m)
+    if not points.grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
-    surface = SeaSurfaceModel(grid, params, lambda squares, top: _echoes(parts, grid, squares, top, column))
+    trusted = params.trust_classes if isinstance(params, SeparationParams) else ()
+    surface = SeaSurfaceModel(
+        points.grid, params, lambda squares, top: echoes_of(squares, points, top, column, trusted)
+    )
     if surface.waves is not None and surface.is_rough:
-        return _rough(parts, surface, surface.waves, column)
-    found = [_classes(xyz, surface) for xyz in parts]
-    classification, height = (np.concatenate(values) for values in zip(*found, strict=True))
-    return Separation(classification, height, surface.cells, SeaState.of(surface))
+        found = _rough(points, surface, surface.waves, column)
+    else:
+        found = Separation(*_classes(points, surface), surface.cells, SeaState.of(surface))
+    if trusted and (given := column("classification")) is not None:
+        kept = np.isin(given, trusted) & (found.classification != NEVER)
+        found.classification[kept] = given[kept]
+    return found
 
 
-def _rough(parts: Iterable[NDArray[np.float64]], whole: SeaSurfaceModel, waves: Waves, column: Column) -> Separation:
+def _rough(whole_tile: GriddedPoints, whole: SeaSurfaceModel, waves: Waves, column: Column) -> Separation:
     """Return the separation of rough water, strip by strip: where strips overlap, they show it at two moments."""
     intensity, strip = column("intensity"), strips_of(column)
-    points = sum(xyz.shape[1] for xyz in parts)
-    classification, height = np.empty(points, np.uint8), np.empty(points, np.float32)
+    classification, height = np.empty(whole_tile.size, np.uint8), np.empty(whole_tile.size, np.float32)
     surfaces = []
     for number in [None] if strip is None else np.unique(strip).tolist():
-        own = np.ones(points, np.bool_) if number is None else strip == number
-        selected = _Selected(parts, own)
-        grid = ElevationGrid(whole.params.cell_m)
-        for xyz in selected:
-            grid.add(xyz[:, _located(xyz)])
-        details = _details(selected, grid, None if intensity is None else intensity[own])
-        surface = SeaSurfaceModel(grid, whole.params, rough=RoughWater(waves, whole.land_by_block, details))
-        found = [_classes(xyz, surface) for xyz in selected]
-        classification[own], height[own] = (np.concatenate(values) for values in zip(*found, strict=True))
+        own = np.ones(whole_tile.size, np.bool_) if number is None else strip == number
+        points = GriddedPoints.of(_Selected(whole_tile.parts, own), whole.params.cell_m)
+        if not points.grid.blocks:
+            classification[own], height[own] = NEVER, np.nan
+            continue
+        details = _details(points, None if intensity is None else intensity[own])
+        surface = SeaSurfaceModel(points.grid, whole.params, rough=RoughWater(waves, whole.land_by_block, details))
+        classification[own], height[own] = _classes(points, surface)
         surfaces.append(surface)
     largest = max(surfaces, key=lambda surface: surface.cells)
     return Separation(classification, height, whole.cells, SeaState.of(largest))
@@ -162,53 +163,34 @@ class _Selected:
             start += xyz.shape[1]
 
 
-def _located(xyz: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return whether each point has usable coordinates: squares of far greater ones, which are damaged, overflow."""
-    return np.asarray((np.abs(xyz) < _FARTHEST_M).all(axis=0))
-
-
-def _classes(xyz: NDArray[np.float64], surface: SeaSurfaceModel) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    finite = _located(xyz)
-    height = np.full(len(finite), np.nan)
-    limit = np.full(len(finite), surface.params.threshold_m)
-    height[finite], limit[finite] = surface.heights(xyz if finite.all() else xyz[:, finite])
-    classes = np.where(height > limit, OTHER, WATER)
-    if isinstance(surface.params, SeparationParams) and surface.params.land == "class2":
-        classes[finite] = np.where(surface.is_ground(xyz[:, finite]), GROUND, classes[finite])
-    return np.where(finite, classes, NEVER).astype(np.uint8), height.astype(np.float32)
-
-
-def _echoes(
-    parts: Iterable[NDArray[np.float64]],
-    grid: ElevationGrid,
-    squares: Squares,
-    top: NDArray[np.float64],
-    column: Column,
-) -> Echoes:
-    """Return the echoes of squares that are no higher than ``top``, the elevation of each cell."""
-
-    def located() -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
-        for xyz in parts:
-            used = _located(xyz)
-            cell = np.zeros(len(used), np.int64)
-            cell[used] = grid.locate(*xyz[:2, used])
-            yield cell, used & (xyz[2] <= top.reshape(-1)[cell])
-
-    return echoes_of(squares, grid, located(), column)
-
-
-def _details(parts: Iterable[NDArray[np.float64]], grid: ElevationGrid, intensity: NDArray[Any] | None) -> CellDetails:
-    """Return the highest elevation of each cell, and the logarithm of its highest intensity if there are any."""
-    highest = np.full(grid.lowest.size, -np.inf)
-    brightest = np.full(0 if intensity is None else grid.lowest.size, -np.inf)
+def _classes(points: GriddedPoints, surface: SeaSurfaceModel) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    classification, height = np.empty(points.size, np.uint8), np.empty(points.size, np.float32)
+    to_ground = isinstance(surface.params, SeparationParams) and surface.params.land == "class2"
     start = 0
-    for xyz in parts:
-        located = _located(xyz)
-        cell = grid.locate(*xyz[:2, located])
-        np.maximum.at(highest, cell, xyz[2, located])
-        if intensity is not None:
-            value = intensity[start : start + xyz.shape[1]][located].astype(np.float64)
-            np.fmax.at(brightest, cell, np.log1p(np.maximum(value, 0)))
-        start += xyz.shape[1]
-    shape = grid.lowest.shape
-    return CellDetails(highest.reshape(shape), None if intensity is None else brightest.reshape(shape))
+    for z, cell in points:
+        own = slice(start, start + len(cell))
+        above, limit = surface.heights(z, cell)
+        located = cell != NOWHERE
+        height[own] = np.where(located, above, np.nan)
+        classification[own] = np.where(above > limit, np.uint8(OTHER), np.uint8(WATER))
+        if to_ground:
+            classification[own][surface.is_ground(z, cell)] = GROUND
+        classification[own][~located] = NEVER
+        start = own.stop
+    return classification, height
+
+
+def _details(points: GriddedPoints, intensity: NDArray[Any] | None) -> CellDetails:
+    """Return the highest elevation of each cell, and the logarithm of its highest intensity if there are any."""
+    shape = points.grid.lowest.shape
+    highest = np.full(shape, -np.inf)
+    brightest = None if intensity is None else np.full(shape, -np.inf)
+    start = 0
+    for z, cell in points:
+        located = cell != NOWHERE
+        np.maximum.at(highest.reshape(-1), cell[located], z[located])
+        if intensity is not None and brightest is not None:
+            value = intensity[start : start + len(cell)][located].astype(np.float64)
+            np.fmax.at(brightest.reshape(-1), cell[located], np.log1p(np.maximum(value, 0)))
+        start += len(cell)
+    return CellDetails(highest, brightest)

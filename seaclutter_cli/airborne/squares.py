@@ -1,13 +1,16 @@
 """Squares of eight by eight cells: their level, flatness, neighbours and echoes, on which water is told from land."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.classes import GROUND, WATER
 from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
+from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
+from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.strips import Column
 from seaclutter_cli.airborne.waves import PartWaves
 
@@ -104,11 +107,10 @@ def squares_in(grid: ElevationGrid) -> int:
     return len(grid.blocks) * _PER_BLOCK**2
 
 
-def square_of(cell: NDArray[np.int64]) -> NDArray[np.int64]:
+def square_of(cell: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the square of each cell, both as indices."""
-    slot, inside = np.divmod(cell, BLOCK * BLOCK)
-    column, row = np.divmod(inside, BLOCK)
-    return np.asarray((slot * _PER_BLOCK + column // SIDE) * _PER_BLOCK + row // SIDE)
+    column, row = np.divmod(cell, BLOCK)  # columns are counted through all blocks
+    return np.asarray(column // SIDE * _PER_BLOCK + row // SIDE)
 
 
 def positions(grid: ElevationGrid, index: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -136,12 +138,10 @@ def wave_deviations(squares: Squares, centers: Values, waves: Sequence[PartWaves
 
     ``centers`` are those of the waves in cells, shape (2, P).
     """
-    from scipy.spatial import cKDTree
-
     if not waves:
         return np.zeros(len(squares.index))
-    nearest = cKDTree(centers.T / SIDE).query(squares.xy.T + 0.5)[1]
-    level, deviation = (np.array([getattr(w, name) for w in waves])[nearest] for name in ("level_m", "deviation_m"))
+    own = nearest(centers / SIDE, squares.xy + 0.5)
+    level, deviation = (np.array([getattr(w, name) for w in waves])[own] for name in ("level_m", "deviation_m"))
     near = np.abs(squares.level_m - level) <= _AT_LEVEL * deviation + _NEAR_LEVEL_M
     return np.where(near, deviation, 0)
 
@@ -157,21 +157,30 @@ class Echoes:
         squares beside.
     several : ndarray, shape (N,), float64
         Share of those from pulses with several echoes.
+    known : ndarray, shape (N,), int8
+        1 if most of them have the trusted class of water, -1 if most have that of ground; 0 for all others.
     """
 
     variation: Values
     several: Values
+    known: NDArray[np.int8]
 
 
 def echoes_of(
-    squares: Squares, grid: ElevationGrid, parts: Iterable[tuple[NDArray[np.int64], Mask]], column: Column
+    squares: Squares, points: GriddedPoints, top: Cells, column: Column, trusted: Collection[int] = ()
 ) -> Echoes:
-    """Return the echoes of squares; ``parts`` have the cell of each point, and whether it is on the surface."""
+    """Return the echoes of squares that are no higher than ``top``, the elevation of each cell.
+
+    ``trusted`` are the ASPRS classes of the points, 2 or 9, that are right.
+    """
     intensity, returns = column("intensity"), column("number_of_returns")
-    total = squares_in(grid)
+    classes = column("classification") if trusted else None
+    right = {code: np.zeros(squares_in(points.grid)) for code in (GROUND, WATER)}
+    total = squares_in(points.grid)
     count, one, two, several = (np.zeros(total) for _ in range(4))
     start = 0
-    for cell, used in parts:
+    for z, cell in points:
+        used = (cell != NOWHERE) & (z <= top.reshape(-1)[cell])
         square = square_of(cell[used])
         own = slice(start, start + len(cell))
         count += np.bincount(square, minlength=total)
@@ -181,6 +190,9 @@ def echoes_of(
             two += np.bincount(square, value**2, total)
         if returns is not None:
             several += np.bincount(square, returns[own][used] > 1, total)
+        if classes is not None:
+            for code in trusted:
+                right[code] += np.bincount(square, classes[own][used] == code, total)
         start += len(cell)
     number = np.where(count >= _LEAST_ECHOES, count, np.nan)[squares.index]
     mean = one[squares.index] / number
@@ -192,4 +204,6 @@ def echoes_of(
     total = np.where(known, around, 0).sum(axis=0)
     average = np.divide(total, known.sum(axis=0), out=unknown.copy(), where=known.any(axis=0))
     variation = np.where(number < _MANY_ECHOES, average, variation)
-    return Echoes(variation, unknown if returns is None else several[squares.index] / number)
+    ground, water = (right[code][squares.index] > count[squares.index] / 2 for code in (GROUND, WATER))
+    share = unknown if returns is None else several[squares.index] / number
+    return Echoes(variation, share, water.astype(np.int8) - ground.astype(np.int8))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Gt
@@ -72,11 +72,15 @@ class SeparationParams(SurfaceParams):
         level; null: it is sea, as in [Shi2022].
     land : {"keep", "class2", "ignore"}
         What low and flat land becomes: non-sea points; the same, with class 2 on the ground; or sea, as in [Shi2022].
+    trust_classes : tuple of {2, 9}
+        ASPRS classes of the input that are right: its ground (2), its water (9), or both. Points of these classes keep
+        them, and tell land and water around them.
     """
 
     height_m: Annotated[float, Gt(0)] | Literal["auto"] = "auto"  # type: ignore[assignment]  # a frame is too small
     island_m: Annotated[float, Gt(0)] | None = 2.0
     land: Literal["keep", "class2", "ignore"] = "keep"
+    trust_classes: tuple[Literal[2, 9], ...] = ()
 
     @property
     def follows_waves(self) -> bool:
@@ -179,14 +183,17 @@ class SeaSurfaceModel:
         self._land = np.zeros(lowest.shape, np.bool_)
         if not isinstance(params, SeparationParams):
             return
-        self._top = self._opened + params.threshold_m
+        top = self._opened + params.threshold_m
+        if params.land == "class2":
+            self._ground_top = top
         if rough is not None:
             self._follow(lowest, rough)
             return
         if params.land != "ignore" and echoes is not None:
-            squares = squares_of(grid, lowest, lowest <= self._top)
+            squares = squares_of(grid, lowest, lowest <= top)
             deviation = wave_deviations(squares, *local_waves(grid, lowest, self._opened))
-            self.shores = shores_of(grid, lowest, squares, echoes(squares, self._top), deviation)
+            self.shores = shores_of(grid, lowest, squares, echoes(squares, top), deviation)
+        del top
         if params.follows_waves:
             water = lowest if self.shores is None else np.where(self.shores.land, np.inf, lowest)
             self.waves = estimate_waves(grid, water, self._opened)
@@ -225,25 +232,33 @@ class SeaSurfaceModel:
 
     def height(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the height above the surface in metres, shape (N,), of points from the grid, shape (3, N)."""
-        return self.heights(xyz)[0]
+        return self.heights(xyz[2], self._grid.locate(xyz[0], xyz[1]))[0]
 
-    def heights(self, xyz: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | float]:
-        """Return the heights of points above the surface, and the height over which each is a non-sea point."""
-        cell = self._grid.locate(xyz[0], xyz[1])
+    def heights(
+        self, z: NDArray[np.float64], cell: NDArray[np.integer[Any]]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64] | float]:
+        """Return the heights of points above the surface, and the height over which each is a non-sea point.
+
+        Parameters
+        ----------
+        z : ndarray, shape (N,), float64
+            Elevations in metres.
+        cell : ndarray, shape (N,), integer
+            Cell of each point in the grid, as `ElevationGrid.locate` returns it.
+        """
         if self.followed is not None:
-            height = xyz[2] - self.followed.surface.reshape(-1)[cell]
+            height = z - self.followed.surface.reshape(-1)[cell]
             limit: NDArray[np.float64] | float = self._limits.limit.reshape(-1)[cell]
         else:
-            height = np.asarray(xyz[2] - self._opened.reshape(-1)[cell])
+            height = np.asarray(z - self._opened.reshape(-1)[cell])
             limit = self.params.threshold_m
         if self._land.any():
             limit = np.where(self._land.reshape(-1)[cell], -np.inf, limit)
         return height, limit
 
-    def is_ground(self, xyz: NDArray[np.float64]) -> Mask:
-        """Return whether points, shape (3, N), are on land, and no higher above the opened surface than calm water."""
-        cell = self._grid.locate(xyz[0], xyz[1])
-        return np.asarray(self._land.reshape(-1)[cell] & (xyz[2] <= self._top.reshape(-1)[cell]))
+    def is_ground(self, z: NDArray[np.float64], cell: NDArray[np.integer[Any]]) -> Mask:
+        """Return whether points are on land, and no higher above the opened surface than calm water."""
+        return np.asarray(self._land.reshape(-1)[cell] & (z <= self._ground_top.reshape(-1)[cell]))
 
     @property
     def is_rough(self) -> bool:

@@ -10,7 +10,7 @@ from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 
 Cells = NDArray[np.float64]
 
-_FEW_CELLS = 2000
+_FEW_CELLS, _MANY_CELLS = 2000, 4096
 _QUARTER = BLOCK // 2
 _REACH_CELLS = 64
 _CRESTS = 4.0
@@ -156,14 +156,15 @@ def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float) -
     if cells < _FEW_CELLS:
         return None
     above = lowest - np.where(known, opened, 0)
-    low, middle = np.quantile(above[known], (0.1587, 0.5))
+    step = (cells // _MANY_CELLS) | 1  # waves are alike over many cells, so that more of them would tell little
+    low, middle = np.quantile(above[known][::step], (0.1587, 0.5))
     crest = float(middle + _CRESTS * (middle - low))
-    tail, lower, level, upper = np.quantile(lowest[known], (0.1587, 0.25, 0.5, 0.75))
+    tail, lower, level, upper = np.quantile(lowest[known][::step], (0.1587, 0.25, 0.5, 0.75))
     deviation = float(level - tail)
-    water = known & (above <= crest) & (np.abs(np.where(known, lowest, level) - level) <= _CRESTS * deviation)
-    length, oscillation = _length(lowest - level, water)
-    symmetric = upper - level <= _MAX_SKEW * (level - lower)
-    is_level = bool(symmetric and deviation <= _MAX_DEVIATION_M)
+    length, oscillation = 0.0, 0.0
+    if is_level := bool(upper - level <= _MAX_SKEW * (level - lower) and deviation <= _MAX_DEVIATION_M):
+        water = known & (above <= crest) & (np.abs(np.where(known, lowest, level) - level) <= _CRESTS * deviation)
+        length, oscillation = _length(lowest - level, water)
     is_sea = is_level and oscillation >= _MIN_OSCILLATION
     return PartWaves(block, cells, float(level), deviation, crest, length * cell_m, is_sea, is_level)
 
@@ -171,11 +172,12 @@ def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float) -
 def _length(elevation: Cells, water: NDArray[np.bool_]) -> tuple[float, float]:
     """Return the wave length in cells, and the depth of the minimum of the autocovariance relative to the variance."""
     shape = [side + _REACH_CELLS for side in elevation.shape]
-    total = np.fft.irfft2(np.abs(np.fft.rfft2(np.where(water, elevation, 0), shape)) ** 2, shape)
+    power = np.abs(np.fft.rfft2(np.where(water, elevation, 0).astype(np.float32), shape)) ** 2
     reach = np.r_[0 : _REACH_CELLS + 1]
     lag = np.r_[reach, -reach[:0:-1]]
-    at = np.ix_(reach, lag)  # the other half is the same, mirrored
-    covariance = total[at]  # not divided by the number of pairs, so that of many minima the nearest is the deepest
+    rows = np.fft.ifft(power, axis=0)[reach]  # the other half is the same, mirrored
+    # Not divided by the number of pairs, so that of many minima the nearest is the deepest.
+    covariance = np.fft.irfft(rows, shape[1], axis=1)[:, lag]
     i, j = np.unravel_index(np.argmin(covariance), covariance.shape)
     variance = max(float(covariance[0, 0]), 1e-12)
     return 2 * float(np.hypot(reach[i], lag[j])), -float(covariance[i, j]) / variance

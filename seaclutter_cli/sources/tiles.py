@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 Columns = dict[str, NDArray[Any]]
 
 _KEPT_BYTES = 1 << 28
+_PIECE_POINTS = 1 << 17
 
 
 class Tile(Protocol):
@@ -165,8 +166,10 @@ class TilePointReader:
         self._tile = tile
 
     def __iter__(self) -> Iterator[NDArray[np.float64]]:
-        """Yield the coordinates of each part in metres, shape (3, n)."""
-        return (self._tile.xyz(part) for part in self._tile.parts())
+        """Yield coordinates in metres, shape (3, n), of pieces that are small enough for a processor's cache."""
+        for part in self._tile.parts():
+            for start in range(0, len(part), _PIECE_POINTS):
+                yield self._tile.xyz(part[start : start + _PIECE_POINTS])
 
     def column(self, name: str) -> NDArray[Any] | None:
         """Return an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""

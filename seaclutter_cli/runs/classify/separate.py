@@ -17,7 +17,14 @@ from seaclutter_cli.runs.classify.batch import TileWork, jobs_for
 from seaclutter_cli.runs.classify.resume import RUN, record_text, recorded_run
 from seaclutter_cli.runs.classify.separate_result import SeparatedTile, SeparateOutcome, SeparateResult
 from seaclutter_cli.runs.classify.survey import MARGIN_M, margins_of, points_of
-from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, plan_tiles, warn_of_doubts, write_tile
+from seaclutter_cli.runs.classify.tiles import (
+    TileSettingsOptions,
+    errors_of,
+    plan_tiles,
+    warn_of_doubts,
+    warn_without_classes,
+    write_tile,
+)
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import write_files
@@ -47,6 +54,8 @@ class SeparateTilesOptions:
         Also write each point's height above the sea surface.
     land : {"keep", "class2", "ignore"} or None
         What low and flat land becomes; None: as in the settings.
+    trust_classes : tuple of {2, 9} or None
+        Classes of the input that are right: ground (2), water (9); None: as in the settings.
     margin_m : float
         Width of the margin around each of several tiles in which points of its neighbours count; 0: none.
     force : bool
@@ -64,6 +73,7 @@ class SeparateTilesOptions:
     settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
     with_height: bool = False
     land: Literal["keep", "class2", "ignore"] | None = None
+    trust_classes: tuple[Literal[2, 9], ...] | None = None
     margin_m: float = MARGIN_M
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
@@ -104,7 +114,12 @@ def separate_tiles(
     """
     options = options or SeparateTilesOptions()
     settings = options.settings.load()
-    params = replace(settings.separation, land=options.land) if options.land else settings.separation
+    params = settings.separation
+    params = replace(
+        params,
+        land=params.land if options.land is None else options.land,
+        trust_classes=params.trust_classes if options.trust_classes is None else options.trust_classes,
+    )
     paths, batch = find_tiles(tiles), options.batch
     replaced = options.force or batch.resume
     inputs, others = {"-c": options.settings.file}, {"--manifest": batch.manifest}
@@ -237,6 +252,7 @@ class SeparateWork(TileWork["SeparatedTile"]):
     def process(self, observer: Observer, files: OutputGroup | None) -> tuple[SeparatedTile, int]:
         """Write the separated tile."""
         started, tile = perf_counter(), open_tile(self.path)
+        warn_without_classes(tile, self.params, observer)
         with errors_of(self.path):
             points = points_of(tile, self.margin, observer)
             found = separate(points, self.params, points.column).first(tile.size)
