@@ -16,6 +16,16 @@ from seaclutter_cli.commands.options import console_options, force_option, group
 if TYPE_CHECKING:
     from seaclutter_cli.runs.classify.separate import SeparateTilesOptions
 
+
+def _classes(_: click.Context, parameter: click.Parameter, text: str | None) -> tuple[int, ...] | None:
+    if text is None:
+        return None
+    given = {one.strip() for one in text.split(",")}
+    if not given <= {"2", "9"}:
+        raise click.BadParameter("must be 2, 9, or 2,9", param=parameter)
+    return tuple(sorted(map(int, given)))
+
+
 _OPTIONS = (
     click.option("--with-height", is_flag=True, help="Also write each point's height above the sea surface."),
     click.option(
@@ -23,6 +33,13 @@ _OPTIONS = (
         type=click.Choice(["keep", "class2", "ignore"]),
         help="Low and flat land: non-sea points; ASPRS class 2 on the ground; or not looked for, so that it is sea."
         " [default: keep]",
+    ),
+    click.option(
+        "--trust-classes",
+        callback=_classes,
+        metavar="CLASSES",
+        help="Classes of the input that are right: 2 (ground), 9 (water), or 2,9. Their points keep them, and show"
+        " where land and water are.  [default: none]",
     ),
     force_option,
     settings_options,

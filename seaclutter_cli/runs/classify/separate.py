@@ -12,7 +12,14 @@ from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, separate
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
-from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, plan_tiles, warn_of_doubts, write_tile
+from seaclutter_cli.runs.classify.tiles import (
+    TileSettingsOptions,
+    errors_of,
+    plan_tiles,
+    warn_of_doubts,
+    warn_without_classes,
+    write_tile,
+)
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import PathLike, Result
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -37,6 +44,8 @@ class SeparateTilesOptions:
         Also write each point's height above the sea surface.
     land : {"keep", "class2", "ignore"} or None
         What low and flat land becomes; None: as in the settings.
+    trust_classes : tuple of {2, 9} or None
+        Classes of the input that are right: ground (2), water (9); None: as in the settings.
     force : bool
         Replace existing files.
     batch : BatchOptions
@@ -52,6 +61,7 @@ class SeparateTilesOptions:
     settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
     with_height: bool = False
     land: Literal["keep", "class2", "ignore"] | None = None
+    trust_classes: tuple[Literal[2, 9], ...] | None = None
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
@@ -86,7 +96,12 @@ def separate_tiles(
     """
     options = options or SeparateTilesOptions()
     settings = options.settings.load()
-    params = replace(settings.separation, land=options.land) if options.land else settings.separation
+    params = settings.separation
+    params = replace(
+        params,
+        land=params.land if options.land is None else options.land,
+        trust_classes=params.trust_classes if options.trust_classes is None else options.trust_classes,
+    )
     paths = find_tiles(tiles)
     targets = plan_tiles(paths, output, {}, {"-c": options.settings.file}, force=options.force, observer=observer)
     works = [
@@ -115,6 +130,7 @@ class SeparateWork(TileWork["SeparatedTile"]):
     def process(self, observer: Observer, files: OutputGroup | None) -> "tuple[SeparatedTile, int]":
         """Write the separated tile."""
         started, tile = perf_counter(), open_tile(self.path)
+        warn_without_classes(tile, self.params, observer)
         with errors_of(self.path):
             points = TilePointReader(tile)
             found = separate(points, self.params, points.column)
