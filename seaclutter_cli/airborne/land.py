@@ -79,6 +79,7 @@ def shores_of(
         wet = np.zeros(len(land) + 1, np.bool_)
         wet[np.concatenate([body.squares for body in bodies])] = True
         sure = of_land | ~wet[squares.neighbor].any(axis=0)
+    land[echoes.known > 0] = False
     own = np.flatnonzero(land)
     part = connected(squares, own)
     land[own] = (np.bincount(part) >= _LEAST_SQUARES)[part]
@@ -87,6 +88,8 @@ def shores_of(
         part = connected(squares, own)
         wet = np.isin(own, np.concatenate([body.squares for body in bodies]))
         land[own] = (np.bincount(part, wet) == 0)[part]
+    land = (land & (echoes.known <= 0)) | (echoes.known < 0)
+    sure = sure | (echoes.known < 0)
     bank = max([_BANK_M, *(_BANK_DEVIATIONS * body.deviation_m for body in bodies)])
     of_cells, certain, levels = _by_cell(grid, squares, (land, land & sure, level))
     if bodies and land.any():

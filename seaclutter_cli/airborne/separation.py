@@ -1,12 +1,13 @@
 """Separation of tiles into sea and non-sea points."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.airborne.following import CellDetails
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.squares import echoes_of
@@ -15,8 +16,7 @@ from seaclutter_cli.airborne.surface import CALM_M, RoughWater, SeaSurfaceModel,
 from seaclutter_cli.airborne.waves import Waves
 from seaclutter_cli.errors import InputError
 
-NEVER, OTHER, GROUND, WATER = 0, 1, 2, 9
-"""ASPRS classes: never classified (points without finite coordinates), unclassified, ground, water."""
+__all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]
 
 
 def _no_column(_name: str) -> None:
@@ -63,7 +63,7 @@ class Separation:
     Parameters
     ----------
     classification : ndarray, shape (N,), uint8
-        ASPRS class: `WATER`, `OTHER`, or `NEVER` for points with a coordinate that is not finite.
+        ASPRS class: `WATER`, `OTHER`, `GROUND`, or `NEVER` for points with a coordinate that is not finite.
     height_m : ndarray, shape (N,), float32
         Height above the sea surface in metres; NaN for `NEVER`.
     cells : int
@@ -76,6 +76,10 @@ class Separation:
     height_m: NDArray[np.float32]
     cells: int
     sea: SeaState = SeaState("opened", None, None, None, CALM_M)
+
+    def first(self, points: int) -> "Separation":
+        """Return the separation of the first points alone."""
+        return replace(self, classification=self.classification[:points], height_m=self.height_m[:points])
 
     @property
     def other(self) -> NDArray[np.intp]:
@@ -102,7 +106,7 @@ def separate(
     params : SurfaceParams
         Window and heights. With `SeparationParams`, islands and echoes from below the surface are handled, too.
     column : callable, optional
-        Returns an attribute of all points by its LAS name, or None; called on rough water only.
+        Returns an attribute of all points by its LAS name, or None.
 
     Raises
     ------
@@ -112,11 +116,18 @@ def separate(
     points = GriddedPoints.of(parts, params.cell_m)
     if not points.grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
-    surface = SeaSurfaceModel(points.grid, params, lambda squares, top: echoes_of(squares, points, top, column))
+    trusted = params.trust_classes if isinstance(params, SeparationParams) else ()
+    surface = SeaSurfaceModel(
+        points.grid, params, lambda squares, top: echoes_of(squares, points, top, column, trusted)
+    )
     if surface.waves is not None and surface.is_rough:
-        return _rough(points, surface, surface.waves, column)
-    classification, height = _classes(points, surface)
-    return Separation(classification, height, surface.cells, SeaState.of(surface))
+        found = _rough(points, surface, surface.waves, column)
+    else:
+        found = Separation(*_classes(points, surface), surface.cells, SeaState.of(surface))
+    if trusted and (given := column("classification")) is not None:
+        kept = np.isin(given, trusted) & (found.classification != NEVER)
+        found.classification[kept] = given[kept]
+    return found
 
 
 def _rough(whole_tile: GriddedPoints, whole: SeaSurfaceModel, waves: Waves, column: Column) -> Separation:

@@ -1,12 +1,13 @@
 """Squares of eight by eight cells: their level, flatness, neighbours and echoes, on which water is told from land."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.classes import GROUND, WATER
 from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.nearest import nearest
@@ -156,15 +157,25 @@ class Echoes:
         squares beside.
     several : ndarray, shape (N,), float64
         Share of those from pulses with several echoes.
+    known : ndarray, shape (N,), int8
+        1 if most of them have the trusted class of water, -1 if most have that of ground; 0 for all others.
     """
 
     variation: Values
     several: Values
+    known: NDArray[np.int8]
 
 
-def echoes_of(squares: Squares, points: GriddedPoints, top: Cells, column: Column) -> Echoes:
-    """Return the echoes of squares that are no higher than ``top``, the elevation of each cell."""
+def echoes_of(
+    squares: Squares, points: GriddedPoints, top: Cells, column: Column, trusted: Collection[int] = ()
+) -> Echoes:
+    """Return the echoes of squares that are no higher than ``top``, the elevation of each cell.
+
+    ``trusted`` are the ASPRS classes of the points, 2 or 9, that are right.
+    """
     intensity, returns = column("intensity"), column("number_of_returns")
+    classes = column("classification") if trusted else None
+    right = {code: np.zeros(squares_in(points.grid)) for code in (GROUND, WATER)}
     total = squares_in(points.grid)
     count, one, two, several = (np.zeros(total) for _ in range(4))
     start = 0
@@ -179,6 +190,9 @@ def echoes_of(squares: Squares, points: GriddedPoints, top: Cells, column: Colum
             two += np.bincount(square, value**2, total)
         if returns is not None:
             several += np.bincount(square, returns[own][used] > 1, total)
+        if classes is not None:
+            for code in trusted:
+                right[code] += np.bincount(square, classes[own][used] == code, total)
         start += len(cell)
     number = np.where(count >= _LEAST_ECHOES, count, np.nan)[squares.index]
     mean = one[squares.index] / number
@@ -190,4 +204,6 @@ def echoes_of(squares: Squares, points: GriddedPoints, top: Cells, column: Colum
     total = np.where(known, around, 0).sum(axis=0)
     average = np.divide(total, known.sum(axis=0), out=unknown.copy(), where=known.any(axis=0))
     variation = np.where(number < _MANY_ECHOES, average, variation)
-    return Echoes(variation, unknown if returns is None else several[squares.index] / number)
+    ground, water = (right[code][squares.index] > count[squares.index] / 2 for code in (GROUND, WATER))
+    share = unknown if returns is None else several[squares.index] / number
+    return Echoes(variation, share, water.astype(np.int8) - ground.astype(np.int8))

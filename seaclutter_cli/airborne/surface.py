@@ -72,11 +72,15 @@ class SeparationParams(SurfaceParams):
         level; null: it is sea, as in [Shi2022].
     land : {"keep", "class2", "ignore"}
         What low and flat land becomes: non-sea points; the same, with class 2 on the ground; or sea, as in [Shi2022].
+    trust_classes : tuple of {2, 9}
+        ASPRS classes of the input that are right: its ground (2), its water (9), or both. Points of these classes keep
+        them, and tell land and water around them.
     """
 
     height_m: Annotated[float, Gt(0)] | Literal["auto"] = "auto"  # type: ignore[assignment]  # a frame is too small
     island_m: Annotated[float, Gt(0)] | None = 2.0
     land: Literal["keep", "class2", "ignore"] = "keep"
+    trust_classes: tuple[Literal[2, 9], ...] = ()
 
     @property
     def follows_waves(self) -> bool:

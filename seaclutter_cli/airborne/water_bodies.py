@@ -17,6 +17,7 @@ _OPEN_SHARE = 0.5
 _LEAST_SQUARES = 6
 _LOWER_SHARE, _HIGHER_SHARE = 0.1, 0.02
 _SEVERAL = 0.05
+_CERTAIN = 100
 SPECULAR, DIFFUSE = 0.6, 0.45
 _COARSE = 8
 _LARGEST, _MIRROR_SHARE, _GROUND_SHARE = 0.5, 0.05, 0.5
@@ -79,19 +80,24 @@ def find_bodies(squares: Squares, echoes: Echoes, deviation_m: Values) -> Sequen
       directions: 0.45 at most (-1, if a twentieth of the tile does reflect like a mirror). Squares of ground and others
       are not joined; a region with ground at its level along half of its edge is a part of it (-2).
     * A pulse has several echoes under trees, and one on water (-1).
+
+    Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
+    needs two more signs of water.
     """
-    ground = echoes.variation <= _GROUND
-    regions = [own for kind in (ground, ~ground) for own in _regions(squares, deviation_m, kind)]
+    ground, free = echoes.variation <= _GROUND, echoes.known == 0
+    kinds = (free & ground, free & ~ground, echoes.known > 0, echoes.known < 0)
+    regions = [own for kind in kinds for own in _regions(squares, deviation_m, kind)]
     regions.sort(key=len, reverse=True)
     mirrors = sum(len(own) for own in regions if _median(echoes.variation[own]) >= SPECULAR)
     tells = mirrors > _MIRROR_SHARE * len(squares.index)
-    if not np.isfinite(echoes.variation).any():
+    if free.all() and not np.isfinite(echoes.variation).any():
         return []
     found = [(own, _signs(squares, echoes, own, deviation_m, tells=tells)) for own in regions]
     clear = sum(len(own) for own, signs in found if signs <= -2 and not deviation_m[own].any())
-    if not tells and clear < _CLEAR_SHARE * sum(map(len, regions)):
+    if free.all() and not tells and clear < _CLEAR_SHARE * sum(map(len, regions)):
         return []
-    certain = [signs >= (0 if len(own) >= _LARGEST * len(squares.index) else 1) for own, signs in found]
+    least = 2 if (echoes.known > 0).any() else 1
+    certain = [signs >= (0 if least == 1 and len(own) >= _LARGEST * len(free) else least) for own, signs in found]
     water = certain if any(certain) else [signs >= 0 for _, signs in found]
     return [_body(squares, own, is_water=is_water) for own, is_water in zip(regions, water, strict=True)]
 
@@ -139,6 +145,8 @@ def connected(squares: Squares, own: NDArray[np.int64]) -> NDArray[np.int32]:
 
 def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], deviation_m: Values, *, tells: bool) -> int:
     """Return the number of signs that a region is water, less those that it is land."""
+    if known := int(echoes.known[own[0]]):
+        return _CERTAIN * known
     level = float(np.median(squares.level_m[own]))
     waves = float(np.median(deviation_m[own]))
     variation, several = (_median(values[own]) for values in (echoes.variation, echoes.several))

@@ -142,3 +142,45 @@ def test_squares_have_level_spread_and_neighbours():
     np.testing.assert_allclose(squares.level_m[order], [1, 1, 0.45, 0.45, 1, 1, 1.25, 1.25], atol=0.06)
     assert squares.spread_m[order][:2].tolist() == [0, 0]
     assert (squares.neighbor >= 0).sum() == 2 * (3 * 2 + 4)
+
+
+@pytest.mark.parametrize("trusted", [(2,), (9,), (2, 9)])
+@pytest.mark.parametrize("intensities", [True, False])
+def test_trusted_classes_tell_a_polder_below_the_sea_that_nothing_else_tells(trusted, intensities):
+    def polder(x, _, bumps):
+        return np.select([x < 190, x < 205], [-5.0, 4.0], -2 + bumps)
+
+    xyz, _, columns = tile(polder, speckle=False)
+    land = xyz[0] >= 190
+    given = np.where(land, GROUND, WATER)
+    given[::3] = OTHER  # unclassified
+    columns = {"classification": given, **(columns if intensities else {})}
+    found = separate([xyz], SeparationParams(trust_classes=trusted), columns.get).classification
+    for code in trusted:
+        assert (found[given == code] == code).all()
+    assert (found[land] != WATER).mean() > 0.99
+    assert (found[~land] == WATER).mean() > 0.98
+    without = separate([xyz], SeparationParams(), columns.get).classification
+    assert (without[land] == WATER).mean() > 0.5
+
+
+def test_trusted_points_keep_their_class_on_rough_water_too():
+    xyz, land, columns = tile(COASTS["cliff"], height=1.1, length=30.0)
+    columns["classification"] = np.where(land, OTHER, WATER)
+    columns["classification"][:1000] = GROUND
+    found = separate([xyz], SeparationParams(trust_classes=(2,)), columns.get).classification
+    np.testing.assert_array_equal(found == GROUND, columns["classification"] == GROUND)
+
+
+@pytest.mark.parametrize("kind", ["sluice", "autzen"])
+def test_real_tiles_with_trusted_ground(kind):
+    laspy = pytest.importorskip("laspy")
+    path = {"sluice": shared("airborne") / "ahn3_sluice.laz", "autzen": shared("las") / "autzen_trim.laz"}[kind]
+    unit = 0.3048 if kind == "autzen" else 1.0
+    points = laspy.read(path)
+    xyz = unit * np.stack([np.asarray(points[axis]) for axis in "xyz"])
+    given = np.asarray(points.classification)
+    found = separate([xyz], SeparationParams(trust_classes=(2,)), {"classification": given}.get).classification
+    if kind == "sluice":
+        assert (found[given == WATER] == WATER).mean() > 0.98
+    assert (found[given != WATER] == WATER).mean() < 0.02

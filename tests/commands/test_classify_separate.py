@@ -244,3 +244,22 @@ def test_kappa_rises_to_20_m_and_falls(name):
     assert narrow < 0.8 * best
     assert wide < 0.95 * best
     assert kappa(20.0, SeparationParams()) > 0.95
+
+
+@pytest.mark.parametrize("how", [["--trust-classes", "2,9"], ["-s", "separation.trust_classes=[2, 9]"]])
+def test_trusted_classes_are_kept(tmp_path, how):
+    xyz = points()
+    given = np.where(np.arange(len(xyz)) < 500, 9, 1)
+    tile = write(tmp_path / "tile.las", xyz, classification=given)
+    result = run(tile, "-o", tmp_path / "out.las", *how)
+    assert result.exit_code == 0, result.output
+    assert (np.asarray(read(tmp_path / "out.las").classification)[:500] == 9).all()
+    assert "no points of class 2 to trust" in result.stderr
+
+
+@pytest.mark.parametrize("text", ["6", "2;9", "water", ""])
+def test_other_classes_cannot_be_trusted(tmp_path, text):
+    tile = write(tmp_path / "tile.las", points())
+    result = run(tile, "-o", tmp_path / "out.las", "--trust-classes", text)
+    assert result.exit_code == 2
+    assert "must be 2, 9, or 2,9" in result.stderr

@@ -24,6 +24,7 @@ from seaclutter_cli.runs.classify.tiles import (
     errors_of,
     plan_tiles,
     warn_of_doubts,
+    warn_without_classes,
     warn_without_intensity,
     write_tile,
 )
@@ -145,6 +146,7 @@ class PredictWork(TileWork[tuple[TileObjects, bytes]]):
         """Write the classified tile."""
         started, tile = perf_counter(), open_tile(self.path)
         warn_without_intensity(tile, self.model.settings, observer)
+        warn_without_classes(tile, self.model.settings.separation, observer)
         with errors_of(self.path):
             found = classify_points(TilePointReader(tile), self.model)
         warn_of_doubts(tile, found.tile.separation, observer)

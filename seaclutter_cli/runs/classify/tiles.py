@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.plausibility import doubts_about_sea
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings, load_settings
+from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.output_plan import is_folder
@@ -20,7 +21,7 @@ from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.points import POINT_WRITERS, with_columns
 from seaclutter_cli.sources.frame_files import FRAME_READERS
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name, read_columns
 
 _LAS = (".las", ".laz")
 
@@ -64,6 +65,16 @@ def warn_without_intensity(tile: LasTile | CloudTile, settings: TileSettings, ob
     """Warn if a tile lacks the intensities that the features need."""
     if settings.features.features == "full" and intensity_name(tile) is None:
         observer.warn(f"{tile.path}: no intensity field; intensities count as 0")
+
+
+def warn_without_classes(tile: LasTile | CloudTile, params: SeparationParams, observer: Observer) -> None:
+    """Warn if a tile has no points of the classes that are to be trusted."""
+    if not params.trust_classes:
+        return
+    given = read_columns(tile, ["classification"]).get("classification")
+    missing = [code for code in params.trust_classes if given is None or not (given == code).any()]
+    if missing:
+        observer.warn(f"{tile.path.stem}: no points of {' and '.join(f'class {code}' for code in missing)} to trust")
 
 
 def warn_of_doubts(tile: LasTile | CloudTile, found: Separation, observer: Observer) -> None:

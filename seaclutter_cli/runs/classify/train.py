@@ -16,7 +16,12 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import draw_confusion
-from seaclutter_cli.runs.classify.tiles import TileSettingsOptions, errors_of, warn_without_intensity
+from seaclutter_cli.runs.classify.tiles import (
+    TileSettingsOptions,
+    errors_of,
+    warn_without_classes,
+    warn_without_intensity,
+)
 from seaclutter_cli.runs.classify.train_result import TrainingReport
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import prepare_outputs, write_files
@@ -111,6 +116,7 @@ def _samples(
         found = ", ".join(tile.names)
         raise InputError(f"{path}: no field {class_field!r} with ground truth; the tile has {found}")
     warn_without_intensity(tile, settings, observer)
+    warn_without_classes(tile, settings.separation, observer)
     with errors_of(path):
         found_points = tile_features(TilePointReader(tile), settings)
     truth = read_columns(tile, (class_field, object_field))
