@@ -75,7 +75,12 @@ SENSORS: Mapping[str, SensorModel] = {
     "Pandar40P": SensorModel("Hesai", 40, 1800, _BYTE, _HESAI),
     "Pandar64": SensorModel("Hesai", 64, 1800, _BYTE, _HESAI),
     "PandarQT": SensorModel("Hesai", 64, 600, _BYTE, _HESAI),
+    "PandarQT128": SensorModel("Hesai", 128, 900, _BYTE, _HESAI),
+    "PandarXT-16": SensorModel("Hesai", 16, 2000, _BYTE, _HESAI),
     "PandarXT-32": SensorModel("Hesai", 32, 2000, _BYTE, _HESAI),
+    "PandarXT-32M2X": SensorModel("Hesai", 32, 2000, _BYTE, _HESAI),
+    "Pandar128": SensorModel("Hesai", 128, 1800, _BYTE, _HESAI),
+    "OT128": SensorModel("Hesai", 128, 1800, _BYTE, _HESAI),
 }
 """Sensors by name. Register new ones here."""
 

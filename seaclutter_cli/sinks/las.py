@@ -54,6 +54,12 @@ def with_texts(header: Any, texts: Mapping[TextRecord, str]) -> Any:
     return changed
 
 
+def text_in(header: Any, record: TextRecord) -> str | None:
+    """Return the text of a record in a header; None if there is none."""
+    found = [one for one in header.vlrs if (one.user_id, one.record_id) == (_USER, record.number)]
+    return bytes(found[-1].record_data).decode(errors="replace") if found else None
+
+
 def _add(laspy: Any, header: Any, added: ExtraDims) -> None:
     """Add dimensions to a header and their descriptions to its records; other records are not changed."""
     records = list(header.vlrs)
