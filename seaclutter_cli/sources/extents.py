@@ -12,6 +12,8 @@ from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.tiles import LasTile, open_tile
 
 _REPEATED = 0.5
+LEAST_M = 600.0
+"""Least length of the sides of a tile with its margin, if there are neighbours."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +40,17 @@ class Extent:
         """Area in square metres."""
         return self.overlap(self)
 
-    def grown(self, by_m: float) -> "Extent":
-        """Return the rectangle with a margin on all sides."""
-        (west, south), (east, north) = self.low, self.high
-        return Extent((west - by_m, south - by_m), (east + by_m, north + by_m))
+    def grown(self, by_m: float, least_m: float = 0.0) -> "Extent":
+        """Return the rectangle with a margin on all sides, which makes each side at least ``least_m`` long."""
+        low, high = np.array(self.low), np.array(self.high)
+        margin = np.maximum(by_m, (least_m - (high - low)) / 2)
+        (west, south), (east, north) = (low - margin).tolist(), (high + margin).tolist()
+        return Extent((west, south), (east, north))
+
+    def clipped(self, other: "Extent") -> "Extent":
+        """Return what two rectangles that overlap have in common."""
+        (west, south), (east, north) = np.maximum(self.low, other.low), np.minimum(self.high, other.high)
+        return Extent((float(west), float(south)), (float(east), float(north)))
 
     def overlap(self, other: "Extent") -> float:
         """Return the area that two rectangles have in common; negative if they are apart."""
@@ -66,11 +75,30 @@ class TileHead:
         Its coordinate reference system.
     extent : Extent or None
         Its extent; None if the header does not tell.
+    window : Extent or None
+        Part of the file that is the tile; None: all of it.
+    size : int
+        Size in bytes if it is less than that of the file, otherwise 0.
     """
 
     path: Path
     crs: Crs
     extent: Extent | None
+    window: Extent | None = None
+    size: int = 0
+
+    @property
+    def name(self) -> str:
+        """Name of the tile; that of a window has its lowest coordinates in the unit of the file."""
+        if self.window is None:
+            return self.path.stem
+        x, y = (round(value / self.crs.unit_m) for value in self.window.low)
+        return f"{self.path.name.removesuffix('.laz').removesuffix('.copc')}_{x}_{y}"
+
+    @property
+    def file_name(self) -> str:
+        """Name of a file with the points of the tile."""
+        return f"{self.name}.laz" if self.window else self.path.name
 
 
 def read_head(path: Path) -> TileHead:
@@ -94,8 +122,13 @@ def extent_of(tile: LasTile) -> Extent | None:
     return Extent((west, south), (east, north))
 
 
+def region_of(tile: TileHead, margin_m: float) -> Extent | None:
+    """Return the extent of a tile with its margin; that of a small tile is wider, so that waves can be estimated."""
+    return tile.extent and tile.extent.grown(margin_m, LEAST_M)
+
+
 def neighbors_of(tiles: Sequence[TileHead], margin_m: float) -> list[list[TileHead]]:
-    """Return the neighbours of each tile: those with points in the margin around it, from west to east.
+    """Return the neighbours of each tile: those with points in its `region_of`, from west to east.
 
     Notes
     -----
@@ -106,10 +139,10 @@ def neighbors_of(tiles: Sequence[TileHead], margin_m: float) -> list[list[TileHe
     low, high = (np.array([getattr(tile.extent, side) for tile in ordered]).reshape(-1, 2) for side in ("low", "high"))
     found: list[list[TileHead]] = []
     for tile in tiles:
-        if tile.extent is None:
+        region = region_of(tile, margin_m)
+        if region is None:
             found.append([])
             continue
-        region = tile.extent.grown(margin_m)
         near = ((low < region.high) & (high > region.low)).all(axis=1)
         found.append([ordered[at] for at in np.flatnonzero(near) if _are_neighbors(tile, ordered[at])])
     return found

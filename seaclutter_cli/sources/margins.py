@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.sources.extents import Extent
 from seaclutter_cli.sources.tiles import LasTile, Tile, TilePointReader
+from seaclutter_cli.sources.windows import CopcWindow, is_indexed
 
 
 @dataclass(frozen=True)
@@ -23,11 +24,14 @@ class Margin:
     region : Extent
         Extent of the tile with its margin.
     neighbors : tuple of Path
-        LAS and LAZ files.
+        LAS and LAZ files; also the one of which the tile is a window.
+    window : Extent or None
+        Where the tile is in its file, if it is a window.
     """
 
     region: Extent
     neighbors: tuple[Path, ...]
+    window: Extent | None = None
 
 
 class MarginPoints:
@@ -39,6 +43,8 @@ class MarginPoints:
         The neighbour.
     region : Extent
         The region.
+    without : Extent, optional
+        A part of it whose points are left out.
 
     Raises
     ------
@@ -46,11 +52,14 @@ class MarginPoints:
         If the neighbour cannot be read.
     """
 
-    def __init__(self, path: Path, region: Extent) -> None:
-        self._tile = LasTile(path)
+    def __init__(self, path: Path, region: Extent, without: Extent | None = None) -> None:
+        self._tile = CopcWindow(path, region) if is_indexed(path) else LasTile(path)
         self._parts = []
-        for part in self._tile.read():
-            inside = region.contains(self._tile.xyz(part))
+        for part in self._tile.parts() if isinstance(self._tile, CopcWindow) else self._tile.read():
+            xyz = self._tile.xyz(part)
+            inside = region.contains(xyz)
+            if without is not None:
+                inside &= ~without.contains(xyz)
             if inside.any():
                 self._parts.append(part[inside])
 
@@ -97,12 +106,12 @@ class PointsWithMargin(TilePointReader):
         return np.concatenate([own, *(margin.column(name) for margin in self._margin)])
 
 
-def read_margin(margin: Margin) -> tuple[list[MarginPoints], dict[Path, str]]:
-    """Return the points in the margin of a tile, and why neighbours could not be read."""
+def read_margin(path: Path, margin: Margin) -> tuple[list[MarginPoints], dict[Path, str]]:
+    """Return the points in the margin of a tile of a file, and why neighbours could not be read."""
     found, failed = [], {}
-    for path in margin.neighbors:
+    for neighbor in margin.neighbors:
         try:
-            found.append(MarginPoints(path, margin.region))
+            found.append(MarginPoints(neighbor, margin.region, margin.window if neighbor == path else None))
         except (CloudError, OSError) as error:
-            failed[path] = str(error)
+            failed[neighbor] = str(error)
     return found, failed

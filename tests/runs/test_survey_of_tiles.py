@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
+from seaclutter_cli.sources import extents
 from tests.airborne.tiles import raw_records, read, write
 
 pytest.importorskip("laspy")
@@ -52,13 +53,14 @@ def contents(folder):
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-def test_a_survey_has_the_classes_of_its_area(survey, tmp_path):
+def test_a_survey_has_the_classes_of_its_area(survey, tmp_path, monkeypatch):
     """At most 0.1 % of the points differ with a margin of 50 m; without, more than a twentieth."""
+    monkeypatch.setattr(extents, "LEAST_M", 0)  # otherwise the region of each quarter is the whole area
     whole = classes([survey / "separated.laz"])
     differing = {}
     for margin in (0, 50):
         out = tmp_path / str(margin)
-        result = separate(survey / "tiles", "-o", f"{out}/", "--margin", margin, "-q")
+        result = separate(survey / "tiles", "-o", f"{out}/", "--margin", margin, "-q", "-j", 1)
         assert result.exit_code == 0, result.output
         found = classes(sorted(out.iterdir()))
         np.testing.assert_array_equal(found[:3], whole[:3])
@@ -104,15 +106,14 @@ def _with_feet(path):
     path.write_bytes(data.replace(key, np.array([1, 1, 0, 1, 3076, 0, 1, 9002], "<u2").tobytes()))
 
 
-def test_margins_of_tiles_in_feet_are_metres(survey, tmp_path):
+def test_margins_of_tiles_in_feet_are_metres(tmp_path, monkeypatch):
     """Feet of the same size in numbers are a third in metres, so that a margin reaches farther."""
-    from seaclutter_cli.sources.extents import neighbors_of, read_head
-
+    monkeypatch.setattr(extents, "LEAST_M", 0)
     xyz = scene() / [1, 1, 0.3048]
     parts = {"west": xyz[xyz[:, 0] < 80], "east": xyz[xyz[:, 0] >= 120]}  # 40 feet are 12.2 m apart
-    heads = [read_head(_feet(tmp_path / f"{name}.las", own)) for name, own in parts.items()]
+    heads = [extents.read_head(_feet(tmp_path / f"{name}.las", own)) for name, own in parts.items()]
     assert heads[0].extent.high[0] - heads[0].extent.low[0] == pytest.approx(80 * 0.3048, abs=0.1)
-    assert [[len(own) for own in neighbors_of(heads, margin)] for margin in (12.0, 12.5)] == [[0, 0], [1, 1]]
+    assert [[len(own) for own in extents.neighbors_of(heads, margin)] for margin in (12.0, 12.5)] == [[0, 0], [1, 1]]
 
 
 def _feet(path, xyz):
@@ -200,6 +201,12 @@ def test_outputs_of_other_runs_are_kept(survey, tmp_path):
 def test_a_single_tile_has_no_record_of_its_run(survey):
     numbers = [number for user, number, *_ in raw_records(survey / "separated.laz")[1] if user == b"seaclutter"]
     assert numbers == [7, 1]
+
+
+def test_small_tiles_have_wide_margins():
+    """Waves of a tile that is smaller than they are long cannot be estimated."""
+    head = extents.TileHead(None, None, extents.Extent((0, 0), (100, 1000)))
+    assert extents.region_of(head, 50) == extents.Extent((-250, -50), (350, 1050))
 
 
 def test_resume_needs_outputs_with_records(survey, tmp_path):

@@ -49,6 +49,13 @@ _OPTIONS = (
         help="Classes of the input that are right: 2 (ground), 9 (water), or 2,9. Their points keep them, and show"
         " where land and water are.  [default: none]",
     ),
+    click.option(
+        "--window",
+        "window_m",
+        type=click.FloatRange(min=50, max=100_000),
+        metavar="METRES",
+        help="Read COPC files in windows of this width, and write a tile for each; for files larger than memory.",
+    ),
     force_option,
     settings_options,
     resumable_batch_options_for("tile"),

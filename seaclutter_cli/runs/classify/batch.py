@@ -4,7 +4,7 @@ import shutil
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -15,6 +15,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.recordings import Outcome, storing_errors
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.storage.parts import part_path, release
 from seaclutter_cli.text import count
 
@@ -44,29 +45,53 @@ class TileOutcome(Outcome, Generic[R]):
         return f"{count(self.points, 'point')}, {self.seconds:.1f} s"
 
 
+@dataclass(frozen=True)
+class _Window(Recording):
+    """A window of a file."""
+
+    tile: TileHead = field(kw_only=True)
+
+    @property
+    def name(self) -> str:
+        """Name of the window."""
+        return self.tile.name
+
+    @property
+    def size(self) -> int:
+        """Size of its chunks in bytes."""
+        return self.tile.size
+
+
 @dataclass(frozen=True, kw_only=True)
 class TileWork(Work[TileOutcome[R]]):
     """Work on one tile.
 
     Parameters
     ----------
-    path, target : Path
-        The tile, and its output.
+    tile : TileHead
+        The tile.
+    target : Path
+        Its output.
     staged : Path or None
         Where the output is written, to become ``target`` together with those of other tiles.
     replaced : bool
         Whether an existing output may be replaced.
     """
 
-    path: Path
+    tile: TileHead
     target: Path
     staged: Path | None = None
     replaced: bool = False
 
     @property
+    def path(self) -> Path:
+        """File of the tile."""
+        return self.tile.path
+
+    @property
     def recording(self) -> Recording:  # type: ignore[override]
         """The tile."""
-        return Recording((self.path,))
+        return _Window((self.path,), tile=self.tile) if self.tile.window else Recording((self.path,))
 
     @abstractmethod
     def process(self, observer: Observer, files: OutputGroup | None) -> tuple[R, int]:

@@ -11,12 +11,12 @@ import numpy as np
 
 from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, separate
 from seaclutter_cli.airborne.surface import SeparationParams
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import SelectionError, UsageError
 from seaclutter_cli.runs.batch import BatchOptions, run_batch
 from seaclutter_cli.runs.classify.batch import TileWork, jobs_for
 from seaclutter_cli.runs.classify.resume import RUN, record_text, recorded_run
 from seaclutter_cli.runs.classify.separate_result import SeparatedTile, SeparateOutcome, SeparateResult
-from seaclutter_cli.runs.classify.survey import MARGIN_M, margins_of, points_of
+from seaclutter_cli.runs.classify.survey import MARGIN_M, margins_of, points_of, tiles_of
 from seaclutter_cli.runs.classify.tiles import (
     TileSettingsOptions,
     errors_of,
@@ -34,7 +34,8 @@ from seaclutter_cli.runs.run_record import RunIdentity, digest_of, digest_of_pat
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import TextRecord
 from seaclutter_cli.sources.margins import Margin
-from seaclutter_cli.sources.tiles import find_tiles, open_tile
+from seaclutter_cli.sources.tiles import find_tiles
+from seaclutter_cli.sources.windows import open_tile_or_window
 from seaclutter_cli.storage.locations import Location
 
 HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
@@ -58,6 +59,8 @@ class SeparateTilesOptions:
         Classes of the input that are right: ground (2), water (9); None: as in the settings.
     margin_m : float
         Width of the margin around each of several tiles in which points of its neighbours count; 0: none.
+    window_m : float or None
+        Width of the windows in which COPC files are read, each of which becomes a tile; None: as a whole.
     force : bool
         Replace existing files.
     batch : BatchOptions
@@ -75,6 +78,7 @@ class SeparateTilesOptions:
     land: Literal["keep", "class2", "ignore"] | None = None
     trust_classes: tuple[Literal[2, 9], ...] | None = None
     margin_m: float = MARGIN_M
+    window_m: float | None = None
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
@@ -120,22 +124,23 @@ def separate_tiles(
         land=params.land if options.land is None else options.land,
         trust_classes=params.trust_classes if options.trust_classes is None else options.trust_classes,
     )
-    paths, batch = find_tiles(tiles), options.batch
+    batch = options.batch
     replaced = options.force or batch.resume
     inputs, others = {"-c": options.settings.file}, {"--manifest": batch.manifest}
-    targets = plan_tiles(paths, output, others, inputs, force=replaced, observer=observer)
-    margins = margins_of(paths, options.margin_m, observer)
+    heads = tiles_of(find_tiles(tiles), options.window_m, observer)
+    targets = plan_tiles(heads, output, others, inputs, force=replaced, observer=observer)
+    margins = margins_of(heads, options.margin_m, observer)
     works = [
         SeparateWork(
-            path=path,
+            tile=head,
             target=target,
             replaced=replaced,
             params=params,
             with_height=options.with_height,
             margin=margin,
-            is_recorded=len(paths) > 1 or batch.resume,
+            is_recorded=len(heads) > 1 or batch.resume,
         )
-        for path, target, margin in zip(paths, targets, margins, strict=True)
+        for head, target, margin in zip(heads, targets, margins, strict=True)
     ]
     outcomes = _run(works, batch, observer, force=options.force)
     if batch.manifest:
@@ -225,7 +230,8 @@ class SeparateWork(TileWork["SeparatedTile"]):
 
     def identity(self) -> RunIdentity:
         """Return what the separated tile depends on."""
-        options = (self.with_height, self.margin.region if self.margin else None)
+        places = (self.margin.region if self.margin else None, self.tile.window)
+        options = (self.with_height, *map(str, places))
         files = [place for place in self.reads if isinstance(place, Path)]
         return RunIdentity(digest_of_paths(files), digest_of(asdict(self.params)), digest_of(options), digest_of([]))
 
@@ -242,7 +248,7 @@ class SeparateWork(TileWork["SeparatedTile"]):
         try:
             found = dict(record["result"])
             state = SeaState(**found.pop("sea_state"))
-            outcome.result = SeparatedTile(self.path.stem, str(self.target), **found, sea_state=state, seconds=0.0)
+            outcome.result = SeparatedTile(self.tile.name, str(self.target), **found, sea_state=state, seconds=0.0)
         except (KeyError, TypeError, ValueError) as error:
             difference = difference or f"incomplete record: {error!r}"
         else:
@@ -251,7 +257,10 @@ class SeparateWork(TileWork["SeparatedTile"]):
 
     def process(self, observer: Observer, files: OutputGroup | None) -> tuple[SeparatedTile, int]:
         """Write the separated tile."""
-        started, tile = perf_counter(), open_tile(self.path)
+        started = perf_counter()
+        tile = open_tile_or_window(self.path, self.tile.window)
+        if self.tile.window and not tile.size:
+            raise SelectionError(f"{self.path}: no points in this window")
         warn_without_classes(tile, self.params, observer)
         with errors_of(self.path):
             points = points_of(tile, self.margin, observer)
@@ -267,5 +276,5 @@ class SeparateWork(TileWork["SeparatedTile"]):
             texts[RUN] = record_text(self.identity(), {**counts, "sea_state": asdict(found.sea)})
         write_tile(tile, self.place, columns, HEIGHT if self.with_height else {}, files, texts)
         seconds = perf_counter() - started
-        result = SeparatedTile(self.path.stem, str(self.target), **counts, sea_state=found.sea, seconds=seconds)
+        result = SeparatedTile(self.tile.name, str(self.target), **counts, sea_state=found.sea, seconds=seconds)
         return result, tile.size
