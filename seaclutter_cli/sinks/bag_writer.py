@@ -22,7 +22,7 @@ CHUNK_SIZE = 768 * 2**10
 """Size in bytes at which a chunk is closed, as in the recorder of ROS 1."""
 
 _HEADER_BYTES = 4096
-"""Size of the header with padding, without their sizes. Tools of ROS 1 that append or reindex write it anew, in place."""
+"""Size of the header with padding, without their sizes. ROS 1 writes it anew when it appends or reindexes."""
 _MESSAGE, _BAG_HEADER, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = range(2, 8)
 _U32, _TIME, _ENTRY = struct.Struct("<I"), struct.Struct("<II"), struct.Struct("<III")
 _NANO = 10**9
