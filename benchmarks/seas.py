@@ -8,9 +8,11 @@ import sys
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.separation import NEVER, OTHER, WATER, separate
 from seaclutter_cli.airborne.settings import TileSettings
+from seaclutter_cli.airborne.strips import Column
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.simulation.airborne.recording import simulate_strips
 from seaclutter_cli.simulation.airborne.scene import TileScene, load_tile_scene
@@ -43,6 +45,11 @@ def with_sea(scene: TileScene, sea: tuple[float, ...]) -> TileScene:
     return replace(scene, water=water)
 
 
+def column_of(points: NDArray[np.void]) -> Column:
+    """Return the attributes of simulated points for `separate`."""
+    return lambda name: points[name] if name in (points.dtype.names or ()) else None
+
+
 def kappas(scene: TileScene, heights: tuple[float | str, ...]) -> list[float]:
     """Return kappa with each setting of ``height_m``; simulated noise echoes are left out."""
     points = np.concatenate(list(simulate_strips(scene)))
@@ -51,7 +58,7 @@ def kappas(scene: TileScene, heights: tuple[float | str, ...]) -> list[float]:
     found = []
     for height in heights:
         params = replace(TileSettings().separation, height_m=height)
-        own = separate([xyz], params, lambda name: points[name] if name in points.dtype.names else None)
+        own = separate([xyz], params, column_of(points))
         found.append(Confusion.of(points["classification"][known], own.classification[known], CLASSES).kappa)
     return found
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from seas import SEAS, column_of, with_sea
 
 from seaclutter_cli.airborne.features import FEATURES, NonSeaPoints, features_of
 from seaclutter_cli.airborne.forest import Samples, class_name, predict, split_samples, train
@@ -30,7 +31,7 @@ from seaclutter_cli.simulation.airborne.scene import TileScene, load_tile_scene
 from seaclutter_cli.truth import OBJECT_CLASSES
 
 WINDOWS_M = (4, 8, 12, 16, 20, 24, 30, 40, 60, 80)
-THRESHOLDS_M = (0.5, 0.8, 1.2)
+THRESHOLDS_M = (0.5, 0.8, 1.2, "auto")
 FRESH = (50, 51, 52, 53)
 TABLE_1 = ("calm_ships", "reefs", "farms", "high")
 HEIGHTS_M = (300, 500, 800, 1200, 400, 600, 1000, 2000, 500, 350, 3000, 700, 250, 1500)
@@ -65,7 +66,8 @@ def windows() -> None:
     for name, scene in scenes.items():
         points, xyz = points_of(scene)
         for method, params in methods.items():
-            found = [separate([xyz], replace(params, window_m=float(window_m))) for window_m in WINDOWS_M]
+            windows_m = [replace(params, window_m=float(window_m)) for window_m in WINDOWS_M]
+            found = [separate([xyz], own, column_of(points)) for own in windows_m]
             row = [f"{kappa(points, one.classification):.3f}" for one in found]
             print(f"| {name} | {method} |", " | ".join(row), "|", flush=True)
 
@@ -76,14 +78,15 @@ def rough() -> None:
     scene = load_tile_scene("mixed").with_tile(seed=21)
     for swell_m, wave_m in ((0.25, 0.1), (0.4, 0.12), (0.6, 0.2), (1.0, 0.3)):
         points, xyz = points_of(replace(scene, water=replace(scene.water, swell_m=swell_m, wave_m=wave_m)))
-        found = [separate([xyz], replace(TileSettings().separation, height_m=height_m)) for height_m in THRESHOLDS_M]
+        heights = [replace(TileSettings().separation, height_m=height_m) for height_m in THRESHOLDS_M]
+        found = [separate([xyz], own, column_of(points)) for own in heights]
         row = [f"{kappa(points, one.classification):.3f}" for one in found]
         print(f"| {swell_m:g}, {wave_m:g} |", " | ".join(row), "|", flush=True)
 
 
 def non_sea(points: Any, xyz: Any) -> tuple[Separation, NonSeaPoints, Any]:
     """Return the separation of a tile, its non-sea points, and their records."""
-    found = separate([xyz], TileSettings().separation)
+    found = separate([xyz], TileSettings().separation, column_of(points))
     other = found.other
     part = points[other]
     remaining = NonSeaPoints(
@@ -92,11 +95,11 @@ def non_sea(points: Any, xyz: Any) -> tuple[Separation, NonSeaPoints, Any]:
     return found, remaining, part
 
 
-def mixed(folder: Path, number: int) -> dict[str, Any]:
+def mixed(folder: Path, number: int, sea: str = "calm") -> dict[str, Any]:
     """Return the samples of a tile with individual height, density and gain, and the kappa of its separation."""
-    path = folder / f"mixed{number}.npz"
+    path = folder / f"mixed{number}-{list(SEAS).index(sea)}.npz"
     if not path.exists():
-        scene = load_tile_scene("mixed").with_tile(seed=number + 1)
+        scene = with_sea(load_tile_scene("mixed").with_tile(seed=number + 1), SEAS[sea])
         at = number % len(HEIGHTS_M)
         gain = 7000.0 + 200 * (3 * number % 10)
         lidar = replace(scene.lidar, height_m=float(HEIGHTS_M[at]), pulses_m2=PULSES_M2[at], gain=gain)
@@ -110,6 +113,7 @@ def mixed(folder: Path, number: int) -> dict[str, Any]:
             number=part["object_id"],
             kappa=kappa(points, found.classification),
             size=len(points),
+            true=np.count_nonzero(points["object_class"]),
             height=HEIGHTS_M[at],
         )
     return dict(np.load(path))

@@ -1,7 +1,7 @@
 """Separation of tiles into sea and non-sea points."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -76,6 +76,10 @@ class Separation:
     height_m: NDArray[np.float32]
     cells: int
     sea: SeaState = SeaState("opened", None, None, None, CALM_M)
+
+    def first(self, points: int) -> "Separation":
+        """Return the separation of the first points alone."""
+        return replace(self, classification=self.classification[:points], height_m=self.height_m[:points])
 
     @property
     def other(self) -> NDArray[np.intp]:

@@ -21,6 +21,7 @@ _MAX_STEP_M = 2.0
 _MIN_SHARE = 0.5
 _ROUGHEST_PARTS = 0.75
 _MAX_TILT = 0.5
+_ALIKE = 1.5
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class PartWaves:
         Length of the highest waves.
     is_sea : bool
         Whether the elevations oscillate, and are distributed, like those of waves.
+    is_level : bool
+        Whether they are distributed like those of waves.
     """
 
     block: tuple[int, int]
@@ -50,6 +53,13 @@ class PartWaves:
     crest_m: float
     length_m: float
     is_sea: bool
+    is_level: bool
+
+    def resembles(self, level_m: float, deviation_m: float) -> bool:
+        """Return whether the part is like a sea whose waves have this level and deviation."""
+        near = abs(self.level_m - level_m) <= deviation_m
+        alike = deviation_m / _ALIKE <= self.deviation_m <= _ALIKE * deviation_m
+        return self.is_level and near and alike
 
 
 @dataclass(frozen=True)
@@ -116,15 +126,17 @@ def estimate_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Waves |
     -----
     Objects stand above the water, so everything is estimated from the median downwards. Waves oscillate: half a wave
     length away, elevations are the opposite of what they are here. The autocovariance over both directions has its
-    minimum there, which gives the length. Land hardly ever has such a minimum; nor is it level from part to part.
+    minimum there, which gives the length. Land hardly ever has such a minimum; nor is it level from part to part. Where
+    swell and wind sea cross, a part may have none either; it is sea if its level and deviation are those of the others.
     """
     found = [_part(block, lowest[slot], opened[slot], grid.cell_m) for block, slot in grid.blocks.items()]
     known = [part for part in found if part]
     likely = [part for part in known if part.is_sea]
     if not likely:
         return None
-    level = _weighted_quantile(likely, "level_m", 0.5)
-    sea = [part for part in likely if abs(part.level_m - level) < _MAX_STEP_M]
+    level, deviation = (_weighted_quantile(likely, name, 0.5) for name in ("level_m", "deviation_m"))
+    near = [part for part in known if abs(part.level_m - level) < _MAX_STEP_M]
+    sea = [part for part in near if part.is_sea or part.resembles(level, deviation)]
     if sum(part.cells for part in sea) < _MIN_SHARE * sum(part.cells for part in known):
         return None
     level, deviation, length = (_weighted_quantile(sea, name, 0.5) for name in ("level_m", "deviation_m", "length_m"))
@@ -149,12 +161,12 @@ def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float) -
     crest = float(middle + _CRESTS * (middle - low))
     tail, lower, level, upper = np.quantile(lowest[known][::step], (0.1587, 0.25, 0.5, 0.75))
     deviation = float(level - tail)
-    length = 0.0
-    if is_sea := bool(upper - level <= _MAX_SKEW * (level - lower) and deviation <= _MAX_DEVIATION_M):
+    length, oscillation = 0.0, 0.0
+    if is_level := bool(upper - level <= _MAX_SKEW * (level - lower) and deviation <= _MAX_DEVIATION_M):
         water = known & (above <= crest) & (np.abs(np.where(known, lowest, level) - level) <= _CRESTS * deviation)
         length, oscillation = _length(lowest - level, water)
-        is_sea = oscillation >= _MIN_OSCILLATION
-    return PartWaves(block, cells, float(level), deviation, crest, length * cell_m, is_sea)
+    is_sea = is_level and oscillation >= _MIN_OSCILLATION
+    return PartWaves(block, cells, float(level), deviation, crest, length * cell_m, is_sea, is_level)
 
 
 def _length(elevation: Cells, water: NDArray[np.bool_]) -> tuple[float, float]:

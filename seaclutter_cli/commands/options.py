@@ -113,6 +113,9 @@ def force_option(command: F) -> F:
     return _force(_parents(command))
 
 
+dry_run_option = click.option(
+    "--dry-run", is_flag=True, help="Show what would be done with each recording, and do nothing."
+)
 logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=True)
 
 _TALK = (
@@ -270,14 +273,12 @@ def _jobs_option(what: str) -> Option:
     return click.option("-j", "--jobs", metavar="N", callback=_jobs, help=text)
 
 
-_CLUSTER = (
-    click.option(
-        "--cluster",
-        metavar="ADDRESS",
-        help="Process recordings on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers.",
-    ),
-    click.option("--cluster-insecure", is_flag=True, help="Allow a cluster without encryption, tcp://HOST:PORT."),
-)
+def _cluster(what: str) -> tuple[Option, ...]:
+    text = f"Process {what} on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers."
+    insecure = click.option(
+        "--cluster-insecure", is_flag=True, help="Allow a cluster without encryption, tcp://HOST:PORT."
+    )
+    return click.option("--cluster", metavar="ADDRESS", help=text), insecure
 
 
 def jobs_option_for(what: str) -> Option:
@@ -285,28 +286,34 @@ def jobs_option_for(what: str) -> Option:
     return grouped("batch", "runs.batch:BatchOptions", (_jobs_option(what),))
 
 
-jobs_option = grouped("batch", "runs.batch:BatchOptions", (_jobs_option("recordings"), *_CLUSTER))
+jobs_option = grouped("batch", "runs.batch:BatchOptions", (_jobs_option("recordings"), *_cluster("recordings")))
 """The options for the number of processes or workers for recordings, as ``batch``, for results that need all inputs."""
-_BATCH = (
-    _jobs_option("recordings"),
-    click.option("--fail-fast", is_flag=True, help="Stop after the first recording with an error."),
-    *_CLUSTER,
-)
-batch_options = grouped("batch", "runs.batch:BatchOptions", _BATCH)
+
+
+def _batch(what: str) -> tuple[Option, ...]:
+    fail_fast = click.option("--fail-fast", is_flag=True, help=f"Stop after the first {what} with an error.")
+    return _jobs_option(f"{what}s"), fail_fast, *_cluster(f"{what}s")
+
+
+batch_options = grouped("batch", "runs.batch:BatchOptions", _batch("recording"))
 """Options for several recordings, as ``batch``."""
-_MANIFEST = output_option("--manifest", help="Write a table with a row for each recording (CSV or JSON).")
-manifest_batch_options = grouped("batch", "runs.batch:BatchOptions", (*_BATCH, _MANIFEST))
+
+
+def _manifest(what: str) -> Option:
+    return output_option("--manifest", help=f"Write a table with a row for each {what} (CSV or JSON).")
+
+
+manifest_batch_options = grouped("batch", "runs.batch:BatchOptions", (*_batch("recording"), _manifest("recording")))
 """The same for runs that can also write a manifest."""
-resumable_batch_options = grouped(
-    "batch",
-    "runs.batch:BatchOptions",
-    (
-        *_BATCH,
-        _MANIFEST,
-        click.option("--resume", is_flag=True, help="Skip recordings whose output of the same run is complete."),
-    ),
-)
-"""The same for runs that write an output for each recording."""
+
+
+def resumable_batch_options_for(what: str) -> Option:
+    """Return the same for runs that write an output for each recording, or for each of what they process."""
+    resume = click.option("--resume", is_flag=True, help=f"Skip {what}s whose output of the same run is complete.")
+    return grouped("batch", "runs.batch:BatchOptions", (*_batch(what), _manifest(what), resume))
+
+
+resumable_batch_options = resumable_batch_options_for("recording")
 
 
 def _ids(_: click.Context, parameter: click.Parameter, text: str | None) -> tuple[int, ...] | None:

@@ -17,15 +17,16 @@ from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.log_outcome import LogOutcome
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.outputs import existing
-from seaclutter_cli.runs.recordings import ReadOptions, expand
+from seaclutter_cli.runs.recordings import Outcome, ReadOptions, expand
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, digest_of, digest_of_paths, from_entries
 from seaclutter_cli.sinks import McapOptions
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.objects import find_object, is_folder_of_objects, open_object
 
-O = TypeVar("O", bound=LogOutcome)  # noqa: E741 - an outcome
-O_co = TypeVar("O_co", bound=LogOutcome, covariant=True)
+O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
+O_co = TypeVar("O_co", bound=Outcome, covariant=True)
+L = TypeVar("L", bound=LogOutcome)
 
 _OF_THE_RUN = ("config", "water", "scene", "record", "method", "is_part")
 """Fields of `McapOptions` that the run fills in."""
@@ -64,8 +65,8 @@ def identity_of(
     )
 
 
-class LogWork(Protocol[O_co]):
-    """Work on a recording that writes a log."""
+class ResumableWork(Protocol[O_co]):
+    """Work on a recording whose output contains the record of its run."""
 
     @property
     def recording(self) -> Recording:
@@ -74,7 +75,7 @@ class LogWork(Protocol[O_co]):
 
     @property
     def output(self) -> Location:
-        """The log, or the first of its parts."""
+        """The output, or the first of its parts."""
         ...
 
     def earlier(self) -> tuple[O_co | None, str]:
@@ -82,20 +83,23 @@ class LogWork(Protocol[O_co]):
         ...
 
 
-def earlier_outcomes(works: Sequence[LogWork[O]], observer: Observer) -> list[O | None]:
-    """Return the outcomes of earlier runs whose outputs are complete; None for recordings that must be done again."""
+def earlier_outcomes(works: Sequence[ResumableWork[O]], observer: Observer, verb: str = "filtered") -> list[O | None]:
+    """Return the outcomes of earlier runs whose outputs are complete; None for recordings that must be done again.
+
+    Notes say that these are ``verb`` again.
+    """
     present = existing(work.output for work in works)
     found = in_threads(lambda work: work.earlier() if work.output in present else (None, ""), works)
     for work, (outcome, difference) in zip(works, found, strict=True):
         if difference:
-            observer.note(f"{work.recording.name}: filtered again; {difference}")
+            observer.note(f"{work.recording.name}: {verb} again; {difference}")
         if outcome is not None:
             observer.damage(outcome.damage)
     return [outcome for outcome, _ in found]
 
 
 @contextmanager
-def same_output_accepted(work: LogWork[O]) -> Iterator[None]:
+def same_output_accepted(work: ResumableWork[O]) -> Iterator[None]:
     """Accept an output that another process has completed, which died or was given up before its answer came."""
     try:
         yield
@@ -107,8 +111,8 @@ def same_output_accepted(work: LogWork[O]) -> Iterator[None]:
 
 
 def earlier_run(
-    blank: O, identity: Callable[[], RunIdentity], paths: Sequence[Location], *, force: bool
-) -> tuple[O | None, str]:
+    blank: L, identity: Callable[[], RunIdentity], paths: Sequence[Location], *, force: bool
+) -> tuple[L | None, str]:
     """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs if there is one.
 
     Parameters

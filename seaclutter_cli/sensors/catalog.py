@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SensorModel:
-    """A rotating lidar.
+    """A lidar.
 
     Parameters
     ----------
@@ -20,6 +20,8 @@ class SensorModel:
         Unit of the intensity that its driver writes.
     fields : frozenset of str
         Field names that its driver uses in addition to x, y, z and intensity.
+    repeats : bool, optional
+        Whether its scans repeat; otherwise frames have any number of points.
     """
 
     maker: str
@@ -27,6 +29,7 @@ class SensorModel:
     columns: int
     intensity: str
     fields: frozenset[str]
+    repeats: bool = True
 
     @property
     def max_intensity(self) -> float | None:
@@ -40,6 +43,7 @@ _VELODYNE = frozenset({"ring", "time"})
 _OUSTER = frozenset({"t", "reflectivity", "ring", "range"})
 _PHOTONS = "photon counts; reflectivity 0 to 255"
 _HESAI = frozenset({"ring", "timestamp"})
+_LIVOX = frozenset({"tag", "line"})
 _MOST_RETURNS = 2.2  # two for each shot, and a rotor that is slower than usual
 
 SENSORS: Mapping[str, SensorModel] = {
@@ -75,7 +79,16 @@ SENSORS: Mapping[str, SensorModel] = {
     "Pandar40P": SensorModel("Hesai", 40, 1800, _BYTE, _HESAI),
     "Pandar64": SensorModel("Hesai", 64, 1800, _BYTE, _HESAI),
     "PandarQT": SensorModel("Hesai", 64, 600, _BYTE, _HESAI),
+    "PandarQT128": SensorModel("Hesai", 128, 900, _BYTE, _HESAI),
+    "PandarXT-16": SensorModel("Hesai", 16, 2000, _BYTE, _HESAI),
     "PandarXT-32": SensorModel("Hesai", 32, 2000, _BYTE, _HESAI),
+    "PandarXT-32M2X": SensorModel("Hesai", 32, 2000, _BYTE, _HESAI),
+    "Pandar128": SensorModel("Hesai", 128, 1800, _BYTE, _HESAI),
+    "OT128": SensorModel("Hesai", 128, 1800, _BYTE, _HESAI),
+    "Mid-70": SensorModel("Livox", 1, 10000, _BYTE, _LIVOX, repeats=False),
+    "Mid-360": SensorModel("Livox", 4, 5000, _BYTE, _LIVOX, repeats=False),
+    "Avia": SensorModel("Livox", 6, 4000, _BYTE, _LIVOX, repeats=False),
+    "HAP": SensorModel("Livox", 6, 7500, _BYTE, _LIVOX, repeats=False),
 }
 """Sensors by name. Register new ones here."""
 
@@ -99,13 +112,16 @@ def guess_sensors(fields: Collection[str], rings: int | None, points: int) -> li
     --------
     >>> guess_sensors(["x", "y", "z", "intensity", "ring", "time"], 16, 28000)
     ['Puck Hi-Res', 'VLP-16']
+    >>> guess_sensors(["x", "y", "z", "intensity", "tag", "line", "timestamp"], 4, 20000)
+    ['Mid-360']
     >>> guess_sensors(["x", "y", "z", "intensity"], None, 28000)
     []
     """
     fitting = [
         (sensor.beams, abs(sensor.beams * sensor.columns - points), name)
         for name, sensor in SENSORS.items()
-        if can_be(name, fields, rings) and points <= _MOST_RETURNS * sensor.beams * sensor.columns
+        if can_be(name, fields, rings)
+        and (not sensor.repeats or points <= _MOST_RETURNS * sensor.beams * sensor.columns)
     ]
     return [name for beams, _, name in sorted(fitting) if beams == min(fitting)[0]]
 

@@ -28,14 +28,12 @@ _KINDS = (
     _Kind("RoboSense RS-MX", _MEMS, (1404,)),
     _Kind("RoboSense RS-EMX", _MEMS, (812,)),
     _Kind("RoboSense RS-M1 Jumbo", _MEMS, (62152,)),
-    _Kind("Hesai Pandar128, OT128 or JT128 (protocol 1.4)", _HESAI + bytes((1, 4))),
+    _Kind("Hesai JT128, or another with protocol 1.4 that is not a Pandar128 or OT128", _HESAI + bytes((1, 4))),
     _Kind("Hesai JT16 (protocol 1.8)", _HESAI + bytes((1, 8))),
     _Kind("Hesai PandarQT with 32 lasers (protocol 3.1)", _HESAI + bytes((3, 1, 0, 0, 32))),
-    _Kind("Hesai QT128 (protocol 3.2)", _HESAI + bytes((3, 2))),
     _Kind("Hesai AT128 (protocol 4.1 or 4.3)", _HESAI + bytes((4, 1))),
     _Kind("Hesai AT128 (protocol 4.1 or 4.3)", _HESAI + bytes((4, 3))),
     _Kind("Hesai ATX (protocol 4.7)", _HESAI + bytes((4, 7))),
-    _Kind("Hesai PandarXT-16 or XT32M2X (protocol 6.1)", _HESAI + bytes((6, 1)), (568, 820)),
     _Kind("Hesai FT120 (protocol 7.2)", _HESAI + bytes((7, 2))),
 )
 """Kinds of packets, the most particular first. Remove those that get a decoder."""
@@ -46,8 +44,8 @@ def name_unsupported(payload: NDArray[np.uint8]) -> str | None:
 
     Examples
     --------
-    >>> name_unsupported(np.frombuffer(bytes((0xEE, 0xFF, 3, 2)) + bytes(1000), np.uint8))
-    'Hesai QT128 (protocol 3.2)'
+    >>> name_unsupported(np.frombuffer(bytes((0xEE, 0xFF, 4, 7)) + bytes(1000), np.uint8))
+    'Hesai ATX (protocol 4.7)'
     """
     for kind in _KINDS:
         fits = not kind.lengths or len(payload) in kind.lengths

@@ -18,6 +18,7 @@ ExtraDims = Mapping[str, tuple[str, str]]
 """Numpy type string and description of each extra dimension, by name."""
 
 _USER = "seaclutter"
+_INDEX_USER = "copc"
 _DIMENSIONS = ("LASF_Spec", 4)
 """User id and record id of the record that describes extra dimensions."""
 _DIMENSION_BYTES = 192
@@ -54,6 +55,12 @@ def with_texts(header: Any, texts: Mapping[TextRecord, str]) -> Any:
     return changed
 
 
+def text_in(header: Any, record: TextRecord) -> str | None:
+    """Return the text of a record in a header; None if there is none."""
+    found = [one for one in header.vlrs if (one.user_id, one.record_id) == (_USER, record.number)]
+    return bytes(found[-1].record_data).decode(errors="replace") if found else None
+
+
 def _add(laspy: Any, header: Any, added: ExtraDims) -> None:
     """Add dimensions to a header and their descriptions to its records; other records are not changed."""
     records = list(header.vlrs)
@@ -65,6 +72,14 @@ def _add(laspy: Any, header: Any, added: ExtraDims) -> None:
     data = old.record_data_bytes() + new if old is not None and intact else whole
     described = laspy.VLR(*_DIMENSIONS, old.description if old is not None else "Extra Bytes Record", data)
     header.vlrs[:] = [described if one is old else one for one in records] + ([described] if old is None else [])
+
+
+def _without_index(header: Any) -> Any:
+    """Remove the index of a COPC file, whose chunks an output does not have."""
+    for records in (header.vlrs, getattr(header, "evlrs", None)):
+        if records:
+            records[:] = [one for one in records if one.user_id != _INDEX_USER]
+    return header
 
 
 class LasSink(AbstractContextManager["LasSink"]):
@@ -108,7 +123,7 @@ class LasSink(AbstractContextManager["LasSink"]):
         except ImportError as error:
             raise MissingExtraError("LAS/LAZ", "las") from error
         self._laspy, self._whole = laspy, whole
-        self._header = deepcopy(header)
+        self._header = _without_index(deepcopy(header))
         known = set(header.point_format.dimension_names)
         added = {name: spec for name, spec in (extra or {}).items() if name not in known}
         if added:
@@ -191,9 +206,10 @@ def write_las(
     extra: ExtraDims,
     group: OutputGroup | None = None,
 ) -> None:
-    """Write the points of a source chunk by chunk; each column has one value per point of the whole source."""
+    """Write the points of a source, or of a part of it, chunk by chunk; each column has one value per point."""
     start = 0
-    with LasSink(path, header, extra, group=group) as sink:
+    whole = all(len(values) == header.point_count for values in columns.values())
+    with LasSink(path, header, extra, whole=whole, group=group) as sink:
         for part in points:
             sink.write(part, columns_at(columns, start, len(part)))
             start += len(part)

@@ -85,10 +85,11 @@ class LasTile:
     def parts(self) -> Iterator[Any]:
         """Yield the points in parts, as laspy point records."""
         if self._kept is None and self._small:
-            self._kept = list(self._read())
-        yield from self._read() if self._kept is None else self._kept
+            self._kept = list(self.read())
+        yield from self.read() if self._kept is None else self._kept
 
-    def _read(self) -> Iterator[Any]:
+    def read(self) -> Iterator[Any]:
+        """Yield the points in parts, without keeping them in memory."""
         found = 0
         with reading("LAS"), open_las(self.path) as reader:
             for part in reader.chunk_iterator(CHUNK_POINTS):

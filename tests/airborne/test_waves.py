@@ -213,3 +213,12 @@ def test_a_wide_low_mat_is_found_by_all_of_its_cells():
     other = separate([xyz], SeparationParams(), {"intensity": intensity}.get).classification == OTHER
     assert other[mat].mean() > 0.8
     assert other[~mat].mean() < 0.002
+
+
+@pytest.mark.parametrize(("level", "deviation", "is_sea"), [(0.0, 0.35, True), (1.0, 0.35, False), (0.0, 0.9, False)])
+def test_parts_that_do_not_oscillate_are_sea_at_its_level_and_deviation(level, deviation, is_sea):
+    """Where swell and wind sea cross, the autocovariance of a part may have no clear minimum."""
+    xyz = field(1.4, 40.0, sides=(768, 256))
+    crossing = xyz[0] >= 256
+    xyz[2, crossing] = level + np.random.default_rng(3).normal(0, deviation, np.count_nonzero(crossing))
+    assert (model(xyz).waves is not None) == is_sea

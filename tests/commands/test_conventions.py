@@ -200,6 +200,11 @@ def test_lists_of_built_in_items():
         "Pandar40P",
         "Pandar64",
         "PandarQT",
+        "PandarQT128",
+        "PandarXT-16",
+        "PandarXT-32M2X",
+        "Pandar128",
+        "OT128",
     }
     assert run("config", "list", "--match", "xyzzy").stdout == "nothing matches\n"
 

@@ -1,4 +1,4 @@
-"""Several tiles in one run: outputs do not depend on the number of processes, and appear together."""
+"""Several tiles in one run: outputs do not depend on the number of processes; those of predict appear together."""
 
 import json
 import re
@@ -60,9 +60,12 @@ def test_classification(tiles, tmp_path):
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_an_error_in_one_tile_leaves_no_output(tiles, tmp_path, jobs):
+def test_an_error_in_one_tile_leaves_no_classified_tile(tiles, tmp_path, jobs):
+    pytest.importorskip("skops")
+    model = tmp_path / "model.skops"
+    assert invoke("classify", "train", tiles / "a.laz", "-s", "forest.trees=5", "-o", model).exit_code == 0
     (tiles / "b.laz").write_bytes((tiles / "a.laz").read_bytes()[:1000])
-    result = invoke("classify", "separate", tiles, "-o", f"{tmp_path / 'out'}/", "-j", jobs)
+    result = invoke("classify", "predict", tiles, "--model", model, "-o", f"{tmp_path / 'out'}/", "-j", jobs)
     assert result.exit_code == 1
     assert next(line for line in result.stderr.splitlines() if line.startswith("Error: ")).startswith(
         f"Error: {tiles}/b.laz"

@@ -21,7 +21,7 @@ OUSTER = (*XYZI, "t", "reflectivity", "ring", "range")
             ROBOSENSE,
             22,
             2_630,
-            {"RS-LiDAR-32", "RS-Helios", "RS-Bpearl", "PandarXT-32"},
+            {"RS-LiDAR-32", "RS-Helios", "RS-Bpearl", "PandarXT-32", "PandarXT-32M2X"},
         ),  # beams above the horizon see nothing
         (ROBOSENSE, 40, 60_000, {"Pandar40P"}),
         (VELODYNE, 16, 500_000, {"Alpha Prime"}),  # more points than 16 beams can return

@@ -17,9 +17,9 @@ from tests.sources.shared.driver_topics import DRIVERS, write_topic
 PACKETS = {
     "RoboSense RS-Ruby-48 or RS-Ruby-Plus-48": bytes.fromhex("55aa055a").ljust(1268, b"\0"),
     "RoboSense RS-M2": bytes.fromhex("55aa5aa5").ljust(1342, b"\0"),
-    "Hesai QT128 (protocol 3.2)": b"\xee\xff\x03\x02".ljust(1127, b"\0"),
+    "Hesai ATX (protocol 4.7)": b"\xee\xff\x04\x07".ljust(1127, b"\0"),
     "Hesai AT128 (protocol 4.1 or 4.3)": b"\xee\xff\x04\x03".ljust(1118, b"\0"),
-    "Hesai Pandar128, OT128 or JT128 (protocol 1.4)": b"\xee\xff\x01\x04".ljust(893, b"\0"),
+    "Hesai JT128, or another with protocol 1.4 that is not a Pandar128 or OT128": b"\xee\xff\x01\x04".ljust(893, b"\0"),
 }
 START_NS = 1_760_000_000 * 10**9
 
@@ -60,10 +60,10 @@ def test_topics(name, tmp_path):
 
 def test_info_names_it_beside_a_supported_sensor(tmp_path):
     rows = captures.sensor_packets(75)
-    rows += [(time_ns, PACKETS["Hesai QT128 (protocol 3.2)"], 2368) for time_ns, _, _ in rows]
+    rows += [(time_ns, PACKETS["Hesai ATX (protocol 4.7)"], 2368) for time_ns, _, _ in rows]
     path = tmp_path / "log.pcap"
     path.write_bytes(captures.pcap(captures.frames(sorted(rows, key=lambda row: row[0]))))
     result = CliRunner().invoke(cli, ["info", str(path)])
     assert result.exit_code == 0
-    assert "(Hesai QT128 (protocol 3.2): not supported; record the" in result.output
+    assert "(Hesai ATX (protocol 4.7): not supported; record the" in result.output
     assert json.loads(CliRunner().invoke(cli, ["info", str(path), "--json"]).stdout)

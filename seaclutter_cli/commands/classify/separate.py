@@ -6,12 +6,11 @@ import click
 
 from seaclutter_cli.commands.classify.options import (
     settings_options,
-    tile_jobs_option,
     tiles_argument,
     tiles_output_option,
 )
 from seaclutter_cli.commands.console import Console
-from seaclutter_cli.commands.options import console_options, force_option, grouped
+from seaclutter_cli.commands.options import console_options, force_option, grouped, resumable_batch_options_for
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.classify.separate import SeparateTilesOptions
@@ -35,15 +34,31 @@ _OPTIONS = (
         " [default: keep]",
     ),
     click.option(
+        "--margin",
+        "margin_m",
+        type=click.FloatRange(min=0, max=1000),
+        default=100.0,
+        metavar="METRES",
+        show_default=True,
+        help="Width of the margin in which points of neighbouring tiles count; 0 for none.",
+    ),
+    click.option(
         "--trust-classes",
         callback=_classes,
         metavar="CLASSES",
         help="Classes of the input that are right: 2 (ground), 9 (water), or 2,9. Their points keep them, and show"
         " where land and water are.  [default: none]",
     ),
+    click.option(
+        "--window",
+        "window_m",
+        type=click.FloatRange(min=50, max=100_000),
+        metavar="METRES",
+        help="Read COPC files in windows of this width, and write a tile for each; for files larger than memory.",
+    ),
     force_option,
     settings_options,
-    tile_jobs_option,
+    resumable_batch_options_for("tile"),
 )
 
 
@@ -56,7 +71,8 @@ def command(tiles: tuple[str, ...], output: str, options: "SeparateTilesOptions"
     """Separate each TILE into sea and non-sea points by morphological opening; on rough water, follow the waves.
 
     Sea points get the ASPRS class 9 (water), all others 1; land is recognised by its level, flatness and echoes.
-    Everything else in a LAS or LAZ file is kept; a record says which waves were found. TILE is a LAS or LAZ file, or a
+    Everything else in a LAS or LAZ file is kept; a record says which waves were found. Several tiles are a survey:
+    each is separated with a margin from its neighbours. TILE is a LAS or LAZ file, or a
     PCD, PLY, NPY, KITTI or CSV file in metres with z upwards, or a folder or glob of such files.
     """
     from seaclutter_cli.runs.classify.separate import separate_tiles

@@ -4,18 +4,18 @@ import shutil
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import perf_counter
 from typing import Generic, TypeVar
 
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.jobs.budget import default_jobs
 from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.recordings import Outcome
+from seaclutter_cli.runs.recordings import Outcome, storing_errors
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.storage.parts import part_path, release
 from seaclutter_cli.text import count
 
@@ -45,26 +45,53 @@ class TileOutcome(Outcome, Generic[R]):
         return f"{count(self.points, 'point')}, {self.seconds:.1f} s"
 
 
+@dataclass(frozen=True)
+class _Window(Recording):
+    """A window of a file."""
+
+    tile: TileHead = field(kw_only=True)
+
+    @property
+    def name(self) -> str:
+        """Name of the window."""
+        return self.tile.name
+
+    @property
+    def size(self) -> int:
+        """Size of its chunks in bytes."""
+        return self.tile.size
+
+
 @dataclass(frozen=True, kw_only=True)
 class TileWork(Work[TileOutcome[R]]):
     """Work on one tile.
 
     Parameters
     ----------
-    path, target : Path
-        The tile, and its output.
+    tile : TileHead
+        The tile.
+    target : Path
+        Its output.
     staged : Path or None
         Where the output is written, to become ``target`` together with those of other tiles.
+    replaced : bool
+        Whether an existing output may be replaced.
     """
 
-    path: Path
+    tile: TileHead
     target: Path
     staged: Path | None = None
+    replaced: bool = False
+
+    @property
+    def path(self) -> Path:
+        """File of the tile."""
+        return self.tile.path
 
     @property
     def recording(self) -> Recording:  # type: ignore[override]
         """The tile."""
-        return Recording((self.path,))
+        return _Window((self.path,), tile=self.tile) if self.tile.window else Recording((self.path,))
 
     @abstractmethod
     def process(self, observer: Observer, files: OutputGroup | None) -> tuple[R, int]:
@@ -76,14 +103,15 @@ class TileWork(Work[TileOutcome[R]]):
         return self.staged or self.target
 
     def run(self, observer: Observer) -> TileOutcome[R]:
-        """Process the tile; an error ends the whole run."""
-        started = perf_counter()
-        try:
-            result, points = self.process(observer, None)
-        except OutputError as error:
-            raise OutputError(str(error).replace(str(self.place), str(self.target))) from error
-        name, seconds = self.recording.name, perf_counter() - started
-        return TileOutcome(recording=name, seconds=seconds, points=points, result=result)
+        """Process the tile; store an error in the outcome."""
+        outcome = self.without_result(None)
+        with storing_errors(outcome, observer):
+            try:
+                with OutputGroup(replace=self.replaced or self.staged is not None) as files:
+                    outcome.result, outcome.points = self.process(observer, files)
+            except OutputError as error:
+                raise OutputError(str(error).replace(str(self.place), str(self.target))) from error
+        return outcome
 
     def without_result(self, reason: str | None) -> TileOutcome[R]:
         """Return an outcome without a result."""
@@ -111,14 +139,20 @@ def process_tiles(
         with OutputGroup(replace=replaced) as files, OutputGroup(files) as written:
             yield [works[0].process(observer, written)[0]], files
         return
-    jobs = default_jobs(len(works), MEMORY_PER_TILE) if batch.jobs is None else batch.jobs
     with _staging(works[0].target.parent) as folder, OutputGroup(replace=replaced) as files:
         staged = [replace(work, staged=folder / work.target.name) for work in works]
-        outcomes = run_batch(staged, replace(batch, jobs=jobs), observer, together=True)
+        outcomes = run_batch(staged, jobs_for(batch, len(works)), observer, together=True)
         with OutputGroup(files) as written:
             for work in staged:
                 written.add(CompleteFile(work.place, work.target))
             yield [outcome.result for outcome in outcomes if outcome.result is not None], files
+
+
+def jobs_for(batch: BatchOptions, tiles: int) -> BatchOptions:
+    """Return the options with a number of processes that the memory is enough for, unless one is given."""
+    if batch.jobs is not None or batch.cluster is not None:
+        return batch
+    return replace(batch, jobs=default_jobs(tiles, MEMORY_PER_TILE))
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
 from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, PredictResult, TileObjects, columns_of
+from seaclutter_cli.runs.classify.survey import tiles_of
 from seaclutter_cli.runs.classify.tiles import (
     TileSettingsOptions,
     errors_of,
@@ -108,15 +109,16 @@ def classify_tiles(
     paths = find_tiles(tiles)
     others = {"--csv": options.csv_file, "--geojson": options.geojson_file, "--plot": options.plot_file}
     inputs = {"--model": options.model, "-c": options.settings.file}
-    targets = plan_tiles(paths, output, others, inputs, force=options.force, observer=observer)
+    heads = tiles_of(paths, None, observer)
+    targets = plan_tiles(heads, output, others, inputs, force=options.force, observer=observer)
     if options.plot_file:
         check_target(options.plot_file)
         if len(paths) > 1:
             raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)
     works = [
-        PredictWork(path=path, target=target, model=model, plot_file=options.plot_file)
-        for path, target in zip(paths, targets, strict=True)
+        PredictWork(tile=head, target=target, model=model, plot_file=options.plot_file)
+        for head, target in zip(heads, targets, strict=True)
     ]
     # The tiles are the main output: they appear after the tables.
     with process_tiles(works, options.batch, observer, replaced=options.force) as (found, files):

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from time import perf_counter
 from typing import Any, Literal
 
@@ -10,8 +11,12 @@ import numpy as np
 
 from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, separate
 from seaclutter_cli.airborne.surface import SeparationParams
-from seaclutter_cli.runs.batch import BatchOptions
-from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
+from seaclutter_cli.errors import SelectionError, UsageError
+from seaclutter_cli.runs.batch import BatchOptions, run_batch
+from seaclutter_cli.runs.classify.batch import TileWork, jobs_for
+from seaclutter_cli.runs.classify.resume import RUN, record_text, recorded_run
+from seaclutter_cli.runs.classify.separate_result import SeparatedTile, SeparateOutcome, SeparateResult
+from seaclutter_cli.runs.classify.survey import MARGIN_M, margins_of, points_of, tiles_of
 from seaclutter_cli.runs.classify.tiles import (
     TileSettingsOptions,
     errors_of,
@@ -20,12 +25,18 @@ from seaclutter_cli.runs.classify.tiles import (
     warn_without_classes,
     write_tile,
 )
+from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.recordings import PathLike, Result
+from seaclutter_cli.runs.outputs import write_files
+from seaclutter_cli.runs.recordings import PathLike, storing_errors
+from seaclutter_cli.runs.resume import earlier_outcomes, same_output_accepted
+from seaclutter_cli.runs.run_record import RunIdentity, digest_of, digest_of_paths
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import TextRecord
-from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile
-from seaclutter_cli.text import UNKNOWN, share, table
+from seaclutter_cli.sources.margins import Margin
+from seaclutter_cli.sources.tiles import find_tiles
+from seaclutter_cli.sources.windows import open_tile_or_window
+from seaclutter_cli.storage.locations import Location
 
 HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
 SEA_STATE = TextRecord(1, "sea state of the separation")
@@ -46,6 +57,10 @@ class SeparateTilesOptions:
         What low and flat land becomes; None: as in the settings.
     trust_classes : tuple of {2, 9} or None
         Classes of the input that are right: ground (2), water (9); None: as in the settings.
+    margin_m : float
+        Width of the margin around each of several tiles in which points of its neighbours count; 0: none.
+    window_m : float or None
+        Width of the windows in which COPC files are read, each of which becomes a tile; None: as a whole.
     force : bool
         Replace existing files.
     batch : BatchOptions
@@ -62,13 +77,15 @@ class SeparateTilesOptions:
     with_height: bool = False
     land: Literal["keep", "class2", "ignore"] | None = None
     trust_classes: tuple[Literal[2, 9], ...] | None = None
+    margin_m: float = MARGIN_M
+    window_m: float | None = None
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
 
 def separate_tiles(
     tiles: Sequence[str], output: PathLike, options: SeparateTilesOptions | None = None, observer: Observer = SILENT
-) -> "SeparateResult":
+) -> SeparateResult:
     """Separate tiles into sea and non-sea points, and write them with ASPRS classes.
 
     Parameters
@@ -85,7 +102,12 @@ def separate_tiles(
     Raises
     ------
     SeaclutterError
-        If a tile cannot be separated.
+        If the run cannot start, or its only tile cannot be separated; an error of one of several tiles is stored in its
+        outcome.
+
+    Notes
+    -----
+    Several tiles are a survey: each is separated together with the points of its neighbours in a margin around it.
 
     Examples
     --------
@@ -102,14 +124,51 @@ def separate_tiles(
         land=params.land if options.land is None else options.land,
         trust_classes=params.trust_classes if options.trust_classes is None else options.trust_classes,
     )
-    paths = find_tiles(tiles)
-    targets = plan_tiles(paths, output, {}, {"-c": options.settings.file}, force=options.force, observer=observer)
+    batch = options.batch
+    replaced = options.force or batch.resume
+    inputs, others = {"-c": options.settings.file}, {"--manifest": batch.manifest}
+    heads = tiles_of(find_tiles(tiles), options.window_m, observer)
+    targets = plan_tiles(heads, output, others, inputs, force=replaced, observer=observer)
+    margins = margins_of(heads, options.margin_m, observer)
     works = [
-        SeparateWork(path=path, target=target, params=params, with_height=options.with_height)
-        for path, target in zip(paths, targets, strict=True)
+        SeparateWork(
+            tile=head,
+            target=target,
+            replaced=replaced,
+            params=params,
+            with_height=options.with_height,
+            margin=margin,
+            is_recorded=len(heads) > 1 or batch.resume,
+        )
+        for head, target, margin in zip(heads, targets, margins, strict=True)
     ]
-    with process_tiles(works, options.batch, observer, replaced=options.force) as (separated, _):
-        return SeparateResult(separated)
+    outcomes = _run(works, batch, observer, force=options.force)
+    if batch.manifest:
+        recordings = [work.recording for work in works]
+        write_files(manifest_of(batch.manifest, recordings, outcomes), replace=replaced)
+    return SeparateResult(outcomes)
+
+
+def _run(
+    works: "Sequence[SeparateWork]", batch: BatchOptions, observer: Observer, *, force: bool
+) -> list[SeparateOutcome]:
+    """Separate tiles whose outputs are not complete; each output appears when it is."""
+    if not batch.resume and batch.runs_here(len(works)):
+        return [works[0].alone(observer)]
+    if batch.resume:
+        _check_resumable(works, force=force)
+    earlier = earlier_outcomes(works, observer, "separated") if batch.resume else [None] * len(works)
+    todo = [work for work, outcome in zip(works, earlier, strict=True) if outcome is None]
+    done = iter(run_batch(todo, jobs_for(batch, len(todo)), observer) if todo else [])
+    return [outcome or next(done) for outcome in earlier]  # type: ignore[misc]  # of works
+
+
+def _check_resumable(works: "Sequence[SeparateWork]", *, force: bool) -> None:
+    for work in works:
+        if work.target.suffix.lower() not in (".las", ".laz"):
+            raise UsageError(f"{work.target}: --resume needs LAS or LAZ outputs, which say which run wrote them")
+        if not force:
+            recorded_run(work.target)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,82 +181,100 @@ class SeparateWork(TileWork["SeparatedTile"]):
         Settings of the separation.
     with_height : bool
         Also write each point's height above the sea surface.
+    margin : Margin or None
+        Margin with points of other tiles.
+    is_recorded : bool
+        Write the record of the run, by which a later one recognises the output.
     """
 
     params: SeparationParams
     with_height: bool
+    margin: Margin | None = None
+    is_recorded: bool = False
 
-    def process(self, observer: Observer, files: OutputGroup | None) -> "tuple[SeparatedTile, int]":
+    @property
+    def output(self) -> Location:
+        """The separated tile."""
+        return self.target
+
+    @property
+    def reads(self) -> Sequence[Location]:
+        """The tile and its neighbours."""
+        return self.path, *(self.margin.neighbors if self.margin else ())
+
+    @property
+    def writes(self) -> Sequence[Location]:
+        """The separated tile."""
+        return (self.target,)
+
+    def without_result(self, reason: str | None) -> SeparateOutcome:
+        """Return an outcome without a result."""
+        return SeparateOutcome(recording=self.recording.name, output=self.target, error=reason)
+
+    def run(self, observer: Observer) -> SeparateOutcome:
+        """Separate the tile; store an error in the outcome."""
+        outcome = self.without_result(None)
+        with storing_errors(outcome, observer), same_output_accepted(self):
+            self._into(outcome, observer)
+        return outcome
+
+    def alone(self, observer: Observer) -> SeparateOutcome:
+        """Separate the only tile of a run; raise its error."""
+        outcome = self.without_result(None)
+        self._into(outcome, observer)
+        return outcome
+
+    def _into(self, outcome: SeparateOutcome, observer: Observer) -> None:
+        with OutputGroup(replace=self.replaced) as files:
+            outcome.result, outcome.points = self.process(observer, files)
+
+    def identity(self) -> RunIdentity:
+        """Return what the separated tile depends on."""
+        places = (self.margin.region if self.margin else None, self.tile.window)
+        options = (self.with_height, *map(str, places))
+        files = [place for place in self.reads if isinstance(place, Path)]
+        return RunIdentity(digest_of_paths(files), digest_of(asdict(self.params)), digest_of(options), digest_of([]))
+
+    def earlier(self) -> tuple[SeparateOutcome | None, str]:
+        """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs."""
+        try:
+            record = recorded_run(self.target)
+        except UsageError:  # may be replaced, or is refused before
+            return None, ""
+        if record is None:
+            return None, ""
+        difference = self.identity().difference(record)
+        outcome = self.without_result(None)
+        try:
+            found = dict(record["result"])
+            state = SeaState(**found.pop("sea_state"))
+            outcome.result = SeparatedTile(self.tile.name, str(self.target), **found, sea_state=state, seconds=0.0)
+        except (KeyError, TypeError, ValueError) as error:
+            difference = difference or f"incomplete record: {error!r}"
+        else:
+            outcome.points, outcome.skipped = outcome.result.points, True
+        return (None, f"the earlier output is of {difference}") if difference else (outcome, "")
+
+    def process(self, observer: Observer, files: OutputGroup | None) -> tuple[SeparatedTile, int]:
         """Write the separated tile."""
-        started, tile = perf_counter(), open_tile(self.path)
+        started = perf_counter()
+        tile = open_tile_or_window(self.path, self.tile.window)
+        if self.tile.window and not tile.size:
+            raise SelectionError(f"{self.path}: no points in this window")
         warn_without_classes(tile, self.params, observer)
         with errors_of(self.path):
-            points = TilePointReader(tile)
-            found = separate(points, self.params, points.column)
+            points = points_of(tile, self.margin, observer)
+            found = separate(points, self.params, points.column).first(tile.size)
         warn_of_doubts(tile, found, observer)
         columns: dict[str, Any] = {"classification": found.classification}
         if self.with_height:
             columns["height_above_sea"] = found.height_m
-        texts = {SEA_STATE: json.dumps(asdict(found.sea))} if self.params.follows_waves else {}
-        extra = HEIGHT if self.with_height else {}
-        write_tile(tile, self.place, columns, extra, files, texts)
         sea, never = (int(np.count_nonzero(found.classification == code)) for code in (WATER, NEVER))
-        other = tile.size - sea - never
+        counts = {"points": tile.size, "sea": sea, "other": tile.size - sea - never}
+        texts = {SEA_STATE: json.dumps(asdict(found.sea))} if self.params.follows_waves else {}
+        if self.is_recorded:
+            texts[RUN] = record_text(self.identity(), {**counts, "sea_state": asdict(found.sea)})
+        write_tile(tile, self.place, columns, HEIGHT if self.with_height else {}, files, texts)
         seconds = perf_counter() - started
-        return SeparatedTile(self.path.stem, str(self.target), tile.size, sea, other, found.sea, seconds), tile.size
-
-
-@dataclass(frozen=True)
-class SeparatedTile:
-    """Separation of one tile.
-
-    Parameters
-    ----------
-    tile, output : str
-        Name of the tile, and path of the written file.
-    points, sea, other : int
-        Numbers of all points, sea points and non-sea points.
-    sea_state : SeaState
-        Waves, and the surface and height that separate objects from them.
-    seconds : float
-        Processing time.
-    """
-
-    tile: str
-    output: str
-    points: int
-    sea: int
-    other: int
-    sea_state: SeaState
-    seconds: float
-
-
-@dataclass(frozen=True)
-class SeparateResult(Result):
-    """Separation of several tiles.
-
-    Parameters
-    ----------
-    tiles : sequence of SeparatedTile
-        Separation of each tile.
-    """
-
-    is_summary = True
-
-    tiles: Sequence[SeparatedTile]
-
-    def as_dict(self) -> list[dict[str, Any]]:
-        """Return the result as JSON-compatible data."""
-        return [asdict(tile) for tile in self.tiles]
-
-    def as_text(self) -> str:
-        """Return the result as human-readable text."""
-        head = ("tile", "points", "non-sea", "share", "waves", "length", "seconds")
-        return table(head, [_cells(tile) for tile in self.tiles])
-
-
-def _cells(tile: SeparatedTile) -> tuple[str, ...]:
-    counts = f"{tile.points:,}", f"{tile.other:,}", share(tile.other, tile.points)
-    height, length = tile.sea_state.wave_height_m, tile.sea_state.wave_length_m
-    waves = (UNKNOWN if height is None else f"{height:.1f} m", UNKNOWN if length is None else f"{length:.0f} m")
-    return tile.tile, *counts, *waves, f"{tile.seconds:.2f}"
+        result = SeparatedTile(self.tile.name, str(self.target), **counts, sea_state=found.sea, seconds=seconds)
+        return result, tile.size

@@ -20,6 +20,7 @@ from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.points import POINT_WRITERS, with_columns
+from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name, read_columns
 
@@ -89,7 +90,7 @@ def warn_of_doubts(tile: LasTile | CloudTile, found: Separation, observer: Obser
 
 
 def plan_tiles(
-    tiles: Sequence[Path],
+    tiles: Sequence[TileHead],
     output: PathLike,
     other_outputs: Paths,
     inputs: Paths,
@@ -101,7 +102,7 @@ def plan_tiles(
 
     Parameters
     ----------
-    tiles : sequence of Path
+    tiles : sequence of TileHead
         Input tiles.
     output : path
         File for one tile, folder for several or if it is a `str` that ends in a slash.
@@ -119,14 +120,19 @@ def plan_tiles(
         tile cannot be converted.
     """
     into_folder = is_folder(output, len(tiles))
-    targets = [Path(output) / tile.name for tile in tiles] if into_folder else [Path(output)]
+    targets = [Path(output) / tile.file_name for tile in tiles] if into_folder else [Path(output)]
     if into_folder:  # formats without a writer become PCD
         targets = [t if t.suffix.lower() in (*_LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
     if len(set(targets)) < len(targets):
         raise UsageError(f"{output}: two tiles have the same name; process them one by one")
-    prepare_outputs({"-o": targets, **other_outputs}, {"TILE": tiles, **inputs}, force=force, observer=observer)
+    prepare_outputs(
+        {"-o": targets, **other_outputs},
+        {"TILE": [tile.path for tile in tiles], **inputs},
+        force=force,
+        observer=observer,
+    )
     for tile, target in zip(tiles, targets, strict=True):
-        _check_format(tile, target)
+        _check_format(tile.path, target)
     return targets
 
 

@@ -1,1 +1,1 @@
-"""Hesai sensors: PandarXT-32, Pandar40P, Pandar64 and PandarQT."""
+"""Hesai's rotating sensors."""

@@ -11,11 +11,14 @@ from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.hesai.angles import parse_angles, read_angles
 from seaclutter_cli.sensors.hesai.clock import SensorClock
 from seaclutter_cli.sensors.hesai.losses import LossCounter
-from seaclutter_cli.sensors.hesai.models import DUAL_MODES, MODELS, RETURN_MODES, HesaiModel, utc_ns
+from seaclutter_cli.sensors.hesai.models import MODELS, HesaiModel
+from seaclutter_cli.sensors.hesai.packets import DUAL_MODES, RETURN_MODES, utc_ns
 from seaclutter_cli.sensors.hesai.revolutions import FULL_CIRCLE, RevolutionCounter
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
+from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 
 _GPS_LENGTH = 512
+_NAMES = [model.name for model in MODELS]
 _MAX_SLOTS = 4_000_000
 
 
@@ -103,14 +106,13 @@ class HesaiDecoder:
         returns = self._returns(data)
         clock_ns = utc_ns(data)
         self._count_lost(data, clock_ns, returns)
-        firings = data["blocks"].shape[1] // returns
-        fired_ns = clock_ns[:, None] + self._model.firings_ns(firings)
+        fired_ns = clock_ns[:, None] + self._model.firings_ns(data, returns)
         azimuths = data["blocks"]["azimuth"][:, ::returns].astype(np.int64)
         numbers = self._counter.count(azimuths, fired_ns, data["rpm"].astype(np.int64))
         shifted_ns = fired_ns + self._clock.shifts(clock_ns, times_ns)[:, None]
         if self._clock.is_wrong:
             self.facts.details["clock"] = "not synchronised, shifted to the recording time"
-        point_ns = shifted_ns[..., None] + self._model.channel_ns
+        point_ns = shifted_ns[..., None] + self._model.channels_ns(data, returns)
         points, slots = self._points(data, azimuths, point_ns)
         for number in np.unique(numbers):
             member = numbers == number
@@ -135,7 +137,7 @@ class HesaiDecoder:
         if "sequence" in (data.dtype.names or ()):
             self._numbered.add(data["sequence"].astype(np.int64))
         else:
-            self._timed.add(clock_ns, self._model.block_ns * data["blocks"].shape[1] / returns)
+            self._timed.add(clock_ns, self._model.period_ns(data, returns))
         self.facts.lost_packets = self._numbered.lost + self._timed.lost
 
     def _points(
@@ -146,7 +148,7 @@ class HesaiDecoder:
         units = data["blocks"]["units"]
         shape = (azimuths.size, units.shape[1] // azimuths.shape[1], channels)
         distances, intensities = (units[name].reshape(shape).swapaxes(1, 2) for name in ("distance", "intensity"))
-        hit = np.flatnonzero(_distinct(distances, intensities))
+        hit = np.flatnonzero(_distinct(distances, intensities, self._model.least_distance))
         slots, number = (hit, 0) if shape[1] == 1 else (hit // shape[1], hit % shape[1])
         firings = slots // channels
         channel = slots - firings * channels
@@ -165,9 +167,11 @@ class HesaiDecoder:
         return points, slots
 
 
-def _distinct(distances: NDArray[np.generic], intensities: NDArray[np.generic]) -> NDArray[np.bool_]:
+def _distinct(
+    distances: NDArray[np.uint16], intensities: NDArray[np.generic], least_distance: int
+) -> NDArray[np.bool_]:
     """Return a mask of the returns, shape (..., R), that exist and differ from the first of their firing."""
-    distinct = np.asarray(distances != 0)
+    distinct = np.asarray(distances >= least_distance)
     same = (distances[..., 1:] == distances[..., :1]) & (intensities[..., 1:] == intensities[..., :1])
     distinct[..., 1:] &= ~same
     return distinct
@@ -176,7 +180,7 @@ def _distinct(distances: NDArray[np.generic], intensities: NDArray[np.generic]) 
 class Hesai:
     """Supported Hesai sensors."""
 
-    title = "Hesai PandarXT-32, Pandar40P, Pandar64, PandarQT"
+    title = f"Hesai {', '.join(_NAMES)}"
     scan_types: Mapping[str, str] = {
         "pandar_msgs/msg/PandarScan": "packets",
         "nebula_msgs/msg/NebulaPackets": "packets",
@@ -191,16 +195,16 @@ class Hesai:
         """Return a decoder for the sensor that sent these packets; `InputError` if it is not supported."""
         model = _model(packets.payloads)
         if model is None:
-            raise InputError(
-                "the packets are not from a supported Hesai sensor (PandarXT-32, Pandar40P, Pandar64 and PandarQT)"
-            )
+            if len(packets) and (name := name_unsupported(packets.payloads[0])):
+                raise InputError(f"packets of a {name} are not supported; {ADVICE}")
+            raise InputError(f"the packets are not from a supported Hesai sensor ({', '.join(_NAMES)})")
         returns = bool(np.isin(_matching(model, packets.payloads)["mode"], DUAL_MODES).any())
         if options.calibration is not None:
-            elevation, azimuth = read_angles(options.calibration, len(model.channel_ns))
+            elevation, azimuth = read_angles(options.calibration, model.channels)
             source = options.calibration.name
         elif options.recorded is not None:
             source = "recorded with the packets"
-            elevation, azimuth = parse_angles(options.recorded, source, len(model.channel_ns))
+            elevation, azimuth = parse_angles(options.recorded, source, model.channels)
         else:
             elevation, azimuth, source = model.elevation_deg, model.azimuth_deg, "nominal"
         decoder = HesaiDecoder(model, elevation, azimuth, returns=returns)
@@ -221,6 +225,6 @@ def _matching(model: HesaiModel, payloads: NDArray[np.uint8]) -> NDArray[np.void
     """Return the payloads, shape (P, L), that are packets of a model."""
     layout = model.layout(payloads.shape[1])
     if layout is None:
-        return np.empty(0, model.packets[0])
+        return np.empty(0, next(iter(model.layouts().values())))
     data = np.ascontiguousarray(payloads).view(layout)[:, 0]
     return data[model.matches(data)]

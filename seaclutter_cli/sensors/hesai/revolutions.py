@@ -13,7 +13,7 @@ class RevolutionCounter:
     """Counter of the revolutions of a rotor, from the azimuths of its firings.
 
     Azimuths are unwrapped with the clock and the motor speed, so jitter, late packets and gaps longer than a revolution
-    do not disturb the count. The first packet determines the direction of rotation.
+    do not disturb the count. The first packet determines the direction of rotation, or the first two firings.
 
     Parameters
     ----------
@@ -25,6 +25,7 @@ class RevolutionCounter:
     def __init__(self, offsets: NDArray[np.float64]) -> None:
         self._offsets = offsets
         self._sign = 0
+        self._knows_direction = False
         self._azimuth = self._time_ns = self._first = self._angle = self._top = 0
 
     def count(
@@ -41,8 +42,8 @@ class RevolutionCounter:
         rpm : ndarray, shape (P,), int64
             Motor speed in revolutions per minute; 0 if unknown.
         """
-        if self._sign == 0:
-            self._begin(azimuths[0], int(times_ns[0, 0]))
+        if not self._knows_direction:
+            self._begin(azimuths, int(times_ns[0, 0]))
         waits_ns = np.clip(np.diff(times_ns.ravel(), prepend=self._time_ns), 0, _MAX_GAP_NS)
         speeds = np.repeat(np.where(rpm > 0, rpm, 600) * (FULL_CIRCLE / 60e9), azimuths.shape[1])
         steps = self._sign * np.diff(azimuths.ravel(), prepend=self._azimuth) % FULL_CIRCLE
@@ -72,8 +73,15 @@ class RevolutionCounter:
         self._top = max(self._top, self._angle)
 
     def _begin(self, azimuths: NDArray[np.int64], time_ns: int) -> None:
-        """Set the direction and the start azimuth from the first packet."""
-        steps = (np.diff(azimuths) + FULL_CIRCLE // 2) % FULL_CIRCLE - FULL_CIRCLE // 2
-        self._sign = -1 if steps.sum() < 0 else 1
-        self._azimuth, self._time_ns = int(azimuths[0]), time_ns
-        self._first = self._angle = self._top = self._sign * int(azimuths[0]) % FULL_CIRCLE
+        """Set the direction and the start azimuth from the first packets, shape (P, F)."""
+        first = azimuths[0]
+        if self._sign or len(first) == 1:  # packets with one firing show no direction by themselves
+            flat = azimuths.ravel() if self._sign == 0 else np.append(self._azimuth, azimuths)
+            first = np.append(flat[0], flat[flat != flat[0]][:1])
+        steps = (np.diff(first) + FULL_CIRCLE // 2) % FULL_CIRCLE - FULL_CIRCLE // 2
+        self._knows_direction = len(first) > 1
+        self._sign, before = -1 if steps.sum() < 0 else 1, self._sign
+        if before == 0:
+            self._azimuth, self._time_ns = int(first[0]), time_ns
+        if before != self._sign:
+            self._first = self._angle = self._top = self._sign * self._azimuth % FULL_CIRCLE

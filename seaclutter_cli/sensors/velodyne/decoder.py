@@ -1,5 +1,6 @@
 """Decoder for Velodyne's rotating sensors, based on the library ``velodyne-decoder``."""
 
+import re
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -35,6 +36,7 @@ _MIN_REVOLUTION_NS = 25_000_000
 _POSITION_BYTES = 512
 _BATCH = 512
 _LAST = 2
+_UNIT = re.compile(r"^distance_resolution:.*$", re.MULTILINE)
 
 
 class _Velodyne:
@@ -253,12 +255,19 @@ def _choose_model(factory: int, wanted: str | None) -> VelodyneModel:
     return named[wanted]
 
 
+def _usual_unit(library: Any, model: VelodyneModel) -> str:
+    """Return the distance unit of a model; the ROS drivers' calibration of the Alpha Prime states a wrong one."""
+    usual = library.Calibration.default_calibs[getattr(library.Model, model.library)].to_string()
+    return str(_UNIT.findall(usual)[0])
+
+
 def _read_calibration(library: Any, path: Path | None, model: VelodyneModel) -> Any:
     if path is None:
         return None
     try:
-        calibration = library.Calibration.read(str(path))
-        lasers = calibration.to_string().count("laser_id:")
+        text = library.Calibration.read(str(path)).to_string()
+        lasers = text.count("laser_id:")
+        calibration = library.Calibration.from_string(_UNIT.sub(_usual_unit(library, model), text))
     except Exception as error:  # the library does not wrap errors of its YAML parser
         raise InputError(f"{path}: not a valid Velodyne calibration ({error})") from error
     if lasers != model.lasers:  # not checked by the library

@@ -18,7 +18,9 @@ from seaclutter_cli.errors import CloudError
 from seaclutter_cli.sources.frame_files.laz_worker import SIZE
 
 _PROGRAM = Path(__file__).with_name("laz_worker.py")
-_Request = tuple[str, int, bytes, int, int]
+_Chunks = list[tuple[int, int, int]]
+"""Offset, size in bytes and number of points of each chunk."""
+_Request = tuple[str, int | _Chunks, bytes, int, int]
 
 
 class LazBackend(AbstractContextManager["LazBackend"]):
@@ -44,6 +46,13 @@ class LazBackend(AbstractContextManager["LazBackend"]):
         described = header.vlrs.get("LasZipVlr")[0].record_data
         path, sizes = str(self._path.absolute()), (header.point_format.size, header.point_count)
         self._reader = _Reader((path, source.tell(), described, *sizes))
+        return self._reader
+
+    def read_chunks(self, header: Any, chunks: _Chunks) -> "_Reader":
+        """Start to decompress some chunks."""
+        described = header.vlrs.get("LasZipVlr")[0].record_data
+        points = sum(number for *_, number in chunks)
+        self._reader = _Reader((str(self._path.absolute()), chunks, described, header.point_format.size, points))
         return self._reader
 
     def __exit__(self, *_: object) -> None:

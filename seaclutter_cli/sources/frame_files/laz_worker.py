@@ -1,16 +1,18 @@
 """Program that decompresses LAZ points for `laz`; it imports nothing but the decoder, so that it starts quickly.
 
 A request is a pickled tuple: path of the file, place of the points in it, description of the compression, size of a
-point in bytes, number of points. The answer consists of blocks of points, each after its size; after a negative size
-follows the text of an error.
+point in bytes, number of points. Chunks may stand for the place, each with its offset, size and number of points. The
+answer consists of blocks of points, each after its size; after a negative size follows the text of an error.
 """
 
 import pickle
 import signal
 import struct
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any, BinaryIO
 
 SIZE = struct.Struct("<q")
 _BLOCK_POINTS = 500_000
@@ -24,23 +26,39 @@ def main() -> None:
     requests, out = sys.stdin.buffer, sys.stdout.buffer
     with suppress(EOFError, BrokenPipeError):
         while True:
-            path, at, described, size, left = pickle.load(requests)  # noqa: S301 - from the process that started this one
+            path, *request = pickle.load(requests)  # noqa: S301 - from the process that started this one
+            read = _read_chunks if isinstance(request[0], list) else _read_all
             try:
                 with Path(path).open("rb") as file:
-                    file.seek(at)
-                    points = lazrs.LasZipDecompressor(file, described)
-                    while left:
-                        block = bytearray(min(left, _BLOCK_POINTS) * size)
-                        points.decompress_many(block)
+                    for block in read(lazrs, file, *request):
                         out.write(SIZE.pack(len(block)))
                         out.write(block)
-                        left -= len(block) // size
             except BrokenPipeError:
                 raise
             except Exception as error:  # noqa: BLE001 - raised again by the process that reads the points
                 text = str(error).encode()
                 out.write(SIZE.pack(-len(text)) + text)
             out.flush()
+
+
+def _read_all(lazrs: Any, file: BinaryIO, at: int, described: bytes, size: int, left: int) -> Iterator[bytearray]:
+    file.seek(at)
+    points = lazrs.LasZipDecompressor(file, described)
+    while left:
+        block = bytearray(min(left, _BLOCK_POINTS) * size)
+        points.decompress_many(block)
+        yield block
+        left -= len(block) // size
+
+
+def _read_chunks(
+    lazrs: Any, file: BinaryIO, chunks: list[tuple[int, int, int]], described: bytes, size: int, _: int
+) -> Iterator[bytearray]:
+    for offset, length, points in chunks:
+        file.seek(offset)
+        block = bytearray(points * size)
+        lazrs.decompress_points_with_chunk_table(file.read(length), described, block, [(points, length)])
+        yield block
 
 
 if __name__ == "__main__":

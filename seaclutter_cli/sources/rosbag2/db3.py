@@ -19,6 +19,7 @@ from seaclutter_cli.sources.rosbag2.salvage import BROKEN
 from seaclutter_cli.sources.shared.facts import NO_FACTS
 
 # Optional columns of topics, and their names in rosbag2's MCAP storage.
+_USUAL_ENCODING = "cdr"  # also if none is stated: not every program that writes recordings states it
 _METADATA = {"offered_qos_profiles": "offered_qos_profiles", "type_description_hash": "topic_type_hash"}
 
 _COUNT = "SELECT topic_id, count(*) FROM messages"
@@ -165,7 +166,7 @@ class Db3Source:
             topic, typename, encoding, *values = map(str, texts)
             schema = self._schema(topic, _full_name(typename), definitions)
             metadata = tuple((_METADATA[name], text) for name, text in zip(extra, values, strict=True) if text)
-            channels[number] = Channel(number, topic, encoding, schema, metadata)
+            channels[number] = Channel(number, topic, encoding or _USUAL_ENCODING, schema, metadata)
         return channels
 
     def _read_definitions(self) -> dict[str, Schema]:

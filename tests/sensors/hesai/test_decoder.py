@@ -21,40 +21,45 @@ from seaclutter_cli.sensors.packets import DecoderOptions, Packets
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
 from tests.paths import shared
 
-PCD_STAMP = 1673400678101968885
 START = dt.datetime(2024, 2, 29, 23, 59, 59, tzinfo=dt.UTC)
 START_NS = int(START.timestamp()) * 10**9
 XT32, P40, P40_NUMBERED = "XT32", "P40", "P40 with sequence numbers"
 # Channels, blocks per packet, time between blocks, and time from the packet's time to its last block, in nanoseconds.
 P64, P64_NUMBERED, QT = "P64", "P64 with sequence numbers", "QT"
+XT16, XT32M, QT128, P128, OT128 = "XT16", "XT32M2X", "QT128", "P128", "OT128"
 SHAPES = {XT32: (32, 8, 50_000, 5_632), P40: (40, 10, 55_560, -28_580), P40_NUMBERED: (40, 10, 55_560, -28_580)}
 SHAPES |= {P64: (64, 6, 55_560, -42_580), P64_NUMBERED: (64, 6, 55_560, -42_580), QT: (64, 4, 166_667, 525_711)}
-WITH_CONFIDENCE = (XT32, QT)
+SHAPES |= {XT16: (16, 8, 50_000, 5_632), XT32M: (32, 6, 50_000, 5_632), QT128: (128, 2, 111_110, 120_110)}
+SHAPES |= {P128: (128, 2, 55_556, 3_148), OT128: (128, 2, 55_556, 0)}
+FLAGGED = {QT128: (3, 2, 3), P128: (1, 4, 3), OT128: (1, 4, 130)}  # protocol and status version
+FIRST_NS = {QT: 25_710, QT128: 9_000}  # sensors whose packet time is that of the beginning
+XTS = (XT32, XT16, XT32M)
+WITH_CONFIDENCE = (*XTS, QT, QT128)
 SINGLE, DUAL = 0x37, 0x39
 NOMINAL = DecoderOptions()
 
 
-def scans():
+def scans(folder="xt32"):
     """Yield the log time and the packets of each recorded scan."""
     store = get_typestore(Stores.LATEST)
     packet = "builtin_interfaces/Time stamp\nuint8[1500] data\nuint32 size\n"
     scan = "std_msgs/Header header\npandar_msgs/PandarPacket[] packets\n"
     store.register(get_types_from_msg(packet, "pandar_msgs/msg/PandarPacket"))
     store.register(get_types_from_msg(scan, "pandar_msgs/msg/PandarScan"))
-    for record in Db3Source(next(shared("nebula/xt32").glob("*.db3"))).records():
+    for record in Db3Source(next(shared(f"nebula/{folder}").glob("*.db3"))).records():
         if isinstance(record, Message):
             found = store.deserialize_cdr(record.data, "pandar_msgs/msg/PandarScan").packets
             times = [packet.stamp.sec * 10**9 + packet.stamp.nanosec for packet in found]
             yield record.log_time_ns, Packets(np.array(times), np.stack([p.data[: p.size] for p in found]))
 
 
-def all_scans():
-    parts = [packets for _, packets in scans()]
+def all_scans(folder="xt32"):
+    parts = [packets for _, packets in scans(folder)]
     return Packets(np.concatenate([p.times_ns for p in parts]), np.concatenate([p.payloads for p in parts]))
 
 
-def nebula_points():
-    data = (shared("nebula/xt32") / f"{PCD_STAMP}.pcd").read_bytes()
+def nebula_points(folder="xt32"):
+    data = next(shared(f"nebula/{folder}").glob("*.pcd")).read_bytes()
     return np.frombuffer(data[data.index(b"DATA binary\n") + 12 :], "<f4").reshape(-1, 3)
 
 
@@ -155,10 +160,12 @@ def make_packet(kind, number, azimuths, time_ns, mode=SINGLE, utc=None):
             body += struct.pack("<HB", distance, intensity) + (b"\x01" if kind in WITH_CONFIDENCE else b"")
     moment = dt.datetime.fromtimestamp(time_ns // 10**9, dt.UTC)
     micros = time_ns % 10**9 // 1000
-    first = moment.year - (1900 if kind == XT32 else 2000)
+    first = moment.year - (1900 if kind in (*XTS, *FLAGGED) else 2000)
     utc = utc or bytes([first, moment.month, moment.day, moment.hour, moment.minute, moment.second])
-    if kind == XT32:
-        head = bytes([0xEE, 0xFF, 6, 1, 0, 0, 32, 8, 0, 4, 2 if mode == DUAL else 1, 1])
+    if kind in FLAGGED:
+        return make_flagged_packet(kind, number, body, time_ns, mode, utc)
+    if kind in XTS:
+        head = bytes([0xEE, 0xFF, 6, 1, 0, 0, channels, blocks, 0, 4, 2 if mode == DUAL else 1, 1])
         tail = bytes(10) + struct.pack("<BH6sIB", mode, 600, utc, micros, 0x42)
         return head + body + tail + struct.pack("<I", (number + 2**32 - 5) % 2**32)
     end = struct.pack("<HIBB6s", 600, micros, mode, 0x42, utc)
@@ -168,6 +175,16 @@ def make_packet(kind, number, azimuths, time_ns, mode=SINGLE, utc=None):
         return head + body + bytes(10) + end + numbered
     head = bytes([0xEE, 0xFF, 64, 6, 0, 4, 0, 0]) if kind in (P64, P64_NUMBERED) else b""
     return head + body + bytes(8) + end + numbered
+
+
+def make_flagged_packet(kind, number, body, time_ns, mode, utc, operation=2):
+    """Return a packet with safety information and sequence number; with confidence and signature, or inertial data."""
+    flags, unit_end = (0b11101, bytes(32)) if kind == QT128 else (0b00111, b"")
+    inertial = bytes(22) if flags & 2 else b""
+    head = bytes([0xEE, 0xFF, *FLAGGED[kind], 0, 128, 2, 0, 4, 2 if mode == DUAL else 1, flags])
+    state = bytes([0, 0, 0, 0, 0, number % 2, 0, 0, 0]) + struct.pack("<H", 0x1000)  # state 0, then 1
+    tail = state + struct.pack("<BBH6sIB", operation, mode, 600, utc, time_ns % 10**9 // 1000, 0x42)
+    return head + body + bytes(4 + 17) + tail + struct.pack("<I", number + 1) + inertial + bytes(4) + unit_end
 
 
 def make_packets(kind, revolutions=3.0, mode=SINGLE, start=0.0, *, backwards=False, behind_ns=0):
@@ -184,8 +201,8 @@ def make_packets(kind, revolutions=3.0, mode=SINGLE, start=0.0, *, backwards=Fal
         time_ns = START_NS + round(firings[-1] * block_ns / 1000) * 1000
         made.append(make_packet(kind, number, azimuths, time_ns - behind_ns, mode))
         times.append(time_ns + 20_000)
-        if kind == QT:  # the packet's time is that of its beginning
-            last_ns = 25_710 + (blocks // pair - 1) * block_ns
+        if kind in FIRST_NS:
+            last_ns = FIRST_NS[kind] + (blocks // pair - 1) * block_ns
         for block in range(blocks):
             late_ns = last_ns - (blocks - 1 - block) // pair * block_ns
             slots += [(number, block, azimuths[block], time_ns + late_ns)]
@@ -205,6 +222,35 @@ QT_FIRING = {1: 2.31, 16: 33.56, 17: 36.61, 32: 67.86, 33: 70.9, 49: 105.2, 64: 
 TABLES = dict.fromkeys((P40, P40_NUMBERED), (P40_ELEVATION, P40_AZIMUTH, P40_FIRING))
 TABLES |= dict.fromkeys((P64, P64_NUMBERED), (P64_ELEVATION, P64_AZIMUTH, P64_FIRING))
 TABLES[QT] = (QT_ELEVATION, QT_AZIMUTH, QT_FIRING)
+TABLES[XT16] = ({n: 17 - 2 * n for n in range(1, 17)}, dict.fromkeys(range(1, 17), 0.0), {})
+TABLES[XT32M] = ({1: 19.433708, 16: -0.0325, 17: -1.339997}, {1: 0.175281, 16: 0.153816, 17: 0.153966}, {})
+TABLES[QT128] = ({1: -52.62676282, 64: 7.093696848, 128: 52.62676282}, {1: 10.10830596, 64: -5.937608821}, {})
+TABLES[QT128][1][128] = -10.10830596
+TABLES[P128] = ({1: 14.436, 17: 6.466905, 127: -24.12274}, {1: 3.257, 17: 1.099655, 127: -3.445786}, {})
+TABLES[OT128] = ({1: 14.985, 64: -2.876, 127: -23.044}, {1: 0.186, 64: -1.526, 127: 0.196}, {})
+# Microseconds of a channel in the two states of a block.
+STATES = {
+    (QT128, 1): (0, 2.312),
+    (QT128, 64): (49.832, 0),
+    (QT128, 128): (48.12, 48.976),
+    (P128, 1): (4.436, 4.436),
+    (P128, 17): (32.564, 31.864),
+    (P128, 127): (6.441, 6.091),
+    (OT128, 1): (46.645, 46.645),
+    (OT128, 64): (22.838, 24.982),
+    (OT128, 127): (12.578, 14.722),
+}
+
+
+def fired_us(kind, mode, number, block, channel):
+    """Return the time of a channel relative to its block."""
+    if kind in XTS:
+        steps = {XT32: 1.512 * (channel - 1), XT16: 3.024 * (channel - 1), XT32M: 2.888 * ((channel - 1) % 16)}
+        return 0.368 + steps[kind]
+    if kind not in FLAGGED:
+        return TABLES[kind][2].get(channel, 0)
+    later = mode == SINGLE and block == 1
+    return STATES[kind, channel][(number + later + 1) % 2 if kind == QT128 else later]
 
 
 @pytest.mark.parametrize("kind", SHAPES)
@@ -220,7 +266,7 @@ def test_points_agree_with_the_manual(kind, mode):
         assert len(found) == len(expected) > 100
         assert np.abs(xyz(found) - expected[:, :3]).max() < 1e-4
         np.testing.assert_array_equal(found["intensity"], expected[:, 3])
-        if kind == XT32 or channel in TABLES[kind][2]:
+        if kind in (*XTS, *FLAGGED) or channel in TABLES[kind][2]:
             assert np.abs(found["timestamp"] - expected[:, 4]).max() < 1e-6
         if mode == DUAL:
             np.testing.assert_array_equal(found["return_number"], expected[:, 5])
@@ -229,9 +275,9 @@ def test_points_agree_with_the_manual(kind, mode):
 def slow_points(kind, mode, slots, channel):
     """Return x, y, z, intensity, time and return number of a channel's points."""
     if kind == XT32:
-        elevation, offset, fired = XT_ELEVATION[channel - 1], 0.0, 0.368 + 1.512 * (channel - 1)
+        elevation, offset = XT_ELEVATION[channel - 1], 0.0
     else:
-        elevation, offset, fired = (table.get(channel, 0) for table in TABLES[kind])
+        elevation, offset = (table.get(channel, 0) for table in TABLES[kind][:2])
     points = []
     for number, block, azimuth, time_ns in slots:
         second = mode == DUAL and block % 2 == 1
@@ -240,8 +286,34 @@ def slow_points(kind, mode, slots, channel):
             continue
         length, angle, height = distance * 0.004, math.radians(azimuth / 100 + offset), math.radians(elevation)
         x, y = length * math.cos(height) * math.sin(angle), length * math.cos(height) * math.cos(angle)
+        fired = fired_us(kind, mode, number, block, channel)
         points.append((x, y, length * math.sin(height), intensity, time_ns / 1e9 + fired / 1e6, 1 + second))
     return np.array(points)
+
+
+def test_high_resolution_halves_the_time_between_firings():
+    azimuths = [1000, 1010]
+    times = {}
+    for operation in (0, 2):
+        packet = make_packet(P128, 0, azimuths, START_NS)
+        tail = len(packet) - 4 - 22 - 4 - 15
+        packet = packet[:tail] + bytes([operation]) + packet[tail + 1 :]
+        found = decode(Packets(np.array([START_NS]), np.frombuffer(packet, np.uint8)[None]))[0]
+        points = np.concatenate([frame.points for frame in found])
+        times[operation] = np.unique(points["timestamp"][points["ring"] == 26]) - START_NS / 1e9
+    # Channel 27 fires 14.951 and 15.301 µs after its block, or 43.079 and 42.379 µs.
+    assert times[0] * 1e6 == pytest.approx([3.148 - 27.778 + 14.951, 3.148 + 15.301], abs=0.5)
+    assert times[2] * 1e6 == pytest.approx([3.148 - 55.556 + 43.079, 3.148 + 42.379], abs=0.5)
+
+
+def test_small_distances_of_an_ot128_are_codes():
+    packet = bytearray(make_packet(OT128, 0, [0, 10], START_NS))
+    for channel, distance in enumerate((0, 1, 2, 3, 4)):
+        packet[14 + 3 * channel : 16 + 3 * channel] = struct.pack("<H", distance)
+    frames, _ = decode(Packets(np.array([START_NS]), np.frombuffer(bytes(packet), np.uint8)[None]))
+    points = np.concatenate([frame.points for frame in frames])
+    near = points["ring"][np.linalg.norm(xyz(points), axis=1) < 0.02]
+    assert near.tolist() == [4]
 
 
 @pytest.mark.parametrize("kind", SHAPES)
@@ -279,7 +351,7 @@ def test_revolutions_are_separated_across_a_gap(kind, gap):
     keep = np.delete(np.arange(len(packets)), lost)
     frames, facts = decode(Packets(packets.times_ns[keep], packets.payloads[keep]))
     assert facts.lost_packets == len(lost)
-    assert max(np.ptp(frame.points["timestamp"]) for frame in frames) < 0.1 + 17 / 3600
+    assert max(np.ptp(frame.points["timestamp"]) for frame in frames) < 0.1 + 21 / 3600
     assert sum(len(frame.points) for frame in frames) == pytest.approx(len(keep) * 0.8 * slots_of(kind), rel=0.01)
 
 
@@ -359,7 +431,7 @@ def test_an_invalid_calibration_is_an_error(text, tmp_path):
 
 
 def test_other_sensors_are_rejected():
-    with pytest.raises(InputError, match="PandarXT-32, Pandar40P, Pandar64 and PandarQT"):
+    with pytest.raises(InputError, match=r"PandarXT-32, .*Pandar128, OT128"):
         Hesai().decoder(Packets(np.zeros(1, np.int64), np.zeros((1, 893), np.uint8)), DecoderOptions())
 
 

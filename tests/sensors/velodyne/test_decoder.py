@@ -251,6 +251,15 @@ def test_a_calibration_file(tmp_path):
             decode(packets, options=DecoderOptions(calibration=path))
 
 
+def test_the_unit_of_distances_is_that_of_the_model(tmp_path):
+    """The VLS128.yaml of the ROS drivers states 7 mm, which the drivers ignore; packets have 4 mm."""
+    packets, path = make_packets(400, model=ALPHA_PRIME, period_us=173.4, step=20), tmp_path / "VLS128.yaml"
+    text = vd.Calibration.default_calibs[vd.Model.VLS128].to_string()
+    path.write_text(re.sub("distance_resolution: .*", "distance_resolution: 0.007", text))
+    given, usual = decode(packets, options=DecoderOptions(calibration=path))[0], decode(packets)[0]
+    np.testing.assert_array_equal(given[0].points, usual[0].points)
+
+
 def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "velodyne_decoder", None)
     with pytest.raises(MissingExtraError, match=re.escape("seaclutter[velodyne]")):

@@ -143,6 +143,11 @@ def test_other_serialization_formats_are_kept(tmp_path):
     assert {channel.message_encoding for channel in source.channels} == {"protobuf"}
 
 
+def test_a_recording_that_states_no_serialization_format_has_that_of_ros_2(tmp_path):
+    source = Db3Source(write_file(tmp_path / "x.db3", encoding=""))
+    assert {channel.message_encoding for channel in source.channels} == {"cdr"}
+
+
 @pytest.mark.parametrize("index", [True, False])
 def test_messages_are_sorted_by_time_then_number(tmp_path, index):
     times = [number // 3 for number in random.Random(1).sample(range(40), 40)]

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import seaclutter
+from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Message
@@ -154,3 +156,42 @@ def test_clouds_of_another_layout_begin_a_frame(tmp_path):
 def test_a_missing_log_is_an_error(tmp_path):
     with pytest.raises((InputError, seaclutter.UsageError)):
         seaclutter.open_log(tmp_path / "none.mcap", integrate_ms=100)
+
+
+DRIVER_POINT = np.dtype(
+    [("x", "f4"), ("y", "f4"), ("z", "f4"), ("intensity", "f4"), ("tag", "u1"), ("line", "u1"), ("timestamp", "f8")]
+)
+"""PointXYZRTLT of livox_ros_driver2, packed; the time is absolute, in nanoseconds."""
+
+
+def driver_cloud(encoding, number, stamp_ns):
+    """Return a PointCloud2 as livox_ros_driver2 publishes it."""
+    types = wrapped.store(encoding).types
+    points = np.zeros(10, DRIVER_POINT)
+    points["x"], points["intensity"], points["tag"] = 30 + number, 200, number
+    points["line"], points["timestamp"] = np.arange(10) % 4, stamp_ns + np.arange(10) * 10_000
+    kinds = {"f4": 7, "u1": 2, "f8": 8}
+    fields = [
+        types["sensor_msgs/msg/PointField"](name, offset, kinds[kind.str[1:]], 1)
+        for name, (kind, offset) in DRIVER_POINT.fields.items()
+    ]
+    head = wrapped.header(encoding, stamp_ns, "livox_frame")
+    data = np.frombuffer(points.tobytes(), np.uint8)
+    shape = 1, len(points), fields, False, DRIVER_POINT.itemsize, points.nbytes, data, True
+    return wrapped.serialised(encoding, "sensor_msgs/msg/PointCloud2", head, *shape)
+
+
+@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+def test_clouds_of_the_livox_driver(tmp_path, encoding):
+    stamps_ns = [logs.START_NS + n * 20 * MS for n in range(10)]
+    entries = [logs.Entry("/livox/lidar", ns + MS, driver_cloud(encoding, n, ns)) for n, ns in enumerate(stamps_ns)]
+    topic = wrapped.topic("/livox/lidar", "sensor_msgs/msg/PointCloud2", encoding)
+    path = logs.write_log(tmp_path / "log.mcap", [topic], entries)
+    (_, first), (_, second) = clouds(opened(path, 100))
+    assert [cloud.stamp_ns for cloud in (first, second)] == [stamps_ns[0], stamps_ns[5]]
+    assert DRIVER_POINT.itemsize == first.point_step == 26
+    np.testing.assert_array_equal(second.points["tag"], np.repeat(np.arange(5, 10), 10))
+    # Times are absolute, and stay as they are.
+    expected = (np.array(stamps_ns)[:5, None] + np.arange(10) * 10_000).ravel()
+    np.testing.assert_array_equal(first.points["timestamp"], expected.astype(np.float64))
+    assert "resembles Mid-360" in CliRunner().invoke(cli, ["info", str(path)]).stdout

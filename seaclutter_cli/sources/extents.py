@@ -1,0 +1,159 @@
+"""Extents of tiles, from their headers, and which tiles of a survey are neighbours."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.sources.crs import Crs
+from seaclutter_cli.sources.tiles import LasTile, open_tile
+
+_REPEATED = 0.5
+LEAST_M = 600.0
+"""Least length of the sides of a tile with its margin, if there are neighbours."""
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Rectangle along the axes of a tile's coordinates, in metres.
+
+    Parameters
+    ----------
+    low, high : (float, float)
+        The corners with the lowest and the highest coordinates.
+
+    Examples
+    --------
+    >>> tile = Extent((0.0, 0.0), (100.0, 50.0))
+    >>> tile.grown(10.0).overlap(Extent((100.0, 0.0), (200.0, 50.0)))
+    500.0
+    """
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+
+    @property
+    def area(self) -> float:
+        """Area in square metres."""
+        return self.overlap(self)
+
+    def grown(self, by_m: float, least_m: float = 0.0) -> "Extent":
+        """Return the rectangle with a margin on all sides, which makes each side at least ``least_m`` long."""
+        low, high = np.array(self.low), np.array(self.high)
+        margin = np.maximum(by_m, (least_m - (high - low)) / 2)
+        (west, south), (east, north) = (low - margin).tolist(), (high + margin).tolist()
+        return Extent((west, south), (east, north))
+
+    def clipped(self, other: "Extent") -> "Extent":
+        """Return what two rectangles that overlap have in common."""
+        (west, south), (east, north) = np.maximum(self.low, other.low), np.minimum(self.high, other.high)
+        return Extent((float(west), float(south)), (float(east), float(north)))
+
+    def overlap(self, other: "Extent") -> float:
+        """Return the area that two rectangles have in common; negative if they are apart."""
+        sides = np.minimum(self.high, other.high) - np.maximum(self.low, other.low)
+        return float(sides.min() if sides.min() < 0 else sides.prod())
+
+    def contains(self, xyz: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether points, shape (3, N) or (2, N), are inside, or on the sides with the lowest coordinates."""
+        low, high = np.array(self.low)[:, None], np.array(self.high)[:, None]
+        return np.asarray(((xyz[:2] >= low) & (xyz[:2] < high)).all(axis=0))
+
+
+@dataclass(frozen=True)
+class TileHead:
+    """Where a tile is, as its header says.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    crs : Crs
+        Its coordinate reference system.
+    extent : Extent or None
+        Its extent; None if the header does not tell.
+    window : Extent or None
+        Part of the file that is the tile; None: all of it.
+    size : int
+        Size in bytes if it is less than that of the file, otherwise 0.
+    """
+
+    path: Path
+    crs: Crs
+    extent: Extent | None
+    window: Extent | None = None
+    size: int = 0
+
+    @property
+    def name(self) -> str:
+        """Name of the tile; that of a window has its lowest coordinates in the unit of the file."""
+        if self.window is None:
+            return self.path.stem
+        x, y = (round(value / self.crs.unit_m) for value in self.window.low)
+        return f"{self.path.name.removesuffix('.laz').removesuffix('.copc')}_{x}_{y}"
+
+    @property
+    def file_name(self) -> str:
+        """Name of a file with the points of the tile."""
+        return f"{self.name}.laz" if self.window else self.path.name
+
+
+def read_head(path: Path) -> TileHead:
+    """Return where a tile is; without an extent if its format has none in the header, or it cannot be read."""
+    if path.suffix.lower() not in (".las", ".laz"):
+        return TileHead(path, Crs(), None)
+    try:
+        tile = open_tile(path)
+    except InputError:  # reported when the tile is processed
+        return TileHead(path, Crs(), None)
+    return TileHead(path, tile.crs, extent_of(tile) if isinstance(tile, LasTile) else None)
+
+
+def extent_of(tile: LasTile) -> Extent | None:
+    """Return the extent in the header of a tile; None if it has no points, or damaged bounds or degrees."""
+    unit = tile.crs.unit_m
+    low, high = (np.asarray(bounds[:2], np.float64) * unit for bounds in (tile.header.mins, tile.header.maxs))
+    if tile.crs.is_geographic or not tile.size or not np.isfinite([low, high]).all() or (low > high).any():
+        return None
+    (west, south), (east, north) = low.tolist(), high.tolist()
+    return Extent((west, south), (east, north))
+
+
+def region_of(tile: TileHead, margin_m: float) -> Extent | None:
+    """Return the extent of a tile with its margin; that of a small tile is wider, so that waves can be estimated."""
+    return tile.extent and tile.extent.grown(margin_m, LEAST_M)
+
+
+def neighbors_of(tiles: Sequence[TileHead], margin_m: float) -> list[list[TileHead]]:
+    """Return the neighbours of each tile: those with points in its `region_of`, from west to east.
+
+    Notes
+    -----
+    Neighbours have the same coordinate reference system. Of two tiles that share more than half of the smaller one,
+    neither is a neighbour of the other: they show the same place at different times, or are alternatives.
+    """
+    ordered = sorted((tile for tile in tiles if tile.extent), key=_place)
+    low, high = (np.array([getattr(tile.extent, side) for tile in ordered]).reshape(-1, 2) for side in ("low", "high"))
+    found: list[list[TileHead]] = []
+    for tile in tiles:
+        region = region_of(tile, margin_m)
+        if region is None:
+            found.append([])
+            continue
+        near = ((low < region.high) & (high > region.low)).all(axis=1)
+        found.append([ordered[at] for at in np.flatnonzero(near) if _are_neighbors(tile, ordered[at])])
+    return found
+
+
+def _place(tile: TileHead) -> tuple[tuple[float, float], str]:
+    return (tile.extent.low if tile.extent else (0.0, 0.0)), str(tile.path)
+
+
+def _are_neighbors(tile: TileHead, other: TileHead) -> bool:
+    """Return whether tiles that are near each other are different parts of the same survey."""
+    if other is tile or tile.extent is None or other.extent is None or other.crs != tile.crs:
+        return False
+    return tile.extent.overlap(other.extent) <= _REPEATED * min(tile.extent.area, other.extent.area)
