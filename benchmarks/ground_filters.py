@@ -41,7 +41,10 @@ GROUND = 2
 GOOD = 0.95
 NOISE, CLASSES = (7, 18), (NEVER, OTHER, WATER)
 ATTRIBUTES = ("intensity", "return_number", "number_of_returns", "point_source_id", "scan_angle")
-COAST_SEAS = ("calm", "wind sea 0.8 m", "swell 1.5 m, 80 m long")
+STATES = {
+    "seas": ("calm", "wind sea 0.5 m", "wind sea 1.1 m", "swell 1.5 m, 80 m long", "both: 1.0 and 1.1 m"),
+    "coasts": ("calm", "wind sea 0.8 m", "swell 1.5 m, 80 m long"),
+}
 FEET = 0.3048
 
 Mask = np.ndarray[Any, np.dtype[np.bool_]]
@@ -53,18 +56,18 @@ DEFAULTS: Mapping[str, Parameters] = {
     "csf": {"cloth_resolution": 1.0, "rigidness": 3, "class_threshold": 0.5, "bSloopSmooth": True},
 }
 TUNED: Mapping[str, Parameters] = {
-    "pmf": {"max_window_size": 20, "slope": 0.02, "initial_distance": 0.5, "max_distance": 0.5},
-    "smrf": {"window": 20, "slope": 0.02, "threshold": 0.5, "scalar": 0.0},
-    "csf": {"cloth_resolution": 1.0, "rigidness": 1, "class_threshold": 0.5, "bSloopSmooth": False},
+    "pmf": {"max_window_size": 20, "slope": 0.02, "initial_distance": 1.2, "max_distance": 2.5},
+    "smrf": {"window": 20, "slope": 0.01, "threshold": 1.2, "scalar": 0.0},
+    "csf": {"cloth_resolution": 1.0, "rigidness": 3, "class_threshold": 1.2, "bSloopSmooth": False},
 }
 GRID: Mapping[str, Mapping[str, Sequence[float | bool]]] = {
     "pmf": {
         "max_window_size": (20,),
-        "slope": (0.0, 0.02),
-        "initial_distance": (0.3, 0.5, 0.8),
-        "max_distance": (0.8, 2.5),
+        "slope": (0.0, 0.02, 0.05),
+        "initial_distance": (0.3, 0.5, 0.8, 1.2),
+        "max_distance": (2.5,),
     },
-    "smrf": {"window": (20,), "slope": (0.01, 0.05), "threshold": (0.3, 0.5, 0.8, 1.2), "scalar": (0.0, 1.25)},
+    "smrf": {"window": (20,), "slope": (0.01, 0.05, 0.15), "threshold": (0.5, 0.8, 1.2, 1.8), "scalar": (0.0,)},
     "csf": {
         "cloth_resolution": (1.0,),
         "rigidness": (1, 3),
@@ -72,8 +75,7 @@ GRID: Mapping[str, Mapping[str, Sequence[float | bool]]] = {
         "bSloopSmooth": (False,),
     },
 }
-TUNING_SEAS = ("calm", "wind sea 1.1 m")
-TUNING_COASTS = ("beach, 1 in 100 to 1 in 12", "lock, levels 0.4 to 3 m apart")
+TUNING_SEAS = ("calm", "wind sea 1.1 m", "swell 1.5 m, 80 m long")
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,7 @@ class Tile:
 
 
 Method = Callable[[Tile], Mask]
+Rows = Iterable[tuple[str, Iterable[Tile]]]
 
 
 def ours(params: SurfaceParams) -> Method:
@@ -208,7 +211,7 @@ def methods(command: str | None) -> dict[str, Method]:
     return found
 
 
-def table(rows: Iterable[tuple[str, Iterable[Tile]]], chosen: Mapping[str, Method], pictures: Path | None) -> None:
+def table(rows: Rows, chosen: Mapping[str, Method], pictures: Path | None) -> None:
     """Print kappa, lowest to highest, and the largest share of the ground called sea, for each row and method.
 
     Where the kappa of `separate` is less than 0.95, a picture shows the mistakes.
@@ -235,10 +238,8 @@ def _shown(scores: Sequence[tuple[float, float]]) -> str:
 
 
 def tune(command: str | None, seeds: Sequence[int]) -> None:
-    """Print the parameters of each filter with the highest mean kappa over some seas and coasts."""
-    scenes = [sea_scene(SEAS[sea], seed) for sea in TUNING_SEAS for seed in seeds]
-    scenes += [with_sea(coast_scene(name, seed), SEAS["calm"]) for name in TUNING_COASTS for seed in seeds]
-    tiles = [simulated(scene) for scene in scenes]
+    """Print the parameters of each filter with the highest mean kappa over some seas."""
+    tiles = [simulated(sea_scene(SEAS[sea], seed)) for sea in TUNING_SEAS for seed in seeds]
     for name, make in filters(command).items():
         found = []
         for values in product(*GRID[name].values()):
@@ -257,13 +258,13 @@ def sea_scene(sea: tuple[float, ...], seed: int) -> TileScene:
     return with_sea(scene, sea)
 
 
-def seas(seeds: Sequence[int]) -> Iterable[tuple[str, Iterable[Tile]]]:
-    for label, sea in SEAS.items():
-        yield label, (simulated(sea_scene(sea, seed)) for seed in seeds)
+def seas(seeds: Sequence[int], states: Sequence[str]) -> Rows:
+    for label in states:
+        yield label, (simulated(sea_scene(SEAS[label], seed)) for seed in seeds)
 
 
-def coasts(seeds: Sequence[int]) -> Iterable[tuple[str, Iterable[Tile]]]:
-    for name, sea in product(COASTS, COAST_SEAS):
+def coasts(seeds: Sequence[int], states: Sequence[str]) -> Rows:
+    for name, sea in product(COASTS, states):
         yield f"{name}; {sea}", (simulated(with_sea(coast_scene(name, seed), SEAS[sea])) for seed in seeds)
 
 
@@ -273,6 +274,7 @@ def main() -> None:
     parser.add_argument("inputs", nargs="+", metavar="TILE|SEED")
     parser.add_argument("--pdal", default=shutil.which("pdal"))
     parser.add_argument("--ours", action="store_true", help="without other makers' filters")
+    parser.add_argument("--sea", action="append", choices=SEAS, metavar="SEA", help="state of the sea; repeatable")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="draw the tiles with a kappa below 0.95")
     options = parser.parse_args()
     if options.pictures:
@@ -285,7 +287,8 @@ def main() -> None:
     if options.study == "tune":
         tune(options.pdal, seeds)
     else:
-        table({"seas": seas, "coasts": coasts}[options.study](seeds), chosen, options.pictures)
+        rows = {"seas": seas, "coasts": coasts}[options.study]
+        table(rows(seeds, options.sea or STATES[options.study]), chosen, options.pictures)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from .api.work import calibrate as calibrate
 from .api.work import convert_log as convert_log
 from .api.work import evaluate as evaluate
 from .api.work import filter_log as filter_log
+from .api.work import plan_convert as plan_convert
 from .api.work import plan_filter as plan_filter
 from .api.work import simulate as simulate
 from .config import Config as Config

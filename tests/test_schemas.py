@@ -27,6 +27,7 @@ COMMANDS = [
     f"filter {SEA} cut.mcap -o out2/ --dry-run",
     f"convert {SEA} cut.mcap bad.mcap -o converted/ --to bag -n 3",
     f"convert {SEA} -o converted.pcd -n 1",
+    f"convert {SEA} cut.mcap -o converted2/ --to npz --dry-run",
     f"calibrate {SEA} -o a.yaml",
     f"calibrate {SEA} -o b.yaml {LABELS} --choose -n 20",
     f"calibrate {SEA} -o c.yaml -m confirmed -n 20",

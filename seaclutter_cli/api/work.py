@@ -21,11 +21,12 @@ from seaclutter_cli.runs.convert import ConvertOptions, convert_logs
 from seaclutter_cli.runs.convert_result import ConvertSummary
 from seaclutter_cli.runs.evaluate import EvaluateOptions, evaluate_logs
 from seaclutter_cli.runs.filter import FilterOptions, filter_logs
-from seaclutter_cli.runs.filter_plan import plan_filter as run_plan
 from seaclutter_cli.runs.filter_result import FilterSummary
 from seaclutter_cli.runs.methods import MethodOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.plan_result import FilterPlan
+from seaclutter_cli.runs.plan import plan_conversion
+from seaclutter_cli.runs.plan import plan_filter as run_plan
+from seaclutter_cli.runs.plan_result import RunPlan
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
 from seaclutter_cli.runs.simulate import simulate_scene
 from seaclutter_cli.runs.simulation import SimulateOptions, SimulationResult, TileSimulationResult
@@ -183,7 +184,7 @@ def plan_filter(  # noqa: PLR0913 - each an option of its own
     force: bool = False,
     batch: BatchOptions | None = None,
     observer: Observer = SILENT,
-) -> FilterPlan:
+) -> RunPlan:
     """Return what `filter_log` would do with each log, with an estimate of its duration; nothing is written.
 
     Parameters
@@ -195,7 +196,7 @@ def plan_filter(  # noqa: PLR0913 - each an option of its own
 
     Returns
     -------
-    FilterPlan
+    RunPlan
         ``outcomes``: for each recording, its ``status`` (``do``, ``skip`` or ``refuse``), the reason, and its size;
         ``estimate``: seconds and bytes of the run.
 
@@ -221,6 +222,53 @@ def plan_filter(  # noqa: PLR0913 - each an option of its own
         batch=batch or BatchOptions(),
     )
     return run_plan(logs, output, options, observer)
+
+
+def plan_convert(  # noqa: PLR0913 - each an option of its own
+    logs: Logs,
+    output: PathLike,
+    *,
+    to: str | None = None,
+    reading: ReadOptions | None = None,
+    written: McapOptions | None = None,
+    force: bool = False,
+    batch: BatchOptions | None = None,
+    observer: Observer = SILENT,
+) -> RunPlan:
+    """Return what `convert_log` would do with each log, with an estimate of its duration; nothing is written.
+
+    Parameters
+    ----------
+    logs, output, to, reading, written, force, batch
+        As for `convert_log`.
+    observer : Observer, optional
+        Receives progress and warnings.
+
+    Returns
+    -------
+    RunPlan
+        As from `plan_filter`.
+
+    Raises
+    ------
+    SeaclutterError
+        If the run could not start.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> plan = seaclutter.plan_convert("samples/sea.mcap", folder / "planned.bag")
+    >>> [(one.recording, one.status, one.frames) for one in plan.outcomes]
+    [('sea', 'do', 60)]
+    """
+    options = ConvertOptions(
+        reading=reading or ReadOptions(),
+        written=written or McapOptions(),
+        to=to,
+        force=force,
+        batch=batch or BatchOptions(),
+    )
+    return plan_conversion(logs, output, options, observer)
 
 
 def calibrate(  # noqa: PLR0913 - each an option of its own

@@ -7,6 +7,7 @@ import click
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import (
     console_options,
+    dry_run_option,
     force_option,
     grouped,
     logs_argument,
@@ -32,8 +33,9 @@ _OPTIONS = (
 @logs_argument
 @output_or_folder_option("Output of one recording; folder for several, or with a slash at its end.", remote=True)
 @grouped("options", "runs.convert:ConvertOptions", _OPTIONS)
+@dry_run_option
 @console_options
-def command(logs: tuple[str, ...], output: str, options: "ConvertOptions", console: Console) -> None:
+def command(logs: tuple[str, ...], output: str, options: "ConvertOptions", dry_run: bool, console: Console) -> None:
     """Convert LOGS to another format, without filtering.
 
     LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs. All
@@ -41,6 +43,10 @@ def command(logs: tuple[str, ...], output: str, options: "ConvertOptions", conso
     in a warning. A ROS 2 recording is a folder. PCD, LAS, LAZ and NPZ are folders with a file for each frame of one
     topic, or a file if the recording has one frame.
     """
+    if dry_run:
+        from seaclutter_cli.runs.plan import plan_conversion
+
+        console.finish(plan_conversion(logs, output, options, console))
     from seaclutter_cli.runs.convert import convert_logs
 
     console.finish(convert_logs(logs, output, options, console))

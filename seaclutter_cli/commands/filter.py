@@ -8,6 +8,7 @@ from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import (
     config_options,
     console_options,
+    dry_run_option,
     force_option,
     grouped,
     label_options,
@@ -51,7 +52,7 @@ _OPTIONS = (
 @logs_argument
 @output_or_folder_option("Output of one recording; folder for several, or with a slash at its end.", remote=True)
 @grouped("options", "runs.filter:FilterOptions", _OPTIONS)
-@click.option("--dry-run", is_flag=True, help="Show what would be done with each recording, and do nothing.")
+@dry_run_option
 @console_options
 def command(logs: tuple[str, ...], output: str, options: "FilterOptions", dry_run: bool, console: Console) -> None:
     """Filter each frame of LOGS and write filtered logs, by default MCAP files.
@@ -62,7 +63,7 @@ def command(logs: tuple[str, ...], output: str, options: "FilterOptions", dry_ru
     folders with a file for each frame.
     """
     if dry_run:
-        from seaclutter_cli.runs.filter_plan import plan_filter
+        from seaclutter_cli.runs.plan import plan_filter
 
         console.finish(plan_filter(logs, output, options, console))
     from seaclutter_cli.runs.filter import filter_logs

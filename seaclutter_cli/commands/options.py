@@ -113,6 +113,9 @@ def force_option(command: F) -> F:
     return _force(_parents(command))
 
 
+dry_run_option = click.option(
+    "--dry-run", is_flag=True, help="Show what would be done with each recording, and do nothing."
+)
 logs_argument = click.argument("logs", metavar="LOGS...", nargs=-1, required=True)
 
 _TALK = (

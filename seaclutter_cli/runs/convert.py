@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from time import perf_counter
 
 from seaclutter_cli.frame import Frame
@@ -26,6 +27,7 @@ from seaclutter_cli.runs.output_plan import (
     warn_of_patterns,
 )
 from seaclutter_cli.runs.outputs import Root, inputs_of, prepare_outputs, write_files
+from seaclutter_cli.runs.planned_works import PlannedWorks
 from seaclutter_cli.runs.recordings import (
     Logs,
     PathLike,
@@ -93,21 +95,10 @@ def convert_logs(logs: Logs, output: PathLike, options: ConvertOptions, observer
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    started, batch = perf_counter(), options.batch
-    recordings = expand(logs, options.reading, observer)
-    planned = plan_outputs(recordings, output, options.to)
-    check_options(planned.form, options.written)
-    works = [ConvertWork(options, *one, planned.form) for one in zip(recordings, planned.targets, strict=True)]
-    replaces = options.force or batch.resume
-    places = places_of(planned.targets, planned.form, options.written.split)
-    prepare_outputs(
-        {"-o": places, "--manifest": batch.manifest},
-        inputs_of(recordings, options.reading),
-        force=replaces,
-        observer=observer,
-        root=Root(location(output), OUTPUT_FORMATS[planned.form].marker),
-    )
-    check_names(planned.targets)
+    started, plan, batch = perf_counter(), plan_conversions(logs, output, options, observer), options.batch
+    works, replaces = plan.works, options.force or batch.resume
+    prepare_outputs(plan.outputs, plan.inputs, force=replaces, observer=observer, root=plan.root)
+    check_names(work.target for work in works)
     earlier = earlier_outcomes(works, observer) if batch.resume else [None] * len(works)
     todo = [work for work, outcome in zip(works, earlier, strict=True) if outcome is None]
     done = iter([todo[0].run(observer)] if batch.runs_here(len(works)) and todo else run_batch(todo, batch, observer))
@@ -116,8 +107,34 @@ def convert_logs(logs: Logs, output: PathLike, options: ConvertOptions, observer
     for outcome, size in zip(outcomes, in_threads(output_size, outcomes), strict=True):
         outcome.bytes_out = size
     if batch.manifest:
-        write_files(manifest_of(batch.manifest, recordings, outcomes), replace=replaces)
+        write_files(manifest_of(batch.manifest, [work.recording for work in works], outcomes), replace=replaces)
     return ConvertSummary(outcomes, perf_counter() - started)
+
+
+def plan_conversions(
+    logs: Logs, output: PathLike, options: ConvertOptions, observer: Observer = SILENT, *, ahead: bool = True
+) -> "PlannedWorks[ConvertWork]":
+    """Return the work on each recording, without checks of the output files; `convert_logs` describes the parameters.
+
+    Recordings in object storage are fetched ahead, if ``ahead``.
+
+    Raises
+    ------
+    SeaclutterError
+        If there are no recordings, or options do not fit them.
+    """
+    recordings = expand(logs, options.reading, observer, ahead=ahead)
+    planned = plan_outputs(recordings, output, options.to)
+    check_options(planned.form, options.written)
+    return PlannedWorks(
+        [ConvertWork(options, *one, planned.form) for one in zip(recordings, planned.targets, strict=True)],
+        inputs_of(recordings, options.reading),
+        {
+            "-o": places_of(planned.targets, planned.form, options.written.split),
+            "--manifest": options.batch.manifest,
+        },
+        Root(location(output), OUTPUT_FORMATS[planned.form].marker),
+    )
 
 
 @dataclass(frozen=True)
@@ -164,6 +181,17 @@ class ConvertWork(Work[ConvertOutcome]):
             group = stack.enter_context(OutputGroup(replace=options.force or options.batch.resume))
             self._stream(source, outcome, observer, group)
         return outcome
+
+    def sample(self, target: Path, frames: int) -> ConvertOutcome:
+        """Convert the first frames into another output."""
+        options = self.options
+        reading = replace(options.reading, frames=min(options.reading.frames or frames, frames))
+        fewer = replace(options, reading=reading, written=replace(options.written, split=None))
+        return replace(self, options=fewer, target=target).run(SILENT)
+
+    def clouds(self, source: Source) -> list[Channel]:
+        """Return the channels of the clouds that are converted as frames, and counted."""
+        return self._clouds(source, self.options.reading.selection)
 
     def earlier(self) -> tuple[ConvertOutcome | None, str]:
         """Return the outcome of an earlier run whose output is complete, or what differs; see `earlier_run`."""

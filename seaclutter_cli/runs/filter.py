@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from time import perf_counter
 
 from seaclutter_cli.config import Config
@@ -13,7 +14,7 @@ from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.pipeline import run
-from seaclutter_cli.records import Metadata
+from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, inputs_of_work, run_batch
 from seaclutter_cli.runs.filter_fit import FitWarnings
 from seaclutter_cli.runs.filter_read_back import ReadBackWork
@@ -33,13 +34,13 @@ from seaclutter_cli.runs.output_plan import (
     warn_of_patterns,
 )
 from seaclutter_cli.runs.outputs import (
-    Paths,
     Root,
     inputs_of,
     may_appear,
     prepare_outputs,
     write_files,
 )
+from seaclutter_cli.runs.planned_works import PlannedWorks
 from seaclutter_cli.runs.recordings import (
     Logs,
     PathLike,
@@ -129,7 +130,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
             # A single log appears together with the table, after it. Of several, each appears when it is complete.
             is_alone, csv_file = batch.runs_here(len(plan.works)) and bool(works), options.csv_file
             log_written = stack.enter_context(OutputGroup(files)) if is_alone else None
-            table = stack.enter_context(frame_table(plan.config, csv_file, files)) if csv_file else None
+            table = stack.enter_context(frame_table(plan.works[0].config, csv_file, files)) if csv_file else None
             if is_alone and isinstance(works[0], FilterWork):
                 done = iter([works[0].run(observer, table, log_written)])
             else:
@@ -146,32 +147,9 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     return FilterSummary(outcomes, perf_counter() - started)
 
 
-@dataclass(frozen=True)
-class PlannedWorks:
-    """Work on each recording of a run, and the files that the run reads and writes.
-
-    Parameters
-    ----------
-    config : Config
-        Effective configuration.
-    works : list of FilterWork
-        Work on each recording.
-    inputs, outputs : mapping of str to path, paths or None
-        Files by option.
-    root : Root
-        Folder of the filtered logs, or the only one.
-    """
-
-    config: Config
-    works: "list[FilterWork]"
-    inputs: Paths
-    outputs: Paths
-    root: Root
-
-
 def plan_works(
     logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT, *, ahead: bool = True
-) -> PlannedWorks:
+) -> "PlannedWorks[FilterWork]":
     """Return the work on each recording, without checks of the output files; `filter_logs` describes the parameters.
 
     Recordings in object storage are fetched ahead, if ``ahead``.
@@ -191,7 +169,6 @@ def plan_works(
     works = [FilterWork(options, config, *one, planned.form) for one in each]
     places = places_of(planned.targets, planned.form, options.written.split)
     return PlannedWorks(
-        config,
         works,
         inputs_of(recordings, options.reading, options.config.file, [config]),
         {"-o": places, "--csv": options.csv_file, "--manifest": options.batch.manifest},
@@ -279,6 +256,18 @@ class FilterWork(Work[FilterOutcome]):
             if own:
                 outcome.rows = zlib.compress(own.rows())
         return outcome
+
+    def sample(self, target: Path, frames: int) -> FilterOutcome:
+        """Filter the first frames into another output."""
+        options = self.options
+        reading = replace(options.reading, frames=min(options.reading.frames or frames, frames))
+        written = replace(options.written, split=None)
+        fewer = replace(options, reading=reading, written=written, csv_file=None)
+        return replace(self, options=fewer, target=target).run(SILENT)
+
+    def clouds(self, source: Source) -> list[Channel]:
+        """Return the channels of the clouds to filter."""
+        return cloud_channels(source, self.options.reading.selection.topics)
 
     def earlier(self) -> tuple[FilterOutcome | None, str]:
         """Return the outcome of an earlier run whose output is complete, or what differs; see `earlier_run`."""

@@ -47,9 +47,18 @@ def check_objects(
             _check_apart(url, option, [("--labels", label) for label in labels])
             if not force:
                 raise UsageError(f"{url}: already exists; use --force to replace it")
-        elif url in folders and not (force and (marker := markers.get(option)) and exists(url / marker)):
-            problem = "already exists" if markers.get(option) else f"is a folder; {option} takes a file"
-            raise UsageError(f"{url}: {problem}")
+        elif url in folders:
+            _check_folder(url, option, markers.get(option, ""), force=force)
+
+
+def _check_folder(url: Url, option: str, marker: str, *, force: bool) -> None:
+    if not marker:
+        raise UsageError(f"{url}: is a folder; {option} takes a file")
+    if not exists(url / marker):
+        problem = f"is a folder without {marker}, so it is incomplete or of something else"
+        raise UsageError(f"{url}: {problem}; delete it, or choose another output for {option}")
+    if not force:
+        raise UsageError(f"{url}: already exists; use --force to replace it")
 
 
 def _check_apart(url: Url, option: str, inputs: Given) -> None:

@@ -127,19 +127,11 @@ def first_part(target: Location, form: str, split: Split | None) -> Location:
 
 
 def places_of(targets: Iterable[Location], form: str, split: Split | None) -> list[Location]:
-    """Return the files and folders that outputs occupy, with the parts of earlier runs.
-
-    Raises
-    ------
-    UsageError
-        If parts would be written to object storage, where those of earlier runs could remain.
-    """
+    """Return the files and folders that outputs occupy, with the parts of earlier runs."""
     if split is None or OUTPUT_FORMATS[form].is_folder:
         return list(targets)
     places: list[Location] = []
     for target in targets:
-        if isinstance(target, Url):
-            raise UsageError(f"{target}: --split needs an output on this machine, or --to rosbag2-mcap")
         places += [part_path(target, 0), *parts_after(target, 0)]
     return places
 

@@ -112,15 +112,15 @@ def _duration(seconds: float) -> str:
 
 
 @dataclass(frozen=True)
-class FilterPlan(RecordingsResult):
-    """What a filter run would do.
+class RunPlan(RecordingsResult):
+    """What a run would do.
 
     Parameters
     ----------
     outcomes : sequence of Planned
         What it would do with each recording.
     estimate : Estimate or None
-        Duration and outputs, if there is something to do and a sample could be filtered.
+        Duration and outputs, if there is something to do and a sample could be processed.
     free_bytes : int or None
         Free space for the outputs; None in object storage.
     """

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self, cast
 
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.storage.locations import Location, Url
+from seaclutter_cli.storage.objects import delete_object
 from seaclutter_cli.storage.parts import part_path, release
 from seaclutter_cli.storage.scratch import ScratchFolder
 from seaclutter_cli.storage.uploads import send
@@ -187,17 +188,20 @@ class CompleteFile(AtomicFile):
         self._remover = weakref.finalize(self, _remove, part, [])
 
 
-class Leftover(CompleteFile):
-    """A file of an earlier run that the files of a group replace although it has another name."""
+class Leftover(AtomicFile):
+    """A file or object of an earlier run that the files of a group replace although it has another name."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, path)
-        self._remover.detach()
+    def __init__(self, path: Location) -> None:
+        self.path = path
 
     def publish(self, *, replace: bool = True) -> None:
-        """Remove the file, if files may be replaced."""
-        if replace:
-            self.part.unlink(missing_ok=True)
+        """Remove it, if files may be replaced."""
+        if not replace:
+            return
+        if isinstance(self.path, Url):
+            delete_object(self.path)
+        else:
+            self.path.unlink(missing_ok=True)
 
     def prepare(self, *, replace: bool = True) -> None:
         """Do nothing."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, BinaryIO, cast
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup, PartFile, appeared, explain
 from seaclutter_cli.storage.locations import Location, Url
-from seaclutter_cli.storage.objects import is_folder_of_objects
+from seaclutter_cli.storage.objects import delete_object, is_folder_of_objects, list_objects
 from seaclutter_cli.storage.parts import part_path, release
 from seaclutter_cli.storage.uploads import send
 
@@ -20,7 +20,8 @@ class AtomicFolder(AtomicFile):
     """A folder that is written beside its target, then renamed on success or removed after an error.
 
     An existing folder is moved aside before the new one appears, and removed after. A folder for object storage is
-    written in the scratch folder, then uploaded.
+    written in the scratch folder, then uploaded. There, the file that shows that a folder is complete is deleted first
+    and appears last, so that a folder that has it is never a mixture of two.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ class AtomicFolder(AtomicFile):
 
     def __init__(self, path: Location, group: OutputGroup | None = None, *, last: str = "") -> None:
         self._last = last
-        self._uploads: list[PendingObject] = []
+        self._uploads: dict[Url, PendingObject] = {}
         super().__init__(path, group)
 
     def open(self, name: str) -> BinaryIO:
@@ -50,8 +51,6 @@ class AtomicFolder(AtomicFile):
             raise OutputError(explain(self.path, error)) from error
 
     def _create(self, opened: list[BinaryIO]) -> None:  # noqa: ARG002 - files are closed by those who opened them
-        if isinstance(self.path, Url) and is_folder_of_objects(self.path):
-            raise OutputError(f"{self.path}: already exists; delete it, or choose another output")
         try:
             if self._target.exists() and not self._target.is_dir():
                 raise OutputError(f"{self.path}: not a folder, cannot be replaced")
@@ -74,13 +73,14 @@ class AtomicFolder(AtomicFile):
         self._send()
         if not os.access(self._target.parent, os.W_OK):
             raise OutputError(f"{self.path}: can no longer be written; the incomplete folder was removed")
-        if not replace and os.path.lexists(self._target):
+        there = is_folder_of_objects(self.path) if isinstance(self.path, Url) else os.path.lexists(self._target)
+        if not replace and there:
             raise OutputError(appeared(self.path))
 
     def _send(self) -> None:
         if isinstance(self.path, Url):
             for file in sorted(self.part.iterdir(), key=lambda file: (file.name == self._last, file.name)):
-                self._uploads.append(send(file, self.path / file.name))
+                self._uploads[self.path / file.name] = send(file, self.path / file.name)
 
     def publish(self, *, replace: bool = True) -> None:
         """Rename the complete folder to its target, or let the uploaded objects appear.
@@ -91,9 +91,7 @@ class AtomicFolder(AtomicFile):
             If the target exists and may not be replaced.
         """
         if isinstance(self.path, Url):
-            while self._uploads:
-                self._uploads[0].complete()
-                del self._uploads[0]
+            self._appear(self.path)
             self.discard()
             return
         try:
@@ -102,6 +100,18 @@ class AtomicFolder(AtomicFile):
             raise OutputError(explain(self.path, error)) from error
         self._remover.detach()
         release(self.part)
+
+    def _appear(self, folder: Url) -> None:
+        """Let the uploaded objects appear, and delete all others in the folder."""
+        urls = list(self._uploads)
+        others = {found.url for found in list_objects(folder)} - set(urls[:-1])
+        if urls[-1] in others:
+            delete_object(urls[-1])
+        for url in urls[:-1]:
+            self._uploads.pop(url).complete()
+        for url in sorted(others - {urls[-1]}, key=str):
+            delete_object(url)
+        self._uploads.pop(urls[-1]).complete()
 
     def _rename(self, *, replace: bool) -> None:
         if not os.path.lexists(self._target):
@@ -123,5 +133,5 @@ class AtomicFolder(AtomicFile):
     def discard(self) -> None:
         """Remove the incomplete folder, and what was uploaded of it."""
         while self._uploads:
-            self._uploads.pop().abort()
+            self._uploads.popitem()[1].abort()
         super().discard()

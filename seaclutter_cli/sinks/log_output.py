@@ -2,7 +2,7 @@
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +20,7 @@ from seaclutter_cli.sinks.mcap_writer import McapWriter
 from seaclutter_cli.sinks.ros_writer import MessagesOnly, TranslatingWriter
 from seaclutter_cli.sinks.rosbag2_metadata import NAME, Contents, StoredFile
 from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.objects import list_folder
 
 _LIBRARY = f"seaclutter {__version__}"
 
@@ -109,12 +110,11 @@ def mcap_compression(source: Source, given: str | None) -> str:
     return given if given is not None else "zstd" if source.compression is None else source.compression
 
 
-def parts_after(path: Location, number: int) -> list[Path]:
+def parts_after(path: Location, number: int) -> list[Location]:
     """Return the existing parts of a log whose numbers are greater than one, in order."""
-    if not isinstance(path, Path):
-        return []
     pattern = re.compile(re.escape(path.name.removesuffix(path.suffix)) + r"_([1-9]\d{0,8})" + re.escape(path.suffix))
-    found = ((pattern.fullmatch(one.name), one) for one in path.parent.glob("*") if path.parent.is_dir())
+    beside: Iterable[Location] = path.parent.glob("*") if isinstance(path, Path) else list_folder(path.parent)[0]
+    found = ((pattern.fullmatch(one.name), one) for one in beside)
     numbers = {int(match[1]): one for match, one in found if match}
     return [numbers[one] for one in sorted(numbers) if one > number]
 

@@ -104,6 +104,18 @@ def is_folder_of_objects(url: Url) -> bool:
     return next(list_objects(url), None) is not None
 
 
+def delete_object(url: Url) -> None:
+    """Delete an object, if there is one.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be deleted.
+    """
+    with explained(url, OutputError), suppress(FileNotFoundError):
+        store_of(url).delete(url.key)
+
+
 def read_range(found: StoredObject, start: int, stop: int) -> bytes:
     """Return bytes of an object; fewer at its end.
 

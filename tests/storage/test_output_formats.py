@@ -6,8 +6,9 @@ import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
+from seaclutter_cli.storage.objects import PendingObject
 from tests.logs import START_NS, Entry, cloud_messages, cloud_topic, write_log
-from tests.storage.buckets import names
+from tests.storage.buckets import get, names, put
 
 
 @pytest.fixture
@@ -42,14 +43,59 @@ def test_outputs_appear_in_a_bucket_and_are_read_from_it(bucket, form):
 
 
 @pytest.mark.usefixtures("log")
-def test_a_folder_in_a_bucket_is_not_replaced(bucket):
-    line = f"convert a.mcap -o {bucket}/out/ --to pcd -n"
-    run(f"{line} 3")
-    assert "already exists" in run(f"{line} 2 --force", exit_code=1).stderr
-    assert len(names(bucket / "out")) == 5
+@pytest.mark.parametrize("form", ["pcd", "npz", "rosbag2-mcap"])
+def test_a_folder_in_a_bucket_is_replaced_as_a_whole(bucket, form):
+    line = f"convert a.mcap -o {bucket}/out/ --to {form}"
+    run(f"{line} -n 3")
+    before = {name: get(bucket / "out" / name) for name in names(bucket / "out")}
+    assert "already exists" in run(f"{line} -n 2", exit_code=2).stderr
+    assert {name: get(bucket / "out" / name) for name in names(bucket / "out")} == before
+    run(f"{line} -n 2 --force")
+    fewer = {name: get(bucket / "out" / name) for name in names(bucket / "out")}
+    run(f"convert a.mcap -o {bucket}/fresh/ --to {form} -n 2")
+    fresh = {name: get(bucket / "fresh" / name) for name in names(bucket / "fresh")}
+    assert fewer.keys() == fresh.keys() < before.keys() or form == "rosbag2-mcap"
+    run(f"{line} -n 2 --resume")
+    assert {name: get(bucket / "out" / name) for name in names(bucket / "out")} == fewer
+    run(f"{line} -n 3 --resume")
+    assert {name: get(bucket / "out" / name) for name in names(bucket / "out")} == before
 
 
 @pytest.mark.usefixtures("log")
-def test_parts_in_a_bucket_are_files_of_a_ros_2_recording_only(bucket):
-    result = run(f"convert a.mcap -o {bucket}/out.bag --split 1s", exit_code=2)
-    assert "--split needs an output on this machine, or --to rosbag2-mcap" in result.stderr
+def test_a_folder_without_its_marker_is_never_replaced(bucket):
+    put(bucket / "out" / "a" / "holiday.jpg", b"not ours")
+    error = run(f"convert a.mcap -o {bucket}/out/ --to pcd --force", exit_code=2).stderr
+    assert "is a folder without seaclutter.json, so it is incomplete or of something else" in " ".join(error.split())
+    assert names(bucket / "out") == ["a/holiday.jpg"]
+
+
+@pytest.mark.usefixtures("log")
+def test_a_replaced_folder_has_no_marker_until_it_is_complete(bucket, monkeypatch):
+    """Another program that reads it then sees that it is incomplete."""
+    run(f"convert a.mcap -o {bucket}/out/ --to pcd -n 3")
+    seen = []
+    complete = PendingObject.complete
+
+    def noted(self):
+        seen.append("a/seaclutter.json" in names(bucket / "out"))
+        complete(self)
+
+    monkeypatch.setattr(PendingObject, "complete", noted)
+    run(f"convert a.mcap -o {bucket}/out/ --to pcd -n 2 --force")
+    assert seen == [False] * 4
+    assert set(names(bucket / "out")) == {"a/000000.pcd", "a/000001.pcd", "a/seaclutter.json", "a/times.txt"}
+
+
+@pytest.mark.usefixtures("log")
+@pytest.mark.parametrize("suffix", ["bag", "mcap"])
+def test_parts_in_a_bucket(bucket, suffix):
+    line = f"convert a.mcap -o {bucket}/out.{suffix} --split 2ns"
+    line = line.replace("2ns", "1B")
+    run(line)
+    assert names(bucket) == [f"out_{k}.{suffix}" for k in range(3)]
+    assert "already exists" in run(line, exit_code=2).stderr
+    assert "skipped, the output was complete" in run(f"{line} --resume").output
+    run(f"{line} --force -n 2")
+    assert names(bucket) == [f"out_{k}.{suffix}" for k in range(2)]
+    run(f"convert {bucket}/out_1.{suffix} -o back.mcap")
+    assert "1 frame" in run("filter back.mcap -o again.mcap -m none").output

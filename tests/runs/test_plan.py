@@ -1,4 +1,4 @@
-"""Plans of filter runs: what would be done, and nothing is."""
+"""Plans of runs: what would be done, and nothing is."""
 
 import json
 import tempfile
@@ -8,8 +8,8 @@ from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.pipeline import TopicTally
-from seaclutter_cli.runs import filter_estimate
-from tests.logs import cloud_log
+from seaclutter_cli.runs import estimate as estimates
+from tests.logs import START_NS, Entry, Topic, cloud_log, write_log
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def test_an_estimate_counts_all_frames(trial, monkeypatch):
         outcome.topics = {"/points": TopicTally(frames=frames)}
         return outcome
 
-    monkeypatch.setattr(filter_estimate, "_sample", sample)
+    monkeypatch.setattr(estimates, "_sample", sample)
     for name in "cd":
         (trial / "logs" / f"{name}.mcap").unlink()
     data = planned(trial, "-j", "2")[1]
@@ -115,3 +115,32 @@ def test_a_run_that_cannot_start(trial):
 def test_outputs_that_do_not_fit(trial, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda _: type("U", (), {"free": 10})())
     assert "the outputs may not fit" in invoke(trial, "--dry-run").stderr
+
+
+@pytest.mark.parametrize("form", ["bag", "npz"])
+def test_a_plan_of_a_conversion_is_what_the_run_does(trial, form):
+    line = ["convert", str(trial / "logs"), "-o", f"{trial}/out/", "--to", form, "--json"]
+    plan = CliRunner().invoke(cli, [*line, "--dry-run"])
+    assert plan.exit_code == 1  # d.mcap is no log
+    assert not (trial / "out").exists()
+    planned = json.loads(plan.stdout)
+    found = {one["recording"]: (one["status"], one["frames"]) for one in planned["recordings"]}
+    assert found["a"] == ("do", 30)
+    assert found["b"] == ("do", 3)
+    assert found["d"][0] == "refuse"
+    assert planned["estimate"]["bytes_out"] > 0
+    assert CliRunner().invoke(cli, line).exit_code in (1, 3)
+    again = json.loads(CliRunner().invoke(cli, [*line, "--dry-run", "--resume"]).stdout)
+    assert [one["status"] for one in again["recordings"]][:2] == ["skip", "skip"]
+    refused = json.loads(CliRunner().invoke(cli, [*line, "--dry-run"]).stdout)
+    assert refused["recordings"][0]["status"] == "refuse"
+    assert "--force" in refused["recordings"][0]["reason"]
+
+
+def test_a_plan_of_a_log_without_clouds(tmp_path):
+    log = tmp_path / "imu.mcap"
+    topic = Topic("/wind", "json", ("Wind", "jsonschema", b"{}"))
+    write_log(log, [topic], [Entry("/wind", START_NS, b"{}")])
+    result = CliRunner().invoke(cli, ["convert", str(log), "-o", str(tmp_path / "b.mcap"), "--dry-run"])
+    assert result.exit_code == 0, result.output
+    assert "1 to do" in result.stdout

@@ -1,7 +1,7 @@
-"""What a filter run would do, without doing it."""
+"""What a run would do, without doing it."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,15 +9,16 @@ from pathlib import Path
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
-from seaclutter_cli.runs.filter import FilterOptions, FilterWork, plan_works
-from seaclutter_cli.runs.filter_estimate import estimate
+from seaclutter_cli.runs.convert import ConvertOptions, plan_conversions
+from seaclutter_cli.runs.estimate import estimate
+from seaclutter_cli.runs.filter import FilterOptions, plan_works
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.output_plan import check_names
 from seaclutter_cli.runs.outputs import Root, check_outputs, existing
-from seaclutter_cli.runs.plan_result import FilterPlan, Planned
+from seaclutter_cli.runs.plan_result import Planned, RunPlan
+from seaclutter_cli.runs.planned_works import PlannedWork, PlannedWorks, W
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions, expected_frames
 from seaclutter_cli.runs.survey import excerpt_of
-from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
@@ -25,7 +26,7 @@ from seaclutter_cli.storage.scratch import copies_removed
 
 
 @copies_removed()
-def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> FilterPlan:
+def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> RunPlan:
     """Return what a filter run would do with each recording, and an estimate of its duration and outputs.
 
     Recordings are opened, and the first frames of one of them are filtered into a temporary folder. Nothing else is
@@ -47,9 +48,18 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     SeaclutterError
         If the run could not start, whatever the recordings.
     """
-    plan = plan_works(logs, output, options, observer, ahead=False)
+    return _plan(plan_works(logs, output, options, observer, ahead=False), observer, options.labels.paths)
+
+
+@copies_removed()
+def plan_conversion(logs: Logs, output: PathLike, options: ConvertOptions, observer: Observer = SILENT) -> RunPlan:
+    """Return what a conversion would do with each recording, with an estimate; see `plan_filter`."""
+    return _plan(plan_conversions(logs, output, options, observer, ahead=False), observer)
+
+
+def _plan(plan: PlannedWorks[W], observer: Observer, labels: Sequence[Location] = ()) -> RunPlan:
+    options = plan.works[0].options
     log_file = getattr(observer, "log_file", None)
-    labels = options.labels.paths
     check_outputs(plan.outputs, plan.inputs, labels, force=True, log_file=log_file, root=plan.root)
     check_names(work.target for work in plan.works)
     others = {option: place for option, place in plan.outputs.items() if option != "-o"}
@@ -57,11 +67,11 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     taken = existing(work.output for work in plan.works)
     works = [PlanWork(work, exists=work.output in taken) for work in plan.works]
     single = len(works) == 1
-    planned = [works[0].run(observer)] if single else run_batch(works, options.batch.here(), observer)
+    planned = [works[0].run(observer)] if single else list(run_batch(works, options.batch.here(), observer))
     todo = [(one, work) for one, work in zip(planned, plan.works, strict=True) if one.status == "do"]
-    result = FilterPlan(planned, estimate(todo, options.batch), _free_bytes(plan.works[0].target))
+    result = RunPlan(planned, estimate(todo, options.batch), _free_bytes(plan.works[0].target))
     if result.is_too_large:
-        observer.warn(f"{output}: the outputs may not fit")
+        observer.warn(f"{plan.root.place}: the outputs may not fit")
     return result
 
 
@@ -79,13 +89,13 @@ class PlanWork(Work[Planned]):
 
     Parameters
     ----------
-    work : FilterWork
+    work : PlannedWork
         What would be done.
     exists : bool
         Whether there is something in place of the output.
     """
 
-    work: FilterWork
+    work: PlannedWork
     exists: bool
 
     @property
@@ -123,7 +133,7 @@ class PlanWork(Work[Planned]):
         with _opened(self.recording, options.reading) as source:
             if source is None:
                 return
-            clouds = cloud_channels(source, options.reading.selection.topics)
+            clouds = self.work.clouds(source)
             planned.frames = expected_frames(source, clouds, options.reading.selection)
             planned.damage = list(source.damage)
 

@@ -1,18 +1,16 @@
-"""Estimate of the duration and the outputs of a filter run, from the first frames of one recording."""
+"""Estimate of the duration and the outputs of a run, from the first frames of one recording."""
 
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from seaclutter_cli.jobs.budget import default_jobs
 from seaclutter_cli.runs.batch import BatchOptions, size_of
-from seaclutter_cli.runs.filter import FilterWork
-from seaclutter_cli.runs.filter_result import FilterOutcome
-from seaclutter_cli.runs.observer import SILENT
+from seaclutter_cli.runs.log_outcome import LogOutcome
 from seaclutter_cli.runs.plan_result import Estimate, Planned
+from seaclutter_cli.runs.planned_works import PlannedWork
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.threads import VARIABLE, cores
 
@@ -20,8 +18,8 @@ _FEW, _MORE = 5, 25
 """Frames of the two samples; what differs between them is the cost of further frames, without start-up."""
 
 
-def estimate(todo: Sequence[tuple[Planned, FilterWork]], batch: BatchOptions) -> Estimate | None:
-    """Return the estimate for recordings; None if no sample can be filtered.
+def estimate(todo: Sequence[tuple[Planned, PlannedWork]], batch: BatchOptions) -> Estimate | None:
+    """Return the estimate for recordings; None if no sample can be processed.
 
     The sample is from the largest recording on this machine whose number of frames is known. The numbers of frames of
     others follow from their sizes.
@@ -50,19 +48,14 @@ def estimate(todo: Sequence[tuple[Planned, FilterWork]], batch: BatchOptions) ->
     )
 
 
-def _sample(work: FilterWork, target: Path, frames: int) -> FilterOutcome:
-    """Filter the first frames of a recording into a file."""
-    options = work.options
-    fewer = min(options.reading.frames or frames, frames)
-    reading = replace(options.reading, frames=fewer)
-    written = replace(options.written, split=None)
-    part = replace(work, options=replace(options, reading=reading, written=written, csv_file=None), target=target)
-    outcome = part.run(SILENT)
+def _sample(work: PlannedWork, target: Path, frames: int) -> LogOutcome:
+    """Process the first frames of a recording."""
+    outcome = work.sample(target, frames)
     outcome.bytes_out = 0 if outcome.error else size_of(target)
     return outcome
 
 
-def _suffix(work: FilterWork) -> str:
+def _suffix(work: PlannedWork) -> str:
     kind = OUTPUT_FORMATS[work.form]
     return "" if kind.is_folder else kind.suffix
 
