@@ -29,6 +29,14 @@ class MapOptions:
         Picture of the tile, or of the whole survey.
     geojson_file, gpkg_file : Path or None
         Shoreline as GeoJSON and as GeoPackage.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> options = seaclutter.SeparateTilesOptions(maps=seaclutter.MapOptions(plot_file=folder / "map.png"))
+    >>> _ = seaclutter.separate_tiles(["samples/tile.laz"], folder / "mapped.laz", options)
+    >>> (folder / "map.png").exists()
+    True
     """
 
     plot_file: Path | None = None
