@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import smoothed, touching
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.prediction import predict_under
 from seaclutter_cli.airborne.waves import Waves
 
 Cells = NDArray[np.float64]
@@ -20,7 +21,8 @@ _PASSES = 2
 _LOCAL_M, _AROUND_M = 10.0, 12.0
 _OUTLIERS = 3.5
 _BRIGHT = 2.5
-_FEW = 0.1
+_FEW, _HALF = 0.1, 0.5
+_UNEVEN = 1.5
 
 
 @dataclass(frozen=True)
@@ -84,12 +86,14 @@ def follow_waves(
     -----
     The surface is a sum, from coarse to fine: the level of the water, plus the mean of what remains around each cell,
     weighted over a sixth of the wave length, plus the mean of what still remains over half that width, and so on down
-    to a metre. Each mean counts by the share of its weight that lies on water, so that the surface under an object is
-    that of the coarsest mean that reaches it.
+    to a metre. Each mean counts by the share of its weight that lies on water.
 
     It begins with the cells below the crests. Cells more than 3.5 standard deviations from the surface are left out,
     and the mean is repeated. Bright cells do not contribute. The deviation is computed from cells below the surface,
-    where no objects are, and locally, since waves come in groups. Under objects it is that of the coarser mean.
+    where no objects are, and locally, since waves come in groups. Where it is more than 1.5 times its median, an object
+    is among the cells: they are left out from 3.5 times that on.
+
+    Under objects that are three cells wide, the surface is predicted from the water around them (`predict_under`).
     """
     known = np.isfinite(lowest)
     crest = np.full((len(lowest), 1, 1), waves.crest_m)
@@ -101,7 +105,8 @@ def follow_waves(
     brightness = contrast = np.zeros(lowest.shape)
     if details.brightness is not None:
         brightness, contrast = _contrast(grid, details.brightness, water)
-    usable &= ~_patches(grid, contrast > _BRIGHT)
+    objects = bright = _patches(grid, contrast > _BRIGHT, known) & ~land
+    usable &= ~bright
     water &= usable
     flat = np.full(lowest.shape, waves.level_m), np.full(lowest.shape, waves.deviation_m**2)
     widths = [width / grid.cell_m for width in _widths(waves.length_m)]
@@ -109,12 +114,19 @@ def follow_waves(
     for width in widths:
         for _ in range(_PASSES):
             surface, variance = _finer(grid, lowest, water, width, coarser)
-            rise = np.where(known, lowest - surface, 0) / np.sqrt(variance)
-            water = usable & (np.abs(rise) <= _OUTLIERS) & ~_patches(grid, rise > _OUTLIERS)
+            most = _UNEVEN**2 * float(np.median(variance[water])) if water.any() else np.inf
+            rise = np.where(known, lowest - surface, 0) / np.sqrt(np.minimum(variance, most))
+            risen = _patches(grid, rise > _OUTLIERS, known) & ~land
+            objects = bright | risen
+            water = usable & (np.abs(rise) <= _OUTLIERS) & ~risen
         coarser = surface, variance
     surface, variance = flat
     for width in widths:
         surface, variance = _finer(grid, lowest, water, width, (surface, variance))
+    if objects.any() and water.any():
+        cells, under, error = predict_under(grid, lowest, water, objects, waves.level_m)
+        surface.reshape(-1)[cells] = under
+        variance.reshape(-1)[cells] = error + np.median(variance[water])
     surface[land] = waves.level_m
     return FollowedSurface(surface, np.sqrt(variance), brightness, contrast)
 
@@ -163,7 +175,15 @@ def _standard(values: Cells, known: Mask, water: Mask) -> Cells:
     return np.where(known, (values - middle) / max(float(upper - middle), 1e-9), 0)
 
 
-def _patches(grid: ElevationGrid, mask: Mask) -> Mask:
-    """Return the parts of a mask that are three cells wide, with a cell around them."""
-    inner = ~touching(grid, ~mask)
+def _patches(grid: ElevationGrid, mask: Mask, known: Mask) -> Mask:
+    """Return the parts of a mask that are three cells wide, with a cell around them.
+
+    Cells without points do not count, unless they are more than half of the nine.
+    """
+    from scipy import ndimage
+
+    inner = ~touching(grid, known & ~mask)
+    for slot, cells, _ in grid.padded(mask.astype(np.float64), 1):
+        share = ndimage.uniform_filter(np.where(np.isfinite(cells), cells, 0), 3)
+        inner[slot] &= share[1:-1, 1:-1] > _HALF
     return touching(grid, touching(grid, inner))

@@ -16,6 +16,7 @@ _ROS: Mapping[str, type[RosCodec]] = {
     "sensor_msgs/PointCloud2": PointCloud2,
     "foxglove_msgs/PointCloud": RosFoxglovePointCloud,
     "point_cloud_interfaces/CompressedPointCloud2": CompressedPointCloud2,
+    "livox_interfaces/CustomMsg": LivoxCustomMsg,
     "livox_ros_driver/CustomMsg": LivoxCustomMsg,
     "livox_ros_driver2/CustomMsg": LivoxCustomMsg,
     "sensor_msgs/LaserScan": LaserScan,

@@ -31,6 +31,18 @@ _CLOUD_MESSAGES = {
 }
 """Cloud messages that no ROS distribution defines."""
 
+_LIVOX_MESSAGES = {
+    f"{driver}/msg/{name}": text.format(driver=driver)
+    for driver in ("livox_ros_driver2", "livox_interfaces")
+    for name, text in {
+        "CustomPoint": "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\n"
+        "uint8 reflectivity\nuint8 tag\nuint8 line\n",
+        "CustomMsg": "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\n"
+        "{driver}/CustomPoint[] points\n",
+    }.items()
+}
+"""Clouds of Livox's drivers for ROS 2."""
+
 
 @lru_cache(maxsize=64)
 def ros2_schema(typename: str) -> Schema:
@@ -85,6 +97,6 @@ def _typestore() -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # takes 0.1 s, which most runs do not need
 
     store = get_typestore(Stores.LATEST)
-    for name, text in (*_PACKET_MESSAGES.items(), *_CLOUD_MESSAGES.items()):
+    for name, text in (_PACKET_MESSAGES | _CLOUD_MESSAGES | _LIVOX_MESSAGES).items():
         store.register(get_types_from_msg(text, name))
     return store

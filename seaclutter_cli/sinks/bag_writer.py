@@ -22,6 +22,7 @@ CHUNK_SIZE = 768 * 2**10
 """Size in bytes at which a chunk is closed, as in the recorder of ROS 1."""
 
 _HEADER_BYTES = 4096
+"""Size of the header with padding, without their sizes. ROS 1 writes it anew when it appends or reindexes."""
 _MESSAGE, _BAG_HEADER, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = range(2, 8)
 _U32, _TIME, _ENTRY = struct.Struct("<I"), struct.Struct("<II"), struct.Struct("<III")
 _NANO = 10**9
@@ -66,6 +67,7 @@ class BagWriter:
         self._compressor = Compressor(self._compressed, self._write_chunk)
         self._chunk = _Chunk()
         self._connections: dict[int, bytes] = {}
+        self._numbers: dict[int, int] = {}
         self._undeclared: set[int] = set()
         self._infos = bytearray()
         self._chunks = 0
@@ -73,14 +75,18 @@ class BagWriter:
         self._write(MAGIC, self._header(0))
 
     def add_channel(self, channel: Channel) -> None:
-        """Declare a channel under its own id, before its first message."""
+        """Declare a channel, before its first message.
+
+        Connections are numbered from 0: tools of ROS 1 that append to a bag give the next one their number.
+        """
         assert channel.schema is not None  # noqa: S101 - translated channels have one
         topic = channel.topic or "/"  # readers refuse an empty name
         known = {"md5sum": "*", "type": channel.schema.name, **dict(channel.metadata), "topic": topic}
         fields = {name: value.encode() for name, value in known.items()}
         definition = channel.schema.data.decode("utf-8", "replace") or "\n"  # readers refuse other bytes
         data = _header_of({**fields, "message_definition": definition.encode()})
-        head = _fields(op=bytes((_CONNECTION,)), conn=_U32.pack(channel.id), topic=topic.encode())
+        number = self._numbers.setdefault(channel.id, len(self._numbers))
+        head = _fields(op=bytes((_CONNECTION,)), conn=_U32.pack(number), topic=topic.encode())
         self._connections[channel.id] = head + data
         self._undeclared.add(channel.id)
 
@@ -96,9 +102,9 @@ class BagWriter:
         if channel in self._undeclared:
             chunk.data += self._connections[channel]
             self._undeclared.remove(channel)
-        time = _time(log_time_ns)
-        chunk.index[channel] += time + _U32.pack(len(chunk.data))
-        chunk.data += _fields(op=bytes((_MESSAGE,)), conn=_U32.pack(channel), time=time)
+        time, number = _time(log_time_ns), self._numbers[channel]
+        chunk.index[number] += time + _U32.pack(len(chunk.data))
+        chunk.data += _fields(op=bytes((_MESSAGE,)), conn=_U32.pack(number), time=time)
         chunk.data += _U32.pack(len(data))
         chunk.data += data
         chunk.start_ns, chunk.end_ns = min(chunk.start_ns, log_time_ns), max(chunk.end_ns, log_time_ns)
@@ -132,7 +138,7 @@ class BagWriter:
             conn_count=_U32.pack(len(self._connections)),
             chunk_count=_U32.pack(self._chunks),
         )
-        padding = _HEADER_BYTES - len(head) - _U32.size
+        padding = _HEADER_BYTES - (len(head) - _U32.size)
         return head + _U32.pack(padding) + b" " * padding
 
     def _submit(self) -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.messages import CODECS, find_codec
+from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Schema
 from tests import logs
 from tests.messages import wrapped
@@ -58,7 +59,14 @@ def test_other_points_cannot_be_written():
     assert CODEC["cdr"].encode(cloud.with_field("reason", np.zeros(3, np.uint8)))
 
 
-def test_messages_of_both_drivers_are_known():
-    for driver in ("livox_ros_driver", "livox_ros_driver2"):
+def test_messages_of_all_drivers_are_known():
+    for driver in ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces"):
         for encoding, name in (("cdr", f"{driver}/msg/CustomMsg"), ("ros1", f"{driver}/CustomMsg")):
             assert find_codec(Channel(1, "/livox/lidar", encoding, Schema(name, "ros2msg", b"")))
+
+
+@pytest.mark.parametrize("driver", ["livox_ros_driver2", "livox_interfaces"])
+def test_recordings_without_definitions_get_them(driver):
+    """Recorders write none before ROS 2 Iron."""
+    text = ros2_schema(f"{driver}/msg/CustomMsg").data.decode()
+    assert text == wrapped.topic("/livox/lidar", wrapped.LIVOX).schema[2].decode().replace("livox_ros_driver2", driver)

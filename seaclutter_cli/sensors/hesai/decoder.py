@@ -183,6 +183,7 @@ class Hesai:
     title = f"Hesai {', '.join(_NAMES)}"
     scan_types: Mapping[str, str] = {
         "pandar_msgs/msg/PandarScan": "packets",
+        "hesai_lidar/msg/PandarScan": "packets",
         "nebula_msgs/msg/NebulaPackets": "packets",
         "hesai_ros_driver/msg/UdpFrame": "packets",
     }

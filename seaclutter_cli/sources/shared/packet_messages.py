@@ -61,6 +61,7 @@ PACKET_LAYOUTS: Mapping[str, tuple[Layout, ...]] = {
     "rslidar_msgs/msg/rslidarPacket": (_ROBOSENSE, Layout(flags=2, many=False, stamp=False)),
     "ouster_ros/msg/PacketMsg": _OUSTER,
     "ouster_sensor_msgs/msg/PacketMsg": _OUSTER,
+    "hesai_lidar/msg/PandarScan": (Layout(sized=True), Layout(length=1500, sized=True)),
     "nebula_msgs/msg/NebulaPackets": (Layout(),),
     "hesai_ros_driver/msg/UdpFrame": tuple(
         Layout(header=header, stamp=stamp, sized=True) for header in (True, False) for stamp in (True, False)
@@ -72,12 +73,38 @@ The length of a message distinguishes versions of drivers that share a type name
 """
 
 _CLOUDS = "record the driver's sensor_msgs/PointCloud2"
+_SCANS = f"{_CLOUDS}, or its messages of whole scans"
+_CONVERT = "convert it to sensor_msgs/PointCloud2"
 UNSUPPORTED: Mapping[str, str] = {
     "robosense_msgs/msg/RobosenseScan": f"{_CLOUDS}, or the packets with rslidar_sdk",
-    "innovusion_msgs/msg/InnovusionScan": _CLOUDS,
-    "vanjee_lidar_msg/msg/VanjeelidarPacket": _CLOUDS,
+    **dict.fromkeys(
+        (
+            "innovusion_msgs/msg/InnovusionPacket",
+            "innovusion_msgs/msg/InnovusionScan",
+            "innoviz_msgs/msg/InnovizScan",
+            "livox_msgs/msg/LidarScan",
+            "lslidar_msgs/msg/LslidarPacket",
+            "lslidar_msgs/msg/LslidarScan",
+            "seyond/msg/SeyondScan",
+            "vanjee_lidar_msg/msg/VanjeelidarPacket",
+        ),
+        _CLOUDS,
+    ),
+    **dict.fromkeys(
+        (
+            "hesai_lidar/msg/PandarPacket",
+            "hesai_ros_driver/msg/UdpPacket",
+            "nebula_msgs/msg/NebulaPacket",
+            "pandar_msgs/msg/PandarJumboPacket",
+            "pandar_msgs/msg/PandarPacket",
+            "robosense_msgs/msg/RobosensePacket",
+            "velodyne_msgs/msg/VelodynePacket",
+        ),
+        _SCANS,
+    ),
+    **dict.fromkeys(("sensor_msgs/msg/PointCloud", "foxglove_msgs/msg/LaserScan", "foxglove.LaserScan"), _CONVERT),
 }
-"""Known messages of lidar drivers that are not decoded, and what to record instead."""
+"""Known messages of lidar drivers and clouds that are not decoded, and what is needed instead."""
 
 
 def ros2_type(channel: Channel) -> str | None:
@@ -91,6 +118,12 @@ def ros2_type(channel: Channel) -> str | None:
 def _ros2_name(typename: str) -> str:
     package, _, name = typename.partition("/")
     return f"{package}/msg/{name.removeprefix('msg/')}"
+
+
+def advice_on(channel: Channel) -> str | None:
+    """Return what is needed instead of the messages of a channel; None if they are not known to be unsupported."""
+    name = channel.schema.name if channel.schema else ""
+    return UNSUPPORTED.get(ros2_type(channel) or name)
 
 
 def packet_type(channel: Channel) -> str | None:

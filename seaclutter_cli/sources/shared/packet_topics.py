@@ -14,10 +14,9 @@ from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.sources.shared.packet_batches import read_batch
 from seaclutter_cli.sources.shared.packet_messages import (
-    UNSUPPORTED,
+    advice_on,
     has_single_packets,
     packet_type,
-    ros2_type,
 )
 from seaclutter_cli.sources.shared.packet_probe import find_families, make_candidates, probe
 from seaclutter_cli.text import count
@@ -43,9 +42,9 @@ def wrap_packets(
         Sensors that can be decoded; all if not given.
     """
     source.warnings += [
-        f"{channel.topic} is not decoded: {channel.schema.name} is not supported; {UNSUPPORTED[typename]}"
+        f"{channel.topic} is not decoded: {channel.schema.name} is not supported; {advice}"
         for channel in source.channels
-        if channel.schema and (typename := ros2_type(channel) or "") in UNSUPPORTED
+        if channel.schema and (advice := advice_on(channel))
     ]
     if not any(map(packet_type, source.channels)):
         return source

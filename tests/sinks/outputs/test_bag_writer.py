@@ -74,18 +74,25 @@ def test_connections_have_what_a_recorder_writes(write):
         assert {c.msgdef.data for c in reader.connections} == {"string data\n"}
 
 
-def test_the_header_fills_4096_bytes_and_the_index_follows_the_chunks(write):
+def test_the_header_has_4096_bytes_without_sizes_and_the_index_follows_the_chunks(write):
+    """ROS 1 writes such a header over it, when it appends or reindexes."""
     data = write(MESSAGES).read_bytes()
     assert data.startswith(b"#ROSBAG V2.0\n")
     fields = fields_at(data, 13)
     size = struct.unpack_from("<I", data, 13)[0]
-    assert 4 + size + 4 + struct.unpack_from("<I", data, 17 + size)[0] == 4096
+    assert size + struct.unpack_from("<I", data, 17 + size)[0] == 4096
     assert fields[b"op"] == b"\x03"
     index, connections, chunks = (
         int.from_bytes(fields[k], "little") for k in (b"index_pos", b"conn_count", b"chunk_count")
     )
     assert fields_at(data, index)[b"op"] == b"\x07"
     assert connections == 2
+    numbers, at = [], index
+    for _ in range(connections):
+        numbers.append(int.from_bytes(fields_at(data, at)[b"conn"], "little"))
+        at += 4 + struct.unpack_from("<I", data, at)[0]
+        at += 4 + struct.unpack_from("<I", data, at)[0]
+    assert numbers == [0, 1]  # the next one that ROS 1 appends is 2
     assert data.count(b"op=\x05") == data.count(b"op=\x06") == chunks > 3
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.ouster import test_decoder as ouster
@@ -26,6 +27,7 @@ from tests.sources.shared.test_robosense_topics import old_messages, sdk_message
 
 VELODYNE_PACKET, VELODYNE = "velodyne_msgs/msg/VelodynePacket", "velodyne_msgs/msg/VelodyneScan"
 PANDAR_PACKET, PANDAR = "pandar_msgs/msg/PandarPacket", "pandar_msgs/msg/PandarScan"
+LIDAR_PACKET, LIDAR = "hesai_lidar/msg/PandarPacket", "hesai_lidar/msg/PandarScan"
 HEADER = "std_msgs/Header header\n"
 STAMPED = "builtin_interfaces/Time stamp\n"
 ALL = {
@@ -37,6 +39,8 @@ ALL = {
     VELODYNE: HEADER + "velodyne_msgs/VelodynePacket[] packets",
     PANDAR_PACKET: STAMPED + "uint8[1500] data\nuint32 size",
     PANDAR: HEADER + "pandar_msgs/PandarPacket[] packets",
+    LIDAR_PACKET: STAMPED + "uint8[] data\nuint32 size",
+    LIDAR: HEADER + "hesai_lidar/PandarPacket[] packets",
 }
 
 
@@ -51,14 +55,15 @@ def velodyne_messages(types, packets, per_scan=20):
         yield "/velodyne_packets", part[-1][0], types.make(VELODYNE, types.header(part[0][0], "velodyne"), made)
 
 
-def pandar_messages(types, packets, per_scan=200):
+def pandar_messages(types, packets, per_scan=200, kinds=(PANDAR_PACKET, PANDAR), reserved=1500):
+    packet, scan = kinds
     for first in range(0, len(packets), per_scan):
         part = packets[first : first + per_scan]
         made = [
-            types.make(PANDAR_PACKET, types.time(time_ns), array(payload.ljust(1500, b"\0")), len(payload))
+            types.make(packet, types.time(time_ns), array(payload.ljust(reserved, b"\0")), len(payload))
             for time_ns, payload in part
         ]
-        yield "/pandar_packets", part[-1][0], types.make(PANDAR, types.header(part[0][0], "pandar"), made)
+        yield "/pandar_packets", part[-1][0], types.make(scan, types.header(part[0][0], "pandar"), made)
 
 
 @dataclass(frozen=True)
@@ -118,6 +123,7 @@ DRIVERS = {
         _xt32, lambda types, packets, _: hesai_messages(types, packets, "times", angles=ANGLES), 2368, _angles
     ),
     "pandar": Driver(_xt32, _plain(pandar_messages), 2368),
+    "hesai_lidar": Driver(_xt32, _plain(partial(pandar_messages, kinds=(LIDAR_PACKET, LIDAR), reserved=0)), 2368),
     "velodyne": Driver(lambda: pairs(velodyne_packets(60, first=35000, step=300)), _plain(velodyne_messages), 2368),
 }
 """Drivers by name. Add new ones here."""

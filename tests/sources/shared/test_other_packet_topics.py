@@ -1,8 +1,12 @@
 """Packet topics of Ouster, Nebula and Hesai's newer driver: equal to the decoded packets, in every container."""
 
+from contextlib import closing
+
 import pytest
 
 from seaclutter_cli.sources.formats import open_source
+from seaclutter_cli.sources.shared.packet_messages import UNSUPPORTED
+from tests import logs
 from tests.paths import shared
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.ouster import test_decoder as ouster
@@ -162,11 +166,16 @@ def test_a_truncated_packet_is_reported(tmp_path):
     source.close()
 
 
-def test_known_messages_that_are_not_supported_are_named(tmp_path):
-    kind = "innovusion_msgs/msg/InnovusionScan"
-    types = Types("mcap", {kind: "uint8[] data"})
-    path = write(tmp_path, "mcap", types, [("/iv_packets", 10**18, types.make(kind, array(b"")))])
-    found, warnings, *_ = clouds(path)
-    assert not found
-    (warning,) = warnings
-    assert warning.startswith("/iv_packets is not decoded: innovusion_msgs/msg/InnovusionScan is not supported; record")
+@pytest.mark.parametrize("encoding", ["cdr", "ros1", "protobuf"])
+@pytest.mark.parametrize("kind", UNSUPPORTED)
+def test_known_messages_that_are_not_supported_are_named(tmp_path, kind, encoding):
+    if ("/" in kind) == (encoding == "protobuf"):
+        pytest.skip("messages of ROS are not protobuf, and others are")
+    path, name = tmp_path / "log.mcap", kind.replace("/msg/", "/") if encoding == "ros1" else kind
+    form = {"cdr": "ros2msg", "ros1": "ros1msg", "protobuf": "protobuf"}[encoding]
+    topic = logs.Topic("/other", encoding, (name, form, b""))
+    logs.write_log(path, [topic], [logs.Entry("/other", logs.START_NS, b"")])
+    with closing(open_source(path)) as source:
+        (warning,) = source.warnings
+    assert warning.startswith(f"/other is not decoded: {name} is not supported; ")
+    assert "sensor_msgs/PointCloud2" in warning
