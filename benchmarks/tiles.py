@@ -53,12 +53,14 @@ def kappa(points: Any, classification: Any) -> float:
 
 
 def windows() -> None:
-    """Print Table 1, kappa over the window: method of the paper, without echoes from below, with islands detected."""
+    """Print Table 1, kappa over the window: the method of the paper, and what was added to it step by step."""
     head("Table 1: kappa over the window (m)", "tile", "method", *map(str, WINDOWS_M))
+    fixed = SeparationParams(height_m=0.5, land="ignore")
     methods = {
         "as published": SurfaceParams(),
-        "without echoes from below": SeparationParams(island_m=None),
-        "with islands detected": TileSettings().separation,
+        "without echoes from below": replace(fixed, island_m=None),
+        "with islands detected": fixed,
+        "with waves and land": TileSettings().separation,
     }
     scenes = {name: load_tile_scene(name) for name in TABLE_1}
     farms = scenes["farms"]
