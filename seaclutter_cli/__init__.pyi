@@ -34,6 +34,7 @@ from .frame import Reason as Reason
 from .frame import Rings as Rings
 from .frame import WaterState as WaterState
 from .runs.batch import BatchOptions as BatchOptions
+from .runs.classify.maps import MapOptions as MapOptions
 from .runs.classify.predict import ClassifyTilesOptions as ClassifyTilesOptions
 from .runs.classify.predict import classify_tiles as classify_tiles
 from .runs.classify.separate import SeparateTilesOptions as SeparateTilesOptions

@@ -37,7 +37,7 @@ class ElevationGrid:
     Examples
     --------
     >>> grid = ElevationGrid(1.0)
-    >>> grid.add(np.array([[0.2, 0.9, 5.0], [0, 0, 0], [3, 1, 2]]))
+    >>> _ = grid.add(np.array([[0.2, 0.9, 5.0], [0, 0, 0], [3, 1, 2]]))
     >>> grid.lowest.ravel()[grid.locate(np.array([0.5, 5.0]), np.array([0.5, 0.5]))]
     array([1., 2.])
     """

@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, Self
@@ -203,7 +203,11 @@ Place = tuple[float, Callable[[Values], Values] | None]
 """Unit of a tile's positions in metres, and their conversion to longitude and latitude; None if it is unknown."""
 
 
-def as_geojson(tiles: Sequence[tuple[str, Sequence[FoundObject]]], places: Sequence[Place] | None = None) -> str:
+def as_geojson(
+    tiles: Sequence[tuple[str, Sequence[FoundObject]]],
+    places: Sequence[Place] | None = None,
+    more: Sequence[Mapping[str, Any]] = (),
+) -> str:
     """Return the boxes as a GeoJSON feature collection, in WGS 84 where a conversion is given.
 
     Parameters
@@ -212,10 +216,12 @@ def as_geojson(tiles: Sequence[tuple[str, Sequence[FoundObject]]], places: Seque
         Name and objects of each tile; centres in its coordinates.
     places : sequence of Place, optional
         Unit and conversion of each tile; by default metres, and none.
+    more : sequence of mapping, optional
+        Further features.
     """
     where = places or [(1.0, None)] * len(tiles)
     features = [_feature(name, one, *place) for (name, own), place in zip(tiles, where, strict=True) for one in own]
-    return json.dumps({"type": "FeatureCollection", "features": features})
+    return json.dumps({"type": "FeatureCollection", "features": [*features, *more]})
 
 
 def _feature(tile: str, one: FoundObject, unit_m: float, convert: Callable[[Values], Values] | None) -> dict[str, Any]:

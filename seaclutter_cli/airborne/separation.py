@@ -1,7 +1,7 @@
 """Separation of tiles into sea and non-sea points."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.airborne.following import CellDetails
+from seaclutter_cli.airborne.grid import BLOCK
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.squares import echoes_of
 from seaclutter_cli.airborne.strips import Column, strips_of
@@ -57,6 +58,31 @@ class SeaState:
 
 
 @dataclass(frozen=True)
+class LandCells:
+    """Cells of the grid that are land.
+
+    Parameters
+    ----------
+    cell_m : float
+        Width of a cell.
+    blocks : mapping of (int, int) to ndarray, shape (256, 256), bool
+        The cells, in the blocks that contain any.
+    """
+
+    cell_m: float = 1.0
+    blocks: Mapping[tuple[int, int], NDArray[np.bool_]] = field(default_factory=dict)
+
+    def contain(self, xy: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether positions in metres, shape (2, N), are on land."""
+        column, row = np.floor(xy / self.cell_m).astype(np.int64)
+        found = np.zeros(xy.shape[1], np.bool_)
+        for block, land in self.blocks.items():
+            inside = np.flatnonzero((column // BLOCK == block[0]) & (row // BLOCK == block[1]))
+            found[inside] = land[column[inside] % BLOCK, row[inside] % BLOCK]
+        return found
+
+
+@dataclass(frozen=True)
 class Separation:
     """Classes and heights of the N points of a tile.
 
@@ -70,12 +96,15 @@ class Separation:
         Number of grid cells with points.
     sea : SeaState
         What the separation is based on.
+    land : LandCells
+        Where the land is.
     """
 
     classification: NDArray[np.uint8]
     height_m: NDArray[np.float32]
     cells: int
     sea: SeaState = SeaState("opened", None, None, None, CALM_M)
+    land: LandCells = LandCells()
 
     def first(self, points: int) -> "Separation":
         """Return the separation of the first points alone."""
@@ -123,11 +152,20 @@ def separate(
     if surface.waves is not None and surface.is_rough:
         found = _rough(points, surface, surface.waves, column)
     else:
-        found = Separation(*_classes(points, surface), surface.cells, SeaState.of(surface))
+        found = Separation(*_classes(points, surface), surface.cells, SeaState.of(surface), _land(surface))
     if trusted and (given := column("classification")) is not None:
         kept = np.isin(given, trusted) & (found.classification != NEVER)
         found.classification[kept] = given[kept]
     return found
+
+
+def _land(*surfaces: SeaSurfaceModel) -> LandCells:
+    """Return the land of a tile, which its strips have in parts."""
+    blocks: dict[tuple[int, int], NDArray[np.bool_]] = {}
+    for surface in surfaces:
+        for block, own in surface.all_land_by_block.items():
+            blocks[block] = blocks[block] | own if block in blocks else own
+    return LandCells(surfaces[0].params.cell_m, blocks)
 
 
 def _rough(whole_tile: GriddedPoints, whole: SeaSurfaceModel, waves: Waves, column: Column) -> Separation:
@@ -146,7 +184,7 @@ def _rough(whole_tile: GriddedPoints, whole: SeaSurfaceModel, waves: Waves, colu
         classification[own], height[own] = _classes(points, surface)
         surfaces.append(surface)
     largest = max(surfaces, key=lambda surface: surface.cells)
-    return Separation(classification, height, whole.cells, SeaState.of(largest))
+    return Separation(classification, height, whole.cells, SeaState.of(largest), _land(*surfaces))
 
 
 @dataclass(frozen=True)

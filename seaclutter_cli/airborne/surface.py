@@ -180,7 +180,7 @@ class SeaSurfaceModel:
         self.waves: Waves | None = None
         self.followed: FollowedSurface | None = None
         self.shores: Shores | None = None
-        self._land = np.zeros(lowest.shape, np.bool_)
+        self._land = self._islands = np.zeros(lowest.shape, np.bool_)
         if not isinstance(params, SeparationParams):
             return
         top = self._opened + params.threshold_m
@@ -211,7 +211,8 @@ class SeaSurfaceModel:
             self._opened[self._land] = shores.level_m[self._land]
         elif params.island_m is not None:
             sea_level = self._level(params.island_m / 4)
-            self._opened[self._land_cells(sea_level, params.threshold_m, params.island_m)] = sea_level
+            self._islands = self._land_cells(sea_level, params.threshold_m, params.island_m)
+            self._opened[self._islands] = sea_level
 
     def _follow(self, lowest: Cells, rough: "RoughWater") -> None:
         """Set the surface of rough water; the crests of waves must not join islands, nor become some."""
@@ -228,7 +229,7 @@ class SeaSurfaceModel:
             land |= self._land_cells(local_levels(self._grid, lowest, self._opened, waves), above, high, own)
         self.followed = follow_waves(self._grid, lowest, land, waves, lowest - self._opened, rough.details)
         self._limits = height_limits(self._grid, lowest, land, self.followed, rough.details)
-        self._land = own
+        self._land, self._islands = own, land
 
     def height(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the height above the surface in metres, shape (N,), of points from the grid, shape (3, N)."""
@@ -276,6 +277,12 @@ class SeaSurfaceModel:
         if self.shores is None:
             return None
         return {block: self.shores.land[slot] for block, slot in self._grid.blocks.items()}
+
+    @property
+    def all_land_by_block(self) -> Mapping[tuple[int, int], Mask]:
+        """Cells of land, also of islands, by the blocks that contain any."""
+        land = {block: self._land[slot] | self._islands[slot] for block, slot in self._grid.blocks.items()}
+        return {block: own for block, own in land.items() if own.any()}
 
     @property
     def cells(self) -> int:

@@ -57,6 +57,7 @@ SENSORS: Mapping[str, SensorModel] = {
     "RS-Ruby-Plus": SensorModel("RoboSense", 128, 1800, _BYTE, _ROBOSENSE),
     "RS-Ruby-Plus-80": SensorModel("RoboSense", 80, 1800, _BYTE, _ROBOSENSE),
     "RS-Airy": SensorModel("RoboSense", 96, 900, _BYTE, _ROBOSENSE),
+    "RS-Airy-48": SensorModel("RoboSense", 48, 900, _BYTE, _ROBOSENSE),
     "RS-M1": SensorModel("RoboSense", 5, 15000, _BYTE, _ROBOSENSE),
     "RS-E1": SensorModel("RoboSense", 1, 26000, _BYTE, _ROBOSENSE),
     "VLP-16": SensorModel("Velodyne", 16, 1800, _BYTE, _VELODYNE),

@@ -130,6 +130,7 @@ FORMATS: dict[str, Format] = {
     "pcap fragments": Format(partial(seeds.robosense, fragments=True), _log("log.pcap"), "log.pcap"),
     "pcapng": Format(seeds.pcapng, _log("log.pcapng")),
     "pcap hesai": Format(seeds.hesai_capture, **_PACKETS),
+    "pcap hesai 128": Format(partial(seeds.hesai_capture, kind="P128"), **_PACKETS),
     "pcap velodyne": Format(seeds.velodyne_capture, **_PACKETS),
     "pcap ouster": Format(seeds.ouster_capture, **_PACKETS),
     "pcap ouster legacy": Format(partial(seeds.ouster_capture, profile="LEGACY"), **_PACKETS),

@@ -131,9 +131,9 @@ def pcapng(folder):
     (folder / "log.pcapng").write_bytes(b"".join(blocks))
 
 
-def hesai_capture(folder):
+def hesai_capture(folder, kind=hesai.XT32):
     """Write a capture of a Hesai lidar."""
-    packets, _ = hesai.make_packets(hesai.XT32, 0.12, start=340.0)
+    packets, _ = hesai.make_packets(kind, 0.12, start=340.0)
     _capture(folder, [(int(t), p.tobytes()) for t, p in zip(packets.times_ns, packets.payloads, strict=True)], 2368)
 
 

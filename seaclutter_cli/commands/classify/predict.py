@@ -28,6 +28,7 @@ _OPTIONS = (
     ),
     output_option("--csv", "csv_file", help="Also write a CSV table with a line for each object."),
     output_option("--geojson", "geojson_file", help="Also write the boxes of the objects as GeoJSON."),
+    output_option("--gpkg", "gpkg_file", help="Also write the boxes and the shoreline as GeoPackage."),
     output_option("--plot", "plot_file", help="Draw a top view of the tile, as PNG or SVG."),
     force_option,
     settings_options,

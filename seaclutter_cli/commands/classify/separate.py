@@ -11,6 +11,7 @@ from seaclutter_cli.commands.classify.options import (
 )
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.options import console_options, force_option, grouped, resumable_batch_options_for
+from seaclutter_cli.commands.places import output_option
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.classify.separate import SeparateTilesOptions
@@ -55,6 +56,15 @@ _OPTIONS = (
         type=click.FloatRange(min=50, max=100_000),
         metavar="METRES",
         help="Read COPC files in windows of this width, and write a tile for each; for files larger than memory.",
+    ),
+    grouped(
+        "maps",
+        "runs.classify.maps:MapOptions",
+        (
+            output_option("--plot", "plot_file", help="Draw a map with water level, land and objects, as PNG or SVG."),
+            output_option("--geojson", "geojson_file", help="Also write the shoreline as GeoJSON."),
+            output_option("--gpkg", "gpkg_file", help="Also write the shoreline as GeoPackage."),
+        ),
     ),
     force_option,
     settings_options,

@@ -6,6 +6,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classification import ClassifiedPoints, classify_points
 from seaclutter_cli.airborne.forest import class_name
@@ -13,11 +14,13 @@ from seaclutter_cli.airborne.model import ObjectModel, load_model
 from seaclutter_cli.airborne.objects import as_csv, as_geojson
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.separation import WATER
-from seaclutter_cli.errors import MissingExtraError, UsageError
+from seaclutter_cli.errors import UsageError
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
+from seaclutter_cli.runs.classify.geodata import NOT_WGS84, TileGeodata, check_geodata, geopackage_of, to_wgs84
+from seaclutter_cli.runs.classify.maps import shoreline_in
 from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, PredictResult, TileObjects, columns_of
 from seaclutter_cli.runs.classify.survey import tiles_of
 from seaclutter_cli.runs.classify.tiles import (
@@ -33,7 +36,6 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sources.crs import ToLongitudeLatitude
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
 
 
@@ -51,6 +53,8 @@ class ClassifyTilesOptions:
         CSV table with a line for each object.
     geojson_file : Path or None
         GeoJSON file with the boxes of the objects.
+    gpkg_file : Path or None
+        GeoPackage with these boxes and the shoreline, in WGS 84.
     plot_file : Path or None
         Picture of the tile in top view; for a single tile.
     force : bool
@@ -69,6 +73,7 @@ class ClassifyTilesOptions:
     settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
     csv_file: Path | None = None
     geojson_file: Path | None = None
+    gpkg_file: Path | None = None
     plot_file: Path | None = None
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
@@ -108,30 +113,42 @@ def classify_tiles(
     """
     paths = find_tiles(tiles)
     others = {"--csv": options.csv_file, "--geojson": options.geojson_file, "--plot": options.plot_file}
+    others["--gpkg"] = options.gpkg_file
     inputs = {"--model": options.model, "-c": options.settings.file}
     heads = tiles_of(paths, None, observer)
     targets = plan_tiles(heads, output, others, inputs, force=options.force, observer=observer)
+    check_geodata(shoreline=options.gpkg_file is not None, package=options.gpkg_file is not None)
     if options.plot_file:
         check_target(options.plot_file)
         if len(paths) > 1:
             raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)
     works = [
-        PredictWork(tile=head, target=target, model=model, plot_file=options.plot_file)
+        PredictWork(
+            tile=head,
+            target=target,
+            model=model,
+            plot_file=options.plot_file,
+            with_shoreline=options.gpkg_file is not None,
+        )
         for head, target in zip(heads, targets, strict=True)
     ]
     # The tiles are the main output: they appear after the tables.
     with process_tiles(works, options.batch, observer, replaced=options.force) as (found, files):
-        result = PredictResult([tile for tile, _ in found], model.settings.objects.min_probability)
+        result = PredictResult([tile for tile, *_ in found], model.settings.objects.min_probability)
         if options.plot_file:
             write_files({options.plot_file: found[0][1]}, files)
-        write_files(_tables(result, options, observer), files)
+        tables = _tables(result, options, observer)
+        if options.gpkg_file:
+            places = [TileGeodata(tile.name, tile.crs, lines, tile.objects) for tile, _, lines in found]
+            tables[options.gpkg_file] = geopackage_of(places, observer, with_objects=True)
+        write_files(tables, files)
     return result
 
 
 @dataclass(frozen=True, kw_only=True)
-class PredictWork(TileWork[tuple[TileObjects, bytes]]):
-    """Classification of one tile; the result has the objects, and the picture if there is to be one.
+class PredictWork(TileWork[tuple[TileObjects, bytes, list[NDArray[np.float64]]]]):
+    """Classification of one tile; the result has the objects, the picture if there is to be one, and the shoreline.
 
     Parameters
     ----------
@@ -139,12 +156,17 @@ class PredictWork(TileWork[tuple[TileObjects, bytes]]):
         Trained model.
     plot_file : Path or None
         File for a picture of the tile.
+    with_shoreline : bool
+        Whether the shoreline is wanted.
     """
 
     model: ObjectModel
     plot_file: Path | None
+    with_shoreline: bool = False
 
-    def process(self, observer: Observer, files: OutputGroup | None) -> tuple[tuple[TileObjects, bytes], int]:
+    def process(
+        self, observer: Observer, files: OutputGroup | None
+    ) -> tuple[tuple[TileObjects, bytes, list[NDArray[np.float64]]], int]:
         """Write the classified tile."""
         started, tile = perf_counter(), open_tile(self.path)
         warn_without_intensity(tile, self.model.settings, observer)
@@ -157,18 +179,8 @@ class PredictWork(TileWork[tuple[TileObjects, bytes]]):
         write_tile(tile, self.place, columns_of(found), DIMENSIONS, files)
         picture = _picture(tile, found, self.plot_file.suffix) if self.plot_file else b""
         objects = TileObjects.of(self.path.stem, found, perf_counter() - started, tile.crs)
-        return (objects, picture), objects.points
-
-
-def _to_wgs84(tile: TileObjects, observer: Observer) -> ToLongitudeLatitude | None:
-    """Return the conversion of a tile's positions to WGS 84; warn if there is none."""
-    try:
-        conversion, reason = tile.crs.to_wgs84(), "its CRS is unknown"
-    except MissingExtraError as error:
-        conversion, reason = None, str(error)
-    if conversion is None:
-        observer.warn(f"{tile.name}: GeoJSON is in the coordinates of the tile, not in WGS 84: {reason}")
-    return conversion
+        lines = shoreline_in(tile, found.tile.separation) if self.with_shoreline else []
+        return (objects, picture, lines), objects.points
 
 
 def _tables(result: PredictResult, options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
@@ -177,7 +189,7 @@ def _tables(result: PredictResult, options: ClassifyTilesOptions, observer: Obse
     if options.csv_file:
         tables[options.csv_file] = as_csv(objects).encode()
     if options.geojson_file:
-        places = [(tile.crs.unit_m, _to_wgs84(tile, observer)) for tile in result.tiles]
+        places = [(tile.crs.unit_m, to_wgs84(tile.name, tile.crs, NOT_WGS84, observer)) for tile in result.tiles]
         tables[options.geojson_file] = as_geojson(objects, places).encode()
     return tables
 

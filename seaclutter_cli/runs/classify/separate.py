@@ -14,6 +14,7 @@ from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import SelectionError, UsageError
 from seaclutter_cli.runs.batch import BatchOptions, run_batch
 from seaclutter_cli.runs.classify.batch import TileWork, jobs_for
+from seaclutter_cli.runs.classify.maps import DrawnTile, MapOptions, drawn, map_files
 from seaclutter_cli.runs.classify.resume import RUN, record_text, recorded_run
 from seaclutter_cli.runs.classify.separate_result import SeparatedTile, SeparateOutcome, SeparateResult
 from seaclutter_cli.runs.classify.survey import MARGIN_M, margins_of, points_of, tiles_of
@@ -61,6 +62,8 @@ class SeparateTilesOptions:
         Width of the margin around each of several tiles in which points of its neighbours count; 0: none.
     window_m : float or None
         Width of the windows in which COPC files are read, each of which becomes a tile; None: as a whole.
+    maps : MapOptions
+        Picture, and geodata of the shoreline.
     force : bool
         Replace existing files.
     batch : BatchOptions
@@ -79,6 +82,7 @@ class SeparateTilesOptions:
     trust_classes: tuple[Literal[2, 9], ...] | None = None
     margin_m: float = MARGIN_M
     window_m: float | None = None
+    maps: MapOptions = field(default_factory=MapOptions)
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
@@ -127,6 +131,11 @@ def separate_tiles(
     batch = options.batch
     replaced = options.force or batch.resume
     inputs, others = {"-c": options.settings.file}, {"--manifest": batch.manifest}
+    maps = options.maps
+    others |= {"--plot": maps.plot_file, "--geojson": maps.geojson_file, "--gpkg": maps.gpkg_file}
+    if maps.wanted and batch.resume:
+        raise UsageError("--resume: --plot, --geojson and --gpkg need all tiles of one run; leave them or --resume out")
+    maps.check()
     heads = tiles_of(find_tiles(tiles), options.window_m, observer)
     targets = plan_tiles(heads, output, others, inputs, force=replaced, observer=observer)
     margins = margins_of(heads, options.margin_m, observer)
@@ -139,10 +148,14 @@ def separate_tiles(
             with_height=options.with_height,
             margin=margin,
             is_recorded=len(heads) > 1 or batch.resume,
+            pixel_m=maps.pixel_m(heads) if maps.wanted else None,
         )
         for head, target, margin in zip(heads, targets, margins, strict=True)
     ]
-    outcomes = _run(works, batch, observer, force=options.force)
+    # The tiles are the main output: a single one appears after its maps.
+    with OutputGroup(replace=replaced) as files, OutputGroup(files) as written:
+        outcomes = _run(works, batch, observer, written, force=options.force)
+        write_files(_map_files(maps, outcomes, observer), files)
     if batch.manifest:
         recordings = [work.recording for work in works]
         write_files(manifest_of(batch.manifest, recordings, outcomes), replace=replaced)
@@ -150,17 +163,22 @@ def separate_tiles(
 
 
 def _run(
-    works: "Sequence[SeparateWork]", batch: BatchOptions, observer: Observer, *, force: bool
+    works: "Sequence[SeparateWork]", batch: BatchOptions, observer: Observer, files: OutputGroup, *, force: bool
 ) -> list[SeparateOutcome]:
-    """Separate tiles whose outputs are not complete; each output appears when it is."""
+    """Separate tiles whose outputs are not complete; each of several appears at once, a single one with ``files``."""
     if not batch.resume and batch.runs_here(len(works)):
-        return [works[0].alone(observer)]
+        return [works[0].alone(observer, files)]
     if batch.resume:
         _check_resumable(works, force=force)
     earlier = earlier_outcomes(works, observer, "separated") if batch.resume else [None] * len(works)
     todo = [work for work, outcome in zip(works, earlier, strict=True) if outcome is None]
     done = iter(run_batch(todo, jobs_for(batch, len(todo)), observer) if todo else [])
     return [outcome or next(done) for outcome in earlier]  # type: ignore[misc]  # of works
+
+
+def _map_files(options: MapOptions, outcomes: Sequence[SeparateOutcome], observer: Observer) -> dict[Path, bytes]:
+    found = [(one.map, one.result.sea_state) for one in outcomes if one.map and one.result]
+    return map_files(options, [one for one, _ in found], [sea for _, sea in found], observer)
 
 
 def _check_resumable(works: "Sequence[SeparateWork]", *, force: bool) -> None:
@@ -172,7 +190,7 @@ def _check_resumable(works: "Sequence[SeparateWork]", *, force: bool) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SeparateWork(TileWork["SeparatedTile"]):
+class SeparateWork(TileWork[SeparatedTile]):
     """Separation of one tile.
 
     Parameters
@@ -185,12 +203,15 @@ class SeparateWork(TileWork["SeparatedTile"]):
         Margin with points of other tiles.
     is_recorded : bool
         Write the record of the run, by which a later one recognises the output.
+    pixel_m : float or None
+        Width of the pixels of a map; 0: as the tile requires; None: no map.
     """
 
     params: SeparationParams
     with_height: bool
     margin: Margin | None = None
     is_recorded: bool = False
+    pixel_m: float | None = None
 
     @property
     def output(self) -> Location:
@@ -214,19 +235,24 @@ class SeparateWork(TileWork["SeparatedTile"]):
     def run(self, observer: Observer) -> SeparateOutcome:
         """Separate the tile; store an error in the outcome."""
         outcome = self.without_result(None)
-        with storing_errors(outcome, observer), same_output_accepted(self):
-            self._into(outcome, observer)
+        with storing_errors(outcome, observer), same_output_accepted(self), OutputGroup(replace=self.replaced) as files:
+            self._into(outcome, observer, files)
         return outcome
 
-    def alone(self, observer: Observer) -> SeparateOutcome:
-        """Separate the only tile of a run; raise its error."""
+    def alone(self, observer: Observer, files: OutputGroup) -> SeparateOutcome:
+        """Separate the only tile of a run, whose output appears with other files; raise its error."""
         outcome = self.without_result(None)
-        self._into(outcome, observer)
+        self._into(outcome, observer, files)
         return outcome
 
-    def _into(self, outcome: SeparateOutcome, observer: Observer) -> None:
-        with OutputGroup(replace=self.replaced) as files:
-            outcome.result, outcome.points = self.process(observer, files)
+    def _into(self, outcome: SeparateOutcome, observer: Observer, files: OutputGroup) -> None:
+        outcome.result, outcome.map = self._separate(observer, files)
+        outcome.points = outcome.result.points
+
+    def process(self, observer: Observer, files: OutputGroup | None) -> tuple[SeparatedTile, int]:
+        """Write the separated tile."""
+        result, _ = self._separate(observer, files)
+        return result, result.points
 
     def identity(self) -> RunIdentity:
         """Return what the separated tile depends on."""
@@ -255,8 +281,8 @@ class SeparateWork(TileWork["SeparatedTile"]):
             outcome.points, outcome.skipped = outcome.result.points, True
         return (None, f"the earlier output is of {difference}") if difference else (outcome, "")
 
-    def process(self, observer: Observer, files: OutputGroup | None) -> tuple[SeparatedTile, int]:
-        """Write the separated tile."""
+    def _separate(self, observer: Observer, files: OutputGroup | None) -> tuple[SeparatedTile, DrawnTile | None]:
+        """Write the separated tile; return its figures, and its map if there is to be one."""
         started = perf_counter()
         tile = open_tile_or_window(self.path, self.tile.window)
         if self.tile.window and not tile.size:
@@ -275,6 +301,7 @@ class SeparateWork(TileWork["SeparatedTile"]):
         if self.is_recorded:
             texts[RUN] = record_text(self.identity(), {**counts, "sea_state": asdict(found.sea)})
         write_tile(tile, self.place, columns, HEIGHT if self.with_height else {}, files, texts)
+        own_map = None if self.pixel_m is None else drawn(tile, self.tile.name, found, self.pixel_m)
         seconds = perf_counter() - started
         result = SeparatedTile(self.tile.name, str(self.target), **counts, sea_state=found.sea, seconds=seconds)
-        return result, tile.size
+        return result, own_map

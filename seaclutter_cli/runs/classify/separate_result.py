@@ -7,6 +7,7 @@ from typing import Any
 
 from seaclutter_cli.airborne.separation import SeaState
 from seaclutter_cli.runs.classify.batch import TileOutcome
+from seaclutter_cli.runs.classify.maps import DrawnTile
 from seaclutter_cli.runs.recordings import RecordingsResult, statuses
 from seaclutter_cli.text import UNKNOWN, count, share, table
 
@@ -44,9 +45,12 @@ class SeparateOutcome(TileOutcome[SeparatedTile]):
     ----------
     output : Path
         The separated tile.
+    map : DrawnTile or None
+        Its part of the maps of the run.
     """
 
     output: Path
+    map: DrawnTile | None = None
 
     def figures(self) -> str:
         """Return points and share of the non-sea points, for a line about the outcome."""

@@ -23,7 +23,7 @@ _CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Bpearl")
 _HELIOS = ("RS-Helios", "RS-Helios-16P")
 _RUBIES = (("RS-Ruby", "RS-Ruby-Plus"), ("RS-Ruby-80", "RS-Ruby-Plus-80"))
 _BPEARL_4_TYPE, _80V_MODEL = (3, 4), 3
-_AIRY_UNSUPPORTED, _AIRY_MOUNTING_AT = (1, 3), 289
+_AIRY_48, _AIRY_192, _AIRY_MOUNTING_AT = 1, 3, 289
 
 
 def find_model(
@@ -70,7 +70,7 @@ def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
     if data[:4].tobytes() == CLASSIC_ID:
         return _CLASSIC
     if is_airy(data):
-        return ("RS-Airy",)
+        return ("RS-Airy-48" if data[32] == _AIRY_48 else "RS-Airy",)
     for names in _RUBIES:
         model = MODELS[names[0]]
         ids = data[RUBY.begin :: 4 + 3 * model.channels][: model.blocks]
@@ -96,8 +96,8 @@ def is_airy(data: NDArray[np.uint8]) -> bool:
 def _version(model: RobosenseModel, data: NDArray[np.uint8], info: NDArray[np.uint8]) -> RobosenseModel:
     """Return the version of a model that sent a data packet and device information."""
     if model.name == "RS-Airy":
-        if data[32] in _AIRY_UNSUPPORTED:
-            raise InputError(f"packets of a RoboSense RS-Airy with other than 96 lasers are not supported; {ADVICE}")
+        if data[32] == _AIRY_192:
+            raise InputError(f"packets of a RoboSense RS-Airy with 192 lasers are not supported; {ADVICE}")
         return AIRY_BY_MOUNTING.get(int(info[0, _AIRY_MOUNTING_AT]), model) if len(info) else model
     if model.name == BPEARL_4.name and tuple(data[31:33].tolist()) == _BPEARL_4_TYPE:
         return BPEARL_4

@@ -60,6 +60,7 @@ CLASSIC = PacketFormat(CLASSIC_ID)
 HELIOS = PacketFormat(HELIOS_ID, is_utc=True)
 RUBY = PacketFormat(HELIOS_ID, 80, (0xFF00, 0xFE00), 10, True, 8, True, 852, (3,))
 AIRY = replace(HELIOS, horizontal_at=756, dual_modes=(3,), mode_at=17, has_halves=True, distance_mask=0x3FFF)
+AIRY_48 = replace(AIRY, has_halves=False)
 RUBY_PLUS = replace(RUBY, dual_modes=(3, 4, 5))
 
 
@@ -173,6 +174,9 @@ _AIRY_NS = {
     "M": _ns("0x8 7.616x8 16.184x8 24.752x8 33.32x8 42.84x8 52.36x8 61.88x8 71.4x8 79.968x8 88.536x8 97.104x8"),
 }
 
+_AIRY_48_NS = _AIRY_NS["M"][::2]
+_AIRY_LENS_M = (hypot(0.0075, 0.00664), 0.04532)
+
 BPEARL_4 = RobosenseModel(
     "RS-Bpearl", 32, 0.0025, (0.1, 150), 55560, (0.01619, 0.09571), _BPEARL_4_NS, replace(CLASSIC, is_utc=True)
 )
@@ -194,9 +198,8 @@ MODELS: Mapping[str, RobosenseModel] = {
         RobosenseModel(
             "RS-Ruby-Plus-80", 80, 0.005, _RUBY_RANGE_M, 55560, (0.02892, 0), _RUBY_PLUS_80_NS, RUBY_PLUS, 80, 4
         ),
-        RobosenseModel(
-            "RS-Airy", 96, 0.005, (0.1, 60), 111080, (hypot(0.0075, 0.00664), 0.04532), _AIRY_NS["M"], AIRY, 96, 4
-        ),
+        RobosenseModel("RS-Airy", 96, 0.005, (0.1, 60), 111080, _AIRY_LENS_M, _AIRY_NS["M"], AIRY, 96, 4),
+        RobosenseModel("RS-Airy-48", 48, 0.005, (0.1, 60), 111080, _AIRY_LENS_M, _AIRY_48_NS, AIRY_48, 48, 8),
     )
 }
 """Models by name."""

@@ -27,6 +27,7 @@ class Kind:
     channels: int = 32
     blocks: int = 12
     airy: bool = False
+    masked: bool = False
 
 
 RS32_US = [2.88 * c for c in range(15)] + [44.64] + [1.44 + 2.88 * c for c in range(15)] + [46.08]
@@ -42,6 +43,9 @@ AIRY_US = [
     us
     for us in (0, 5.712, 12.376, 19.04, 25.704, 33.32, 41.888, 50.456, 59.024, 70.448, 81.872, 93.296)
     for _ in range(8)
+]
+AIRY_48_US = [
+    us for us in (0, 7.616, 16.184, 24.752, 33.32, 42.84, 52.36, 61.88, 71.4, 79.968, 88.536, 97.104) for _ in range(4)
 ]
 KINDS = {
     "RS-LiDAR-32": Kind(32, 0.005, 0.4, 230, 55.52, 0.03997, RS32_US),
@@ -65,6 +69,20 @@ KINDS = {
         channels=96,
         blocks=4,
         airy=True,
+    ),
+    "RS-Airy-48": Kind(
+        48,
+        0.005,
+        0.1,
+        60,
+        111.08,
+        math.hypot(0.0075, 0.00664),
+        AIRY_48_US,
+        helios=True,
+        rz=0.04532,
+        channels=48,
+        blocks=8,
+        masked=True,
     ),
     "old RS-LiDAR-32": Kind(32, 0.01, 0.4, 230, 50, 0.03997, [3.0 * (c % 16) for c in range(32)], old=True),
 }
@@ -167,7 +185,7 @@ class Reference:
             block = block[:148] + block[152:]
         raw = [int.from_bytes(block[4 + 3 * c : 6 + 3 * c], "big") for c in range(kind.channels)]
         intensity = [block[6 + 3 * c] for c in range(kind.channels)]
-        if kind.airy:
+        if kind.airy or kind.masked:
             raw = [value & 0x3FFF for value in raw]
         if kind.old:
             if raw[0] & 0x8000:

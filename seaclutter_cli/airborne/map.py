@@ -1,0 +1,158 @@
+"""A map of a separated tile: water with its level, land, and objects, by cell; and the shoreline."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.separation import NEVER, WATER, Separation
+from seaclutter_cli.errors import MissingExtraError
+
+UNKNOWN, IS_WATER, IS_LAND, IS_OBJECT = 0, 1, 2, 3
+"""What is in a cell of a map."""
+_MAX_CELLS = 1 << 24
+_GAP_CELLS = 10
+_SMOOTH_CELLS = 1.5
+_SHORTEST_M = 20.0
+_FEWEST_CELLS, _LEAST_SHARE = 100, 0.25
+
+
+@dataclass(frozen=True)
+class TileMap:
+    """Map of a tile.
+
+    Parameters
+    ----------
+    cell_m : float
+        Width of a cell.
+    first : (int, int)
+        Number of the first column and row, counted in cells from the origin of the coordinates.
+    kind : ndarray, shape (I, J), uint8
+        `IS_WATER`, `IS_LAND`, `IS_OBJECT`, or `UNKNOWN` without points.
+    level_m : ndarray, shape (I, J), float32
+        Mean elevation of the points of the sea; NaN without any.
+    """
+
+    cell_m: float
+    first: tuple[int, int]
+    kind: NDArray[np.uint8]
+    level_m: NDArray[np.float32]
+
+    def coarser(self, cell_m: float) -> "TileMap":
+        """Return a map with cells that are at least as wide, a multiple of those of this one.
+
+        A cell with an object shows it; otherwise water or land, whichever is more frequent.
+        """
+        step = max(1, round(cell_m / self.cell_m))
+        column, row = (np.arange(size) + at for size, at in zip(self.kind.shape, self.first, strict=True))
+        first = int(column[0] // step), int(row[0] // step)
+        i, j = column // step - first[0], row // step - first[1]
+        shape = int(i[-1]) + 1, int(j[-1]) + 1
+        cell = (i[:, None] * shape[1] + j).ravel()
+        number = {
+            kind: np.bincount(cell, (self.kind == kind).ravel(), shape[0] * shape[1])
+            for kind in (IS_WATER, IS_LAND, IS_OBJECT)
+        }
+        known = np.isfinite(self.level_m).ravel()
+        total = np.bincount(cell[known], self.level_m.ravel()[known], shape[0] * shape[1])
+        many = np.bincount(cell[known], minlength=shape[0] * shape[1])
+        kind = np.where(number[IS_LAND] > number[IS_WATER], IS_LAND, np.where(number[IS_WATER] > 0, IS_WATER, UNKNOWN))
+        kind[number[IS_OBJECT] > 0] = IS_OBJECT
+        level = np.divide(total, many, out=np.full(len(total), np.nan), where=many > 0)
+        return TileMap(
+            self.cell_m * step, first, kind.astype(np.uint8).reshape(shape), level.astype(np.float32).reshape(shape)
+        )
+
+
+def map_of(parts: Iterable[NDArray[np.float64]], found: Separation, cell_m: float) -> TileMap:
+    """Return the map of a separated tile.
+
+    Parameters
+    ----------
+    parts : iterable of ndarray, shape (3, n), float64
+        Coordinates of the points in metres; iterated over twice.
+    found : Separation
+        Their separation.
+    cell_m : float
+        Width of a cell; more if there would be too many cells.
+    """
+    low, high = _extent(parts, found)
+    while np.prod((high - low) // cell_m + 1) > _MAX_CELLS:
+        cell_m *= 2
+    first = np.floor(low / cell_m).astype(np.int64)
+    shape = tuple((np.floor(high / cell_m).astype(np.int64) - first + 1).tolist())
+    total = shape[0] * shape[1]
+    sea, land, other = (np.zeros(total, np.int32) for _ in range(3))
+    elevation = np.zeros(total)
+    start = 0
+    for xyz in parts:
+        code = found.classification[start : start + xyz.shape[1]]
+        start += xyz.shape[1]
+        used = code != NEVER
+        column, row = np.floor(xyz[:2, used] / cell_m).astype(np.int64) - first[:, None]
+        cell, code = column * shape[1] + row, code[used]
+        is_sea, on_land = code == WATER, found.land.contain(xyz[:2, used])
+        sea += np.bincount(cell[is_sea], minlength=total).astype(np.int32)
+        elevation += np.bincount(cell[is_sea], xyz[2, used][is_sea], total)
+        land += np.bincount(cell[~is_sea & on_land], minlength=total).astype(np.int32)
+        other += np.bincount(cell[~is_sea & ~on_land], minlength=total).astype(np.int32)
+    kind = np.full(total, UNKNOWN, np.uint8)
+    kind[sea > 0] = IS_WATER
+    kind[(land > 0) & (land >= sea)] = IS_LAND
+    kind[(other > 0) & (other > land)] = IS_OBJECT
+    level = np.divide(elevation, sea, out=np.full(total, np.nan), where=sea > 0)
+    return TileMap(cell_m, (int(first[0]), int(first[1])), kind.reshape(shape), level.astype(np.float32).reshape(shape))
+
+
+def _extent(parts: Iterable[NDArray[np.float64]], found: Separation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    start = 0
+    for xyz in parts:
+        used = found.classification[start : start + xyz.shape[1]] != NEVER
+        start += xyz.shape[1]
+        if used.any():
+            low = np.minimum(low, xyz[:2, used].min(axis=1))
+            high = np.maximum(high, xyz[:2, used].max(axis=1))
+    return low, high
+
+
+def shoreline_of(tile: TileMap) -> list[NDArray[np.float64]]:
+    """Return the lines between water and land, shape (N, 2) each, in metres; land is on their left.
+
+    Objects and gaps of up to ten cells count as what is nearest. Land with points in fewer than 100 cells, or in fewer
+    than a quarter of its cells, is left out, as are lines shorter than 20 m.
+
+    Raises
+    ------
+    MissingExtraError
+        If contourpy is not installed.
+    """
+    from scipy import ndimage
+
+    if not ((tile.kind == IS_LAND).any() and (tile.kind == IS_WATER).any()):
+        return []
+    try:
+        from contourpy import contour_generator  # an extra
+    except ImportError as error:
+        raise MissingExtraError("the shoreline", "geo") from error
+    known = (tile.kind == IS_LAND) | (tile.kind == IS_WATER)
+    distance, (i, j) = ndimage.distance_transform_edt(~known, return_indices=True)
+    land, _ = ndimage.label(tile.kind[i, j] == IS_LAND)
+    seen = np.bincount(land[tile.kind == IS_LAND], minlength=int(land.max()) + 1)
+    certain = (seen >= _FEWEST_CELLS) & (seen >= _LEAST_SHARE * np.bincount(land.ravel()))
+    certain[0] = False
+    smooth = ndimage.gaussian_filter(certain[land].astype(np.float64), _SMOOTH_CELLS, mode="nearest")
+    field = np.ma.masked_array(smooth, distance > _GAP_CELLS)
+    lines = contour_generator(z=field.T).lines(0.5)
+    places = [(np.asarray(line) + tile.first + 0.5) * tile.cell_m for line in lines]
+    return [line for line in places if _length(line) >= _SHORTEST_M]
+
+
+def _length(line: NDArray[np.float64]) -> float:
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def total_length_m(lines: Sequence[NDArray[np.float64]]) -> float:
+    """Return the length of lines in metres."""
+    return sum(map(_length, lines))

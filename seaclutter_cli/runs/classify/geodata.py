@@ -1,0 +1,118 @@
+"""Shoreline and objects of tiles as GeoJSON and GeoPackage."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.map import total_length_m
+from seaclutter_cli.airborne.objects import FoundObject, as_geojson
+from seaclutter_cli.errors import MissingExtraError
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.sinks.geopackage import Feature, Layer, geopackage
+from seaclutter_cli.sources.crs import Crs, ToLongitudeLatitude
+
+NOT_WGS84 = "GeoJSON is in the coordinates of the tile, not in WGS 84"
+Lines = Sequence[NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class TileGeodata:
+    """Shoreline and objects of one tile.
+
+    Parameters
+    ----------
+    name : str
+        Name of the tile.
+    crs : Crs
+        Its coordinate reference system.
+    shoreline : sequence of ndarray, shape (N, 2), float64
+        Lines between water and land in metres.
+    objects : sequence of FoundObject
+        Objects with centres in the coordinates of the tile.
+    """
+
+    name: str
+    crs: Crs
+    shoreline: Lines
+    objects: Sequence[FoundObject] = ()
+
+
+def to_wgs84(name: str, crs: Crs, what: str, observer: Observer) -> ToLongitudeLatitude | None:
+    """Return the conversion of a tile's positions to WGS 84; warn if there is none."""
+    try:
+        conversion, reason = crs.to_wgs84(), "its CRS is unknown"
+    except MissingExtraError as error:
+        conversion, reason = None, str(error)
+    if conversion is None:
+        observer.warn(f"{name}: {what}: {reason}")
+    return conversion
+
+
+def geojson_of(tiles: Sequence[TileGeodata], observer: Observer) -> bytes:
+    """Return objects, then shorelines, as GeoJSON: in WGS 84, or in the coordinates of a tile without a known CRS."""
+    ways = [to_wgs84(tile.name, tile.crs, NOT_WGS84, observer) for tile in tiles]
+    lines = chain.from_iterable(_line_features(*pair) for pair in zip(tiles, ways, strict=True))
+    places = [(tile.crs.unit_m, way) for tile, way in zip(tiles, ways, strict=True)]
+    return as_geojson([(tile.name, tile.objects) for tile in tiles], places, list(lines)).encode()
+
+
+def _line_features(tile: TileGeodata, convert: ToLongitudeLatitude | None) -> list[dict[str, Any]]:
+    digits = 3 if convert is None else 8
+    return [
+        {
+            "type": "Feature",
+            "geometry": {
+                "type": "LineString",
+                "coordinates": [[round(x, digits), round(y, digits)] for x, y in _placed(line, tile.crs, convert)],
+            },
+            "properties": {
+                "coordinates": "tile" if convert is None else "WGS 84",
+                "tile": tile.name,
+                "kind": "shoreline",
+                "length_m": round(total_length_m([line]), 1),
+            },
+        }
+        for line in tile.shoreline
+    ]
+
+
+def _placed(line: NDArray[np.float64], crs: Crs, convert: ToLongitudeLatitude | None) -> list[tuple[float, float]]:
+    own = line / crs.unit_m
+    return [(float(x), float(y)) for x, y in (own if convert is None else convert(own))]
+
+
+def geopackage_of(tiles: Sequence[TileGeodata], observer: Observer, *, with_objects: bool) -> bytes:
+    """Return shorelines, and objects, as layers of a GeoPackage in WGS 84; tiles without a known CRS are left out."""
+    lines: list[Feature] = []
+    boxes: list[Feature] = []
+    for tile in tiles:
+        convert = to_wgs84(tile.name, tile.crs, "left out of the GeoPackage, which is in WGS 84", observer)
+        if convert is None:
+            continue
+        lines += [
+            (_placed(line, tile.crs, convert), (tile.name, round(total_length_m([line]), 1))) for line in tile.shoreline
+        ]
+        for one in tile.objects:
+            ring = convert(one.corners_in(tile.crs.unit_m)).tolist()
+            values = (tile.name, one.number, one.name, round(one.probability, 3), one.points)
+            boxes.append(([*ring, ring[0]], (*values, round(one.height_m, 2), round(one.area_m2, 1))))
+    layers = [Layer("shoreline", "LINESTRING", {"tile": str, "length_m": float}, lines)]
+    if with_objects:
+        fields = {"tile": str, "object": int, "class": str, "probability": float, "points": int}
+        layers.append(Layer("objects", "POLYGON", {**fields, "height": float, "area_m2": float}, boxes))
+    return geopackage(layers)
+
+
+def check_geodata(*, shoreline: bool, package: bool) -> None:
+    """Check that the libraries for geodata are installed; raise `MissingExtraError` otherwise."""
+    if shoreline:
+        try:
+            import contourpy  # noqa: F401 - availability check
+        except ImportError as error:
+            raise MissingExtraError("the shoreline", "geo") from error
+    if package:
+        geopackage([])

@@ -1,0 +1,134 @@
+"""Maps of separated tiles: pictures, and the shoreline as geodata."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, TileMap, map_of, shoreline_of
+from seaclutter_cli.airborne.separation import SeaState, Separation
+from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.maps import MapPart, aspect_of, draw_map
+from seaclutter_cli.runs.classify.geodata import TileGeodata, check_geodata, geojson_of, geopackage_of
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.sources.extents import TileHead
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader
+
+_PIXELS = 1000
+
+
+@dataclass(frozen=True)
+class MapOptions:
+    """Which maps a run over tiles draws and writes.
+
+    Parameters
+    ----------
+    plot_file : Path or None
+        Picture of the tile, or of the whole survey.
+    geojson_file, gpkg_file : Path or None
+        Shoreline as GeoJSON and as GeoPackage.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> options = seaclutter.SeparateTilesOptions(maps=seaclutter.MapOptions(plot_file=folder / "map.png"))
+    >>> _ = seaclutter.separate_tiles(["samples/tile.laz"], folder / "mapped.laz", options)
+    >>> (folder / "map.png").exists()
+    True
+    """
+
+    plot_file: Path | None = None
+    geojson_file: Path | None = None
+    gpkg_file: Path | None = None
+
+    @property
+    def wanted(self) -> bool:
+        """Whether there are any."""
+        return any((self.plot_file, self.geojson_file, self.gpkg_file))
+
+    def check(self) -> None:
+        """Check names and libraries before the run."""
+        if self.plot_file:
+            check_target(self.plot_file)
+        check_geodata(shoreline=self.wanted, package=self.gpkg_file is not None)
+
+    def pixel_m(self, tiles: Sequence[TileHead]) -> float:
+        """Return the width of a pixel of the picture of all tiles in metres; 0 if it is not known from headers."""
+        extents = [tile.extent for tile in tiles if tile.extent]
+        if not extents:
+            return 0.0
+        low, high = np.min([one.low for one in extents], axis=0), np.max([one.high for one in extents], axis=0)
+        return float((high - low).max()) / _PIXELS
+
+
+@dataclass(frozen=True)
+class DrawnTile:
+    """Map of one tile for the maps of a run.
+
+    Parameters
+    ----------
+    part : MapPart
+        Part of the picture.
+    geodata : TileGeodata
+        Its shoreline.
+    """
+
+    part: MapPart = field(repr=False)
+    geodata: TileGeodata = field(repr=False)
+
+
+def shoreline_in(tile: LasTile | CloudTile, found: Separation) -> list[NDArray[np.float64]]:
+    """Return the shoreline of a separated tile in metres."""
+    return shoreline_of(map_of(TilePointReader(tile), found, found.land.cell_m))
+
+
+def drawn(tile: LasTile | CloudTile, name: str, found: Separation, pixel_m: float) -> DrawnTile:
+    """Return the map of a separated tile with pixels of about a width in metres; 0: as its own size requires."""
+    fine = map_of(TilePointReader(tile), found, found.land.cell_m)
+    lines = shoreline_of(fine)
+    width = pixel_m or max(fine.kind.shape) * fine.cell_m / _PIXELS
+    return DrawnTile(_part(fine.coarser(width), lines), TileGeodata(name, tile.crs, lines))
+
+
+def _part(one: TileMap, lines: Sequence[NDArray[np.float64]]) -> MapPart:
+    low = np.array(one.first) * one.cell_m
+    high = low + np.array(one.kind.shape) * one.cell_m
+    (west, south), (east, north) = low.tolist(), high.tolist()
+    return MapPart((west, south), (east, north), one.level_m, one.kind == IS_LAND, one.kind == IS_OBJECT, lines)
+
+
+def map_files(
+    options: MapOptions, tiles: Sequence[DrawnTile], seas: Sequence[SeaState], observer: Observer
+) -> dict[Path, bytes]:
+    """Return the contents of the maps of a run by their paths."""
+    files: dict[Path, bytes] = {}
+    if not tiles:
+        return files
+    geodata = [tile.geodata for tile in tiles]
+    if not any(tile.shoreline for tile in geodata) and (options.geojson_file or options.gpkg_file):
+        observer.note("no shoreline: water and land do not meet in these tiles")
+    if options.geojson_file:
+        files[options.geojson_file] = geojson_of(geodata, observer)
+    if options.gpkg_file:
+        files[options.gpkg_file] = geopackage_of(geodata, observer, with_objects=False)
+    if options.plot_file:
+        parts, title = [tile.part for tile in tiles], waves_line(seas)
+        suffix = options.plot_file.suffix
+        files[options.plot_file] = render(lambda it: draw_map(it, parts, title), suffix, aspect=aspect_of(parts))
+    return files
+
+
+def waves_line(seas: Sequence[SeaState]) -> str:
+    """Return a line about the waves of tiles."""
+    known = [(sea.wave_height_m, sea.wave_length_m) for sea in seas if sea.wave_height_m is not None]
+    if not known:
+        return "No waves found"
+    heights, lengths = (sorted(float(value or 0) for value in values) for values in zip(*known, strict=True))
+    return f"Waves {_range(heights, 1)} high, {_range(lengths, 0)} long"
+
+
+def _range(values: Sequence[float], digits: int) -> str:
+    low, high = (f"{value:.{digits}f} m" for value in (values[0], values[-1]))
+    return low if low == high else f"{low.removesuffix(' m')} to {high}"

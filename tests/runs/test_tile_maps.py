@@ -1,0 +1,158 @@
+"""Maps of a run over tiles: pictures, and the shoreline as GeoJSON and GeoPackage."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.airborne.separation import SeaState
+from seaclutter_cli.commands import cli
+from seaclutter_cli.runs.classify.maps import waves_line
+from tests.airborne.tiles import read
+
+laspy = pytest.importorskip("laspy")
+pyproj = pytest.importorskip("pyproj")
+pytest.importorskip("fudgeo")
+pytest.importorskip("matplotlib")
+ORIGIN = (500_000.0, 5_760_000.0)
+
+
+def run(*words):
+    return CliRunner().invoke(cli, ["classify", *map(str, words)])
+
+
+def write(path, xyz, epsg=32631):
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales, header.offsets = [0.001] * 3, (*ORIGIN, 0)
+    if epsg:
+        header.add_crs(pyproj.CRS.from_epsg(epsg))
+    tile = laspy.LasData(header)
+    tile.x, tile.y, tile.z = xyz[0] + ORIGIN[0], xyz[1] + ORIGIN[1], xyz[2]
+    tile.write(path)
+
+
+def island():
+    """Return a round island of 40 m in calm water, shape (3, N)."""
+    x, y = (side.ravel() + 0.5 for side in np.mgrid[:240, :180].astype(float))
+    return np.stack((x, y, np.where(np.hypot(x - 120, y - 90) < 40, 6.0, 0.5)))
+
+
+@pytest.fixture(scope="module")
+def tiles(tmp_path_factory):
+    """Return a folder with the two halves of an island."""
+    folder, xyz = tmp_path_factory.mktemp("tiles"), island()
+    write(folder / "west.laz", xyz[:, xyz[0] < 120])
+    write(folder / "east.laz", xyz[:, xyz[0] >= 120])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def mapped(tiles, tmp_path_factory):
+    out = tmp_path_factory.mktemp("maps")
+    maps = ("--plot", out / "map.png", "--geojson", out / "shore.geojson", "--gpkg", out / "shore.gpkg")
+    result = run("separate", tiles, "-o", f"{out / 'tiles'}/", *maps, "-j", 1)
+    assert result.exit_code == 0, result.output
+    return out
+
+
+def metres(lines):
+    """Return positions in WGS 84 as metres from the corner of the tiles."""
+    to_utm = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32631", always_xy=True)
+    return [np.stack(to_utm.transform(*np.array(line).T), axis=1) - ORIGIN for line in lines]
+
+
+def test_the_shoreline_of_a_survey_is_in_wgs_84(mapped):
+    features = json.loads((mapped / "shore.geojson").read_text())["features"]
+    assert [one["properties"]["tile"] for one in features] == ["east", "west"]
+    assert {one["properties"]["kind"] for one in features} == {"shoreline"}
+    lines = metres([one["geometry"]["coordinates"] for one in features])
+    for line, one in zip(lines, features, strict=True):
+        np.testing.assert_allclose(np.hypot(*(line - (120, 90)).T), 40, atol=2)
+        assert one["properties"]["length_m"] == pytest.approx(np.pi * 40, rel=0.08)
+    assert lines[0][:, 0].min() == pytest.approx(120, abs=1)
+    assert lines[1][:, 0].max() == pytest.approx(120, abs=1)
+
+
+def test_gdal_reads_the_same_lines(mapped):
+    pyogrio = pytest.importorskip("pyogrio")
+    features = json.loads((mapped / "shore.geojson").read_text())["features"]
+    _, _, shapes, (names, lengths) = pyogrio.raw.read(mapped / "shore.gpkg")
+    assert names.tolist() == [one["properties"]["tile"] for one in features]
+    assert lengths.tolist() == [one["properties"]["length_m"] for one in features]
+    for shape, one in zip(shapes, features, strict=True):
+        found = np.frombuffer(shape, "<f8", offset=9).reshape(-1, 2)
+        np.testing.assert_allclose(found, one["geometry"]["coordinates"], atol=1e-8)
+
+
+def test_the_picture_shows_water_land_and_shoreline(mapped):
+    from matplotlib.image import imread
+
+    picture = imread(mapped / "map.png")[..., :3]
+    colors = np.array([[217, 203, 163], [59, 46, 31]]) / 255
+    land, shore = ((np.abs(picture - color) < 0.02).all(axis=2).mean() for color in colors)
+    assert 0.02 < land < 0.2
+    assert 0.0003 < shore < 0.02
+
+
+def test_the_number_of_processes_does_not_matter(tiles, mapped, tmp_path):
+    maps = ("--plot", tmp_path / "map.png", "--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
+    assert run("separate", tiles, "-o", f"{tmp_path / 'tiles'}/", *maps, "-j", 2).exit_code == 0
+    for name in ("map.png", "shore.geojson", "shore.gpkg"):
+        assert (tmp_path / name).read_bytes() == (mapped / name).read_bytes()
+
+
+def test_a_map_changes_no_tile(tiles, mapped, tmp_path):
+    assert run("separate", tiles, "-o", f"{tmp_path / 'tiles'}/").exit_code == 0
+    for name in ("east.laz", "west.laz"):
+        np.testing.assert_array_equal(
+            read(tmp_path / "tiles" / name).points.array, read(mapped / "tiles" / name).points.array
+        )
+
+
+def test_tiles_without_a_known_crs(tmp_path):
+    write(tmp_path / "tile.laz", island(), epsg=None)
+    maps = ("--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
+    result = run("separate", tmp_path / "tile.laz", "-o", tmp_path / "out.laz", *maps)
+    assert result.exit_code == 0, result.output
+    assert "GeoJSON is in the coordinates of the tile, not in WGS 84" in result.stderr
+    assert "left out of the GeoPackage" in result.stderr
+    (feature,) = json.loads((tmp_path / "shore.geojson").read_text())["features"]
+    assert feature["properties"]["coordinates"] == "tile"
+    center = np.array(feature["geometry"]["coordinates"]).mean(axis=0)
+    np.testing.assert_allclose(center, np.add(ORIGIN, (120, 90)), atol=2)
+
+
+def test_maps_are_of_all_tiles(tiles, tmp_path):
+    result = run("separate", tiles, "-o", f"{tmp_path / 'out'}/", "--plot", tmp_path / "map.png", "--resume")
+    assert (result.exit_code, "need all tiles of one run" in result.stderr) == (2, True)
+    result = run("separate", tiles, "-o", f"{tmp_path / 'out'}/", "--plot", tmp_path / "map.gif")
+    assert (result.exit_code, "must end in .png or .svg" in result.stderr) == (2, True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_predict_adds_objects(tmp_path):
+    pytest.importorskip("skops")
+    pyogrio = pytest.importorskip("pyogrio")
+    from tests.paths import ROOT
+
+    tile, model = ROOT / "samples" / "tile.laz", tmp_path / "m.skops"
+    assert run("train", tile, "-s", "forest.trees=5", "-o", model).exit_code == 0
+    line = ("predict", tile, "--model", model, "-o", tmp_path / "out.laz", "--gpkg", tmp_path / "x.gpkg")
+    result = run(*line, "--geojson", tmp_path / "x.geojson")
+    assert result.exit_code == 0, result.output
+    boxes = json.loads((tmp_path / "x.geojson").read_text())["features"]
+    known = boxes[0]["properties"]["coordinates"] == "WGS 84"
+    assert pyogrio.read_info(tmp_path / "x.gpkg", layer="objects")["features"] == (len(boxes) if known else 0)
+
+
+@pytest.mark.parametrize(
+    ("waves", "text"),
+    [
+        ([], "No waves found"),
+        ([(1.14, 25.6)], "Waves 1.1 m high, 26 m long"),
+        ([(1.1, 25.0), (0.92, 41.0), (None, None)], "Waves 0.9 to 1.1 m high, 25 to 41 m long"),
+    ],
+)
+def test_waves_in_words(waves, text):
+    assert waves_line([SeaState("opened", 0.0, *one, 0.5) for one in waves]) == text
