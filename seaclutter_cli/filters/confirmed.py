@@ -12,7 +12,7 @@ from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.confirmation.beams import Beams
 from seaclutter_cli.filters.confirmation.echoes import Echoes
 from seaclutter_cli.filters.confirmation.heights import Heights, measure
-from seaclutter_cli.filters.confirmation.objects import Clusters, DetectedObject, find_objects
+from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmation.sight import Sight
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
@@ -74,8 +74,9 @@ class Confirmed(BaseFilter):
        the shape, persistent brightness is some evidence, unless echoes of the water are all around.
     5. *Confirmation*: objects are followed over time. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes
-       independent of what it was, about a second, and is forgotten over ``memory_s``. An object is missed only where a
-       beam would have met it. If it is expected but not found, it may also consist of points below the thresholds.
+       independent of what it was, about a second, and is forgotten over ``memory_s``. Frames before an object appeared
+       are frames without evidence, except with ``causal``. An object is missed only where a beam would have met it. If
+       a low object is expected but not found, it may also consist of points below the thresholds.
     6. *Growth*: points above the water near a confirmed object return to it, so that hulls keep their shape.
 
     Confirmation over scans is the M-of-N logic of radar trackers with graded instead of binary detections, as in the
@@ -220,8 +221,8 @@ class Confirmed(BaseFilter):
         _, distance = nearest(cells, echoes.xyz[:2, points].T)
         among = np.zeros(echoes.size, np.bool_)
         among[points[distance <= _EXPECTED_M]] = True
-        clusters = Clusters.among(echoes, among, self._beams, self._params)
-        return clusters.objects(echoes, heights, np.zeros(len(clusters)), near=False)
+        found = find_objects(echoes, among, heights, self._beams, self._params, near=False)
+        return [replace(one, evidence=min(one.evidence, 0.0)) for one in found]
 
     def _reasons(
         self, by_zone: NDArray[np.uint8], echoes: Echoes, heights: Heights, objects: Sequence[DetectedObject]

@@ -7,7 +7,7 @@ first of equals wins.
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from seaclutter_cli.filters import confirmed
@@ -130,7 +130,8 @@ class ConfirmedObjects:
             for echo in echoes
             if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, places) <= confirmed._EXPECTED_M
         ]
-        weak = [Thing(own, 0.0, near=False) for own in clusters_of(expected, self.beams, self.params)]
+        weak = self.things(expected, sigma, near=False)
+        weak = [replace(thing, evidence=min(thing.evidence, 0.0)) for thing in weak]
         things += sorted(weak, key=lambda thing: thing.center)
         reasons = [self.by_zone(point, ring) for point, ring in zip(points, rings, strict=True)]
         mark(reasons, echoes, things, Reason.LOW_INTENSITY if self.params.use_intensity else Reason.UNCONFIRMED)

@@ -58,6 +58,9 @@ class Track:
         jitter = min(tracks._JITTER_M + tracks._JITTER_SPEED_MS * interval_s, tracks._MAX_JITTER_M)
         return max(tracks._GATE_M + tracks._GATE_SPEED_MS * unseen_s, jitter)
 
+    def patience(self, interval_s: float) -> float:
+        return tracks._NEW_COAST_S + interval_s + SLACK_S if self.is_new else tracks._COAST_S
+
     def follow(self, thing: Thing, time_s: float) -> None:
         elapsed = time_s - self.seen_s
         if elapsed > 0:
@@ -93,6 +96,7 @@ class Tracks:
         self.params = params
         self.tracks: list[Track] = []
         self.time_s: float | None = None
+        self.times: list[float] = []
 
     def matches(self, things: Sequence[Thing], time_s: float) -> tuple[list[list[int]], list[bool]]:
         """Return how many cells of each object each track expects, and which tracks are covered by objects."""
@@ -121,18 +125,20 @@ class Tracks:
         return any(math.hypot(*place) < start_m + tracks._CONTACT_M for place in places)
 
     def missing(self, things: Sequence[Thing], time_s: float) -> list[XY]:
-        """Return where objects with much evidence are expected but not found."""
+        """Return where low objects with much evidence are expected but not found."""
         votes, covered = self.matches(things, time_s)
         places: list[XY] = []
         for number, track in enumerate(self.tracks):
             found = covered[number] or any(own[number] for own in votes)
-            if not found and track.memory > tracks._EXPECTED_MEMORY:
+            is_low = track.top < tracks._MAX_EXPECTED_TOP_M
+            if not found and is_low and track.memory > tracks._EXPECTED_MEMORY:
                 places += track.expected(time_s)
         return places
 
     def step(self, things: Sequence[Thing], time_s: float, meets: Callable[[XY, float], bool]) -> list[Track]:
         """Return the track of each object; ``meets`` says whether a beam meets a place up to a height."""
         votes, covered = self.matches(things, time_s)
+        interval_s = 0.0 if self.time_s is None else time_s - self.time_s
         self.time_s = time_s
         followed: list[Track | None] = [None] * len(things)
         for number, track in enumerate(self.tracks):
@@ -140,7 +146,8 @@ class Tracks:
             for k, heir in self.inherit(track, heirs, things, [own[number] for own in votes], time_s):
                 followed[k] = heir
         result = [
-            begun(thing, time_s) if track is None else track for track, thing in zip(followed, things, strict=True)
+            self.appeared(thing, time_s) if track is None else track
+            for track, thing in zip(followed, things, strict=True)
         ]
         for track, thing in zip(result, things, strict=True):
             track.collect(thing.evidence, thing.evidence, time_s, self.params.memory_s)
@@ -151,8 +158,17 @@ class Tracks:
             met = sum(meets(place, max(track.top, self.params.min_rise_m)) for place in places)
             if not hidden and met >= tracks._IN_SIGHT * len(places):
                 track.collect(tracks._MISS, tracks._MISS_MEMORY, time_s, self.params.memory_s)
-        self.tracks = [track for track, _ in lost if time_s - track.seen_s <= tracks._COAST_S] + result
+        self.tracks = [track for track, _ in lost if time_s - track.seen_s <= track.patience(interval_s)] + result
+        self.times.append(time_s)
         return result
+
+    def appeared(self, thing: Thing, time_s: float) -> Track:
+        """Return the track of an object without evidence until now."""
+        track = begun(thing, time_s)
+        for earlier_s in [] if self.params.causal else self.times:
+            if time_s - self.params.look_ahead_s - SLACK_S <= earlier_s < time_s:
+                track.collect(0.0, 0.0, earlier_s, self.params.memory_s)
+        return track
 
     def inherit(
         self, track: Track, heirs: Sequence[int], things: Sequence[Thing], votes: Sequence[int], time_s: float

@@ -92,6 +92,15 @@ class TestInterruptions:
         kept = shares(run(sea_log(1, [boat], times(40)), causal=True, score_threshold=0.6), boat)
         assert kept == [0.0] + [1.0] * 29
 
+    @pytest.mark.parametrize(("lasts_s", "kept"), [(0.45, 0.0), (0.8, 1.0)])
+    def test_spray_for_less_than_the_look_ahead(self, lasts_s, kept):
+        spray = replace(BOAT, seen=(1.0, 1.0 + lasts_s))
+        assert set(shares(run(sea_log(1, [spray], times(30), drops=0)), spray)) == {kept}
+
+    def test_a_splash_in_the_last_frame(self):
+        splash = replace(BOAT, seen=(1.95, 3.0))
+        assert shares(run(sea_log(1, [splash], times(21), drops=0)), splash) == [0.0]
+
     def test_a_boat_hidden_for_longer_begins_anew(self):
         boat = replace(BOAT, seen=(0, 2, 4.5))
         kept = shares(run(sea_log(1, [boat], times(55)), causal=True, score_threshold=0.6), boat)
@@ -197,10 +206,11 @@ class TestRates:
             outcomes.append([np.nanmean([0.0, *shares(results, body)]) > 0.5 for body in bodies])
         assert outcomes[0] == outcomes[1] == outcomes[2] == [True, True, True, False, False, True]
 
-    def test_step_is_process_without_later_frames(self):
+    def test_step_is_the_last_frame_of_a_log(self):
         log = sea_log(3, random_bodies(3), times(18))
         method = make()
-        assert reasons([method.step(frame) for frame in log]) == reasons(run(log, causal=True))
+        found = reasons([method.step(frame) for frame in log])
+        assert found == [reasons(run(log[:end]))[-1] for end in range(1, 19)]
 
     @pytest.mark.parametrize("params", [{"causal": True}, {"look_ahead_s": 0.0}])
     def test_step_without_look_ahead(self, params):

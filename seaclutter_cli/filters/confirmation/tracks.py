@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 _DECORRELATION_S = 1.0
 _LEAST_MEMORY, _MOST_MEMORY = -1.0, 3.0
 _MISS, _MISS_MEMORY = -0.5, -0.3
+_ABSENT = 0.0
 _DOUBT_S = 0.1
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
@@ -30,9 +31,9 @@ _MAX_SPEED_MS = 20.0
 _COVERED = 0.5
 _IN_SIGHT = 0.5
 _CONTACT_M = 2.0
-_COAST_S = 2.0
+_COAST_S, _NEW_COAST_S = 2.0, 0.5
 _NEIGHBOR_STEPS = 1.1
-_EXPECTED_MEMORY = 1.0
+_EXPECTED_MEMORY, _MAX_EXPECTED_TOP_M = 1.0, 1.5
 _SLACK_S = 1e-6
 
 
@@ -86,6 +87,10 @@ class Track:
     def is_new(self) -> bool:
         """Whether its velocity is not yet known."""
         return self.seen_s - self.born_s <= _KNOWN_AFTER_S
+
+    def coast_s(self, interval_s: float) -> float:
+        """Return the time after which it is given up unless it is seen again; ``interval_s`` as for `gate_m`."""
+        return _NEW_COAST_S + interval_s + _SLACK_S if self.is_new else _COAST_S
 
     def expected(self, time_s: float) -> Floats:
         """Return where its parts are expected at a time, shape (m, 2)."""
@@ -146,6 +151,7 @@ class Tracker:
         self._tracks: list[Track] = []
         self._since_s = -np.inf
         self._time_s: float | None = None
+        self._recent_s: list[float] = []
 
     def approached(self, start_m: float, time_s: float) -> bool:
         """Return whether a probable target seen beyond ``start_m`` can have parts nearer than that."""
@@ -163,7 +169,7 @@ class Tracker:
         expected, track_of = _expected_cells(self._tracks, time_s)
         cells = np.concatenate([one.cells for one in objects])
         object_of = np.repeat(np.arange(len(objects)), [len(one.cells) for one in objects])
-        interval = 0.0 if self._time_s is None else time_s - self._time_s
+        interval = self._interval_s(time_s)
         gate = np.array([track.gate_m(time_s, interval) for track in self._tracks])
         index, distance = nearest(expected, cells)
         reached = np.flatnonzero(distance <= gate[track_of[index]])
@@ -190,9 +196,16 @@ class Tracker:
         An object continues the track that expects most of its cells. If several objects continue a track, the one with
         the most cells and evidence does, and the others start tracks of their own. A track is neither found nor missed
         if most of its cells lie in an object of another track, such as a boat alongside another, or between the beams.
+
+        An object that continues no track has evidence 0 in the frames before, as far as ``look_ahead_s`` back, so that
+        spray, which stays for less than that, is not confirmed. With ``causal``, these frames do not count: upright
+        objects are kept at once.
         """
         objects, votes, covered = found.objects, found.votes, found.covered
+        interval = self._interval_s(time_s)
         self._since_s, self._time_s = since_s, time_s
+        oldest_s = time_s - self._params.look_ahead_s - _SLACK_S
+        self._recent_s = [earlier_s for earlier_s in self._recent_s if oldest_s <= earlier_s < time_s]
         tracks: list[Track | None] = [None] * len(objects)
         for t, candidates in _by_track(votes).items():
             first = max(candidates, key=lambda k: votes[k, t] * (1 + max(objects[k].evidence, 0.0)))
@@ -204,17 +217,21 @@ class Tracker:
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
         for track in missing if sight is None else _in_sight(missing, sight, time_s):
             self._collect(track, time_s, None)
-        unseen = [one for one in self._tracks if id(one) not in seen and time_s - one.seen_s <= _COAST_S]
+        unseen = [one for one in self._tracks if id(one) not in seen and time_s - one.seen_s <= one.coast_s(interval)]
         self._tracks = unseen + result
+        self._recent_s.append(time_s)
         return result
 
     def expected(self, found: Association, time_s: float) -> Floats:
-        """Return where objects with much evidence are expected but not found, shape (m, 2)."""
+        """Return where low objects with much evidence are expected but not found, shape (m, 2).
+
+        Waves can hide low objects, but not tall ones.
+        """
         missing = ~found.votes.any(axis=0) & ~found.covered
         cells = [
             track.expected(time_s)
             for track, is_missing in zip(self._tracks, missing, strict=True)
-            if is_missing and track.memory > _EXPECTED_MEMORY
+            if is_missing and track.memory > _EXPECTED_MEMORY and track.top_m < _MAX_EXPECTED_TOP_M
         ]
         return np.concatenate(cells) if cells else np.empty((0, 2))
 
@@ -234,6 +251,9 @@ class Tracker:
         total = sum(item.evidence * item.step_s for item in around)
         return total / (sum(item.step_s for item in around) + _DOUBT_S) + before
 
+    def _interval_s(self, time_s: float) -> float:
+        return 0.0 if self._time_s is None else time_s - self._time_s
+
     def _continued(self, track: Track, found: DetectedObject, time_s: float, *, is_first: bool) -> Track:
         if not is_first:
             return self._begun(found, time_s, track)
@@ -247,6 +267,9 @@ class Tracker:
             track.velocity = parent.velocity
             track.seen_outside |= parent.seen_outside
             track.from_outside = parent.from_outside
+        elif not self._params.causal:
+            for earlier_s in self._recent_s:
+                self._collect(track, earlier_s, _ABSENT)
         self._collect(track, time_s, found.evidence)
         return track
 
