@@ -15,7 +15,7 @@ from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.opening import open_grid, without_pits
 from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.squares import Echoes, Squares, squares_of, wave_deviations
-from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_waves
+from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_levels, local_waves
 from seaclutter_cli.errors import InputError
 
 Cells = NDArray[np.float64]
@@ -226,7 +226,7 @@ class SeaSurfaceModel:
         if isinstance(params, SeparationParams) and params.island_m is not None:
             above = _LAND_DEVIATIONS * waves.deviation_m
             high = max(params.island_m, _ISLAND_DEVIATIONS * waves.deviation_m)
-            land |= self._land_cells(waves.level_m, above, high, own)
+            land |= self._land_cells(local_levels(self._grid, lowest, self._opened, waves), above, high, own)
         self.followed = follow_waves(self._grid, lowest, land, waves, lowest - self._opened, rough.details)
         self._limits = height_limits(self._grid, lowest, land, self.followed, rough.details)
         self._land, self._islands = own, land

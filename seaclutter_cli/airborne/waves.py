@@ -1,12 +1,13 @@
 """Waves of a tile: their height and length, part by part, from the lowest echo of each cell."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
+from seaclutter_cli.airborne.nearest import nearest
 
 Cells = NDArray[np.float64]
 
@@ -21,6 +22,7 @@ _MAX_STEP_M = 2.0
 _MIN_SHARE = 0.5
 _ROUGHEST_PARTS = 0.75
 _MAX_TILT = 0.5
+_OTHER_LEVEL = 2.0
 _ALIKE = 1.5
 
 
@@ -90,15 +92,39 @@ class Waves:
 
 def local_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> tuple[Cells, Sequence[PartWaves]]:
     """Return the waves in those quarters of blocks that look like sea, and their centres in cells, shape (2, P)."""
-    centers, found = [], []
+    sea = [(center, part) for center, part in _quarters(grid, lowest, opened) if part.is_sea]
+    return np.array([center for center, _ in sea]).reshape(-1, 2).T, [part for _, part in sea]
+
+
+def _quarters(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Iterator[tuple[list[float], PartWaves]]:
+    """Yield the centre of each quarter of a block with enough points, in cells, and its waves."""
     for block, slot in grid.blocks.items():
         for corner in np.ndindex(2, 2):
             part = tuple(slice(_QUARTER * at, _QUARTER * (at + 1)) for at in corner)
             waves = _part(block, lowest[slot][part], opened[slot][part], grid.cell_m)
-            if waves is not None and waves.is_sea and _tilt(lowest[slot][part]) < _MAX_TILT * waves.deviation_m:
-                centers.append([2 * at + c + 0.5 for at, c in zip(block, corner, strict=True)])
-                found.append(waves)
-    return _QUARTER * np.array(centers).reshape(-1, 2).T, found
+            if waves is not None:
+                is_sea = waves.is_sea and _tilt(lowest[slot][part]) < _MAX_TILT * waves.deviation_m
+                center = [_QUARTER * (2 * at + c + 0.5) for at, c in zip(block, corner, strict=True)]
+                yield center, replace(waves, is_sea=is_sea)
+
+
+def local_levels(grid: ElevationGrid, lowest: Cells, opened: Cells, waves: Waves) -> Cells:
+    """Return the level of the nearest waves at each cell, shape (S, 256, 256), if it differs from that of the tile.
+
+    Basins on both sides of a lock or weir have waves at two levels. A level differs from two standard deviations on.
+    """
+    levels = np.full(lowest.shape, waves.level_m)
+    centers, parts = local_waves(grid, lowest, opened)
+    found = np.array([part.level_m for part in parts])
+    if not (np.abs(found - waves.level_m) > _OTHER_LEVEL * waves.deviation_m).any():
+        return levels
+    for block, slot in grid.blocks.items():
+        for corner in np.ndindex(2, 2):
+            center = _QUARTER * (2 * np.array(block) + corner + 0.5)
+            level = found[nearest(centers, center[:, None])[0]]
+            if abs(level - waves.level_m) > _OTHER_LEVEL * waves.deviation_m:
+                levels[slot][tuple(slice(_QUARTER * at, _QUARTER * (at + 1)) for at in corner)] = level
+    return levels
 
 
 def _tilt(lowest: Cells) -> float:
@@ -128,9 +154,15 @@ def estimate_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Waves |
     length away, elevations are the opposite of what they are here. The autocovariance over both directions has its
     minimum there, which gives the length. Land hardly ever has such a minimum; nor is it level from part to part. Where
     swell and wind sea cross, a part may have none either; it is sea if its level and deviation are those of the others.
+    If blocks do not look like sea, their quarters may: a block beside a weir has two levels.
     """
     found = [_part(block, lowest[slot], opened[slot], grid.cell_m) for block, slot in grid.blocks.items()]
-    known = [part for part in found if part]
+    waves = _waves_of([part for part in found if part])
+    return waves or _waves_of([part for _, part in _quarters(grid, lowest, opened)])
+
+
+def _waves_of(known: Sequence[PartWaves]) -> Waves | None:
+    """Return the waves of parts of a tile; None if less than half of it looks like sea."""
     likely = [part for part in known if part.is_sea]
     if not likely:
         return None

@@ -79,6 +79,19 @@ def test_a_polder_below_the_sea_behind_a_dike():
     assert water < 0.02
 
 
+@pytest.mark.parametrize("names", [("intensity", "number_of_returns"), ()])
+def test_basins_on_both_sides_of_a_weir_in_waves(names):
+    weir = tile(
+        lambda x, _y, _b: np.where(np.abs(x - 200) < 3, 2.5, -5),
+        level=lambda x, _: np.where(x < 200, 0, 1.2),
+        height=1.2,
+        length=40.0,
+    )
+    land, water = shares(*weir[:2], {name: weir[2][name] for name in names})
+    assert land > 0.95
+    assert water < 0.01
+
+
 def test_basins_on_both_sides_of_a_weir():
     weir = tile(lambda x, _y, _b: np.where(np.abs(x - 200) < 3, 2.5, -5), level=lambda x, _: np.where(x < 200, 0, 1.2))
     land, water = shares(*weir)

@@ -198,6 +198,13 @@ def test_outputs_of_other_runs_are_kept(survey, tmp_path):
     assert separate(survey / "tiles", "-o", f"{out}/", "--resume", "--force").exit_code == 0
 
 
+def test_several_tiles_need_a_folder(survey, tmp_path):
+    (tmp_path / "out.laz").write_bytes(b"important")
+    result = separate(survey / "tiles", "-o", tmp_path / "out.laz", "--force")
+    assert (result.exit_code, "is a file, but 4 tiles need a folder" in result.stderr) == (2, True)
+    assert (tmp_path / "out.laz").read_bytes() == b"important"
+
+
 def test_a_single_tile_has_no_record_of_its_run(survey):
     numbers = [number for user, number, *_ in raw_records(survey / "separated.laz")[1] if user == b"seaclutter"]
     assert numbers == [7, 1]

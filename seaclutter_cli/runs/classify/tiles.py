@@ -15,7 +15,7 @@ from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.output_plan import is_folder
-from seaclutter_cli.runs.outputs import Paths, prepare_outputs
+from seaclutter_cli.runs.outputs import Paths, is_file, prepare_outputs
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
@@ -23,6 +23,7 @@ from seaclutter_cli.sinks.points import POINT_WRITERS, with_columns
 from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name, read_columns
+from seaclutter_cli.text import count
 
 _LAS = (".las", ".laz")
 
@@ -120,6 +121,8 @@ def plan_tiles(
         tile cannot be converted.
     """
     into_folder = is_folder(output, len(tiles))
+    if into_folder and is_file(Path(output)):
+        raise UsageError(f"{output}: is a file, but {count(len(tiles), 'tile')} need a folder")
     targets = [Path(output) / tile.file_name for tile in tiles] if into_folder else [Path(output)]
     if into_folder:  # formats without a writer become PCD
         targets = [t if t.suffix.lower() in (*_LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
