@@ -100,19 +100,25 @@ def work(name, seed, first, count):
 def campaign(names, seed, inputs, until_s, report):
     """Run inputs of formats in turn until there are enough, or a time is reached; yield the tallies after each round.
 
-    ``report`` receives each outcome with problems.
+    ``report`` receives each outcome with problems. What took too much memory is repeated in a process of its own, where
+    nothing counts that earlier inputs left.
     """
     tallies = {name: Tally() for name in names}
     share = -(-inputs // len(names))
     for first in range(0, share, ROUND):
         for name in names:
-            for outcome in _in_workers(name, seed, first, min(ROUND, share - first)):
+            for number, one in enumerate(_in_workers(name, seed, first, min(ROUND, share - first)), first):
+                outcome = next(_in_workers(name, seed, number, 1)) if _took_memory(one) else one
                 tallies[name].add(outcome)
                 if outcome.problems:
                     report(outcome)
             yield tallies
         if time.monotonic() > until_s:
             return
+
+
+def _took_memory(outcome):
+    return bool(outcome.problems) and all(problem.endswith(" MB") for problem in outcome.problems)
 
 
 def _in_workers(name, seed, first, count):
