@@ -64,10 +64,10 @@ def find_bodies(squares: Squares, echoes: Echoes, deviation_m: Values) -> Sequen
     waves; then that of the remaining squares, and so on. Connected squares are a region. Regions of fewer than six
     squares are left out: the opening takes what is that small for an object.
 
-    Signs of water and of land are added up. A region needs more signs of water than of land; one that covers half of
-    the tile, or any if there is no other water, as many. If nothing in the tile reflects like a mirror, it is either
-    all land or not known: no region is returned unless nearly all squares are in regions with two more signs of land,
-    and without waves.
+    Signs of water and of land are added up. A region needs more signs of water than of land; any if there is no other
+    water, or one that covers half of the tile and does not reflect like ground, as many. If nothing in the tile
+    reflects like a mirror, it is either all land or not known: no region is returned unless nearly all squares are in
+    regions with two more signs of land, and without waves.
 
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
       along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher, as a weir, holds it back.
@@ -97,9 +97,16 @@ def find_bodies(squares: Squares, echoes: Echoes, deviation_m: Values) -> Sequen
     if free.all() and not tells and clear < _CLEAR_SHARE * sum(map(len, regions)):
         return []
     least = 2 if (echoes.known > 0).any() else 1
-    certain = [signs >= (0 if least == 1 and len(own) >= _LARGEST * len(free) else least) for own, signs in found]
+    half = _LARGEST * len(free)
+    doubt = [least == 1 and len(own) >= half and not (tells and _is_diffuse(echoes, own)) for own in regions]
+    certain = [signs >= (0 if either else least) for either, (_, signs) in zip(doubt, found, strict=True)]
     water = certain if any(certain) else [signs >= 0 for _, signs in found]
     return [_body(squares, own, is_water=is_water) for own, is_water in zip(regions, water, strict=True)]
+
+
+def _is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
+    """Return whether a region reflects like ground."""
+    return _median(echoes.variation[own]) <= DIFFUSE
 
 
 def _regions(squares: Squares, deviation_m: Values, kind: Mask) -> Iterator[NDArray[np.int64]]:
