@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.sources.extents import Extent
 from seaclutter_cli.sources.tiles import LasTile, Tile, TilePointReader
-from seaclutter_cli.sources.windows import CopcWindow, is_indexed
+from seaclutter_cli.sources.windows import read_within
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,8 @@ class MarginPoints:
     """
 
     def __init__(self, path: Path, region: Extent, without: Extent | None = None) -> None:
-        self._tile = CopcWindow(path, region) if is_indexed(path) else LasTile(path)
-        self._parts = []
-        for part in self._tile.parts() if isinstance(self._tile, CopcWindow) else self._tile.read():
-            xyz = self._tile.xyz(part)
-            inside = region.contains(xyz)
-            if without is not None:
-                inside &= ~without.contains(xyz)
-            if inside.any():
-                self._parts.append(part[inside])
+        self._tile = LasTile(path)
+        self._parts = list(read_within(self._tile, region, without))
 
     @property
     def size(self) -> int:

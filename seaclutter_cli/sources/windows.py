@@ -8,7 +8,7 @@ import numpy as np
 
 from seaclutter_cli.errors import CloudError, InputError
 from seaclutter_cli.sources.extents import Extent, TileHead, extent_of
-from seaclutter_cli.sources.frame_files.copc import CopcIndex, is_copc, read_chunks, read_index
+from seaclutter_cli.sources.frame_files.copc import is_copc, read_chunks, read_index
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, open_tile
 
 
@@ -25,26 +25,46 @@ class CopcWindow(LasTile):
     Raises
     ------
     CloudError
-        If the file is damaged, or not a COPC file.
+        If the file is damaged.
     """
 
     def __init__(self, path: Path, window: Extent) -> None:
         super().__init__(path)
-        self.window = window
-        self._kept = list(self.read())
+        self._kept = list(read_within(self, window))
         self.size = sum(map(len, self._kept))
 
-    def read(self) -> Iterator[Any]:
-        """Yield the points in parts."""
-        for part in read_chunks(self.path, _chunks(read_index(self.path, self.header), self)):
-            inside = self.window.contains(self.xyz(part))
-            if inside.any():
-                yield part[inside]
+
+def read_within(tile: LasTile, window: Extent, without: Extent | None = None) -> Iterator[Any]:
+    """Yield the points of a tile in a rectangle in parts, without keeping them in memory.
+
+    Parameters
+    ----------
+    tile : LasTile
+        The tile; of a COPC file, only the chunks that the rectangle needs are read.
+    window : Extent
+        The rectangle.
+    without : Extent, optional
+        A part of it whose points are left out.
+
+    Raises
+    ------
+    CloudError
+        If the file is damaged.
+    """
+    for part in _read_near(tile, window):
+        xyz = tile.xyz(part)
+        inside = window.contains(xyz)
+        if without is not None:
+            inside &= ~without.contains(xyz)
+        if inside.any():
+            yield part[inside]
 
 
-def _chunks(index: CopcIndex, tile: CopcWindow) -> list[tuple[int, int, int]]:
-    low, high = (np.array(corner) / tile.crs.unit_m for corner in (tile.window.low, tile.window.high))
-    return index.within(low, high)
+def _read_near(tile: LasTile, window: Extent) -> Iterator[Any]:
+    if not _is_indexed(tile):
+        return tile.read()
+    low, high = (np.array(corner) / tile.crs.unit_m for corner in (window.low, window.high))
+    return read_chunks(tile.path, read_index(tile.path, tile.header).within(low, high))
 
 
 def open_tile_or_window(path: Path, window: Extent | None) -> LasTile | CloudTile:
@@ -59,7 +79,11 @@ def open_tile_or_window(path: Path, window: Extent | None) -> LasTile | CloudTil
 
 def is_indexed(path: Path) -> bool:
     """Return whether a tile is a COPC file; raise `CloudError` if it cannot be read."""
-    return path.suffix.lower() == ".laz" and is_copc(LasTile(path).header)
+    return path.suffix.lower() == ".laz" and _is_indexed(LasTile(path))
+
+
+def _is_indexed(tile: LasTile) -> bool:
+    return tile.path.suffix.lower() == ".laz" and is_copc(tile.header)
 
 
 def windows_of(path: Path, side_m: float) -> list[TileHead]:

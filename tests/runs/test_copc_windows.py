@@ -10,6 +10,9 @@ from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.sources import extents, windows
 from seaclutter_cli.sources.extents import Extent
+from seaclutter_cli.sources.frame_files import laz_worker
+from seaclutter_cli.sources.frame_files.copc import read_index
+from seaclutter_cli.sources.tiles import LasTile
 from seaclutter_cli.sources.windows import CopcWindow, windows_of
 from tests.airborne.copc import write_copc
 from tests.airborne.tiles import raw_records, read, write
@@ -84,6 +87,25 @@ def test_a_whole_copc_file_loses_its_index(survey, tmp_path):
     _, before, after = raw_records(tmp_path / "out.laz")
     assert b"copc" not in [user for user, *_ in [*before, *after]]
     np.testing.assert_array_equal(classes([tmp_path / "out.laz"])[:3], classes([survey / "separated.laz"])[:3])
+
+
+def test_large_chunks_are_decompressed_in_parts(survey, monkeypatch):
+    monkeypatch.setattr(laz_worker, "_BLOCK_POINTS", 1000)
+    lazrs, path = pytest.importorskip("lazrs"), survey / "survey.copc.laz"
+    header = LasTile(path).header
+    with laspy.open(path) as reader:
+        described, size = reader.header.vlrs.get("LasZipVlr")[0].record_data, header.point_format.size
+    chunks = read_index(path, header).chunks.tolist()
+    assert max(points for *_, points in chunks) > 2000
+    with path.open("rb") as file:
+        blocks = list(laz_worker._read_chunks(lazrs, file, chunks, described, size, 0))
+        file.seek(chunks[0][0])
+        data = file.read(sum(length for _, length, _ in chunks))
+    whole = bytearray(header.point_count * size)
+    table = [(points, length) for _, length, points in chunks]
+    lazrs.decompress_points_with_chunk_table(data, described, whole, table)
+    assert b"".join(blocks) == whole
+    assert max(map(len, blocks)) <= 1000 * size
 
 
 def test_windows_need_a_copc_file(survey, tmp_path):

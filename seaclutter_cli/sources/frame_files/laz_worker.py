@@ -5,6 +5,7 @@ point in bytes, number of points. Chunks may stand for the place, each with its 
 answer consists of blocks of points, each after its size; after a negative size follows the text of an error.
 """
 
+import io
 import pickle
 import signal
 import struct
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 SIZE = struct.Struct("<q")
+_TABLE_AT = struct.Struct("<q")
 _BLOCK_POINTS = 500_000
 
 
@@ -43,7 +45,10 @@ def main() -> None:
 
 def _read_all(lazrs: Any, file: BinaryIO, at: int, described: bytes, size: int, left: int) -> Iterator[bytearray]:
     file.seek(at)
-    points = lazrs.LasZipDecompressor(file, described)
+    return _blocks(lazrs.LasZipDecompressor(file, described), size, left)
+
+
+def _blocks(points: Any, size: int, left: int) -> Iterator[bytearray]:
     while left:
         block = bytearray(min(left, _BLOCK_POINTS) * size)
         points.decompress_many(block)
@@ -56,9 +61,18 @@ def _read_chunks(
 ) -> Iterator[bytearray]:
     for offset, length, points in chunks:
         file.seek(offset)
-        block = bytearray(points * size)
-        lazrs.decompress_points_with_chunk_table(file.read(length), described, block, [(points, length)])
-        yield block
+        alone = _alone(lazrs, file.read(length), described, points)
+        yield from _blocks(lazrs.LasZipDecompressor(alone, described), size, points)
+
+
+def _alone(lazrs: Any, chunk: bytes, described: bytes, points: int) -> BinaryIO:
+    """Return a chunk as the only one of a file, because lazrs decompresses files in parts, but chunks as a whole."""
+    alone = io.BytesIO()
+    alone.write(_TABLE_AT.pack(_TABLE_AT.size + len(chunk)))
+    alone.write(chunk)
+    lazrs.write_chunk_table(alone, [(points, len(chunk))], lazrs.LazVlr(described))
+    alone.seek(0)
+    return alone
 
 
 if __name__ == "__main__":
