@@ -71,7 +71,7 @@ COASTS: Mapping[str, Callable[[np.random.Generator], Lands]] = {
 
 def coast_scene(name: str, seed: int) -> TileScene:
     """Return a random coast of a kind, with objects in its water."""
-    scene = load_tile_scene("coast").with_tile(seed=seed, size_m=SIZE_M, gap_m=12.0)
+    scene = load_tile_scene("shore").with_tile(seed=seed, size_m=SIZE_M, gap_m=12.0)
     lands = COASTS[name](np.random.default_rng([seed, list(COASTS).index(name)]))
     objects = [TileObjectParams(kind=kind, size_m=None) for kind in OBJECTS]
     while True:  # where there is little water, not all objects find room

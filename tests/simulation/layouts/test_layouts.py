@@ -3,6 +3,7 @@ import pytest
 import yaml
 
 from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.simulation.airborne.scene import builtin_tiles
 from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene
 from seaclutter_cli.simulation.layouts.rule import scene_class
 from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
@@ -12,6 +13,11 @@ SEEDS = range(3)
 
 def made(name, seed):
     return LAYOUTS[name].make(np.random.default_rng(seed))
+
+
+def test_a_name_means_one_scene():
+    names = [*builtin_scenes(), *builtin_tiles(), *LAYOUTS]
+    assert len(set(names)) == len(names)
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
