@@ -21,6 +21,7 @@ from seaclutter_cli.sensors.robosense.packets import INFO_ID, PACKET_BYTES, data
 from seaclutter_cli.sensors.robosense.points import Geometry
 
 _TOLERANCE = 100
+_MAX_WAITING = 512
 _ANGLES_HINT = "pass the angles with --calibration FILE (one line 'elevation,azimuth offset' in degrees per laser)"
 
 
@@ -127,7 +128,9 @@ class RoboSenseDecoder:
 
     Notes
     -----
-    State: the blocks of the current revolution (about 200 kB), the azimuth of the last block, and the clock.
+    State: the blocks of the current revolution (about 200 kB), packets that wait for its end (at most 640 kB), the
+    azimuth of the last block, and the clock. Packets that surely end no revolution wait, because a call for each few
+    of them costs as much as their points.
     """
 
     def __init__(self, device: Device, warnings: list[str], sample: Packets) -> None:
@@ -138,7 +141,8 @@ class RoboSenseDecoder:
         self._is_utc = device.model.format.is_utc
         self._clock, self._losses = RobosenseClock(device.model.packet_ns), RobosenseLosses(device)
         self._parts: list[Blocks] = []
-        self._azimuth = -1
+        self._waiting: list[tuple[NDArray[np.uint8], NDArray[np.int64]]] = []
+        self._azimuth = self._last_azimuth = -1
         self._frames = 0
         self._starts_whole = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
@@ -164,14 +168,35 @@ class RoboSenseDecoder:
             self.facts.bad_packets += int((~is_data & ~_begins(payloads, INFO_ID[:4])).sum())
             payloads, times_ns = payloads[is_data], times_ns[is_data]
         if len(payloads):
-            yield from self._frames_of(data_packets(self._device.model, payloads), times_ns)
+            if self._may_end(payloads):
+                self._waiting.append((payloads, times_ns))
+                yield from self._decode()
+            else:
+                self._waiting.append((payloads.copy(), times_ns.copy()))
 
     def finish(self) -> Iterator[PacketFrame]:
         """Yield the last revolution."""
+        yield from self._decode()
         if self._parts:
             blocks = join(self._parts)
             self._parts = []
             yield self._frame(blocks, partial=not self._ends_whole(blocks))
+
+    def _may_end(self, payloads: NDArray[np.uint8]) -> bool:
+        """Return whether data packets may end a revolution, or make too many wait."""
+        azimuth = data_packets(self._device.model, payloads)["blocks"]["azimuth"].astype(np.int64).ravel()
+        before, self._last_azimuth = self._last_azimuth, int(azimuth[-1])
+        if azimuth[0] < before or (azimuth[1:] < azimuth[:-1]).any():
+            return True
+        return sum(len(waiting) for waiting, _ in self._waiting) + len(payloads) > _MAX_WAITING
+
+    def _decode(self) -> Iterator[PacketFrame]:
+        """Yield the frames that the waiting packets complete."""
+        if self._waiting:
+            payloads, times_ns = (np.concatenate(column) for column in zip(*self._waiting, strict=True))
+            self._waiting = []
+            yield from self._frames_of(data_packets(self._device.model, payloads), times_ns)
+            self._last_azimuth = self._azimuth
 
     def _frames_of(self, packets: NDArray[Any], record_ns: NDArray[np.int64]) -> Iterator[PacketFrame]:
         valid = valid_blocks(packets["blocks"], self._device.model.format)

@@ -208,6 +208,25 @@ def test_batch_size_does_not_matter(batch):
         np.testing.assert_array_equal(one.points, other.points)
 
 
+@pytest.mark.parametrize(("batch", "per_turn"), [(1, 20), (3, 20), (7, 600)])
+def test_a_revolution_is_complete_with_the_first_packet_of_the_next(batch, per_turn):
+    """Also if there are more packets than wait for each other, and if invalid blocks hide where it begins."""
+    model = MODELS["RS-LiDAR-32"]
+    azimuth = np.repeat(np.arange(3 * per_turn) % per_turn * (35000 // per_turn), model.blocks)
+    columns = columns_of(model, azimuth, missing=0.99)
+    payloads, info = write_data(model, columns), write_info(model, angles_of(model))
+    damaged = [number for number in range(len(payloads)) if number % per_turn in (0, 5, 7)]
+    payloads[damaged, 42:44] = 0
+    decoder = RoboSense().decoder(Packets(columns.times_ns[:2], np.stack([info, payloads[1]])), DecoderOptions())
+    ends = []
+    for begin in range(0, len(payloads), batch):
+        part = slice(begin, begin + batch)
+        ends += [begin] * len(list(decoder.add(Packets(columns.times_ns[part], payloads[part]))))
+    assert ends == [turn * per_turn + 1 - (turn * per_turn + 1) % batch for turn in (1, 2)]
+    assert len(list(decoder.finish())) == 1
+    assert decoder.facts.bad_packets == len(damaged)
+
+
 @pytest.mark.parametrize("name", NAMES[:4])
 def test_points_within_half_a_unit_and_a_hundredth_of_a_degree(name):
     model, angles = MODELS[name], angles_of(MODELS[name])
