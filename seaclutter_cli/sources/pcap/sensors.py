@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.groups import group_starts
 from seaclutter_cli.sensors.families import PACKET_FAMILIES, SelfCalibrating
 from seaclutter_cli.sensors.packets import Packets, of_other_length
 from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
@@ -102,9 +103,7 @@ def each_kind(datagrams: Datagrams) -> list[tuple[Kind, NDArray[np.int64]]]:
         return []
     codes = datagrams.flows << 16 | datagrams.lengths
     order = np.argsort(codes, kind="stable")
-    sorted_codes = codes[order]
-    starts = np.flatnonzero(np.diff(sorted_codes, prepend=sorted_codes[0] - 1))
-    parts = np.split(order, starts[1:])
+    parts = np.split(order, group_starts(codes[order])[1:])
     return [((int(datagrams.flows[rows[0]]), int(datagrams.lengths[rows[0]])), rows) for rows in parts]
 
 
