@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.nearest import nearest
-from seaclutter_cli.airborne.squares import Echoes, Squares, by_cell, positions, squares_in
+from seaclutter_cli.airborne.squares import Echoes, Squares, SquareWaves, by_cell, positions, squares_in
 from seaclutter_cli.airborne.water_bodies import DIFFUSE, SPECULAR, WaterBody, bands_of, connected, find_bodies
 
 Cells = NDArray[np.float64]
@@ -48,7 +48,7 @@ class Shores:
 
 
 def shores_of(
-    grid: ElevationGrid, lowest: Cells, squares: Squares, echoes: Echoes, deviation_m: NDArray[np.float64]
+    grid: ElevationGrid, lowest: Cells, squares: Squares, echoes: Echoes, waves: SquareWaves
 ) -> Shores | None:
     """Return the land and water of a tile; None if no region is large enough to tell.
 
@@ -59,7 +59,7 @@ def shores_of(
     land: the opening takes what is that small for an object. What is not connected to a body of water is land, too.
     In squares beside water that are in no region, cells at its level are water.
     """
-    regions = find_bodies(squares, echoes, deviation_m)
+    regions = find_bodies(squares, echoes, waves)
     if not regions:
         return None
     bodies = [region for region in regions if region.is_water]
@@ -67,13 +67,13 @@ def shores_of(
     level = np.full(len(squares.index), np.nan)
     if bodies:
         level = _nearest_levels(squares, bodies)
-        band = bands_of(deviation_m)
+        band = bands_of(waves.deviation_m)
         rise = squares.level_m - level
         of_land = np.zeros(len(land), np.bool_)
         for region in regions:
             of_land[region.squares] = not region.is_water
-        waves = (np.abs(rise) <= 2 * band) & (echoes.variation >= SPECULAR)
-        land = (of_land & ~waves) | (np.abs(rise) > np.where(echoes.variation <= DIFFUSE, band, 2 * band))
+        crests = (np.abs(rise) <= 2 * band) & (echoes.variation >= SPECULAR)
+        land = (of_land & ~crests) | (np.abs(rise) > np.where(echoes.variation <= DIFFUSE, band, 2 * band))
         for body in bodies:
             land[body.squares] = False
         wet = np.zeros(len(land) + 1, np.bool_)

@@ -180,7 +180,8 @@ def _rough(whole_tile: GriddedPoints, whole: SeaSurfaceModel, waves: Waves, colu
             classification[own], height[own] = NEVER, np.nan
             continue
         details = _details(points, None if intensity is None else intensity[own])
-        surface = SeaSurfaceModel(points.grid, whole.params, rough=RoughWater(waves, whole.land_by_block, details))
+        rough = RoughWater(waves, whole.land_by_block, whole.levels_by_block, details)
+        surface = SeaSurfaceModel(points.grid, whole.params, rough=rough)
         classification[own], height[own] = _classes(points, surface)
         surfaces.append(surface)
     largest = max(surfaces, key=lambda surface: surface.cells)

@@ -12,7 +12,7 @@ from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.strips import Column
-from seaclutter_cli.airborne.waves import PartWaves
+from seaclutter_cli.airborne.waves import PartWaves, by_level
 
 Values = NDArray[np.float64]
 Cells = NDArray[np.float64]
@@ -133,17 +133,40 @@ def _neighbors(xy: NDArray[np.int64]) -> NDArray[np.int64]:
     return found
 
 
-def wave_deviations(squares: Squares, centers: Values, waves: Sequence[PartWaves]) -> Values:
-    """Return the standard deviation of the nearest waves at each square, shape (N,); 0 if it is not at their level.
+@dataclass(frozen=True)
+class SquareWaves:
+    """Waves in each of N squares.
 
-    ``centers`` are those of the waves in cells, shape (2, P).
+    Parameters
+    ----------
+    level_m, deviation_m : ndarray, shape (N,), float64
+        Level of the water around the waves, and their standard deviation; the level of the square, and 0, if there are
+        none.
     """
-    if not waves:
-        return np.zeros(len(squares.index))
-    own = nearest(centers / SIDE, squares.xy + 0.5)
-    level, deviation = (np.array([getattr(w, name) for w in waves])[own] for name in ("level_m", "deviation_m"))
-    near = np.abs(squares.level_m - level) <= _AT_LEVEL * deviation + _NEAR_LEVEL_M
-    return np.where(near, deviation, 0)
+
+    level_m: Values
+    deviation_m: Values
+
+
+def waves_of(squares: Squares, centers: Values, parts: Sequence[PartWaves]) -> SquareWaves:
+    """Return the waves in squares: those of the nearest part at their level. Still parts have none.
+
+    ``centers`` are those of the parts in cells, shape (2, P).
+    """
+    level, deviation = squares.level_m.copy(), np.zeros(len(squares.index))
+    least = np.full(len(level), np.inf)
+    for water in by_level(parts):
+        own = [at for at, part in enumerate(parts) if any(part is one for one in water)]
+        at = centers[:, own] / SIDE
+        found = nearest(at, squares.xy + 0.5)
+        distance = ((at[:, found] - squares.xy - 0.5) ** 2).sum(axis=0)
+        waves = np.array([(parts[n].level_m, parts[n].deviation_m if parts[n].is_sea else 0) for n in own])[found].T
+        used = np.abs(squares.level_m - waves[0]) <= _AT_LEVEL * waves[1] + _NEAR_LEVEL_M
+        used &= distance < least
+        least[used] = distance[used]
+        level[used] = np.where(waves[1] > 0, waves[0], squares.level_m)[used]
+        deviation[used] = waves[1][used]
+    return SquareWaves(level, deviation)
 
 
 @dataclass(frozen=True)

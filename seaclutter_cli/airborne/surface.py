@@ -1,7 +1,7 @@
 """Sea surface of tiles and frames by morphological opening."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -14,8 +14,8 @@ from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.opening import open_grid, without_pits
 from seaclutter_cli.airborne.rising import height_limits
-from seaclutter_cli.airborne.squares import Echoes, Squares, squares_of, wave_deviations
-from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_levels, local_waves
+from seaclutter_cli.airborne.squares import Echoes, Squares, squares_of, waves_of
+from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_levels, local_waves, other_levels
 from seaclutter_cli.errors import InputError
 
 Cells = NDArray[np.float64]
@@ -109,12 +109,15 @@ class RoughWater:
         Waves of the tile.
     land : mapping of (int, int) to ndarray, shape (256, 256), bool, or None
         Land of the tile by block.
+    levels : mapping of (int, int) to ndarray, shape (256, 256), float64, or None
+        Level of the nearest body of water by block; None if none is known.
     details : CellDetails
         Highest elevations and intensities of the strip.
     """
 
     waves: Waves
     land: Mapping[tuple[int, int], Mask] | None
+    levels: Mapping[tuple[int, int], Cells] | None
     details: CellDetails
 
 
@@ -191,8 +194,8 @@ class SeaSurfaceModel:
             return
         if params.land != "ignore" and echoes is not None:
             squares = squares_of(grid, lowest, lowest <= top)
-            deviation = wave_deviations(squares, *local_waves(grid, lowest, self._opened))
-            self.shores = shores_of(grid, lowest, squares, echoes(squares, top), deviation)
+            waves = waves_of(squares, *local_waves(grid, lowest, self._opened))
+            self.shores = shores_of(grid, lowest, squares, echoes(squares, top), waves)
         del top
         if params.follows_waves:
             water = lowest if self.shores is None else np.where(self.shores.land, np.inf, lowest)
@@ -219,15 +222,21 @@ class SeaSurfaceModel:
         waves, params = rough.waves, self.params
         self.waves = waves
         own = np.zeros(lowest.shape, np.bool_)
+        levels, deviations = local_levels(self._grid, lowest, self._opened, waves)
         if rough.land is not None:
             for block, slot in self._grid.blocks.items():
                 own[slot] = rough.land[block]
+        if rough.levels is not None:
+            for block, slot in self._grid.blocks.items():
+                levels[slot] = other_levels(rough.levels[block], waves)
         land = own.copy()
         if isinstance(params, SeparationParams) and params.island_m is not None:
-            above = _LAND_DEVIATIONS * waves.deviation_m
-            high = max(params.island_m, _ISLAND_DEVIATIONS * waves.deviation_m)
-            land |= self._land_cells(local_levels(self._grid, lowest, self._opened, waves), above, high, own)
-        self.followed = follow_waves(self._grid, lowest, land, waves, lowest - self._opened, rough.details)
+            above = _LAND_DEVIATIONS * deviations
+            high = np.maximum(params.island_m, _ISLAND_DEVIATIONS * deviations)
+            land |= self._land_cells(levels, above, high, own)
+        step = levels - waves.level_m
+        found = follow_waves(self._grid, lowest - step, land, waves, lowest - self._opened, rough.details)
+        self.followed = replace(found, surface=found.surface + step)
         self._limits = height_limits(self._grid, lowest, land, self.followed, rough.details)
         self._land, self._islands = own, land
 
@@ -279,6 +288,13 @@ class SeaSurfaceModel:
         return {block: self.shores.land[slot] for block, slot in self._grid.blocks.items()}
 
     @property
+    def levels_by_block(self) -> Mapping[tuple[int, int], Cells] | None:
+        """Level of the nearest body of water by block; None if none is known."""
+        if self.shores is None or not self.shores.bodies:
+            return None
+        return {block: self.shores.level_m[slot] for block, slot in self._grid.blocks.items()}
+
+    @property
     def all_land_by_block(self) -> Mapping[tuple[int, int], Mask]:
         """Cells of land, also of islands, by the blocks that contain any."""
         land = {block: self._land[slot] | self._islands[slot] for block, slot in self._grid.blocks.items()}
@@ -296,15 +312,19 @@ class SeaSurfaceModel:
         values, counts = np.unique(step, return_counts=True)
         return float(np.median(known[step == values[np.argmax(counts)]]))
 
-    def _land_cells(self, level: float | Cells, height_m: float, island_m: float, also: Mask | None = None) -> Mask:
+    def _land_cells(
+        self, level: float | Cells, height_m: float | Cells, island_m: float | Cells, also: Mask | None = None
+    ) -> Mask:
         """Return a mask of the land cells, shape (S, 256, 256); cells of ``also`` are seeds, too."""
-        levels = np.broadcast_to(level, self._opened.shape)
+        levels, heights, islands_m = (
+            np.broadcast_to(value, self._opened.shape) for value in (level, height_m, island_m)
+        )
         land, high = (np.zeros(self._opened.shape, np.bool_) for _ in range(2))
         for slot, (lowest, opened) in enumerate(zip(self._grid.lowest, self._opened, strict=True)):
-            known, above = np.isfinite(lowest), levels[slot] + height_m
+            known, above = np.isfinite(lowest), levels[slot] + heights[slot]
             land[slot] = (opened > above) | (known & (lowest > above))
             highest = np.where(known, np.maximum(opened, lowest), opened)
-            high[slot] = (opened > above) & (highest > levels[slot] + island_m)
+            high[slot] = (opened > above) & (highest > levels[slot] + islands_m[slot])
             if also is not None:
                 land[slot] |= also[slot]
                 high[slot] |= also[slot]

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.squares import Echoes, Squares
+from seaclutter_cli.airborne.squares import Echoes, Squares, SquareWaves
+from seaclutter_cli.airborne.waves import OTHER_LEVEL
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -46,7 +47,7 @@ class WaterBody:
     is_water: bool
 
 
-def find_bodies(squares: Squares, echoes: Echoes, deviation_m: Values) -> Sequence[WaterBody]:
+def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[WaterBody]:
     r"""Return the level regions of a tile, and whether each is water.
 
     Parameters
@@ -55,14 +56,14 @@ def find_bodies(squares: Squares, echoes: Echoes, deviation_m: Values) -> Sequen
         The N squares of the tile.
     echoes : Echoes
         Their echoes.
-    deviation_m : ndarray, shape (N,), float64
-        Standard deviation of the waves in each square; 0 if there are none.
+    waves : SquareWaves
+        Waves in each of them.
 
     Notes
     -----
     The most frequent level comes first, with all flat squares within 0.2 m of it, or three standard deviations of the
-    waves; then that of the remaining squares, and so on. Connected squares are a region. Regions of fewer than six
-    squares are left out: the opening takes what is that small for an object.
+    waves, whose own level is within two; then that of the remaining squares, and so on. Connected squares are a region.
+    Regions of fewer than six squares are left out: the opening takes what is that small for an object.
 
     Signs of water and of land are added up. A region needs more signs of water than of land; any if there is no other
     water, or one that covers half of the tile and does not reflect like ground, as many. If nothing in the tile
@@ -84,9 +85,10 @@ def find_bodies(squares: Squares, echoes: Echoes, deviation_m: Values) -> Sequen
     Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
     needs two more signs of water.
     """
+    deviation_m = waves.deviation_m
     ground, free = echoes.variation <= _GROUND, echoes.known == 0
     kinds = (free & ground, free & ~ground, echoes.known > 0, echoes.known < 0)
-    regions = [own for kind in kinds for own in _regions(squares, deviation_m, kind)]
+    regions = [own for kind in kinds for own in _regions(squares, waves, kind)]
     regions.sort(key=len, reverse=True)
     mirrors = sum(len(own) for own in regions if _median(echoes.variation[own]) >= SPECULAR)
     tells = mirrors > _MIRROR_SHARE * len(squares.index)
@@ -109,10 +111,11 @@ def _is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
     return _median(echoes.variation[own]) <= DIFFUSE
 
 
-def _regions(squares: Squares, deviation_m: Values, kind: Mask) -> Iterator[NDArray[np.int64]]:
+def _regions(squares: Squares, waves: SquareWaves, kind: Mask) -> Iterator[NDArray[np.int64]]:
     """Yield connected flat squares at one level, beginning with the most frequent level."""
-    band = bands_of(deviation_m)
-    flat = (squares.spread_m <= np.maximum(_ROUGH_M, _BAND_DEVIATIONS * deviation_m)) & (
+    band = bands_of(waves.deviation_m)
+    around = np.maximum(_BAND_M, OTHER_LEVEL * waves.deviation_m)
+    flat = (squares.spread_m <= np.maximum(_ROUGH_M, _BAND_DEVIATIONS * waves.deviation_m)) & (
         squares.open_share >= _OPEN_SHARE
     )
     remaining = np.flatnonzero(flat & kind)
@@ -124,6 +127,10 @@ def _regions(squares: Squares, deviation_m: Values, kind: Mask) -> Iterator[NDAr
             return
         middle = np.median(level[which == np.argmax(counts)])
         inside = np.abs(level - middle) <= band[remaining]
+        inside &= np.abs(waves.level_m[remaining] - middle) <= around[remaining]
+        if not inside.any():  # crests at a level that no water has
+            remaining = remaining[which != np.argmax(counts)]
+            continue
         own = remaining[inside]
         part = connected(squares, own)
         for number in np.flatnonzero(np.bincount(part) >= _LEAST_SQUARES):

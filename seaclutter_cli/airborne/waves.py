@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,9 @@ _MAX_STEP_M = 2.0
 _MIN_SHARE = 0.5
 _ROUGHEST_PARTS = 0.75
 _MAX_TILT = 0.5
-_OTHER_LEVEL = 2.0
+OTHER_LEVEL = 2.0
+SAME_LEVEL_M, _LEAST_SHARE = 0.2, 0.1
+_STILL_M = 0.1
 _ALIKE = 1.5
 
 
@@ -40,6 +43,8 @@ class PartWaves:
         Median and standard deviation of the elevation of the water.
     crest_m : float
         Height of the crests above the opened surface.
+    crests : sequence of (int, float)
+        Number of cells and height of the crests of each quarter.
     length_m : float
         Length of the highest waves.
     is_sea : bool
@@ -53,9 +58,15 @@ class PartWaves:
     level_m: float
     deviation_m: float
     crest_m: float
+    crests: Sequence[tuple[int, float]]
     length_m: float
     is_sea: bool
     is_level: bool
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the part is level, but has hardly any waves."""
+        return self.is_level and not self.is_sea and self.deviation_m <= _STILL_M
 
     def resembles(self, level_m: float, deviation_m: float) -> bool:
         """Return whether the part is like a sea whose waves have this level and deviation."""
@@ -66,12 +77,12 @@ class PartWaves:
 
 @dataclass(frozen=True)
 class Waves:
-    """Waves of a tile: medians over those of its parts that look like sea, weighted by their cells.
+    """Waves of a tile: medians over the parts of its roughest water, weighted by their cells.
 
     Parameters
     ----------
     parts : sequence of PartWaves
-        Waves in each part that looks like sea.
+        Waves in each part that looks like sea, at any level.
     level_m, deviation_m, length_m : float
         Level of the water, standard deviation of its elevation, and length of the highest waves.
     crest_m : float
@@ -91,9 +102,9 @@ class Waves:
 
 
 def local_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> tuple[Cells, Sequence[PartWaves]]:
-    """Return the waves in those quarters of blocks that look like sea, and their centres in cells, shape (2, P)."""
-    sea = [(center, part) for center, part in _quarters(grid, lowest, opened) if part.is_sea]
-    return np.array([center for center, _ in sea]).reshape(-1, 2).T, [part for _, part in sea]
+    """Return the quarters of blocks that look like sea or are still, and their centres in cells, shape (2, P)."""
+    own = [(center, part) for center, part in _quarters(grid, lowest, opened) if part.is_sea or part.is_still]
+    return np.array([center for center, _ in own]).reshape(-1, 2).T, [part for _, part in own]
 
 
 def _quarters(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Iterator[tuple[list[float], PartWaves]]:
@@ -108,23 +119,34 @@ def _quarters(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Iterator[tup
                 yield center, replace(waves, is_sea=is_sea)
 
 
-def local_levels(grid: ElevationGrid, lowest: Cells, opened: Cells, waves: Waves) -> Cells:
-    """Return the level of the nearest waves at each cell, shape (S, 256, 256), if it differs from that of the tile.
+def local_levels(grid: ElevationGrid, lowest: Cells, opened: Cells, waves: Waves) -> tuple[Cells, Cells]:
+    """Return the level and the deviation of the nearest waves at each cell, both of shape (S, 256, 256).
 
-    Basins on both sides of a lock or weir have waves at two levels. A level differs from two standard deviations on.
+    Basins on both sides of a lock or weir have waves at two levels. A level differs from that of the tile from two
+    standard deviations on. Still water belongs to a basin if there are waves at its level. The deviation is not less
+    than that of the tile.
     """
-    levels = np.full(lowest.shape, waves.level_m)
+    levels, deviations = (np.full(lowest.shape, value) for value in (waves.level_m, waves.deviation_m))
     centers, parts = local_waves(grid, lowest, opened)
-    found = np.array([part.level_m for part in parts])
-    if not (np.abs(found - waves.level_m) > _OTHER_LEVEL * waves.deviation_m).any():
-        return levels
+    oscillating = np.array([part.level_m for part in parts if part.is_sea])
+    wet = [bool((np.abs(oscillating - part.level_m) <= SAME_LEVEL_M).any()) for part in parts]
+    if not any(wet):
+        return levels, deviations
+    centers, parts = centers[:, wet], [part for part, own in zip(parts, wet, strict=True) if own]
     for block, slot in grid.blocks.items():
         for corner in np.ndindex(2, 2):
             center = _QUARTER * (2 * np.array(block) + corner + 0.5)
-            level = found[nearest(centers, center[:, None])[0]]
-            if abs(level - waves.level_m) > _OTHER_LEVEL * waves.deviation_m:
-                levels[slot][tuple(slice(_QUARTER * at, _QUARTER * (at + 1)) for at in corner)] = level
-    return levels
+            part = parts[nearest(centers, center[:, None])[0]]
+            own = tuple(slice(_QUARTER * at, _QUARTER * (at + 1)) for at in corner)
+            deviations[slot][own] = max(part.deviation_m, waves.deviation_m)
+            levels[slot][own] = other_levels(np.float64(part.level_m), waves)
+    return levels, deviations
+
+
+def other_levels(levels: Cells | np.float64, waves: Waves) -> Cells:
+    """Return levels of water, or that of the tile where they do not differ from it by two standard deviations."""
+    differ = np.abs(levels - waves.level_m) > OTHER_LEVEL * waves.deviation_m
+    return np.where(differ, levels, waves.level_m)
 
 
 def _tilt(lowest: Cells) -> float:
@@ -154,7 +176,9 @@ def estimate_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Waves |
     length away, elevations are the opposite of what they are here. The autocovariance over both directions has its
     minimum there, which gives the length. Land hardly ever has such a minimum; nor is it level from part to part. Where
     swell and wind sea cross, a part may have none either; it is sea if its level and deviation are those of the others.
-    If blocks do not look like sea, their quarters may: a block beside a weir has two levels.
+    A still part, such as a sheltered basin, tells nothing about the waves elsewhere. Each level has its own waves;
+    those of the tile are the roughest that a tenth of it has. If blocks do not look like sea, their quarters may: a
+    block beside a weir has two levels.
     """
     found = [_part(block, lowest[slot], opened[slot], grid.cell_m) for block, slot in grid.blocks.items()]
     waves = _waves_of([part for part in found if part])
@@ -162,24 +186,50 @@ def estimate_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Waves |
 
 
 def _waves_of(known: Sequence[PartWaves]) -> Waves | None:
-    """Return the waves of parts of a tile; None if less than half of it looks like sea."""
-    likely = [part for part in known if part.is_sea]
-    if not likely:
+    """Return the waves of parts of a tile; None if less than half of what is not still looks like sea."""
+    waters = [_water_of(likely, known) for likely in by_level([part for part in known if part.is_sea])]
+    parts = [part for water in waters for part in water.parts]
+    rest = [part for part in known if not part.is_still and not any(part is own for own in parts)]
+    if _cells(parts) < _MIN_SHARE * (_cells(parts) + _cells(rest)):
         return None
+    large = [water for water in waters if _cells(water.parts) >= _LEAST_SHARE * _cells(known)]
+    return replace(max(large, key=lambda water: water.crest_m), parts=parts) if large else None
+
+
+def by_level(parts: Sequence[PartWaves]) -> Iterator[Sequence[PartWaves]]:
+    """Yield the parts of each water: between its level and the next is a gap that the lower waves do not explain."""
+    ordered = sorted(parts, key=lambda part: part.level_m)
+    start = 0
+    for end, (one, other) in enumerate(pairwise(ordered), 1):
+        if other.level_m - one.level_m > max(SAME_LEVEL_M, min(one.deviation_m, other.deviation_m)):
+            yield ordered[start:end]
+            start = end
+    if ordered:
+        yield ordered[start:]
+
+
+def _water_of(likely: Sequence[PartWaves], known: Sequence[PartWaves]) -> Waves:
+    """Return the waves of the parts at one level, and of those of the others that resemble them."""
     level, deviation = (_weighted_quantile(likely, name, 0.5) for name in ("level_m", "deviation_m"))
-    near = [part for part in known if abs(part.level_m - level) < _MAX_STEP_M]
-    sea = [part for part in near if part.is_sea or part.resembles(level, deviation)]
-    if sum(part.cells for part in sea) < _MIN_SHARE * sum(part.cells for part in known):
-        return None
+    near = [part for part in likely if abs(part.level_m - level) < _MAX_STEP_M]
+    sea = near + [part for part in known if not part.is_sea and part.resembles(level, deviation)]
     level, deviation, length = (_weighted_quantile(sea, name, 0.5) for name in ("level_m", "deviation_m", "length_m"))
-    return Waves(sea, level, deviation, length, _weighted_quantile(sea, "crest_m", _ROUGHEST_PARTS))
+    cells, crests = zip(*(crest for part in sea for crest in part.crests), strict=True)
+    return Waves(sea, level, deviation, length, _quantile(cells, crests, _ROUGHEST_PARTS))
+
+
+def _cells(parts: Sequence[PartWaves]) -> int:
+    return sum(part.cells for part in parts)
 
 
 def _weighted_quantile(parts: Sequence[PartWaves], name: str, share: float) -> float:
-    values = np.array([getattr(part, name) for part in parts])
+    return _quantile([part.cells for part in parts], [getattr(part, name) for part in parts], share)
+
+
+def _quantile(cells: Sequence[int], values: Sequence[float], share: float) -> float:
     order = np.argsort(values, kind="stable")
-    weight = np.cumsum(np.array([part.cells for part in parts])[order])
-    return float(values[order][np.searchsorted(weight, share * weight[-1])])
+    weight = np.cumsum(np.array(cells)[order])
+    return float(np.array(values)[order][np.searchsorted(weight, share * weight[-1])])
 
 
 def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float) -> PartWaves | None:
@@ -189,8 +239,7 @@ def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float) -
         return None
     above = lowest - np.where(known, opened, 0)
     step = (cells // _MANY_CELLS) | 1  # waves are alike over many cells, so that more of them would tell little
-    low, middle = np.quantile(above[known][::step], (0.1587, 0.5))
-    crest = float(middle + _CRESTS * (middle - low))
+    crest = _crest(above[known][::step])
     tail, lower, level, upper = np.quantile(lowest[known][::step], (0.1587, 0.25, 0.5, 0.75))
     deviation = float(level - tail)
     length, oscillation = 0.0, 0.0
@@ -198,7 +247,18 @@ def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float) -
         water = known & (above <= crest) & (np.abs(np.where(known, lowest, level) - level) <= _CRESTS * deviation)
         length, oscillation = _length(lowest - level, water)
     is_sea = is_level and oscillation >= _MIN_OSCILLATION
-    return PartWaves(block, cells, float(level), deviation, crest, length * cell_m, is_sea, is_level)
+    halves = [(slice(0, side // 2), slice(side // 2, side)) for side in known.shape]
+    quarters = [(int(known[own].sum()), own) for own in product(*halves)] if is_level else []
+    crests = [(own, _crest(above[at][::2, ::2][known[at][::2, ::2]])) for own, at in quarters if own >= _FEW_CELLS]
+    return PartWaves(
+        block, cells, float(level), deviation, crest, crests or [(cells, crest)], length * cell_m, is_sea, is_level
+    )
+
+
+def _crest(above: NDArray[np.float64]) -> float:
+    """Return the height of the crests of water, from heights above the opened surface."""
+    low, middle = np.quantile(above, (0.1587, 0.5))
+    return float(middle + _CRESTS * (middle - low))
 
 
 def _length(elevation: Cells, water: NDArray[np.bool_]) -> tuple[float, float]:
