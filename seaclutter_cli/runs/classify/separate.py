@@ -35,7 +35,7 @@ from seaclutter_cli.runs.run_record import RunIdentity, digest_of, digest_of_pat
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import TextRecord
 from seaclutter_cli.sources.margins import Margin
-from seaclutter_cli.sources.tiles import find_tiles
+from seaclutter_cli.sources.tile_paths import find_tiles
 from seaclutter_cli.sources.windows import open_tile_or_window
 from seaclutter_cli.storage.locations import Location
 

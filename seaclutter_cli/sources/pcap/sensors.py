@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.sensors.families import PACKET_FAMILIES, SelfCalibrating
-from seaclutter_cli.sensors.packets import Packets
+from seaclutter_cli.sensors.families import PACKET_FAMILIES
+from seaclutter_cli.sensors.packets import Packets, SelfCalibrating
 from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.log_file import LogFile
