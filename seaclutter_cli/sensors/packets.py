@@ -1,6 +1,6 @@
 """Packets of a sensor and the interface of their decoders."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -68,11 +68,20 @@ class DecoderOptions:
         Sensor model, for packets that several models share.
     recorded : bytes or None
         Metadata (Ouster) or angle correction file (Hesai) that the recording contains; ``calibration`` precedes it.
+    info : ndarray, shape (I, M), uint8, or None
+        Calibration packets of the sensor, if their length is not that of its data packets.
     """
 
     calibration: Path | None = None
     model: str | None = None
     recorded: bytes | None = None
+    info: NDArray[np.uint8] | None = None
+
+
+def of_other_length(calibrations: Sequence[NDArray[np.uint8]], length: int) -> NDArray[np.uint8] | None:
+    """Return the calibration packets whose length is not that of data packets, shape (I, M); None without any."""
+    others = [payload for payload in calibrations if len(payload) != length]
+    return np.stack(others) if others else None
 
 
 class PacketDecoder(Protocol):

@@ -18,11 +18,10 @@ class _Kind:
     lengths: tuple[int, ...] = ()
 
 
-_MEMS, _ROTATING = bytes.fromhex("55aa5aa5"), bytes.fromhex("55aa055a")
+_MEMS = bytes.fromhex("55aa5aa5")
 _HESAI = b"\xee\xff"
 
 _KINDS = (
-    _Kind("RoboSense RS-Ruby-48 or RS-Ruby-Plus-48", _ROTATING, (1268,)),
     _Kind("RoboSense RS-M2", _MEMS, (1342,)),
     _Kind("RoboSense RS-M3", _MEMS, (1448,)),
     _Kind("RoboSense RS-MX", _MEMS, (1404,)),

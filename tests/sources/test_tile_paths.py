@@ -38,4 +38,5 @@ def test_urls_are_refused():
     assert "tiles are read from local files; download it, or" in reason
     assert command[3:5] == ["readers.copc", "https://example.org/harbour.copc.laz"]
     assert advice("https://example.org/harbour/ept.json")[1][3] == "readers.ept"
-    assert advice("s3://bucket/harbour.laz") == ("s3://bucket/harbour.laz: tiles are read from local files; download it", [])
+    reason = "s3://bucket/harbour.laz: tiles are read from local files; download it"
+    assert advice("s3://bucket/harbour.laz") == (reason, [])

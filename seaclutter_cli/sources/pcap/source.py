@@ -147,7 +147,7 @@ class CaptureSource:
         return usable
 
     def _decoder(self, sensor: CapturedSensor) -> PacketDecoder:
-        options = self._options
+        options = replace(self._options, info=sensor.info)
         if options.calibration is None and (suffix := CALIBRATION_SUFFIXES.get(sensor.family)):
             options = replace(options, calibration=_find_beside(self._path, suffix))
         return PACKET_FAMILIES[sensor.family].decoder(sensor.sample, options)
