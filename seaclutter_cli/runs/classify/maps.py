@@ -84,7 +84,7 @@ def shoreline_in(tile: LasTile | CloudTile, found: Separation) -> list[NDArray[n
     return shoreline_of(map_of(TilePointReader(tile), found, found.land.cell_m))
 
 
-def drawn(tile: LasTile | CloudTile, name: str, found: Separation, pixel_m: float) -> DrawnTile:
+def drawn(tile: LasTile | CloudTile, found: Separation, name: str, pixel_m: float) -> DrawnTile:
     """Return the map of a separated tile with pixels of about a width in metres; 0: as its own size requires."""
     fine = map_of(TilePointReader(tile), found, found.land.cell_m)
     lines = shoreline_of(fine)
