@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.grid import BLOCK
+from seaclutter_cli.documents import load_json
 
 _BLOCK_BYTES = BLOCK * BLOCK // 8
 
@@ -56,7 +57,7 @@ class LandCells:
     def from_text(cls, text: str) -> "LandCells":
         """Return the cells that `as_text` described; raise `ValueError` if the text is damaged."""
         try:
-            stored: dict[str, Any] = json.loads(text)
+            stored: Any = load_json(text)
             cell_m, places = float(stored["cell_m"]), [(int(i), int(j)) for i, j in stored["blocks"]]
             bits = b""
             if places:
