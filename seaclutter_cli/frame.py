@@ -166,7 +166,7 @@ class Frame:
 
     def coordinates_of(self, index: NDArray[np.integer]) -> NDArray[np.float64]:
         """Return the coordinates of some points in metres, shape (3, n); raises the errors of `coordinates`."""
-        return _coordinates(self.cloud.points[index])
+        return _coordinates(self.cloud.points.take(index))
 
     def release(self) -> None:
         """Forget coordinates and intensities, so that the frame takes less memory; they are computed when used."""

@@ -19,6 +19,7 @@ BASE = {
     "frame",
     "truth",
     "interfaces",
+    "groups",
 }
 CORE = (
     BASE
@@ -42,6 +43,7 @@ ALLOWED = {
     "cloud": {"text", "errors", "records"},
     "frame": {"text", "errors", "records", "cloud"},
     "truth": {"errors"},
+    "groups": set(),
     "interfaces": BASE,
     "parameters": {"text"},
     "validation": {"text", "errors", "documents", "parameters"},

@@ -9,6 +9,7 @@ from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError, MissingExtraError
+from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.threads import executor, threads
 from seaclutter_cli.truth import OBJECT_CLASSES
 from seaclutter_cli.validation import renamed
@@ -171,8 +172,8 @@ def _subsample(samples: Samples, params: ForestParams) -> NDArray[np.intp]:
     _, which = samples.objects
     priority = np.random.default_rng([params.seed, 2]).random(len(which))
     order = np.lexsort((priority, which))
-    starts = np.flatnonzero(np.diff(which[order], prepend=-1))
-    rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
+    starts = group_starts(which[order])
+    rank = np.arange(len(order)) - np.repeat(starts, group_sizes(starts, len(order)))
     return np.sort(order[rank < params.max_points_per_object])
 
 

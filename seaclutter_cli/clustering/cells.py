@@ -7,6 +7,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.groups import group_sizes, group_starts
+
 Indices = NDArray[np.int64]
 Points = NDArray[np.float64]
 
@@ -95,14 +97,14 @@ def cells_of(xyz: Points, tolerance_m: float) -> Cells:
     key = rank * stride
     key += z
     order = np.argsort(key)
-    start = _changes(key[order])
+    start = group_starts(key[order])
     columns = column[order[start]]
-    first = _changes(columns)
+    first = group_starts(columns)
     return Cells(
         order,
         start,
-        _run_lengths(start, len(order)),
-        np.repeat(np.arange(len(first)), _run_lengths(first, len(columns))),
+        group_sizes(start, len(order)),
+        np.repeat(np.arange(len(first)), group_sizes(first, len(columns))),
         z[order[start]],
         columns[first],
         row,
@@ -175,22 +177,6 @@ def _with_gaps(values: Points, side: float, tolerance_m: float) -> Indices:
     cells = np.empty(len(local), np.int64)
     cells[order] = local + np.append(0, np.cumsum(steps))[segment]
     return cells
-
-
-def _changes(ordered: Indices) -> Indices:
-    """Return the start indices of runs of equal numbers."""
-    changes = np.empty(len(ordered), np.bool_)
-    changes[0] = True
-    np.not_equal(ordered[1:], ordered[:-1], out=changes[1:])
-    return changes.nonzero()[0]
-
-
-def _run_lengths(start: Indices, end: int) -> Indices:
-    """Return the lengths of runs from their start indices and the end of the last one."""
-    lengths = np.empty_like(start)
-    np.subtract(start[1:], start[:-1], out=lengths[:-1])
-    lengths[-1] = end - start[-1]
-    return lengths
 
 
 def _neighbors(columns: Indices, row: int) -> Indices:

@@ -1,5 +1,7 @@
 """Exact Euclidean clusters in bounded memory, about as fast as counting neighbours with a tree."""
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ Mask = NDArray[np.bool_]
 
 _BLOCK = 1 << 18
 _MANY_CELLS = 1 << 14
+_LITTLE_WORK = 1 << 12
 _MANY_PAIRS = 1 << 22
 _ROUNDING = 1e-9
 
@@ -69,11 +72,11 @@ class ClusterFinder:
         members = np.flatnonzero(among)
         cells = cells_of(xyz if len(members) == len(among) else xyz[:, members], tolerance_m)
         self._order = members[cells.order]
-        self._xyz = xyz[:, self._order]
+        self._xyz = xyz.take(self._order, axis=1)
         self._cell = np.repeat(np.arange(len(cells)), cells.count)
         self._cells = len(cells)
         self._compared = subsets > 1 or len(cells) > _MANY_CELLS
-        self._low, self._high = (reduce.reduceat(self._xyz, cells.start, axis=1) for reduce in (np.minimum, np.maximum))
+        self._start = cells.start
         pairs = (self._with_near_boxes(block) if self._compared else block for block in cells.pairs())
         self._pairs = np.concatenate([np.empty((2, 0), np.int64), *pairs], axis=1)
 
@@ -91,7 +94,7 @@ class ClusterFinder:
         labels = np.full(len(keep), -1)
         if len(kept) < min_points:
             return labels
-        xyz = self._xyz if len(kept) == len(self._order) else self._xyz[:, kept]
+        xyz = self._xyz if len(kept) == len(self._order) else self._xyz.take(kept, axis=1)
         component = self._components(xyz, np.bincount(self._cell[kept], minlength=self._cells))
         labels[self._order[kept]] = component[self._cell[kept]]
         members = np.flatnonzero(keep & (labels >= 0))
@@ -116,11 +119,12 @@ class ClusterFinder:
         first = xyz.take(np.minimum(start, xyz.shape[1] - 1), axis=1)
         near = self._near(first.take(own, axis=1) - first.take(other, axis=1))
         component = _join(np.arange(len(count)), own[near], other[near])
-        pairs = _in_different_components(component, pairs[:, np.flatnonzero(~near)])
-        pairs = pairs[:, (count[pairs] > 1).any(axis=0)]
-        if not self._compared:
-            pairs = self._with_near_boxes(pairs)
+        pairs = _in_different_components(component, pairs.take(np.flatnonzero(~near), axis=1))
+        pairs = pairs.take(np.flatnonzero((count[pairs] > 1).any(axis=0)), axis=1)
         work = count[pairs].prod(axis=0)
+        if not self._compared and work.sum() > _LITTLE_WORK:
+            pairs = self._with_near_boxes(pairs)
+            work = count[pairs].prod(axis=0)
         order = np.argsort(work)
         for block in blocks(work[order], _BLOCK):
             own, other = _in_different_components(component, pairs[:, order[block]])
@@ -128,12 +132,18 @@ class ClusterFinder:
             component = _join(component, own[near], other[near])
         return component
 
+    @cached_property
+    def _boxes(self) -> tuple[Points, Points]:
+        """Least and greatest coordinates of the points of each cell, shape (3, C) each."""
+        low, high = (reduce.reduceat(self._xyz, self._start, axis=1) for reduce in (np.minimum, np.maximum))
+        return low, high
+
     def _with_near_boxes(self, pairs: Indices) -> Indices:
         """Return the pairs of cells whose bounding boxes are near."""
-        own, other = pairs
-        above = self._low.take(own, axis=1) - self._high.take(other, axis=1)
-        below = self._low.take(other, axis=1) - self._high.take(own, axis=1)
-        return pairs[:, np.flatnonzero(self._near(np.maximum(np.maximum(above, below), 0)))]
+        (own, other), (low, high) = pairs, self._boxes
+        above = low.take(own, axis=1) - high.take(other, axis=1)
+        below = low.take(other, axis=1) - high.take(own, axis=1)
+        return pairs.take(np.flatnonzero(self._near(np.maximum(np.maximum(above, below), 0))), axis=1)
 
     def _any_near(self, xyz: Points, own: tuple[Indices, Indices], other: tuple[Indices, Indices]) -> Mask:
         """Return which pairs of cells, given by start and count, have near points: small pairs, or one of any size."""
@@ -189,7 +199,7 @@ def numbered(component: Indices, min_points: int) -> Indices:
 
 def _in_different_components(component: Indices, pairs: Indices) -> Indices:
     """Return the pairs of cells that are in different components."""
-    return pairs[:, component[pairs[0]] != component[pairs[1]]]
+    return pairs.take(np.flatnonzero(component[pairs[0]] != component[pairs[1]]), axis=1)
 
 
 def _join(component: Indices, own: Indices, other: Indices) -> Indices:

@@ -193,10 +193,10 @@ class Confirmed(BaseFilter):
         asked = np.flatnonzero((heights.bright & ~heights.upright)[among])
         if not len(asked) or len(among) <= _MIN_IN_ONE_BEAM:
             return dense
-        points, chosen = echoes.xyz[:, among], among[asked]
+        points, chosen = echoes.xyz.take(among, axis=1), among[asked]
         needed = np.where(self._in_one_beam(echoes, heights, chosen), _MIN_IN_ONE_BEAM, _MIN_NEIGHBORS)
         radius = _RADIUS_RATIO * echoes.range_m[chosen]
-        counts = within(points, points[:, asked], radius)
+        counts = within(points, points.take(asked, axis=1), radius)
         if counts is not None:
             enough = counts > needed  # the point itself is one of them
         else:
@@ -208,7 +208,7 @@ class Confirmed(BaseFilter):
 
     def _in_one_beam(self, echoes: Echoes, heights: Heights, points: Indices) -> Mask:
         """Return whether objects of twice the height at which points stand out are met by one beam, and no water is."""
-        elevation = self._beams.elevation_deg(echoes.xyz[:, points])
+        elevation = self._beams.elevation_deg(echoes.xyz.take(points, axis=1))
         _, above = self._beams.gaps(elevation, elevation)
         next_m = heights.height_m[points] + np.tan(np.radians(above)) * echoes.range_m[points]
         return np.asarray((next_m >= _ONE_BEAM_RISES * heights.rise_m[points]) & (heights.unseen[points] > 0))
@@ -255,12 +255,14 @@ class Confirmed(BaseFilter):
         """Return thresholds and counts of the range rings; unconfirmed points count as outliers."""
         if not self._params.use_intensity:
             return None
-        low = reason == Reason.LOW_INTENSITY
-        removed = (low, (reason == Reason.OUTLIER) | (reason == Reason.UNCONFIRMED))
-        low_points, other_points = (self._zones.tally(zone[mask]) for mask in removed)
-        beyond, points = self._zones.beyond(zone, reason), self._zones.tally(zone)
+        _, *rings, far = self._zones.tally_by_reason(zone, reason)
+        counts = np.array(rings)
+        outliers = counts[:, Reason.OUTLIER] + counts[:, Reason.UNCONFIRMED]
+        beyond = np.array([far.sum(), far[Reason.KEPT]])
         zeros = np.zeros(self._zones.count)
-        return Rings(self._thresholds.copy(), zeros, points, low_points, other_points, beyond)
+        return Rings(
+            self._thresholds.copy(), zeros, counts.sum(axis=1), counts[:, Reason.LOW_INTENSITY], outliers, beyond
+        )
 
     def _grown(self, one: _Undecided, kept: NDArray[np.integer]) -> NDArray[np.int32]:
         """Return the points above the water that are near enough to confirmed objects."""

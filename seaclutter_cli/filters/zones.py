@@ -129,6 +129,11 @@ class Zones:
         """Return the number of points in each range ring, shape (K,)."""
         return np.bincount(zone, minlength=self.count + 4)[1 : self.count + 1]
 
+    def tally_by_reason(self, zone: NDArray[np.uint8], reason: NDArray[np.uint8]) -> NDArray[np.int64]:
+        """Return the number of points of each zone, from near to far, with each reason, shape (K + 2, reasons)."""
+        counts = np.bincount(zone * np.intp(len(Reason)) + reason, minlength=(self.count + 4) * len(Reason))
+        return counts.reshape(-1, len(Reason))[: self.count + 2]
+
     def beyond(self, zone: NDArray[np.uint8], reason: NDArray[np.uint8]) -> NDArray[np.int64]:
         """Return the number of points at ``end_m`` and beyond, before and after filtering, shape (2,)."""
         reasons = reason[zone == self.count + 1]

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.groups import group_sizes, group_starts
+
 Floats = NDArray[np.float64]
 
 _REACH = 128
@@ -39,10 +41,8 @@ def upright(x: Floats, y: Floats, height: Floats, span_m: float) -> NDArray[np.b
         column += (y + (_REACH + shift)).astype(np.uint16)
         order = np.argsort(column, kind="stable")  # a radix sort for 16 bits
         ordered, values = column[order], height[order]
-        is_first = np.ones(len(order), np.bool_)
-        np.not_equal(ordered[1:], ordered[:-1], out=is_first[1:])
-        start = is_first.nonzero()[0]
+        start = group_starts(ordered)
         span = np.maximum.reduceat(values, start) - np.minimum.reduceat(values, start)
-        stands = np.repeat(span >= span_m, np.diff(start, append=len(order)))
+        stands = np.repeat(span >= span_m, group_sizes(start, len(order)))
         found[inside[order[stands]]] = True
     return found

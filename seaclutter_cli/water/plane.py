@@ -78,7 +78,7 @@ class PolarCells:
         at = np.flatnonzero(z == low[cell])[::-1]
         lowest[cell[at]] = at  # the first of several
         number = np.flatnonzero(low < np.inf)
-        return cls(cell, xyz[:, lowest[number]], number)
+        return cls(cell, xyz.take(lowest[number], axis=1), number)
 
     @property
     def enough(self) -> bool:

@@ -66,10 +66,11 @@ class Swell:
         used = np.flatnonzero(echoes)
         cell = cells.number[used]
         count = np.bincount(cell, minlength=_CELLS**2 + 1)
-        grids = np.empty((2, _CELLS**2 + 1))
-        np.minimum(count, _MAX_PER_CELL, out=grids[0])
         total = np.bincount(cell, weights=height[used], minlength=_CELLS**2 + 1)
-        np.multiply(total, grids[0] / np.maximum(count, 1), out=grids[1])
+        grids: Floats = np.stack((count.astype(np.float64), total))
+        many = np.flatnonzero(count > _MAX_PER_CELL)
+        grids[0, many] = _MAX_PER_CELL
+        grids[1, many] *= _MAX_PER_CELL / count[many]
         grids[:, :-1] = _smoothed(grids[:, :-1].reshape(2, _CELLS, _CELLS)).reshape(2, -1)
         grids[:, -1] = 0
         weight, sums = grids

@@ -55,7 +55,7 @@ class WaterTracker:
         x, y, z = xyz
         distance = np.hypot(x, y)
         near = np.flatnonzero((distance >= NEAREST_M) & (distance < FARTHEST_M))
-        cells = PolarCells.of(xyz[:, near])
+        cells = PolarCells.of(xyz.take(near, axis=1))
         lowest, weight = fit_plane(cells, self._plane) if cells.enough else (self._plane, None)
         if lowest is None:
             return None

@@ -50,8 +50,10 @@ class Beams:
         """Add the elevations of the points of a frame, shape (3, N), until 50 frames have shown all beams."""
         if self._frames < _FRAMES and xyz.size:
             self._frames += 1
-            self._seen[_bins(self.elevation_deg(xyz))] = True
-            self._update()
+            found = _bins(self.elevation_deg(xyz))
+            if not self._seen[found].all():
+                self._seen[found] = True
+                self._update()
 
     def pass_between(self, low_deg: Floats, high_deg: Floats) -> NDArray[np.bool_]:
         """Return whether any beam passes between two elevations, shape (K,)."""

@@ -44,8 +44,9 @@ class Echoes:
         """Return the echoes among the points of a frame, given their zones and the reasons that follow from them."""
         in_reach = (reason == Reason.KEPT) | (reason == Reason.NEAR)
         index = np.flatnonzero(in_reach & (frame.range_m >= min(OWN_SHIP_M, params.start_m)))
-        used = index if len(index) < frame.size else slice(None)  # no copies of whole frames
-        xyz = params.mounting.levelled(frame.coordinates[:, used])
+        every = len(index) == frame.size  # no copies of whole frames
+        used = slice(None) if every else index
+        xyz = params.mounting.levelled(frame.coordinates if every else frame.coordinates.take(index, axis=1))
         intensity = frame.intensity[used] if params.use_intensity else None
         return cls(index, xyz, frame.range_m[used], intensity, zone[used])
 

@@ -10,6 +10,7 @@ from seaclutter_cli.filters.confirmation.beams import Beams
 from seaclutter_cli.filters.confirmation.echoes import Echoes
 from seaclutter_cli.filters.confirmation.heights import Heights
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+from seaclutter_cli.groups import group_sizes, group_starts
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -97,13 +98,13 @@ class Clusters:
         """Return the objects that the clusters are, sorted by their centres."""
         if not len(self):
             return []
-        xy = echoes.xyz[:2, self.points]
+        xy = echoes.xyz[:2].take(self.points, axis=1)
         column, row = np.clip(np.floor(xy / _CELL_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
         cluster = np.repeat(np.arange(len(self)), self.count)
         key = (cluster * (2 * _MAX_CELL) + column) * (2 * _MAX_CELL) + row
         order = np.argsort(key, kind="stable")
-        first = np.flatnonzero(np.diff(key[order], prepend=-1))
-        cells = (np.add.reduceat(xy[:, order], first, axis=1) / np.diff(first, append=len(key))).T
+        first = group_starts(key[order])
+        cells = (np.add.reduceat(xy.take(order, axis=1), first, axis=1) / group_sizes(first, len(key))).T
         bounds = np.searchsorted(first, np.append(self.start, len(key))).tolist()
         center = (np.add.reduceat(xy, self.start, axis=1) / self.count).T
         top, shape = self.greatest(heights.height_m).tolist(), evidence.tolist()
@@ -135,7 +136,7 @@ class Clusters:
 
 def _lowered(echoes: Echoes, members: Indices, beams: Beams, tolerance_m: float) -> Floats:
     """Return the positions of some echoes, shape (3, n), with shortened heights where beams are far apart."""
-    positions = echoes.xyz[:, members]
+    positions = echoes.xyz.take(members, axis=1)
     apart = np.tan(np.radians(beams.spacing_deg)) * echoes.range_m[members]
     reach = tolerance_m / _BEAMS_IN_REACH
     positions[2] *= reach / np.maximum(apart, reach)
@@ -187,7 +188,7 @@ def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams
 def _beside(echoes: Echoes, clusters: Clusters, beams: Beams) -> tuple[Floats, Floats]:
     """Return how far below the lowest point and above the highest point of each cluster the next beams pass."""
     elevation = np.zeros(echoes.size)
-    elevation[clusters.points] = beams.elevation_deg(echoes.xyz[:, clusters.points])
+    elevation[clusters.points] = beams.elevation_deg(echoes.xyz.take(clusters.points, axis=1))
     lowest, highest = clusters.least(elevation), clusters.greatest(elevation)
     distance = clusters.mean(echoes.range_m)
     below, above = (np.tan(np.radians(gap)) * distance for gap in beams.gaps(lowest, highest))

@@ -309,7 +309,8 @@ def _in_sight(tracks: Sequence[Track], sight: Sight, time_s: float) -> list[Trac
 def _expected_cells(tracks: Sequence[Track], time_s: float) -> tuple[Floats, NDArray[np.int64]]:
     """Return where the cells of tracks are expected, shape (m, 2), and the number of the track of each, shape (m,)."""
     track_of = np.repeat(np.arange(len(tracks)), [len(track.cells) for track in tracks])
-    return np.concatenate([track.expected(time_s) for track in tracks]), track_of
+    moved = np.array([track.velocity * (time_s - track.seen_s) for track in tracks])
+    return np.concatenate([track.cells for track in tracks]) + moved[track_of], track_of
 
 
 def _share(mask: NDArray[np.bool_], track_of: NDArray[np.int64]) -> Floats:

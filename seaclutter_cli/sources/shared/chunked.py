@@ -117,16 +117,17 @@ class _Run:
     def __init__(self, messages: list[Message]) -> None:
         self.messages = sorted(messages, key=_log_time)
         self.messages.reverse()
-        self.size = sum(map(_size, messages))
+        self.size = _bytes_of(messages)
         data = messages[0].data
         # A large chunk may contain little besides data that nobody needs.
         kept = memoryview(data.obj).nbytes if isinstance(data, memoryview) else 0
         self._loaded = max(self.size, kept if kept > _SMALL_BYTES else 0)
-        self.compact()
+        if 2 * self.size <= self._loaded:
+            self.compact()
 
     def compact(self) -> int:
         """Release the chunk if at most half of its bytes still wait; return the number of freed bytes."""
-        before, waiting = self.size, sum(map(_size, self.messages))
+        before, waiting = self.size, _bytes_of(self.messages)
         if 2 * waiting > self._loaded:
             return 0
         self.messages = [replace(message, data=bytes(message.data)) for message in self.messages]
@@ -177,8 +178,8 @@ class _Waiting:
         self.size -= sum(run.compact() for *_, run in self._heap)
 
 
-def _size(message: Message) -> int:
-    return len(message.data) + _OBJECT_BYTES
+def _bytes_of(messages: Sequence[Message]) -> int:
+    return sum([len(message.data) for message in messages]) + len(messages) * _OBJECT_BYTES
 
 
 def _ahead(
