@@ -88,6 +88,7 @@ SENSORS: Mapping[str, SensorModel] = {
     "PandarXT-32M2X": SensorModel("Hesai", 32, 2000, _BYTE, _HESAI),
     "Pandar128": SensorModel("Hesai", 128, 1800, _BYTE, _HESAI),
     "OT128": SensorModel("Hesai", 128, 1800, _BYTE, _HESAI),
+    "AT128": SensorModel("Hesai", 128, 1200, _BYTE, _HESAI),
     "Mid-70": SensorModel("Livox", 1, 10000, _BYTE, _LIVOX, repeats=False),
     "Mid-360": SensorModel("Livox", 4, 5000, _BYTE, _LIVOX, repeats=False),
     "Avia": SensorModel("Livox", 6, 4000, _BYTE, _LIVOX, repeats=False),

@@ -3,12 +3,15 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.records import SensorFacts
+
+CALIBRATION_SUFFIXES: Mapping[str, str] = {"ouster": ".json"}
+"""Suffix of the calibration file that usually accompanies a capture, by family."""
 
 
 @dataclass(frozen=True)
@@ -116,3 +119,12 @@ def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
     """Return the dtype of decoded points: RoboSense's driver layout, plus ``return_number`` for two returns."""
     fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")]
     return np.dtype([*fields, ("return_number", "u1")] if returns else fields)
+
+
+@runtime_checkable
+class SelfCalibrating(Protocol):
+    """A family whose sensors send their calibration in packets."""
+
+    def is_calibration(self, payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return which UDP payloads, shape (P, L), contain a calibration."""
+        ...

@@ -30,8 +30,7 @@ _KINDS = (
     _Kind("Hesai JT128, or another with protocol 1.4 that is not a Pandar128 or OT128", _HESAI + bytes((1, 4))),
     _Kind("Hesai JT16 (protocol 1.8)", _HESAI + bytes((1, 8))),
     _Kind("Hesai PandarQT with 32 lasers (protocol 3.1)", _HESAI + bytes((3, 1, 0, 0, 32))),
-    _Kind("Hesai AT128 (protocol 4.1 or 4.3)", _HESAI + bytes((4, 1))),
-    _Kind("Hesai AT128 (protocol 4.1 or 4.3)", _HESAI + bytes((4, 3))),
+    _Kind("Hesai AT128 (protocol 4.1)", _HESAI + bytes((4, 1))),
     _Kind("Hesai ATX (protocol 4.7)", _HESAI + bytes((4, 7))),
     _Kind("Hesai FT120 (protocol 7.2)", _HESAI + bytes((7, 2))),
 )

@@ -12,8 +12,8 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, SensorFacts
-from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES, PACKET_FAMILIES
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFrame, Packets
+from seaclutter_cli.sensors.families import PACKET_FAMILIES
+from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions, PacketDecoder, PacketFrame, Packets
 from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS, PCAPNG_MAGIC
 from seaclutter_cli.sources.pcap.pcapng import PcapngReader
 from seaclutter_cli.sources.pcap.records import PcapReader, RecordReader

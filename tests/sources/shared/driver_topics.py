@@ -10,6 +10,8 @@ from seaclutter_cli.sensors.packets import Packets
 from seaclutter_cli.sensors.robosense.models import MODELS
 from seaclutter_cli.sensors.robosense.packets import write_data, write_info
 from tests.sensors.hesai import test_decoder as hesai
+from tests.sensors.hesai.mirrors import correction_file
+from tests.sensors.hesai.mirrors import make_packets as make_at128_packets
 from tests.sensors.ouster import test_decoder as ouster
 from tests.sensors.robosense.test_decoder import angles_of, columns_of
 from tests.sensors.robosense.test_solid import make_packets as make_m1_packets
@@ -108,6 +110,12 @@ def _angles(folder):
     return {"calibration": path}
 
 
+def _corrections(folder):
+    path = folder / "angles.dat"
+    path.write_bytes(correction_file())
+    return {"calibration": path}
+
+
 def _xt32():
     return pairs(hesai.make_packets(hesai.XT32)[0])
 
@@ -141,7 +149,13 @@ DRIVERS = {
     "ouster_sensor_msgs": _ouster(OUSTER_2),
     "nebula": Driver(_xt32, _plain(nebula_messages), 2368),
     "hesai_ros_driver": Driver(
-        _xt32, lambda types, packets, _: hesai_messages(types, packets, "times", angles=ANGLES), 2368, _angles
+        _xt32, lambda types, packets, _: hesai_messages(types, packets, "times", angles=ANGLES.encode()), 2368, _angles
+    ),
+    "hesai_ros_driver, AT128": Driver(
+        lambda: pairs(make_at128_packets(1300)),
+        lambda types, packets, _: hesai_messages(types, packets, "times", angles=correction_file()),
+        2368,
+        _corrections,
     ),
     "pandar": Driver(_xt32, _plain(pandar_messages), 2368),
     "hesai_lidar": Driver(_xt32, _plain(partial(pandar_messages, kinds=(LIDAR_PACKET, LIDAR), reserved=0)), 2368),
