@@ -212,3 +212,22 @@ def test_parts_that_do_not_oscillate_are_sea_at_its_level_and_deviation(level, d
     crossing = xyz[0] >= 256
     xyz[2, crossing] = level + np.random.default_rng(3).normal(0, deviation, np.count_nonzero(crossing))
     assert (model(xyz).waves is not None) == is_sea
+
+
+@pytest.mark.parametrize(("step", "width"), [(0.4, 200), (2.3, 140)])
+def test_a_still_basin_beside_a_rough_sea_has_its_own_level(step, width):
+    """Sea, a dam, and a basin with hardly any waves, which may be most of the tile."""
+    xyz = field(0.8, 20.0, sides=(500, 256))
+    sea, basin = xyz[0] < 500 - width - 60, xyz[0] >= 500 - width
+    xyz[2, basin] = step + 0.15 * xyz[2, basin]
+    dam = ~sea & ~basin
+    xyz[2, dam] = step + 2 + np.random.default_rng(7).normal(0, 0.4, np.count_nonzero(dam))
+    speckle = np.random.default_rng(8).exponential(100, xyz.shape[1])
+    columns = {"intensity": np.where(dam, 150 + 0.1 * speckle, speckle)}
+    found = separate([xyz], SeparationParams(), columns.get)
+    assert found.sea.wave_height_m == pytest.approx(0.8, rel=0.25)
+    assert found.sea.level_m == pytest.approx(0, abs=0.15)
+    for water in (sea, basin):
+        assert (found.classification[water] == OTHER).mean() < 0.02
+    assert (found.classification[dam] == OTHER).mean() > 0.98
+    assert np.nanmedian(found.height_m[basin]) == pytest.approx(0, abs=0.15)
