@@ -129,7 +129,8 @@ def plan_tiles(
     named: dict[Path, Path] = {}
     for tile, target in zip(tiles, targets, strict=True):
         if target in named:
-            raise UsageError(f"{named[target]} and {tile.path} would both become {target}; rename one, or leave one out")
+            both = f"{named[target]} and {tile.path}"
+            raise UsageError(f"{both} would both become {target}; rename one, or leave one out")
         named[target] = tile.path
     prepare_outputs(
         {"-o": targets, **other_outputs},
