@@ -55,7 +55,7 @@ from .runs.simulate_seeds import simulate_seeds as simulate_seeds
 from .runs.simulation import SimulateOptions as SimulateOptions
 from .runs.view import ViewOptions as ViewOptions
 from .runs.view import view_logs as view_logs
-from .sinks import McapOptions as McapOptions
+from .sinks.options import McapOptions as McapOptions
 from .sinks.split import Split as Split
 
 __version__: str

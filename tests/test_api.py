@@ -77,6 +77,18 @@ def test_import_loads_no_heavy_library():
     assert done.stdout.strip() == ""
 
 
+def test_the_separation_of_tiles_loads_nothing_for_logs_only():
+    """Half of its time on a small tile would be imports of filters, decoders and writers of logs."""
+    parts = ("filters", "sensors.families", "sinks.log", "jobs.cluster", "sources.mcap")
+    code = f"""
+import sys, seaclutter
+seaclutter.separate_tiles
+print(*({{f"seaclutter_cli.{{part}}" for part in {parts}}} | {{"rosbags", "asyncio", "sqlite3"}}) & set(sys.modules))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
 def test_names_are_typed(tmp_path):
     code = """
 import numpy as np

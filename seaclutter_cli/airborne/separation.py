@@ -1,6 +1,6 @@
 """Separation of tiles into sea and non-sea points."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.airborne.following import CellDetails
-from seaclutter_cli.airborne.grid import BLOCK
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
+from seaclutter_cli.airborne.land_cells import LandCells
 from seaclutter_cli.airborne.squares import echoes_of
 from seaclutter_cli.airborne.strips import Column, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, RoughWater, SeaSurfaceModel, SeparationParams, SurfaceParams
@@ -58,31 +58,6 @@ class SeaState:
 
 
 @dataclass(frozen=True)
-class LandCells:
-    """Cells of the grid that are land.
-
-    Parameters
-    ----------
-    cell_m : float
-        Width of a cell.
-    blocks : mapping of (int, int) to ndarray, shape (256, 256), bool
-        The cells, in the blocks that contain any.
-    """
-
-    cell_m: float = 1.0
-    blocks: Mapping[tuple[int, int], NDArray[np.bool_]] = field(default_factory=dict)
-
-    def contain(self, xy: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return whether positions in metres, shape (2, N), are on land."""
-        column, row = np.floor(xy / self.cell_m).astype(np.int64)
-        found = np.zeros(xy.shape[1], np.bool_)
-        for block, land in self.blocks.items():
-            inside = np.flatnonzero((column // BLOCK == block[0]) & (row // BLOCK == block[1]))
-            found[inside] = land[column[inside] % BLOCK, row[inside] % BLOCK]
-        return found
-
-
-@dataclass(frozen=True)
 class Separation:
     """Classes and heights of the N points of a tile.
 
@@ -104,7 +79,7 @@ class Separation:
     height_m: NDArray[np.float32]
     cells: int
     sea: SeaState = SeaState("opened", None, None, None, CALM_M)
-    land: LandCells = LandCells()
+    land: LandCells = field(default_factory=LandCells)
 
     def first(self, points: int) -> "Separation":
         """Return the separation of the first points alone."""

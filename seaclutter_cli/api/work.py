@@ -30,7 +30,7 @@ from seaclutter_cli.runs.plan_result import RunPlan
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
 from seaclutter_cli.runs.simulate import simulate_scene
 from seaclutter_cli.runs.simulation import SimulateOptions, SimulationResult, TileSimulationResult
-from seaclutter_cli.sinks import McapOptions
+from seaclutter_cli.sinks.options import McapOptions
 
 
 def filter_log(  # noqa: PLR0913 - each an option of its own

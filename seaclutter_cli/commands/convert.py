@@ -24,7 +24,7 @@ _OPTIONS = (
     force_option,
     reading_options_without_intensity,
     format_option,
-    grouped("written", "sinks:McapOptions", log_options),
+    grouped("written", "sinks.options:McapOptions", log_options),
     resumable_batch_options,
 )
 

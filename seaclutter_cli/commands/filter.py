@@ -41,7 +41,7 @@ _OPTIONS = (
     reading_options,
     output_option("--csv", "csv_file", help="Also write a table with a row for each frame.", remote=True),
     format_option,
-    grouped("written", "sinks:McapOptions", _WRITTEN),
+    grouped("written", "sinks.options:McapOptions", _WRITTEN),
     click.option("--with-scene", is_flag=True, help="Write boxes around clusters to /seaclutter/scene, for 3D panels."),
     label_options(required=False),
     resumable_batch_options,

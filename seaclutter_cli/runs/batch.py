@@ -9,8 +9,6 @@ from typing import Any, Generic, TypeVar
 
 from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.jobs.budget import default_jobs
-from seaclutter_cli.jobs.cluster.engine import Cluster
-from seaclutter_cli.jobs.cluster.place import place_of
 from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
 from seaclutter_cli.jobs.processes import Processes
 from seaclutter_cli.runs.labels import LabelFile
@@ -76,6 +74,9 @@ class BatchOptions:
     def engine(self, works: "Sequence[Work[Any]]", observer: Observer) -> Iterator[Engine]:
         """Return the engine for work on some recordings."""
         if self.cluster is not None:
+            from seaclutter_cli.jobs.cluster.engine import Cluster  # asyncio takes time to import
+            from seaclutter_cli.jobs.cluster.place import place_of
+
             place = place_of(self.cluster, insecure=self.cluster_insecure, workers=self.jobs)
             with shared_places(works) as check:
                 yield Cluster(place, check, observer.warn, self.jobs)

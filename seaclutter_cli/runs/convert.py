@@ -42,9 +42,9 @@ from seaclutter_cli.runs.recordings import (
 from seaclutter_cli.runs.resume import earlier_outcomes, earlier_run, identity_of, same_output_accepted
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
 from seaclutter_cli.selection import Selection, cloud_channels
-from seaclutter_cli.sinks import McapOptions
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
+from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location, location
 from seaclutter_cli.storage.scratch import copies_removed

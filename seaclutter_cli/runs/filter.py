@@ -55,9 +55,10 @@ from seaclutter_cli.runs.recordings import (
 from seaclutter_cli.runs.resume import earlier_outcomes, earlier_run, identity_of, same_output_accepted
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
-from seaclutter_cli.sinks import CsvSink, McapOptions
 from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sinks.csv import CsvSink
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
+from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location, location
 from seaclutter_cli.storage.scratch import copies_removed

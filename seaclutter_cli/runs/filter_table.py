@@ -6,8 +6,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from seaclutter_cli.config import Config
-from seaclutter_cli.sinks import CsvSink
 from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sinks.csv import CsvSink
 from seaclutter_cli.storage.locations import Location
 
 

@@ -13,10 +13,9 @@ from seaclutter_cli.runs.object_outputs import is_object_folder
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.outputs import is_file
 from seaclutter_cli.runs.recordings import PathLike
-from seaclutter_cli.sinks import McapOptions
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, format_of
-from seaclutter_cli.sinks.log_output import part_path, parts_after
-from seaclutter_cli.sinks.split import Split, parse_split
+from seaclutter_cli.sinks.options import McapOptions
+from seaclutter_cli.sinks.split import Split, parse_split, part_path, parts_after
 from seaclutter_cli.sources import SOURCES, Recording
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.storage.locations import Location, Url, location
@@ -36,6 +35,8 @@ __all__ = [
 ]
 
 _MAX_LOSSES = 8
+_SUFFIX = re.compile(r"\.(?!v\d)[A-Za-z]\w*")
+"""What is meant as a suffix: not the end of ``trial.2`` or ``trial.v2``."""
 _READ = {suffix for kind in SOURCES.values() for suffix in kind.suffixes} | set(FRAME_READERS)
 _ONLY_READ = _READ - {kind.suffix for kind in OUTPUT_FORMATS.values()}
 
@@ -93,12 +94,15 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
     Raises
     ------
     UsageError
-        If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
+        If several recordings need a folder but ``output`` is a file, two recordings would get the same file, or the
+        name of the only output has the suffix of no format.
     """
     path, several = location(output), len(recordings) > 1 or named_folder(output)
     form = to or "mcap" if several else format_of(path, to)
     kind = OUTPUT_FORMATS[form]
     if not is_folder(output, len(recordings), kind.marker):
+        if to is None:
+            _check_suffix(path)
         return PlannedOutputs(form, [path])
     form = to or "mcap"
     kind = OUTPUT_FORMATS[form]
@@ -113,6 +117,16 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
             raise UsageError(f"{first} and {recording.paths[0]} would both become {target}; filter them separately")
         targets[target] = recording
     return PlannedOutputs(form, list(targets))
+
+
+def _check_suffix(output: Location) -> None:
+    kinds = [kind for kind in OUTPUT_FORMATS.values() if kind.suffix]
+    known = [kind.suffix for kind in kinds if not (kind.is_folder and kind.has_topics)]
+    if _SUFFIX.fullmatch(output.suffix) and output.suffix.lower() not in {*known, *_ONLY_READ}:
+        raise UsageError(
+            f"{output}: no format has the suffix {output.suffix}; use {', '.join(known[:-1])} or {known[-1]}, "
+            "or name the format with --to"
+        )
 
 
 def check_names(outputs: Iterable[Location]) -> None:

@@ -7,8 +7,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from seaclutter_cli.config import Config, ConfigSource
 from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.runs.object_outputs import check_objects
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -22,6 +22,9 @@ from seaclutter_cli.storage.objects import exists, list_folder
 from seaclutter_cli.storage.parts import remove_stale
 from seaclutter_cli.storage.real_paths import RealPaths
 from seaclutter_cli.text import count
+
+if TYPE_CHECKING:  # imports all filters, which tiles do not need
+    from seaclutter_cli.config import Config, ConfigSource
 
 _making_parents = ContextVar("making_parents", default=False)
 
@@ -48,8 +51,8 @@ class Root:
 def inputs_of(
     recordings: Iterable[Recording],
     reading: ReadOptions | None = None,
-    file: ConfigSource | None = None,
-    configs: Iterable[Config] = (),
+    file: "ConfigSource | None" = None,
+    configs: "Iterable[Config]" = (),
 ) -> dict[str, list[Location]]:
     """Return the files and folders that a run reads, by option, also those beside a log.
 

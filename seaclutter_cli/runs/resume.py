@@ -4,12 +4,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, BinaryIO, Protocol, TypeVar
 
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, OutputError, UsageError
 from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.records import Metadata
@@ -19,10 +18,13 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.outputs import existing
 from seaclutter_cli.runs.recordings import Outcome, ReadOptions, expand
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, digest_of, digest_of_paths, from_entries
-from seaclutter_cli.sinks import McapOptions
+from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.objects import find_object, is_folder_of_objects, open_object
+
+if TYPE_CHECKING:  # imports all filters, which tiles do not need
+    from seaclutter_cli.config import Config
 
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 O_co = TypeVar("O_co", bound=Outcome, covariant=True)
@@ -37,7 +39,7 @@ _LATER = ("split", "include", "exclude")
 
 def identity_of(
     paths: Sequence[Location],
-    config: Config | None,
+    config: "Config | None",
     reading: ReadOptions,
     written: McapOptions,
     labels: LabelFile | None,

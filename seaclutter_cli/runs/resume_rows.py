@@ -10,7 +10,7 @@ from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Message
 from seaclutter_cli.runs.recordings import ReadOptions, expand
-from seaclutter_cli.sinks import CsvSink
+from seaclutter_cli.sinks.csv import CsvSink
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
 

@@ -1,14 +1,17 @@
 """Packets of a sensor and the interface of their decoders."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.records import SensorFacts
+
+CALIBRATION_SUFFIXES: Mapping[str, str] = {"ouster": ".json"}
+"""Suffix of the calibration file that usually accompanies a capture, by family."""
 
 
 @dataclass(frozen=True)
@@ -65,11 +68,20 @@ class DecoderOptions:
         Sensor model, for packets that several models share.
     recorded : bytes or None
         Metadata (Ouster) or angle correction file (Hesai) that the recording contains; ``calibration`` precedes it.
+    info : ndarray, shape (I, M), uint8, or None
+        Calibration packets of the sensor, if their length is not that of its data packets.
     """
 
     calibration: Path | None = None
     model: str | None = None
     recorded: bytes | None = None
+    info: NDArray[np.uint8] | None = None
+
+
+def of_other_length(calibrations: Sequence[NDArray[np.uint8]], length: int) -> NDArray[np.uint8] | None:
+    """Return the calibration packets whose length is not that of data packets, shape (I, M); None without any."""
+    others = [payload for payload in calibrations if len(payload) != length]
+    return np.stack(others) if others else None
 
 
 class PacketDecoder(Protocol):
@@ -107,3 +119,12 @@ def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
     """Return the dtype of decoded points: RoboSense's driver layout, plus ``return_number`` for two returns."""
     fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")]
     return np.dtype([*fields, ("return_number", "u1")] if returns else fields)
+
+
+@runtime_checkable
+class SelfCalibrating(Protocol):
+    """A family whose sensors send their calibration in packets."""
+
+    def is_calibration(self, payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return which UDP payloads, shape (P, L), contain a calibration."""
+        ...

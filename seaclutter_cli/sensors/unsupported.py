@@ -18,11 +18,10 @@ class _Kind:
     lengths: tuple[int, ...] = ()
 
 
-_MEMS, _ROTATING = bytes.fromhex("55aa5aa5"), bytes.fromhex("55aa055a")
+_MEMS = bytes.fromhex("55aa5aa5")
 _HESAI = b"\xee\xff"
 
 _KINDS = (
-    _Kind("RoboSense RS-Ruby-48 or RS-Ruby-Plus-48", _ROTATING, (1268,)),
     _Kind("RoboSense RS-M2", _MEMS, (1342,)),
     _Kind("RoboSense RS-M3", _MEMS, (1448,)),
     _Kind("RoboSense RS-MX", _MEMS, (1404,)),
@@ -31,8 +30,7 @@ _KINDS = (
     _Kind("Hesai JT128, or another with protocol 1.4 that is not a Pandar128 or OT128", _HESAI + bytes((1, 4))),
     _Kind("Hesai JT16 (protocol 1.8)", _HESAI + bytes((1, 8))),
     _Kind("Hesai PandarQT with 32 lasers (protocol 3.1)", _HESAI + bytes((3, 1, 0, 0, 32))),
-    _Kind("Hesai AT128 (protocol 4.1 or 4.3)", _HESAI + bytes((4, 1))),
-    _Kind("Hesai AT128 (protocol 4.1 or 4.3)", _HESAI + bytes((4, 3))),
+    _Kind("Hesai AT128 (protocol 4.1)", _HESAI + bytes((4, 1))),
     _Kind("Hesai ATX (protocol 4.7)", _HESAI + bytes((4, 7))),
     _Kind("Hesai FT120 (protocol 7.2)", _HESAI + bytes((7, 2))),
 )

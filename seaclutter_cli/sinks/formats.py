@@ -3,17 +3,18 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.messages.carried import SIDECAR
 from seaclutter_cli.sinks.frame_files import FRAME_WRITERS
-from seaclutter_cli.sinks.frames import FrameSink
-from seaclutter_cli.sinks.log import LogSink, McapOptions
-from seaclutter_cli.sinks.log_output import BagOutput, McapOutput, Rosbag2Db3Output, Rosbag2McapOutput
+from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sinks.rosbag2_metadata import NAME
 from seaclutter_cli.storage.locations import Location
 
-OutputSink = LogSink | FrameSink
+if TYPE_CHECKING:
+    from seaclutter_cli.sinks.frames import FrameSink
+    from seaclutter_cli.sinks.log import LogSink
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class OutputFormat:
     """
 
     title: str
-    make_sink: Callable[..., OutputSink]
+    make_sink: "Callable[..., LogSink | FrameSink]"
     suffix: str
     compressions: tuple[str, ...] = ("",)
     marker: str = ""
@@ -54,20 +55,36 @@ class OutputFormat:
         return not self.has_topics
 
 
+# Each sink is imported on demand, with the libraries for its format.
+
+
+def _log_sink(kind: str, *arguments: Any, **options: Any) -> "LogSink":
+    from seaclutter_cli.sinks import log_output
+    from seaclutter_cli.sinks.log import LogSink
+
+    return LogSink(*arguments, output=getattr(log_output, kind), **options)
+
+
+def _frame_sink(name: str, *arguments: Any, **options: Any) -> "FrameSink":
+    from seaclutter_cli.sinks.frames import FrameSink
+
+    return FrameSink(*arguments, write_frame=FRAME_WRITERS[name], suffix=f".{name}", **options)
+
+
 def _frames(name: str) -> OutputFormat:
-    make = partial(FrameSink, write_frame=FRAME_WRITERS[name], suffix=f".{name}")
+    make = partial(_frame_sink, name)
     return OutputFormat(f"{name.upper()} files", make, f".{name}", marker=SIDECAR, has_topics=False)
 
 
 OUTPUT_FORMATS: Mapping[str, OutputFormat] = {
-    "mcap": OutputFormat("MCAP files", partial(LogSink, output=McapOutput), ".mcap", ("zstd", "lz4", "")),
-    "bag": OutputFormat("ROS 1 bags", partial(LogSink, output=BagOutput), ".bag", ("lz4", "")),
+    "mcap": OutputFormat("MCAP files", partial(_log_sink, "McapOutput"), ".mcap", ("zstd", "lz4", "")),
+    "bag": OutputFormat("ROS 1 bags", partial(_log_sink, "BagOutput"), ".bag", ("lz4", "")),
     "rosbag2-db3": OutputFormat(
-        "ROS 2 recordings in sqlite3", partial(LogSink, output=Rosbag2Db3Output), ".db3", marker=NAME
+        "ROS 2 recordings in sqlite3", partial(_log_sink, "Rosbag2Db3Output"), ".db3", marker=NAME
     ),
     "rosbag2-mcap": OutputFormat(
         "ROS 2 recordings in MCAP",
-        partial(LogSink, output=Rosbag2McapOutput),
+        partial(_log_sink, "Rosbag2McapOutput"),
         "",
         ("zstd", "lz4", ""),
         marker=NAME,

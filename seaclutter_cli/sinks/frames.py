@@ -16,7 +16,8 @@ from seaclutter_cli.messages.recorded import FILTERED, RAW, RecordedTopic, recor
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.atomic_folder import AtomicFolder
-from seaclutter_cli.sinks.log import McapOptions, filtered_cloud, message_of
+from seaclutter_cli.sinks.log import filtered_cloud, message_of
+from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count
 

@@ -1,10 +1,8 @@
 """Files and folders that a log is written to, in one part or in several."""
 
-import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
-from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
@@ -19,8 +17,8 @@ from seaclutter_cli.sinks.log_writer import LogWriter
 from seaclutter_cli.sinks.mcap_writer import McapWriter
 from seaclutter_cli.sinks.ros_writer import MessagesOnly, TranslatingWriter
 from seaclutter_cli.sinks.rosbag2_metadata import NAME, Contents, StoredFile
+from seaclutter_cli.sinks.split import part_path, parts_after
 from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.objects import list_folder
 
 _LIBRARY = f"seaclutter {__version__}"
 
@@ -93,30 +91,9 @@ class _Files(LogOutput):
             stack.__exit__(kind, error, trace)
 
 
-def part_path(path: Location, number: int) -> Location:
-    """Return the name of a part of a log.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> part_path(Path("trial.mcap"), 1).name
-    'trial_1.mcap'
-    """
-    return path.parent / f"{path.name.removesuffix(path.suffix)}_{number}{path.suffix}"
-
-
 def mcap_compression(source: Source, given: str | None) -> str:
     """Return the compression of an MCAP file: the one that was asked for, that of the input, or zstd."""
     return given if given is not None else "zstd" if source.compression is None else source.compression
-
-
-def parts_after(path: Location, number: int) -> list[Location]:
-    """Return the existing parts of a log whose numbers are greater than one, in order."""
-    pattern = re.compile(re.escape(path.name.removesuffix(path.suffix)) + r"_([1-9]\d{0,8})" + re.escape(path.suffix))
-    beside: Iterable[Location] = path.parent.glob("*") if isinstance(path, Path) else list_folder(path.parent)[0]
-    found = ((pattern.fullmatch(one.name), one) for one in beside)
-    numbers = {int(match[1]): one for match, one in found if match}
-    return [numbers[one] for one in sorted(numbers) if one > number]
 
 
 class McapOutput(_Files):

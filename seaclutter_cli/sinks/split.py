@@ -2,6 +2,10 @@
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
+
+from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.storage.objects import list_folder
 
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "ki": 2**10, "mi": 2**20, "gi": 2**30}
 _DURATIONS = {"s": 1, "sec": 1, "min": 60, "h": 3600}
@@ -79,3 +83,24 @@ class Parts:
         if full:
             self._end_ns += ((log_time_ns - self._end_ns) // duration + 1) * duration
         return full
+
+
+def part_path(path: Location, number: int) -> Location:
+    """Return the name of a part of a log.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> part_path(Path("trial.mcap"), 1).name
+    'trial_1.mcap'
+    """
+    return path.parent / f"{path.name.removesuffix(path.suffix)}_{number}{path.suffix}"
+
+
+def parts_after(path: Location, number: int) -> list[Location]:
+    """Return the existing parts of a log whose numbers are greater than one, in order."""
+    pattern = re.compile(re.escape(path.name.removesuffix(path.suffix)) + r"_([1-9]\d{0,8})" + re.escape(path.suffix))
+    beside = path.parent.glob("*") if isinstance(path, Path) else list_folder(path.parent)[0]
+    found = ((pattern.fullmatch(one.name), one) for one in beside)
+    numbers = {int(match[1]): one for match, one in found if match}
+    return [numbers[one] for one in sorted(numbers) if one > number]

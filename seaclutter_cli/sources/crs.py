@@ -3,7 +3,7 @@
 import re
 import struct
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ _MODEL_TYPE, _PROJECTED_CRS, _LINEAR_UNIT, _VERTICAL_UNIT = 1024, 3072, 3076, 40
 _GEOGRAPHIC = 2
 _UNITS_M = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}
 _UNIT = re.compile(r'\b(?:LENGTH)?UNIT\s*\[\s*"[^"]*"\s*,\s*([0-9.eE+-]+)')
+_CODE = re.compile(r'\b(?:AUTHORITY|ID)\s*\[\s*"EPSG"\s*,\s*"?(\d+)"?\s*\]\s*\]\s*$')
 _VERTICAL = re.compile(r"\bVERT(?:CRS|_CS|ICALCRS)\s*\[")
 
 ToLongitudeLatitude = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -41,6 +42,12 @@ class Crs:
     unit_m: float = 1.0
     height_unit_m: float = 1.0
     is_geographic: bool = False
+
+    @property
+    def by_code(self) -> "Crs":
+        """The same system, defined by its EPSG code if it has one: WKT and GeoTIFF keys may state the same system."""
+        found = _CODE.search(self.definition)
+        return replace(self, definition=f"EPSG:{found[1]}") if found else self
 
     def to_wgs84(self) -> ToLongitudeLatitude | None:
         """Return the conversion to longitude and latitude; None if the system is not known.

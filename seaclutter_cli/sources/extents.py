@@ -154,6 +154,6 @@ def _place(tile: TileHead) -> tuple[tuple[float, float], str]:
 
 def _are_neighbors(tile: TileHead, other: TileHead) -> bool:
     """Return whether tiles that are near each other are different parts of the same survey."""
-    if other is tile or tile.extent is None or other.extent is None or other.crs != tile.crs:
+    if other is tile or tile.extent is None or other.extent is None or other.crs.by_code != tile.crs.by_code:
         return False
     return tile.extent.overlap(other.extent) <= _REPEATED * min(tile.extent.area, other.extent.area)

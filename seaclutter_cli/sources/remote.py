@@ -11,8 +11,7 @@ from pathlib import Path
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, SensorFacts
-from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES
-from seaclutter_cli.sensors.packets import DecoderOptions
+from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
 from seaclutter_cli.sources import Recording, Search, find_recordings, has_metadata_beside, metadata_beside, require_one
 from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
 from seaclutter_cli.storage.downloads import Prefetcher

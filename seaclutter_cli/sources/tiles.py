@@ -1,7 +1,6 @@
 """Tiles of an airborne survey: one file each, read in parts."""
 
 from collections.abc import Callable, Iterable, Iterator
-from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -207,22 +206,3 @@ def intensity_name(tile: Tile) -> str | None:
     """Return the name of a tile's intensity field; None if it has none."""
     folded = {name.lower(): name for name in reversed(tile.names)}
     return next((folded[usual] for usual in INTENSITY_NAMES if usual in folded), None)
-
-
-def find_tiles(patterns: Iterable[str]) -> list[Path]:
-    """Return the tiles that names, folders and globs refer to; a folder refers to the tiles in it.
-
-    Raises
-    ------
-    InputError
-        If one of them refers to no tile.
-    """
-    found: dict[Path, None] = {}
-    for pattern in patterns:
-        paths = [Path(pattern)] if Path(pattern).exists() else [Path(name) for name in sorted(glob(pattern))]  # noqa: PTH207
-        files = [file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
-        tiles = [file for file in files if file.suffix.lower() in FRAME_READERS]
-        if not tiles:
-            raise InputError(f"{pattern}: no tile found; supported suffixes: {', '.join(FRAME_READERS)}")
-        found.update(dict.fromkeys(tiles))
-    return list(found)

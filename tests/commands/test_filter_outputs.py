@@ -57,7 +57,21 @@ def test_the_formats_of_the_option_are_those_of_the_registry():
     assert tuple(OUTPUT_FORMATS) == FORMATS
 
 
-@pytest.mark.parametrize("name", ["out.mcap", "out.MCAP", "out", "out.v2"])
+@pytest.mark.parametrize("name", ["out.xyz", "out.e57", "out.mcap.old", "out.Txt"])
+def test_a_suffix_of_no_format_is_refused(tmp_path, name):
+    result = run(SAMPLE, "-o", tmp_path / name)
+    assert result.exit_code == 2
+    suffix = name[name.rindex(".") :]
+    advice = (
+        f"no format has the suffix {suffix}; use .mcap, .bag, .pcd, .las, .laz or .npz, or name the format with --to"
+    )
+    assert advice in result.stderr
+    assert not list(tmp_path.iterdir())
+    assert run(SAMPLE, "-o", tmp_path / name, "--to", "mcap").exit_code == 0
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", ["out.mcap", "out.MCAP", "out", "out.v2", "out.2"])
 def test_other_names_are_taken_as_they_are(tmp_path, name):
     assert run(SAMPLE, "-o", tmp_path / name).exit_code == 0
     assert [path.name for path in tmp_path.iterdir()] == [name]

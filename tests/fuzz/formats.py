@@ -67,7 +67,14 @@ def _labels(*words: str) -> Commands:
     )
 
 
-_ANGLES = "--calibration IN/angles.csv --sensor RS-LiDAR-32"
+def _packets(options: str) -> Commands:
+    return (
+        f"filter IN/log.pcap -o OUT/out.mcap --csv OUT/frames.csv -m none {options}",
+        f"info IN/log.pcap --json {options}",
+    )
+
+
+_CORRECTIONS = _packets("--calibration IN/angles.dat")
 _MODEL = "-s filter.scene=auto -s filter.scene_model=IN/model.onnx"
 _TILE = (
     "classify separate IN/tile{} -o OUT/out.las",
@@ -130,6 +137,8 @@ FORMATS: dict[str, Format] = {
     "pcap fragments": Format(partial(seeds.robosense, fragments=True), _log("log.pcap"), "log.pcap"),
     "pcapng": Format(seeds.pcapng, _log("log.pcapng")),
     "pcap hesai": Format(seeds.hesai_capture, **_PACKETS),
+    "pcap hesai mirrors": Format(seeds.mirror_capture, _CORRECTIONS, "log.pcap", layers=(layers.packet,)),
+    "pcap ruby 48": Format(seeds.ruby_48_capture, _packets("--sensor RS-Ruby-48"), layers=(layers.packet,)),
     "pcap hesai 128": Format(partial(seeds.hesai_capture, kind="P128"), **_PACKETS),
     "pcap velodyne": Format(seeds.velodyne_capture, **_PACKETS),
     "pcap ouster": Format(seeds.ouster_capture, **_PACKETS),
@@ -137,13 +146,11 @@ FORMATS: dict[str, Format] = {
     "ouster metadata": Format(seeds.ouster_capture, _log("log.pcap"), "log.json", DOCUMENT),
     "angles csv": Format(
         seeds.with_angles,
-        (
-            f"filter IN/log.pcap -o OUT/out.mcap --csv OUT/frames.csv -m none {_ANGLES}",
-            f"info IN/log.pcap --json {_ANGLES}",
-        ),
+        _packets("--calibration IN/angles.csv --sensor RS-LiDAR-32"),
         "angles.csv",
         TEXT,
     ),
+    "angles dat": Format(seeds.mirror_capture, _CORRECTIONS, "angles.dat", layers=(layers.hashed, layers.hashed)),
     "pcd ascii": Format(seeds.pcd_ascii, **_TEXT_HEAD),
     "pcd binary": Format(partial(seeds.frame_files, suffix=".pcd"), **_TEXT_HEAD),
     "pcd compressed": Format(seeds.pcd_compressed, **_TEXT_HEAD),

@@ -7,6 +7,7 @@ import struct
 import zipfile
 import zlib
 from dataclasses import replace
+from hashlib import sha256
 
 import lz4.frame
 import zstandard
@@ -27,6 +28,12 @@ _UNPACK = {
 def zstd(data, _, change):
     """Change the content of a file that is compressed as a whole."""
     return zstandard.compress(change(_UNPACK["zstd"](data)))
+
+
+def hashed(data, _, change):
+    """Change a file that ends with the SHA-256 of the rest."""
+    content = change(data[:-32])
+    return content + sha256(content).digest()
 
 
 def mcap_chunk(data, random, change):

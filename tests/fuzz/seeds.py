@@ -19,6 +19,7 @@ from tests.airborne import tiles
 from tests.labels import frames as labels
 from tests.messages import wrapped
 from tests.scenes.onnx_files import model_bytes
+from tests.sensors.hesai import mirrors
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.ouster import test_decoder as ouster
 from tests.sources import scenarios
@@ -135,6 +136,20 @@ def hesai_capture(folder, kind=hesai.XT32):
     """Write a capture of a Hesai lidar."""
     packets, _ = hesai.make_packets(kind, 0.12, start=340.0)
     _capture(folder, [(int(t), p.tobytes()) for t, p in zip(packets.times_ns, packets.payloads, strict=True)], 2368)
+
+
+def mirror_capture(folder):
+    """Write a capture of a Hesai lidar with mirrors, and its angle correction file."""
+    packets = mirrors.make_packets(16, first=74.5)
+    _capture(folder, [(int(t), p.tobytes()) for t, p in zip(packets.times_ns, packets.payloads, strict=True)], 2368)
+    (folder / "angles.dat").write_bytes(mirrors.correction_file())
+
+
+def ruby_48_capture(folder):
+    """Write a capture of a RoboSense lidar whose device information has another length than data."""
+    from tests.sources.shared.driver_topics import ruby_48_packets
+
+    _capture(folder, ruby_48_packets()[60:140], 6699)
 
 
 def velodyne_capture(folder):

@@ -123,9 +123,30 @@ def test_tiles_without_a_known_crs(tmp_path):
     np.testing.assert_allclose(center, np.add(ORIGIN, (120, 90)), atol=2)
 
 
-def test_maps_are_of_all_tiles(tiles, tmp_path):
-    result = run("separate", tiles, "-o", f"{tmp_path / 'out'}/", "--plot", tmp_path / "map.png", "--resume")
-    assert (result.exit_code, "need all tiles of one run" in result.stderr) == (2, True)
+def test_a_resumed_run_has_the_maps_of_all_tiles(tiles, mapped, tmp_path):
+    """The complete tile is not separated again, but its part of the maps is the same."""
+    maps = ("--plot", tmp_path / "map.png", "--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
+    out = tmp_path / "tiles"
+    assert run("separate", tiles, "-o", f"{out}/", "-j", 1).exit_code == 0
+    (out / "east.laz").unlink()
+    result = run("separate", tiles, "-o", f"{out}/", *maps, "--resume", "-j", 1)
+    assert (result.exit_code, "1 done, 1 skipped" in result.stdout) == (0, True), result.output
+    for name in ("map.png", "shore.geojson", "shore.gpkg", "tiles/east.laz", "tiles/west.laz"):
+        assert (tmp_path / name).read_bytes() == (mapped / name).read_bytes(), name
+
+
+def test_a_tile_without_its_land_is_separated_again_for_a_map(tiles, tmp_path, monkeypatch):
+    """The land of a tile may be too long for a record."""
+    run_again = ("separate", tiles, "-o", f"{tmp_path / 'out'}/", "--plot", tmp_path / "map.png", "--resume", "-j", 1)
+    monkeypatch.setattr("seaclutter_cli.runs.classify.resume._MAX_RECORD_BYTES", 50)
+    assert run(*run_again).exit_code == 0
+    monkeypatch.undo()
+    result = run(*run_again)
+    assert result.stderr.count("separated again; the earlier output is of a run that recorded no land") == 2
+    assert "2 skipped" in run(*run_again).stdout
+
+
+def test_names_of_maps(tiles, tmp_path):
     result = run("separate", tiles, "-o", f"{tmp_path / 'out'}/", "--plot", tmp_path / "map.gif")
     assert (result.exit_code, "must end in .png or .svg" in result.stderr) == (2, True)
     assert not list(tmp_path.iterdir())

@@ -15,10 +15,9 @@ from tests.sources.pcap import captures
 from tests.sources.shared.driver_topics import DRIVERS, write_topic
 
 PACKETS = {
-    "RoboSense RS-Ruby-48 or RS-Ruby-Plus-48": bytes.fromhex("55aa055a").ljust(1268, b"\0"),
     "RoboSense RS-M2": bytes.fromhex("55aa5aa5").ljust(1342, b"\0"),
     "Hesai ATX (protocol 4.7)": b"\xee\xff\x04\x07".ljust(1127, b"\0"),
-    "Hesai AT128 (protocol 4.1 or 4.3)": b"\xee\xff\x04\x03".ljust(1118, b"\0"),
+    "Hesai AT128 (protocol 4.1)": b"\xee\xff\x04\x01".ljust(1118, b"\0"),
     "Hesai JT128, or another with protocol 1.4 that is not a Pandar128 or OT128": b"\xee\xff\x01\x04".ljust(893, b"\0"),
 }
 START_NS = 1_760_000_000 * 10**9

@@ -17,7 +17,8 @@ from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Channel, Message, Schema
-from seaclutter_cli.sinks import LogSink, McapOptions
+from seaclutter_cli.sinks.log import LogSink
+from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import open_source
 from tests.logs import (
     LAYOUTS,

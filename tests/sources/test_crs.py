@@ -79,3 +79,14 @@ def test_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyproj", None)
     with pytest.raises(MissingExtraError, match="geo"):
         Crs("EPSG:32631").to_wgs84()
+
+
+def test_wkt_and_keys_of_the_same_system_are_equal_by_code():
+    pyproj = pytest.importorskip("pyproj", reason="needs the extra geo")
+    utm = pyproj.CRS.from_epsg(32631)
+    for version in ("WKT1_GDAL", "WKT2_2019"):
+        text = utm.to_wkt(version).encode()
+        assert read_crs([record(2112, text)]).by_code == Crs("EPSG:32631")
+    compound = read_crs([record(2112, pyproj.CRS.from_epsg(7415).to_wkt("WKT1_GDAL").encode())])
+    assert compound.by_code.definition == "EPSG:7415"  # neither that of its positions, 28992, nor that of its heights
+    assert Crs('PROJCS["own",UNIT["metre",1]]').by_code == Crs('PROJCS["own",UNIT["metre",1]]')

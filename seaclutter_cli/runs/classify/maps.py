@@ -84,7 +84,7 @@ def shoreline_in(tile: LasTile | CloudTile, found: Separation) -> list[NDArray[n
     return shoreline_of(map_of(TilePointReader(tile), found, found.land.cell_m))
 
 
-def drawn(tile: LasTile | CloudTile, name: str, found: Separation, pixel_m: float) -> DrawnTile:
+def drawn(tile: LasTile | CloudTile, found: Separation, name: str, pixel_m: float) -> DrawnTile:
     """Return the map of a separated tile with pixels of about a width in metres; 0: as its own size requires."""
     fine = map_of(TilePointReader(tile), found, found.land.cell_m)
     lines = shoreline_of(fine)
@@ -114,6 +114,11 @@ def map_files(
     if options.gpkg_file:
         files[options.gpkg_file] = geopackage_of(geodata, observer, with_objects=False)
     if options.plot_file:
+        systems = {tile.crs.by_code for tile in geodata}
+        if len(systems) > 1:
+            observer.warn(
+                f"{options.plot_file}: shows tiles with {len(systems)} coordinate reference systems as one map"
+            )
         parts, title = [tile.part for tile in tiles], waves_line(seas)
         suffix = options.plot_file.suffix
         files[options.plot_file] = render(lambda it: draw_map(it, parts, title), suffix, aspect=aspect_of(parts))

@@ -6,14 +6,37 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from seaclutter_cli.airborne.land_cells import LandCells
+from seaclutter_cli.airborne.separation import SeaState, Separation
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, UsageError
 from seaclutter_cli.runs.run_record import RunIdentity
 from seaclutter_cli.sinks.las import TextRecord, text_in
-from seaclutter_cli.sources.tiles import LasTile
+from seaclutter_cli.sources.tiles import LasTile, read_columns
 
 RUN = TextRecord(2, "run that wrote this tile")
 """Record of LAS and LAZ files of a survey with the identity and the result of the run as JSON."""
+
+LAND = TextRecord(3, "land of the separation")
+"""Record with the `LandCells` of the tile as JSON, by which a later run draws its map."""
+
+_MAX_RECORD_BYTES = 2**16 - 1
+
+
+def land_text(land: LandCells) -> str:
+    """Return the text of the record of the land; empty if it is too long for a record."""
+    text = land.as_text()
+    return text if len(text) <= _MAX_RECORD_BYTES else ""
+
+
+def recorded_separation(output: Path, sea: SeaState) -> tuple[LasTile, Separation]:
+    """Return an output and its separation, without heights; raise `ValueError` if there is no record of the land."""
+    tile = LasTile(output)
+    land = LandCells.from_text(text_in(tile.header, LAND) or "")
+    classes = read_columns(tile, ["classification"]).get("classification", np.empty(0, np.uint8))
+    return tile, Separation(classes, np.empty(0, np.float32), 0, sea, land)
 
 
 def record_text(identity: RunIdentity, result: Mapping[str, Any]) -> str:

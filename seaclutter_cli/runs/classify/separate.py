@@ -11,11 +11,11 @@ import numpy as np
 
 from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, separate
 from seaclutter_cli.airborne.surface import SeparationParams
-from seaclutter_cli.errors import SelectionError, UsageError
+from seaclutter_cli.errors import CloudError, SelectionError, UsageError
 from seaclutter_cli.runs.batch import BatchOptions, run_batch
 from seaclutter_cli.runs.classify.batch import TileWork, jobs_for
 from seaclutter_cli.runs.classify.maps import DrawnTile, MapOptions, drawn, map_files
-from seaclutter_cli.runs.classify.resume import RUN, record_text, recorded_run
+from seaclutter_cli.runs.classify.resume import LAND, RUN, land_text, record_text, recorded_run, recorded_separation
 from seaclutter_cli.runs.classify.separate_result import SeparatedTile, SeparateOutcome, SeparateResult
 from seaclutter_cli.runs.classify.survey import MARGIN_M, margins_of, points_of, tiles_of
 from seaclutter_cli.runs.classify.tiles import (
@@ -35,7 +35,7 @@ from seaclutter_cli.runs.run_record import RunIdentity, digest_of, digest_of_pat
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import TextRecord
 from seaclutter_cli.sources.margins import Margin
-from seaclutter_cli.sources.tiles import find_tiles
+from seaclutter_cli.sources.tile_paths import find_tiles
 from seaclutter_cli.sources.windows import open_tile_or_window
 from seaclutter_cli.storage.locations import Location
 
@@ -133,8 +133,6 @@ def separate_tiles(
     inputs, others = {"-c": options.settings.file}, {"--manifest": batch.manifest}
     maps = options.maps
     others |= {"--plot": maps.plot_file, "--geojson": maps.geojson_file, "--gpkg": maps.gpkg_file}
-    if maps.wanted and batch.resume:
-        raise UsageError("--resume: --plot, --geojson and --gpkg need all tiles of one run; leave them or --resume out")
     maps.check()
     heads = tiles_of(find_tiles(tiles), options.window_m, observer)
     targets = plan_tiles(heads, output, others, inputs, force=replaced, observer=observer)
@@ -279,7 +277,17 @@ class SeparateWork(TileWork[SeparatedTile]):
             difference = difference or f"incomplete record: {error!r}"
         else:
             outcome.points, outcome.skipped = outcome.result.points, True
+            difference = difference or self._redraw(outcome, state)
         return (None, f"the earlier output is of {difference}") if difference else (outcome, "")
+
+    def _redraw(self, outcome: SeparateOutcome, sea: SeaState) -> str | None:
+        """Draw the map of a complete output if there is to be one; return what its record lacks for it."""
+        if self.pixel_m is not None:
+            try:
+                outcome.map = drawn(*recorded_separation(self.target, sea), self.tile.name, self.pixel_m)
+            except (CloudError, OSError, ValueError) as error:
+                return f"a run that recorded no land for the maps ({error})"
+        return None
 
     def _separate(self, observer: Observer, files: OutputGroup | None) -> tuple[SeparatedTile, DrawnTile | None]:
         """Write the separated tile; return its figures, and its map if there is to be one."""
@@ -300,8 +308,9 @@ class SeparateWork(TileWork[SeparatedTile]):
         texts = {SEA_STATE: json.dumps(asdict(found.sea))} if self.params.follows_waves else {}
         if self.is_recorded:
             texts[RUN] = record_text(self.identity(), {**counts, "sea_state": asdict(found.sea)})
+            texts[LAND] = land_text(found.land)
         write_tile(tile, self.place, columns, HEIGHT if self.with_height else {}, files, texts)
-        own_map = None if self.pixel_m is None else drawn(tile, self.tile.name, found, self.pixel_m)
+        own_map = None if self.pixel_m is None else drawn(tile, found, self.tile.name, self.pixel_m)
         seconds = perf_counter() - started
         result = SeparatedTile(self.tile.name, str(self.target), **counts, sea_state=found.sea, seconds=seconds)
         return result, own_map

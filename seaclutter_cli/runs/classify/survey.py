@@ -57,7 +57,7 @@ def margins_of(heads: Sequence[TileHead], margin_m: float, observer: Observer) -
     """
     if len(heads) < 2 or margin_m <= 0:
         return [None] * len(heads)
-    systems = {head.crs for head in heads if head.extent}
+    systems = {head.crs.by_code for head in heads if head.extent}
     if len(systems) > 1:
         observer.warn(f"tiles have {len(systems)} coordinate reference systems; margins come from tiles with the same")
     found = neighbors_of(heads, margin_m)

@@ -1,7 +1,6 @@
 """Channel angles of a Hesai sensor, from the unit's angle correction file."""
 
 import csv
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,29 +11,24 @@ from seaclutter_cli.text import count
 _NOT_ANGLES = "{}: not a Hesai angle correction file (Laser id,Elevation,Azimuth): {}"
 
 
-def read_angles(path: Path, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def parse_angles(data: bytes, name: str, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the elevation and azimuth offset of each channel, shape (channels,), in degrees.
 
     Parameters
     ----------
-    path : Path
-        Angle correction file: lines of ``Laser id,Elevation,Azimuth`` in degrees, with channels numbered from 1.
+    data : bytes
+        Content of an angle correction file: lines of ``Laser id,Elevation,Azimuth`` in degrees, with channels numbered
+        from 1.
+    name : str
+        Name of the file, for errors.
     channels : int
         Number of channels.
 
     Raises
     ------
     InputError
-        If the file cannot be read or does not list exactly these channels.
+        If it is another file, or does not list exactly these channels.
     """
-    try:
-        return parse_angles(path.read_bytes(), str(path), channels)
-    except OSError as error:
-        raise InputError(_NOT_ANGLES.format(path, error)) from error
-
-
-def parse_angles(data: bytes, name: str, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the angles in the content of an angle correction file, as `read_angles` does; ``name`` is for errors."""
     try:
         lines = data.decode("utf-8-sig").splitlines()
         rows = [row for row in csv.reader(lines) if row and row[0].strip().isdecimal()]

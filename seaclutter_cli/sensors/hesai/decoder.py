@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.hesai.angles import parse_angles, read_angles
 from seaclutter_cli.sensors.hesai.clock import SensorClock
 from seaclutter_cli.sensors.hesai.losses import LossCounter
 from seaclutter_cli.sensors.hesai.models import MODELS, HesaiModel
 from seaclutter_cli.sensors.hesai.packets import DUAL_MODES, RETURN_MODES, utc_ns
-from seaclutter_cli.sensors.hesai.revolutions import FULL_CIRCLE, RevolutionCounter
+from seaclutter_cli.sensors.hesai.revolutions import FULL_CIRCLE
+from seaclutter_cli.sensors.hesai.scans import Scan, make_scan
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
 from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 
@@ -41,8 +41,8 @@ class HesaiDecoder:
     ----------
     model : HesaiModel
         The sensor.
-    elevation_deg, azimuth_deg : ndarray, shape (C,)
-        Channel angles in degrees.
+    scan : Scan
+        Its frames and directions.
     returns : bool
         Whether points have a ``return_number``.
 
@@ -52,17 +52,12 @@ class HesaiDecoder:
         Facts about the sensor.
     """
 
-    def __init__(
-        self, model: HesaiModel, elevation_deg: NDArray[np.float64], azimuth_deg: NDArray[np.float64], *, returns: bool
-    ) -> None:
+    def __init__(self, model: HesaiModel, scan: Scan, *, returns: bool) -> None:
         self.facts = SensorFacts(model.name, {"intensity": "reflectivity, 0 to 255"})
         if model.is_experimental:
             self.facts.details["decoder"] = "experimental, not checked with packets of a real sensor"
-        self._model = model
-        self._azimuth_deg = azimuth_deg
-        self._cos, self._sin = np.cos(np.radians(elevation_deg)), np.sin(np.radians(elevation_deg))
+        self._model, self._scan = model, scan
         self._dtype = point_dtype(returns=returns)
-        self._counter = RevolutionCounter(azimuth_deg * 100)
         self._revolutions: dict[int, _Revolution] = {}
         self._clock = SensorClock()
         self._numbered, self._timed = LossCounter(wrap=1 << 32), LossCounter()
@@ -90,16 +85,16 @@ class HesaiDecoder:
 
     def _complete(self) -> Iterator[PacketFrame]:
         for number in sorted(self._revolutions):
-            if number < self._counter.done:
+            if number < self._scan.done:
                 yield self._frame(number)
             elif self._revolutions[number].slots > _MAX_SLOTS:
-                self._counter.skip()
+                self._scan.skip()
                 yield self._frame(number)
 
     def _frame(self, number: int) -> PacketFrame:
         revolution = self._revolutions.pop(number)
         points = np.concatenate(revolution.points)
-        return PacketFrame(points, revolution.end_ns, partial=self._counter.is_partial(number))
+        return PacketFrame(points, revolution.end_ns, partial=self._scan.is_partial(number))
 
     def _decode(self, data: NDArray[np.void], times_ns: NDArray[np.int64]) -> None:
         """Assign the points of packets with one return mode, shape (P,), to their revolutions."""
@@ -107,13 +102,13 @@ class HesaiDecoder:
         clock_ns = utc_ns(data)
         self._count_lost(data, clock_ns, returns)
         fired_ns = clock_ns[:, None] + self._model.firings_ns(data, returns)
-        azimuths = data["blocks"]["azimuth"][:, ::returns].astype(np.int64)
-        numbers = self._counter.count(azimuths, fired_ns, data["rpm"].astype(np.int64))
+        positions = self._scan.positions(data["blocks"][:, ::returns])
+        numbers = self._scan.count(positions, fired_ns, data["rpm"].astype(np.int64))
         shifted_ns = fired_ns + self._clock.shifts(clock_ns, times_ns)[:, None]
         if self._clock.is_wrong:
             self.facts.details["clock"] = "not synchronised, shifted to the recording time"
         point_ns = shifted_ns[..., None] + self._model.channels_ns(data, returns)
-        points, slots = self._points(data, azimuths, point_ns)
+        points, slots = self._points(data, positions, point_ns)
         for number in np.unique(numbers):
             member = numbers == number
             part = self._revolutions.setdefault(int(number), _Revolution())
@@ -129,36 +124,37 @@ class HesaiDecoder:
         if name not in known.split("; "):
             self.facts.details["return mode"] = f"{known}; {name}"
             self.facts.warnings.append(f"the return mode changes to {name}")
-        self.facts.details.setdefault("rotation rate", f"{data['rpm'][0]} rpm")
+        if not self._model.has_mirrors:
+            self.facts.details.setdefault("rotation rate", f"{data['rpm'][0]} rpm")
         return 2 if mode in DUAL_MODES else 1
 
     def _count_lost(self, data: NDArray[np.void], clock_ns: NDArray[np.int64], returns: int) -> None:
-        """Count lost packets by sequence numbers, or by time differences without sequence numbers."""
+        """Count lost packets by sequence numbers, or by time differences of sensors that never pause."""
         if "sequence" in (data.dtype.names or ()):
             self._numbered.add(data["sequence"].astype(np.int64))
-        else:
+        elif not self._model.has_mirrors:
             self._timed.add(clock_ns, self._model.period_ns(data, returns))
         self.facts.lost_packets = self._numbered.lost + self._timed.lost
 
     def _points(
-        self, data: NDArray[np.void], azimuths: NDArray[np.int64], times_ns: NDArray[np.int64]
+        self, data: NDArray[np.void], positions: NDArray[np.int64], times_ns: NDArray[np.int64]
     ) -> tuple[NDArray[np.void], NDArray[np.intp]]:
         """Return the points of P packets with F firings, and the index of each among all P * F * C slots."""
-        channels = len(self._cos)
+        channels = self._model.channels
         units = data["blocks"]["units"]
-        shape = (azimuths.size, units.shape[1] // azimuths.shape[1], channels)
+        shape = (positions.size, units.shape[1] // positions.shape[1], channels)
         distances, intensities = (units[name].reshape(shape).swapaxes(1, 2) for name in ("distance", "intensity"))
         hit = np.flatnonzero(_distinct(distances, intensities, self._model.least_distance))
         slots, number = (hit, 0) if shape[1] == 1 else (hit // shape[1], hit % shape[1])
         firings = slots // channels
         channel = slots - firings * channels
-        units_m = self._model.unit_m(data)[firings // azimuths.shape[1]]
+        units_m = self._model.unit_m(data)[firings // positions.shape[1]]
         ranges = distances.ravel()[hit] * units_m
-        angles = np.radians(azimuths.ravel() / 100)[firings] + np.radians(self._azimuth_deg)[channel]
-        across = ranges * self._cos[channel]
+        angles, cosines, sines = self._scan.directions(positions.ravel(), firings, channel)
+        across = ranges * cosines
         points = np.empty(len(hit), self._dtype)
         points["x"], points["y"] = across * np.sin(angles), across * np.cos(angles)
-        points["z"] = ranges * self._sin[channel]
+        points["z"] = ranges * sines
         points["intensity"] = intensities.ravel()[hit]
         points["ring"] = channel
         points["timestamp"] = times_ns.ravel()[slots] / 1e9
@@ -200,15 +196,8 @@ class Hesai:
                 raise InputError(f"packets of a {name} are not supported; {ADVICE}")
             raise InputError(f"the packets are not from a supported Hesai sensor ({', '.join(_NAMES)})")
         returns = bool(np.isin(_matching(model, packets.payloads)["mode"], DUAL_MODES).any())
-        if options.calibration is not None:
-            elevation, azimuth = read_angles(options.calibration, model.channels)
-            source = options.calibration.name
-        elif options.recorded is not None:
-            source = "recorded with the packets"
-            elevation, azimuth = parse_angles(options.recorded, source, model.channels)
-        else:
-            elevation, azimuth, source = model.elevation_deg, model.azimuth_deg, "nominal"
-        decoder = HesaiDecoder(model, elevation, azimuth, returns=returns)
+        scan, source = make_scan(model, options)
+        decoder = HesaiDecoder(model, scan, returns=returns)
         decoder.facts.details["angles"] = source
         if source == "nominal":
             decoder.facts.warnings.append(

@@ -13,6 +13,7 @@ from seaclutter_cli.sensors.hesai.packets import (
     DUAL_MODES,
     Layouts,
     flagged_layouts,
+    mirror_layouts,
     pandar40_layouts,
     pandar64_layouts,
     pandarqt_layouts,
@@ -45,6 +46,8 @@ class HesaiModel:
         Returns how many times ``block_ns`` are between two firings of each packet, shape (P,).
     least_distance : int, optional
         Smallest distance that is one, in units; smaller ones are codes.
+    has_mirrors : bool, optional
+        Whether mirrors rotate instead of the lasers. Directions are then those of the unit, which has no nominal ones.
     is_experimental : bool, optional
         Whether no real packets were available to check the decoder.
     """
@@ -58,6 +61,7 @@ class HesaiModel:
     states: Callable[[NDArray[np.void]], NDArray[np.int64]] | None = None
     pace: Callable[[NDArray[np.void]], NDArray[np.int64]] | None = None
     least_distance: int = 1
+    has_mirrors: bool = False
     is_experimental: bool = False
 
     @property
@@ -209,6 +213,15 @@ MODELS = (
         states=_states_of_128,
         pace=_pace_of_128,
         least_distance=4,
+        is_experimental=True,
+    ),
+    HesaiModel(
+        "AT128",
+        mirror_layouts,
+        partial(_has, lasers=128, blocks=2, version=(4, 3)),
+        block_ns=41_666,
+        last_block_ns=-50_915,
+        has_mirrors=True,
         is_experimental=True,
     ),
 )

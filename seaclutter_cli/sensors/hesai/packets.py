@@ -49,15 +49,18 @@ _SEQUENCE: list[Any] = [("sequence", "<u4")]
 _TAIL = [("status", "u1", 8), *_RPM, *_MICROSECONDS, *_MODE, *_FACTORY, *_UTC]
 
 
-def _blocks(blocks: int, lasers: int, unit_bytes: int, mark: list[Any] | None = None) -> list[Any]:
-    """Return the field of the blocks of a packet."""
+def _blocks(
+    blocks: int, lasers: int, unit_bytes: int, mark: list[Any] | None = None, fine: list[Any] | None = None
+) -> list[Any]:
+    """Return the field of the blocks of a packet; ``fine`` is a field after the azimuth."""
     unit: Any = {
         "names": ["distance", "intensity"],
         "formats": ["<u2", "u1"],
         "offsets": [0, 2],
         "itemsize": unit_bytes,
     }
-    return [("blocks", np.dtype([*(mark or []), ("azimuth", "<u2"), ("units", np.dtype(unit), lasers)]), blocks)]
+    fields = [*(mark or []), ("azimuth", "<u2"), *(fine or []), ("units", np.dtype(unit), lasers)]
+    return [("blocks", np.dtype(fields), blocks)]
 
 
 def _by_length(*packets: list[Any]) -> Layouts:
@@ -92,6 +95,15 @@ def xt_layouts(blocks: int, lasers: int) -> Layouts:
     """Return the layout of a PandarXT."""
     tail = [("status", "u1", 10), *_MODE, *_RPM, *_UTC, *_MICROSECONDS, *_FACTORY]
     return _by_length([*_HEADER, *_blocks(blocks, lasers, 4), *tail, *_SEQUENCE])
+
+
+@cache
+def mirror_layouts() -> Layouts:
+    """Return the layouts of protocol 4.3: with and without sequence number and signature."""
+    body = [*_HEADER, *_blocks(2, 128, 4, fine=[("fine", "u1")]), ("checksum", "<u4"), ("status", "u1", 18)]
+    fields = [*body, *_TAIL[1:]]
+    parts = product(([], _SEQUENCE), ([], [("signature", "u1", 32)]))
+    return _by_length(*([*fields, *sequence, ("tail_checksum", "<u4"), *signature] for sequence, signature in parts))
 
 
 @cache

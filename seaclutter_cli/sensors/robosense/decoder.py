@@ -1,6 +1,6 @@
 """Decoder for RoboSense's rotating lidars."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -16,8 +16,15 @@ from seaclutter_cli.sensors.robosense.clock import RobosenseClock, header_times,
 from seaclutter_cli.sensors.robosense.device import Device, assumed_device, read_device
 from seaclutter_cli.sensors.robosense.identity import find_model
 from seaclutter_cli.sensors.robosense.losses import RobosenseLosses
-from seaclutter_cli.sensors.robosense.models import CHECKED, CLASSIC_ID, HELIOS_ID, RobosenseModel
-from seaclutter_cli.sensors.robosense.packets import INFO_ID, PACKET_BYTES, data_packets, temperatures_degc
+from seaclutter_cli.sensors.robosense.models import (
+    CHECKED,
+    CLASSIC_ID,
+    DATA_BYTES,
+    HELIOS_ID,
+    INFO_BYTES,
+    RobosenseModel,
+)
+from seaclutter_cli.sensors.robosense.packets import INFO_ID, data_packets, temperatures_degc
 from seaclutter_cli.sensors.robosense.points import Geometry
 
 _TOLERANCE = 100
@@ -26,7 +33,7 @@ _ANGLES_HINT = "pass the angles with --calibration FILE (one line 'elevation,azi
 
 
 class RoboSense:
-    """RoboSense sensors. Data and device information packets have 1248 bytes; their first bytes identify them."""
+    """RoboSense's rotating lidars. First bytes and lengths identify data and device information packets."""
 
     title = "RoboSense"
     scan_types: Mapping[str, str] = {
@@ -39,11 +46,14 @@ class RoboSense:
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet or a device information packet."""
-        return len(payload) == PACKET_BYTES and payload[:4].tobytes() in (CLASSIC_ID, HELIOS_ID, INFO_ID[:4])
+        begin = payload[:4].tobytes()
+        if begin == INFO_ID[:4]:
+            return len(payload) == INFO_BYTES
+        return begin in (CLASSIC_ID, HELIOS_ID) and len(payload) in DATA_BYTES
 
     def is_calibration(self, payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Return which UDP payloads, shape (P, L), are device information packets, which contain the laser angles."""
-        return _begins(payloads, INFO_ID[:4])
+        return _are(payloads, INFO_ID[:4], {INFO_BYTES})
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> "RoboSenseDecoder":
         """Return a decoder for the sensor that sent these packets.
@@ -53,17 +63,17 @@ class RoboSense:
         packets : Packets
             Data and device information packets, the latter from anywhere in the recording.
         options : DecoderOptions
-            A file of angles, which override those in the packets; the model, if packets do not identify it.
+            Device information packets, if data packets have another length; a file of angles, which override those in
+            the packets; the model, if packets do not identify it.
 
         Raises
         ------
         InputError
             If the model or the angles are unknown.
         """
-        of_size = packets.payloads.shape[1] == PACKET_BYTES
-        info = packets.payloads[_begins(packets.payloads, INFO_ID[:4])] if of_size else packets.payloads[:0]
-        is_data = _begins(packets.payloads, CLASSIC_ID) | _begins(packets.payloads, HELIOS_ID)
-        data = packets.payloads[is_data] if of_size else packets.payloads[:0]
+        info = packets.payloads[self.is_calibration(packets.payloads)] if options.info is None else options.info
+        is_data = _are(packets.payloads, CLASSIC_ID, DATA_BYTES) | _are(packets.payloads, HELIOS_ID, DATA_BYTES)
+        data = packets.payloads[is_data]
         if not len(data):
             raise InputError("RoboSense: no data packets, only device information")
         warnings: list[str] = []
@@ -73,9 +83,10 @@ class RoboSense:
         return RoboSenseDecoder(device, warnings, Packets(packets.times_ns[is_data], data))
 
 
-def _begins(payloads: NDArray[np.uint8], with_bytes: bytes) -> NDArray[np.bool_]:
-    wanted = np.frombuffer(with_bytes, np.uint8)
-    if payloads.shape[1] < len(wanted):
+def _are(payloads: NDArray[np.uint8], begin: bytes, lengths: Collection[int]) -> NDArray[np.bool_]:
+    """Return which payloads, shape (P, L), begin with some bytes and have one of some lengths."""
+    wanted = np.frombuffer(begin, np.uint8)
+    if payloads.shape[1] not in lengths:
         return np.zeros(len(payloads), np.bool_)
     begins: NDArray[np.bool_] = (payloads[:, : len(wanted)] == wanted).all(axis=1)
     return begins
@@ -160,12 +171,11 @@ class RoboSenseDecoder:
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
         payloads, times_ns = packets.payloads, packets.times_ns
-        if payloads.shape[1] != PACKET_BYTES:
-            self.facts.bad_packets += len(packets)
-            return
-        is_data = _begins(payloads, self._device.model.format.id)
+        model = self._device.model
+        is_data = _are(payloads, model.format.id, {model.packet_bytes})
         if not is_data.all():
-            self.facts.bad_packets += int((~is_data & ~_begins(payloads, INFO_ID[:4])).sum())
+            is_info = _are(payloads, INFO_ID[:4], {INFO_BYTES})
+            self.facts.bad_packets += int((~is_data & ~is_info).sum())
             payloads, times_ns = payloads[is_data], times_ns[is_data]
         if len(payloads):
             if self._may_end(payloads):

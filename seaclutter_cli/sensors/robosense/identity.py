@@ -12,6 +12,7 @@ from seaclutter_cli.sensors.robosense.models import (
     AIRY_BY_MOUNTING,
     BPEARL_4,
     CLASSIC_ID,
+    INFO_BYTES,
     MODELS,
     RUBY,
     RUBY_PLUS_80V,
@@ -21,7 +22,11 @@ from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 
 _CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Bpearl")
 _HELIOS = ("RS-Helios", "RS-Helios-16P")
-_RUBIES = (("RS-Ruby", "RS-Ruby-Plus"), ("RS-Ruby-80", "RS-Ruby-Plus-80"))
+_RUBIES = (
+    ("RS-Ruby", "RS-Ruby-Plus"),
+    ("RS-Ruby-80", "RS-Ruby-Plus-80"),
+    ("RS-Ruby-48", "RS-Ruby-Plus-48"),
+)
 _BPEARL_4_TYPE, _80V_MODEL = (3, 4), 3
 _AIRY_48, _AIRY_192, _AIRY_MOUNTING_AT = 1, 3, 289
 
@@ -33,7 +38,7 @@ def find_model(
 
     Parameters
     ----------
-    data : ndarray, shape (1248,), uint8
+    data : ndarray, shape (L,), uint8
         A data packet.
     info : ndarray, shape (I, 1248), uint8
         Device information packets.
@@ -69,6 +74,8 @@ def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
     """Return the models that share the format of a data packet."""
     if data[:4].tobytes() == CLASSIC_ID:
         return _CLASSIC
+    if len(data) != INFO_BYTES:
+        return _RUBIES[-1]
     if is_airy(data):
         return ("RS-Airy-48" if data[32] == _AIRY_48 else "RS-Airy",)
     for names in _RUBIES:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 CHANNELS = 32
 BLOCKS = 12
+INFO_BYTES = 1248
+"""Size of a device information packet, and of the data packets of most models."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,8 @@ class RobosenseModel:
         Unit of the angles in device information, in hundredths of a degree.
     swaps_halves : bool, optional
         Whether the halves of a block are swapped if the highest bit of its first distance is set (old firmware).
+    packet_bytes : int, optional
+        Size of a data packet.
     """
 
     name: str
@@ -107,6 +111,7 @@ class RobosenseModel:
     blocks: int = BLOCKS
     angle_unit: float = 1
     swaps_halves: bool = False
+    packet_bytes: int = INFO_BYTES
 
     def firings(self, *, dual: bool) -> int:
         """Return the number of firings in a block."""
@@ -151,6 +156,10 @@ _RUBY_80_NS = _ns(
     "0x3 3.236x3 6.472x3 9.708x2 12.944x4 16.18x2 19.416x3 22.652x3 25.888x2 29.124x2 32.36x2 35.596x3 38.832x2 "
     "42.068 45.304x2 48.54x3"
 )
+_RUBY_48_NS = 2 * _ns(
+    "0 3.236 6.472 9.708 12.944x2 16.18x2 19.416x2 22.652x2 25.888 29.124 32.36 35.596 38.832x2 42.068x2 45.304x2 "
+    "48.54x2"
+)
 _RUBY_PLUS_NS = _ns(
     "0x4 1.13x4 2.13x4 3.26x4 4.26x4 5.38x4 6.38x4 7.51x4 8.51x4 10.01x4 11.38x4 13.31x4 15.11x4 17.04x4 18.85x4 "
     "21.14x5 23.31x4 25.61x4 27.78x4 30.07x4 32.24x4 34.54x4 36.7x4 38.64x4 40.44x4 41.94x4 43.3x4 44.8x4 46.17x4 "
@@ -165,7 +174,11 @@ _RUBY_PLUS_80V_NS = _ns(
     "0x4 1.217x4 2.434x4 3.652x4 4.869x4 6.086x4 7.304x4 8.521x4 9.739x4 11.323x4 12.907x4 14.924x4 16.941x4 18.959x4 "
     "20.976x4 23.127x4 25.278x4 27.428x4 29.579x4 31.963x4"
 )
-_RUBY_RANGE_M = (0.4, 250)
+_RUBY_PLUS_48_NS = _ns(
+    "0x2 1.217x2 2.434x2 3.652x2 4.869x2 6.086x2 7.304x2 8.521x2 9.739x2 11.323x2 12.907x2 14.924x2 16.941x2 18.959x2 "
+    "20.976x2 23.127x2 25.278x2 27.428x2 29.579x2 31.963x2 34.347x2 36.498x2 38.648x2 40.666x2"
+)
+_RUBY_RANGE_M, _RUBY_48_BYTES = (0.4, 250), 1268
 _AIRY_NS = {
     "upright": _ns(
         "0x8 5.712x8 12.376x8 19.04x8 25.704x8 33.32x8 41.888x8 50.456x8 59.024x8 70.448x8 81.872x8 93.296x8"
@@ -193,16 +206,45 @@ MODELS: Mapping[str, RobosenseModel] = {
         RobosenseModel("RS-Ruby", 128, 0.005, _RUBY_RANGE_M, 55550, (0.03615, 0), _RUBY_NS, RUBY, 128, 3),
         RobosenseModel("RS-Ruby-80", 80, 0.005, _RUBY_RANGE_M, 55552, (0.03615, 0), _RUBY_80_NS, RUBY, 80, 4),
         RobosenseModel(
+            "RS-Ruby-48",
+            48,
+            0.005,
+            _RUBY_RANGE_M,
+            55552,
+            (0.03615, 0),
+            _RUBY_48_NS,
+            RUBY,
+            48,
+            8,
+            packet_bytes=_RUBY_48_BYTES,
+        ),
+        RobosenseModel(
             "RS-Ruby-Plus", 128, 0.005, _RUBY_RANGE_M, 55560, (0.02892, 0), _RUBY_PLUS_NS, RUBY_PLUS, 128, 3
         ),
         RobosenseModel(
             "RS-Ruby-Plus-80", 80, 0.005, _RUBY_RANGE_M, 55560, (0.02892, 0), _RUBY_PLUS_80_NS, RUBY_PLUS, 80, 4
+        ),
+        RobosenseModel(
+            "RS-Ruby-Plus-48",
+            48,
+            0.005,
+            _RUBY_RANGE_M,
+            55560,
+            (0.02892, 0),
+            _RUBY_PLUS_48_NS,
+            RUBY_PLUS,
+            48,
+            8,
+            packet_bytes=_RUBY_48_BYTES,
         ),
         RobosenseModel("RS-Airy", 96, 0.005, (0.1, 60), 111080, _AIRY_LENS_M, _AIRY_NS["M"], AIRY, 96, 4),
         RobosenseModel("RS-Airy-48", 48, 0.005, (0.1, 60), 111080, _AIRY_LENS_M, _AIRY_48_NS, AIRY_48, 48, 8),
     )
 }
 """Models by name."""
+
+DATA_BYTES = frozenset(model.packet_bytes for model in MODELS.values())
+"""Sizes of data packets."""
 
 CHECKED = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Helios")
 """Models whose decoder is not experimental."""

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.robosense.angles import VERTICAL_AT, Angles
-from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, PacketFormat, RobosenseModel
+from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, INFO_BYTES, PacketFormat, RobosenseModel
 
-PACKET_BYTES = 1248
 _HALF_HEADER = 4
 DATA_PORT, INFO_PORT = 6699, 7788
 INFO_ID = bytes.fromhex("a5ff005a11115555")
@@ -37,13 +36,13 @@ def data_layout(model: RobosenseModel) -> np.dtype[Any]:
             "names": ["id", "time", "temperature", "blocks"],
             "formats": ["S8", time, ("u1", (2,)), (block, (model.blocks,))],
             "offsets": [0, layout.time_at, layout.temperature_at, layout.begin],
-            "itemsize": PACKET_BYTES,
+            "itemsize": model.packet_bytes,
         }
     )
 
 
 def data_packets(model: RobosenseModel, payloads: NDArray[np.uint8]) -> NDArray[Any]:
-    """Return data packets, shape (P,), structured, from payloads, shape (P, 1248)."""
+    """Return data packets, shape (P,), structured, from payloads, shape (P, L)."""
     return np.ascontiguousarray(payloads).view(data_layout(model))[:, 0]
 
 
@@ -102,7 +101,7 @@ class Columns:
 
 
 def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
-    """Return data packets, shape (P, 1248), with distances rounded to the unit of the model."""
+    """Return data packets, shape (P, L), with distances rounded to the unit of the model."""
     packets = np.zeros(len(columns.times_ns), data_layout(model))
     blocks = packets["blocks"].reshape(-1)
     missing = columns.azimuth == NO_BLOCK
@@ -119,7 +118,7 @@ def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
         raw = measured
     blocks["channels"] = raw.view(blocks["channels"].dtype)[:, 0]
     packets["blocks"] = blocks.reshape(packets["blocks"].shape)
-    payloads = packets.view(np.uint8).reshape(-1, PACKET_BYTES)
+    payloads = packets.view(np.uint8).reshape(-1, model.packet_bytes)
     is_classic = model.format.id == CLASSIC_ID
     packets["id"] = CLASSIC_ID + bytes.fromhex("5aa550a0") if is_classic else model.format.id
     if model.format.is_utc:
@@ -180,7 +179,7 @@ def write_info(
 ) -> NDArray[np.uint8]:
     """Return a device information packet (DIFOP), shape (1248,); without angles, its tables are unprogrammed."""
     settings = settings or DeviceSettings()
-    packet = np.zeros(PACKET_BYTES, np.uint8)
+    packet = np.zeros(INFO_BYTES, np.uint8)
     start, end = settings.fov
     pieces = {0: INFO_ID, 40: settings.versions[0], 45: settings.versions[1], 292: settings.serial}
     pieces |= {offset: number.to_bytes(2, "big") for offset, number in ((8, settings.rpm), (32, start), (34, end))}

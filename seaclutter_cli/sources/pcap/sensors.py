@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.groups import group_starts
-from seaclutter_cli.sensors.families import PACKET_FAMILIES, SelfCalibrating
-from seaclutter_cli.sensors.packets import Packets
+from seaclutter_cli.sensors.families import PACKET_FAMILIES
+from seaclutter_cli.sensors.packets import Packets, SelfCalibrating, of_other_length
 from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.log_file import LogFile
@@ -81,7 +81,9 @@ class CapturedSensor:
     kinds : set of (int, int)
         Flows of the sensor.
     sample : Packets
-        Some packets of the sensor, calibrations first.
+        Some packets of the sensor, calibrations of the same length first.
+    info : ndarray, shape (I, M), uint8, or None
+        Calibrations of another length.
     shares : bool
         Whether several sensors share the address.
     """
@@ -91,6 +93,7 @@ class CapturedSensor:
     port: int
     kinds: set[Kind]
     sample: Packets
+    info: NDArray[np.uint8] | None = None
     shares: bool = False
 
 
@@ -223,7 +226,7 @@ def _split(flows: dict[Kind, Flow]) -> list[CapturedSensor]:
 def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], index: int, count: int) -> CapturedSensor:
     flow = flows[first]
     calibrating = sorted(
-        (kind for kind, other in flows.items() if other.calibrations and other.length == flow.length),
+        (kind for kind, other in flows.items() if other.calibrations),
         key=lambda kind: (flows[kind].port, flows[kind].source_port),
     )
     separate = [kind for kind in calibrating if not flows[kind].samples]
@@ -233,6 +236,8 @@ def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], index: int, co
         calibrating = [separate[index]]
     if not index:
         own = own | set(separate)
-    pairs = [pair for kind in calibrating for pair in flows[kind].calibrations] + flow.samples
+    calibrations = [pair for kind in calibrating for pair in flows[kind].calibrations]
+    pairs = [pair for pair in calibrations if len(pair[1]) == flow.length] + flow.samples
     sample = Packets(np.array([time_ns for time_ns, _ in pairs], np.int64), np.stack([payload for _, payload in pairs]))
-    return CapturedSensor(flow.family or "", flow.address, flow.port, own, sample)
+    info = of_other_length([payload for _, payload in calibrations], flow.length)
+    return CapturedSensor(flow.family or "", flow.address, flow.port, own, sample, info)

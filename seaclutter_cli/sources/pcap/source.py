@@ -12,8 +12,8 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, SensorFacts
-from seaclutter_cli.sensors.families import CALIBRATION_SUFFIXES, PACKET_FAMILIES
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFrame, Packets
+from seaclutter_cli.sensors.families import PACKET_FAMILIES
+from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions, PacketDecoder, PacketFrame, Packets
 from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS, PCAPNG_MAGIC
 from seaclutter_cli.sources.pcap.pcapng import PcapngReader
 from seaclutter_cli.sources.pcap.records import PcapReader, RecordReader
@@ -147,7 +147,7 @@ class CaptureSource:
         return usable
 
     def _decoder(self, sensor: CapturedSensor) -> PacketDecoder:
-        options = self._options
+        options = replace(self._options, info=sensor.info)
         if options.calibration is None and (suffix := CALIBRATION_SUFFIXES.get(sensor.family)):
             options = replace(options, calibration=_find_beside(self._path, suffix))
         return PACKET_FAMILIES[sensor.family].decoder(sensor.sample, options)

@@ -8,8 +8,14 @@ import numpy as np
 
 from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
 from seaclutter_cli.records import Buffer, Channel, Message, Record
-from seaclutter_cli.sensors.families import SelfCalibrating
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, Packets
+from seaclutter_cli.sensors.packets import (
+    DecoderOptions,
+    PacketDecoder,
+    PacketFamily,
+    Packets,
+    SelfCalibrating,
+    of_other_length,
+)
 from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 from seaclutter_cli.sources.shared.packet_companions import contains_packets, find_companion, read_recorded
 from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_packets, runs
@@ -144,6 +150,8 @@ class Candidate:
 
     def _try(self) -> PacketDecoder | None:
         length = Counter(len(payload) for _, payload in self._data).most_common(1)[0][0]
+        calibrations = [np.frombuffer(payload, np.uint8) for _, payload in self._calibrations]
+        self.options = replace(self.options, info=of_other_length(calibrations, length))
         pairs = [pair for pair in self._calibrations + self._data if len(pair[1]) == length]
         (sample,) = runs([time_ns for time_ns, _ in pairs], [payload for _, payload in pairs])
         return self.decoder(sample)

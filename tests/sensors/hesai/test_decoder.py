@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Message
-from seaclutter_cli.sensors.hesai.angles import read_angles
+from seaclutter_cli.sensors.hesai.angles import parse_angles
 from seaclutter_cli.sensors.hesai.decoder import Hesai
 from seaclutter_cli.sensors.hesai.losses import LossCounter
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
@@ -427,7 +427,7 @@ def test_an_invalid_calibration_is_an_error(text, tmp_path):
     path = tmp_path / "unit.csv"
     path.write_text(text, encoding="latin-1")
     with pytest.raises(InputError, match=r"unit\.csv"):
-        read_angles(path, 2)
+        parse_angles(path.read_bytes(), str(path), 2)
 
 
 def test_other_sensors_are_rejected():

@@ -39,6 +39,12 @@ BPEARL_4_US = [
 RUBY_US = [3.236 * (c % 64 // 4) for c in range(128)]
 RUBY_80_SIZES = [3, 2, 4, 3, 3, 3, 3, 2, 2, 2, 2, 2, 2, 2, 2, 3], [3, 3, 3, 2, 4, 2, 3, 3, 2, 2, 2, 3, 2, 1, 2, 3]
 RUBY_80_US = [3.236 * step for sizes in RUBY_80_SIZES for step, size in enumerate(sizes) for _ in range(size)]
+RUBY_48_STEPS = [0, 1, 2, 3, 4, 4, 5, 5, 6, 6, 7, 7, 8, 9, 10, 11, 12, 12, 13, 13, 14, 14, 15, 15]
+RUBY_48_US = [3.236 * step for step in RUBY_48_STEPS] * 2
+RUBY_PLUS_48_US = [
+    *(0.0, 1.217, 2.434, 3.652, 4.869, 6.086, 7.304, 8.521, 9.739, 11.323, 12.907, 14.924, 16.941, 18.959, 20.976),
+    *(23.127, 25.278, 27.428, 29.579, 31.963, 34.347, 36.498, 38.648, 40.666),
+]
 AIRY_US = [
     us
     for us in (0, 5.712, 12.376, 19.04, 25.704, 33.32, 41.888, 50.456, 59.024, 70.448, 81.872, 93.296)
@@ -56,6 +62,20 @@ KINDS = {
     "fourth RS-Bpearl": Kind(32, 0.0025, 0.1, 150, 55.56, 0.01619, BPEARL_4_US, helios=True, rz=0.09571),
     "RS-Ruby": Kind(128, 0.005, 0.4, 250, 55.55, 0.03615, RUBY_US, helios=True, ruby=True, channels=128, blocks=3),
     "RS-Ruby-80": Kind(80, 0.005, 0.4, 250, 55.552, 0.03615, RUBY_80_US, helios=True, ruby=True, channels=80, blocks=4),
+    "RS-Ruby-48": Kind(48, 0.005, 0.4, 250, 55.552, 0.03615, RUBY_48_US, helios=True, ruby=True, channels=48, blocks=8),
+    "RS-Ruby-Plus-48": Kind(
+        48,
+        0.005,
+        0.4,
+        250,
+        55.56,
+        0.02892,
+        [us for us in RUBY_PLUS_48_US for _ in range(2)],
+        helios=True,
+        ruby=True,
+        channels=48,
+        blocks=8,
+    ),
     "RS-Airy": Kind(
         96,
         0.005,

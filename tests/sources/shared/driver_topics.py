@@ -1,11 +1,19 @@
 """The packet topic of every supported driver: short recordings of it, and captures of the same packets."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 
+import numpy as np
+
+from seaclutter_cli.sensors.packets import Packets
+from seaclutter_cli.sensors.robosense.models import MODELS
+from seaclutter_cli.sensors.robosense.packets import write_data, write_info
 from tests.sensors.hesai import test_decoder as hesai
+from tests.sensors.hesai.mirrors import correction_file
+from tests.sensors.hesai.mirrors import make_packets as make_at128_packets
 from tests.sensors.ouster import test_decoder as ouster
+from tests.sensors.robosense.test_decoder import angles_of, columns_of
 from tests.sensors.robosense.test_solid import make_packets as make_m1_packets
 from tests.sensors.velodyne.test_decoder import make_packets as velodyne_packets
 from tests.sources.pcap import captures
@@ -75,6 +83,8 @@ class Driver:
     port: int
     files: Callable = lambda folder: {}
     """Writes files with calibrations, and returns decoder options of the capture."""
+    options: Mapping = field(default_factory=dict)
+    """Decoder options of capture and topic."""
 
 
 def _ouster_metadata(folder):
@@ -100,6 +110,12 @@ def _angles(folder):
     return {"calibration": path}
 
 
+def _corrections(folder):
+    path = folder / "angles.dat"
+    path.write_bytes(correction_file())
+    return {"calibration": path}
+
+
 def _xt32():
     return pairs(hesai.make_packets(hesai.XT32)[0])
 
@@ -112,7 +128,20 @@ def m1_packets():
     return pairs(make_m1_packets("M1", [*range(1, 41)] * 3))
 
 
+def ruby_48_packets():
+    """Return packets whose device information, in their middle, is shorter than data."""
+    model = MODELS["RS-Ruby-48"]
+    azimuth = np.arange(1200) * 40 % 36000
+    columns = columns_of(model, azimuth)
+    packets = pairs(Packets(columns.times_ns, write_data(model, columns)))
+    half = len(packets) // 2
+    return [*packets[:half], (packets[half][0], write_info(model, angles_of(model)).tobytes()), *packets[half:]]
+
+
 DRIVERS = {
+    "rslidar_sdk, RS-Ruby-48": Driver(
+        ruby_48_packets, _plain(sdk_messages), 6699, lambda _: {}, {"model": "RS-Ruby-48"}
+    ),
     "rslidar_sdk, RS-M1": Driver(m1_packets, _plain(sdk_messages), 6699),
     "rslidar_sdk": Driver(robosense_packets, _plain(sdk_messages), 6699),
     "rslidar": Driver(robosense_packets, _plain(old_messages), 6699),
@@ -120,7 +149,13 @@ DRIVERS = {
     "ouster_sensor_msgs": _ouster(OUSTER_2),
     "nebula": Driver(_xt32, _plain(nebula_messages), 2368),
     "hesai_ros_driver": Driver(
-        _xt32, lambda types, packets, _: hesai_messages(types, packets, "times", angles=ANGLES), 2368, _angles
+        _xt32, lambda types, packets, _: hesai_messages(types, packets, "times", angles=ANGLES.encode()), 2368, _angles
+    ),
+    "hesai_ros_driver, AT128": Driver(
+        lambda: pairs(make_at128_packets(1300)),
+        lambda types, packets, _: hesai_messages(types, packets, "times", angles=correction_file()),
+        2368,
+        _corrections,
     ),
     "pandar": Driver(_xt32, _plain(pandar_messages), 2368),
     "hesai_lidar": Driver(_xt32, _plain(partial(pandar_messages, kinds=(LIDAR_PACKET, LIDAR), reserved=0)), 2368),

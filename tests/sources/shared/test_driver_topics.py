@@ -11,8 +11,8 @@ from tests.sources.shared.test_robosense_topics import clouds
 @pytest.mark.parametrize("name", DRIVERS)
 def test_a_topic_equals_a_capture_of_the_same_packets(name, container, tmp_path):
     driver = DRIVERS[name]
-    from_capture, *_ = clouds(write_capture(driver, tmp_path / "log.pcap"), **driver.files(tmp_path))
-    from_topic, _, damage, _ = clouds(write_topic(driver, container, tmp_path))
+    from_capture, *_ = clouds(write_capture(driver, tmp_path / "log.pcap"), **driver.files(tmp_path), **driver.options)
+    from_topic, _, damage, _ = clouds(write_topic(driver, container, tmp_path), **driver.options)
     (expected,), (found,) = from_capture.values(), from_topic.values()
     assert len(expected) > 1
     assert found == expected

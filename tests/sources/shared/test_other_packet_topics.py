@@ -121,7 +121,7 @@ def hesai_messages(types, packets, version, *, angles=None):
     """Return messages of Hesai's driver, with the angle correction file in a topic of its own."""
     if angles is not None:
         layout = types.make("std_msgs/msg/MultiArrayLayout", [], 0)
-        message = types.make("std_msgs/msg/UInt8MultiArray", layout, array(angles.encode()))
+        message = types.make("std_msgs/msg/UInt8MultiArray", layout, array(angles))
         yield "/lidar_corrections", packets[0][0], message
     for first in range(0, len(packets), 200):
         part = packets[first : first + 200]
@@ -146,7 +146,9 @@ def test_hesai_frames_with_and_without_angles(container, version, angles, tmp_pa
         (tmp_path / "angles.csv").write_text(angles)
         options = hesai.DecoderOptions(tmp_path / "angles.csv")
     frames, _ = hesai.decode(packets, options=options)
-    path = write(tmp_path, container, types, hesai_messages(types, pairs(packets), version, angles=angles))
+    path = write(
+        tmp_path, container, types, hesai_messages(types, pairs(packets), version, angles=angles and angles.encode())
+    )
     found, warnings, damage, _ = clouds(path)
     assert found == {"/lidar_points": contents(frames)}
     assert [("nominal angles" in text) for text in warnings] == ([] if angles else [True])

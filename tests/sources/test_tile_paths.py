@@ -1,0 +1,42 @@
+"""Tiles that names, folders and globs refer to."""
+
+import shlex
+
+import pytest
+
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.sources.tile_paths import find_tiles
+
+
+def test_tiles_of_folders_and_globs_are_found_once_in_order(tmp_path):
+    for name in ("b.laz", "a.LAS", "notes.txt"):
+        (tmp_path / name).touch()
+    found = find_tiles([str(tmp_path / "b*"), str(tmp_path)])
+    assert [path.name for path in found] == ["b.laz", "a.LAS"]
+
+
+def advice(name):
+    with pytest.raises(InputError) as caught:
+        find_tiles([str(name)])
+    reason, _, command = str(caught.value).partition("with PDAL: ")
+    return reason, shlex.split(command)
+
+
+@pytest.mark.parametrize("name", ["", "ept.json"])
+def test_entwine_point_tiles_are_refused_with_a_command_that_makes_a_tile_of_a_part(tmp_path, name):
+    folder = tmp_path / "my survey"
+    (folder / "ept-data").mkdir(parents=True)
+    (folder / "ept.json").write_text("{}")
+    reason, command = advice(folder / name)
+    assert "Entwine point tiles (EPT) are not read" in reason
+    expected = ["pdal", "translate", "-r", "readers.ept", str(folder / "ept.json"), "part.laz"]
+    assert command == [*expected, "--readers.ept.bounds=([WEST, EAST], [SOUTH, NORTH])"]
+
+
+def test_urls_are_refused():
+    reason, command = advice("https://example.org/harbour.copc.laz")
+    assert "tiles are read from local files; download it, or" in reason
+    assert command[3:5] == ["readers.copc", "https://example.org/harbour.copc.laz"]
+    assert advice("https://example.org/harbour/ept.json")[1][3] == "readers.ept"
+    reason = "s3://bucket/harbour.laz: tiles are read from local files; download it"
+    assert advice("s3://bucket/harbour.laz") == (reason, [])
