@@ -30,6 +30,7 @@ def parsed() -> argparse.Namespace:
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--first-seed", type=int, default=1, help="first seed; the others follow it")
     common.add_argument("--frames", type=int, help="maximum number of frames of a recording")
+    common.add_argument("--scenes", nargs="+", default=(), help="names of scenes or layouts; all by default")
     common.add_argument("--jobs", type=int, default=2, help="number of processes")
     for name, study in STUDIES.items():
         command = commands.add_parser(name, parents=[common], help=study.about)
@@ -57,7 +58,7 @@ def parallel(work: Callable[[Input], Output], jobs: Iterable[Input], processes: 
 
 
 def options_of(given: argparse.Namespace) -> Options:
-    return Options(range(given.first_seed, given.first_seed + given.seeds), given.frames)
+    return Options(range(given.first_seed, given.first_seed + given.seeds), given.frames, given.scenes)
 
 
 def study(given: argparse.Namespace) -> None:

@@ -33,15 +33,17 @@ TITLES = {PAPER: "thresholds of the paper", CALIBRATED: "calibrated thresholds"}
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a study: seeds of the recordings, and their maximum number of frames."""
+    """Options of a study: seeds of the recordings, their maximum number of frames, and scenes; all if empty."""
 
     seeds: Sequence[int]
     frames: int | None
+    scenes: Sequence[str] = ()
 
     def recordings(self, scenes: Sequence[str], lidars: Sequence[str | None] = (None,)) -> list[Recording]:
         """Return the recordings of scenes with all seeds and lidars."""
+        chosen = [scene for scene in scenes if not self.scenes or scene in self.scenes]
         return [
-            Recording(scene, seed, lidar, self.frames) for lidar in lidars for scene in scenes for seed in self.seeds
+            Recording(scene, seed, lidar, self.frames) for lidar in lidars for scene in chosen for seed in self.seeds
         ]
 
 

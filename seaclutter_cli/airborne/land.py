@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.squares import Echoes, Squares, by_cell, positions, squares_in
-from seaclutter_cli.airborne.water_bodies import DIFFUSE, SPECULAR, WaterBody, bands_of, connected, find_bodies
+from seaclutter_cli.airborne.water_bodies import (
+    DIFFUSE,
+    SPECULAR,
+    WaterBody,
+    are_hills,
+    bands_of,
+    connected,
+    find_bodies,
+)
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -50,7 +58,7 @@ class Shores:
 def shores_of(
     grid: ElevationGrid, lowest: Cells, squares: Squares, echoes: Echoes, deviation_m: NDArray[np.float64]
 ) -> Shores | None:
-    """Return the land and water of a tile; None if no region is large enough to tell.
+    """Return the land and water of a tile; None if no region is large enough to tell, unless the tile is all hills.
 
     Notes
     -----
@@ -60,7 +68,7 @@ def shores_of(
     In squares beside water that are in no region, cells at its level are water.
     """
     regions = find_bodies(squares, echoes, deviation_m)
-    if not regions:
+    if not regions and not are_hills(squares, deviation_m):
         return None
     bodies = [region for region in regions if region.is_water]
     land = sure = np.ones(len(squares.index), np.bool_)

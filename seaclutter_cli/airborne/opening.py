@@ -8,6 +8,7 @@ from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 Cells = NDArray[np.float64]
 
 _NEIGHBORS = 5
+_ALIKE, _SHALLOW = 7, 0.25
 
 
 def half_window(window_m: float, cell_m: float) -> int:
@@ -113,16 +114,28 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     A cell that is more than ``depth_m`` below each of at least five neighbours with points contains an echo from below
     the surface; it gets the lowest of their values. Elsewhere an opening confines such a cell to itself, but near the
     edge of a tile, where no window avoids it, it would lower the surface along its whole row.
+
+    In water that light penetrates, such echoes are many and from shallow depths. Amid eight neighbours that are alike,
+    a cell is a pit from a quarter of ``depth_m`` on, even if one neighbour is one, too; in a ditch, two are as low.
     """
     out = grid.lowest.copy()
     for slot, cells, _ in grid.padded(grid.lowest, 1):
         around = [cells[i : i + BLOCK, j : j + BLOCK] for i, j in np.ndindex(3, 3) if (i, j) != (1, 1)]
         deep = np.isfinite(out[slot])
+        higher = np.zeros(deep.shape, np.uint8)
         for beside in around:
             deep &= out[slot] < beside - depth_m
+            higher += out[slot] < beside - _SHALLOW * depth_m
+        shallow = np.isfinite(out[slot]) & (higher >= _ALIKE) & ~deep
         beside = np.stack([own[deep] for own in around])
         pits = np.isfinite(beside).sum(axis=0) >= _NEIGHBORS
         out[slot][tuple(np.argwhere(deep)[pits].T)] = beside.min(axis=0)[pits]
+        ordered = np.sort(np.stack([own[shallow] for own in around]), axis=0)
+        alike = np.isfinite(ordered[-1])
+        lower, middle, upper = ordered[[1, 3, 6]][:, alike]
+        at = np.argwhere(shallow)[alike].T
+        pits = upper - lower < (lower - out[slot][tuple(at)]) / 2
+        out[slot][tuple(at[:, pits])] = middle[pits]
     return out
 
 

@@ -12,8 +12,9 @@ from seaclutter_cli.airborne.following import CellDetails
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.land_cells import LandCells
 from seaclutter_cli.airborne.squares import echoes_of
-from seaclutter_cli.airborne.strips import Column, strips_of
+from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, RoughWater, SeaSurfaceModel, SeparationParams, SurfaceParams
+from seaclutter_cli.airborne.tides import LeveledParts, tides_of
 from seaclutter_cli.airborne.waves import Waves
 from seaclutter_cli.errors import InputError
 
@@ -120,7 +121,11 @@ def separate(
     points = GriddedPoints.of(parts, params.cell_m)
     if not points.grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
-    trusted = params.trust_classes if isinstance(params, SeparationParams) else ()
+    trusted: tuple[int, ...] = ()
+    if isinstance(params, SeparationParams):
+        trusted = params.trust_classes
+        if params.follows_waves:
+            points = _leveled(points, params.cell_m, column)
     surface = SeaSurfaceModel(
         points.grid, params, lambda squares, top: echoes_of(squares, points, top, column, trusted)
     )
@@ -134,6 +139,14 @@ def separate(
     return found
 
 
+def _leveled(points: GriddedPoints, cell_m: float, column: Column) -> GriddedPoints:
+    """Return the points of a tile with the water of all strips at one level."""
+    strip = strips_of(column)
+    if strip is None or not (tide := tides_of(points, strip)).any():
+        return points
+    return GriddedPoints.of(LeveledParts(points.parts, strip, tide), cell_m)
+
+
 def _land(*surfaces: SeaSurfaceModel) -> LandCells:
     """Return the land of a tile, which its strips have in parts."""
     blocks: dict[tuple[int, int], NDArray[np.bool_]] = {}
@@ -145,7 +158,7 @@ def _land(*surfaces: SeaSurfaceModel) -> LandCells:
 
 def _rough(whole_tile: GriddedPoints, whole: SeaSurfaceModel, waves: Waves, column: Column) -> Separation:
     """Return the separation of rough water, strip by strip: where strips overlap, they show it at two moments."""
-    intensity, strip = column("intensity"), strips_of(column)
+    intensity, strip = column("intensity"), looks_of(strips_of(column), whole_tile.parts, column)
     classification, height = np.empty(whole_tile.size, np.uint8), np.empty(whole_tile.size, np.float32)
     surfaces = []
     for number in [None] if strip is None else np.unique(strip).tolist():

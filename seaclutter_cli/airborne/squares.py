@@ -153,8 +153,8 @@ class Echoes:
     Parameters
     ----------
     variation : ndarray, shape (N,), float64
-        Standard deviation of their intensities divided by the mean; of fewer than 60 echoes, the average with the
-        squares beside.
+        Standard deviation of the intensities divided by the mean, of pulses with one echo: several share the energy of
+        the pulse. Of fewer than 60, the average with the squares beside.
     several : ndarray, shape (N,), float64
         Share of those from pulses with several echoes.
     known : ndarray, shape (N,), int8
@@ -177,24 +177,24 @@ def echoes_of(
     classes = column("classification") if trusted else None
     right = {code: np.zeros(squares_in(points.grid)) for code in (GROUND, WATER)}
     total = squares_in(points.grid)
-    count, one, two, several = (np.zeros(total) for _ in range(4))
+    count, single, one, two = (np.zeros(total) for _ in range(4))
     start = 0
     for z, cell in points:
         used = (cell != NOWHERE) & (z <= top.reshape(-1)[cell])
         square = square_of(cell[used])
         own = slice(start, start + len(cell))
         count += np.bincount(square, minlength=total)
+        whole = np.ones(len(square), np.bool_) if returns is None else returns[own][used] <= 1
+        single += np.bincount(square, whole, total)
         if intensity is not None:
-            value = np.nan_to_num(intensity[own][used].astype(np.float64))
+            value = np.where(whole, np.nan_to_num(intensity[own][used].astype(np.float64)), 0)
             one += np.bincount(square, value, total)
             two += np.bincount(square, value**2, total)
-        if returns is not None:
-            several += np.bincount(square, returns[own][used] > 1, total)
         if classes is not None:
             for code in trusted:
                 right[code] += np.bincount(square, classes[own][used] == code, total)
         start += len(cell)
-    number = np.where(count >= _LEAST_ECHOES, count, np.nan)[squares.index]
+    number = np.where(single >= _LEAST_ECHOES, single, np.nan)[squares.index]
     mean = one[squares.index] / number
     spread = np.sqrt(np.maximum(two[squares.index] / number - mean**2, 0))
     unknown = np.full(len(number), np.nan)
@@ -205,5 +205,7 @@ def echoes_of(
     average = np.divide(total, known.sum(axis=0), out=unknown.copy(), where=known.any(axis=0))
     variation = np.where(number < _MANY_ECHOES, average, variation)
     ground, water = (right[code][squares.index] > count[squares.index] / 2 for code in (GROUND, WATER))
-    share = unknown if returns is None else several[squares.index] / number
+    known = count[squares.index] >= _LEAST_ECHOES
+    share = np.divide((count - single)[squares.index], count[squares.index], out=unknown.copy(), where=known)
+    share = unknown if returns is None else share
     return Echoes(variation, share, water.astype(np.int8) - ground.astype(np.int8))

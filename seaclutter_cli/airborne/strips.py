@@ -1,6 +1,6 @@
 """Strips of a tile: the passes of the aircraft, each of which shows the water at one moment."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,12 @@ Column = Callable[[str], NDArray[Any] | None]
 
 _TURN_S = 30.0
 _LEAST_SHARE = 0.01
+_MANY_POINTS, _SIDE_M, _LEAST_POINTS = 200_000, 8.0, 4
+_STILL_S, _TWICE_SHARE = 0.25, 0.05
 
 
-def strips_of(column: Column) -> NDArray[np.intp] | None:
-    """Return the strip of each point, shape (N,); None if nothing tells strips apart.
+def strips_of(column: Column) -> NDArray[np.uint8] | None:
+    """Return the strip of each point, from 0 on, shape (N,); None if nothing tells strips apart.
 
     Notes
     -----
@@ -25,7 +27,7 @@ def strips_of(column: Column) -> NDArray[np.intp] | None:
     --------
     >>> times = np.array([5.0, 6, 7, 205, 206, 207])
     >>> strips_of({"gps_time": times}.get)
-    array([0, 0, 0, 1, 1, 1])
+    array([0, 0, 0, 1, 1, 1], dtype=uint8)
     """
     source = column("point_source_id")
     strip = None if source is None else np.unique(source, return_inverse=True)[1].reshape(-1)
@@ -35,8 +37,9 @@ def strips_of(column: Column) -> NDArray[np.intp] | None:
     if strip is None or not strip.any():
         return None
     size = np.bincount(strip)
-    few = size < _LEAST_SHARE * len(strip)
-    return np.where(few[strip], len(size), strip)
+    many = size >= _LEAST_SHARE * len(strip)
+    number = np.where(many, np.cumsum(many) - 1, np.count_nonzero(many)).astype(np.uint8)
+    return np.asarray(number[strip])
 
 
 def _passes(times_s: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -47,3 +50,66 @@ def _passes(times_s: NDArray[np.float64]) -> NDArray[np.intp]:
     values, which = np.unique(step, return_inverse=True)
     strip[known] = np.cumsum(np.diff(values, prepend=values[:1]) > 1)[which.reshape(-1)]
     return strip
+
+
+def looks_of(
+    strip: NDArray[np.uint8] | None, parts: Iterable[NDArray[np.float64]], column: Column
+) -> NDArray[np.uint8] | None:
+    """Return the strip of each point, shape (N,); those that see places twice are divided into their looks.
+
+    Parameters
+    ----------
+    strip : ndarray, shape (N,), uint8, or None
+        Strip of each point; None if all are of one.
+    parts : iterable of ndarray, shape (3, n), float64
+        Coordinates in metres; iterated over repeatedly.
+    column : callable
+        Returns an attribute of all points.
+
+    Notes
+    -----
+    A scanner on a cone (Palmer) sees a place ahead of the aircraft and again behind it, seconds later. In the time that
+    an aircraft takes, such echoes are before or after those that a plane through the times of the strip expects. Others
+    differ by less than a tenth of the period of the shortest waves that are followed, a quarter of a second.
+    """
+    times = column("gps_time")
+    if times is None:
+        return strip
+    own = np.zeros(len(times), np.uint8) if strip is None else strip
+    step = max(len(times) // _MANY_POINTS, 1)
+    place = np.concatenate([xyz[:2] for xyz in _every(parts, step)], axis=1)
+    late = np.zeros(len(times), np.bool_)
+    for number in np.unique(own[::step]).tolist():
+        some = np.isfinite(place).all(axis=0) & np.isfinite(times[::step]) & (own[::step] == number)
+        plane = _plane(place[:, some], np.asarray(times[::step][some], np.float64))
+        if plane is None:
+            continue
+        start = 0
+        for xyz in parts:
+            part = slice(start, start + xyz.shape[1])
+            late[part] |= (own[part] == number) & (times[part] > plane[0] + plane[1:] @ xyz[:2])
+            start = part.stop
+    return 2 * own + late if late.any() else strip
+
+
+def _every(parts: Iterable[NDArray[np.float64]], step: int) -> Iterator[NDArray[np.float64]]:
+    """Yield every so many points of all parts together."""
+    start = 0
+    for xyz in parts:
+        yield xyz[:, -start % step :: step]
+        start += xyz.shape[1]
+
+
+def _plane(place: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the plane through times, shape (3,); None if nearly all places are seen once."""
+    if place.shape[1] < _LEAST_POINTS:
+        return None
+    middle = place.mean(axis=1, keepdims=True)
+    slope = np.linalg.lstsq((place - middle).T, times_s - times_s.mean(), rcond=None)[0]
+    level = times_s.mean() - slope @ middle[:, 0]
+    late = times_s - level - slope @ place
+    square = np.unique(np.floor(place / _SIDE_M), axis=1, return_inverse=True)[1].reshape(-1)
+    count = np.bincount(square)
+    mean, power = (np.bincount(square, values) / count for values in (late, late**2))
+    spread = np.sqrt(np.maximum(power - mean**2, 0))[count >= _LEAST_POINTS]
+    return np.array([level, *slope]) if np.mean(np.append(spread > _STILL_S, False)) > _TWICE_SHARE else None

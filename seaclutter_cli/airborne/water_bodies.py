@@ -22,6 +22,7 @@ SPECULAR, DIFFUSE = 0.6, 0.45
 _COARSE = 8
 _LARGEST, _LARGE, _MIRROR_SHARE, _GROUND_SHARE = 0.5, 0.05, 0.05, 0.5
 _CLEAR_SHARE = 0.8
+_HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 2.0, 0.05, 1 / 3
 _GROUND = (SPECULAR + DIFFUSE) / 2
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
 
@@ -147,10 +148,7 @@ def _is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
 def _regions(squares: Squares, deviation_m: Values, kind: Mask) -> Iterator[NDArray[np.int64]]:
     """Yield connected flat squares at one level, beginning with the most frequent level."""
     band = bands_of(deviation_m)
-    flat = (squares.spread_m <= np.maximum(_ROUGH_M, _BAND_DEVIATIONS * deviation_m)) & (
-        squares.open_share >= _OPEN_SHARE
-    )
-    remaining = np.flatnonzero(flat & kind)
+    remaining = np.flatnonzero(_are_flat(squares, deviation_m) & kind)
     while len(remaining) >= _LEAST_SQUARES:
         level = squares.level_m[remaining]
         step = np.floor(level / np.median(band[remaining])).astype(np.int64)
@@ -164,6 +162,20 @@ def _regions(squares: Squares, deviation_m: Values, kind: Mask) -> Iterator[NDAr
         for number in np.flatnonzero(np.bincount(part) >= _LEAST_SQUARES):
             yield own[part == number]
         remaining = remaining[~inside]
+
+
+def _are_flat(squares: Squares, deviation_m: Values) -> Mask:
+    """Return whether squares are no rougher than calm water or the waves in them."""
+    flat = squares.spread_m <= np.maximum(_ROUGH_M, _BAND_DEVIATIONS * deviation_m)
+    return flat & (squares.open_share >= _OPEN_SHARE)
+
+
+def are_hills(squares: Squares, deviation_m: Values) -> bool:
+    """Return whether a tile is without any water: next to nothing is flat, and no level is frequent."""
+    level = np.sort(squares.level_m)
+    near = np.searchsorted(level, level + _HILL_M) - np.arange(len(level))
+    few = np.count_nonzero(_are_flat(squares, deviation_m)) < _FLAT_SHARE * len(level)
+    return bool(few and near.max(initial=0) < _LEVEL_SHARE * len(level))
 
 
 def bands_of(deviation_m: Values) -> Values:

@@ -211,5 +211,7 @@ def _length(elevation: Cells, water: NDArray[np.bool_]) -> tuple[float, float]:
     # Not divided by the number of pairs, so that of many minima the nearest is the deepest.
     covariance = np.fft.irfft(rows, shape[1], axis=1)[:, lag]
     i, j = np.unravel_index(np.argmin(covariance), covariance.shape)
+    if max(reach[i], abs(lag[j])) == _REACH_CELLS:
+        return 0.0, 0.0
     variance = max(float(covariance[0, 0]), 1e-12)
     return 2 * float(np.hypot(reach[i], lag[j])), -float(covariance[i, j]) / variance

@@ -86,6 +86,7 @@ def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> int:
     header = laspy.LasHeader(point_format=7 if {"red", "green", "blue"} <= set(names) else 6, version="1.4")
     header.creation_date = datetime.fromtimestamp(max(cloud.stamp_ns, 0) // _NANO, UTC).date()
     header.generating_software = "seaclutter"
+    header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6, also without a reference system
     header.scales, header.offsets = _grid(xyz)
     columns = _las_columns(laspy, header, points)
     las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(points), header=header))

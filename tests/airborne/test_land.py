@@ -133,6 +133,25 @@ def test_a_slope_without_water_is_land():
     assert shares(*tile(lambda x, _, bumps: 1 + x / 100 + bumps))[0] > 0.98
 
 
+def test_a_wood_beside_a_lake_is_land_though_its_echoes_differ():
+    rng = np.random.default_rng(5)
+    xyz, land, columns = tile(lambda x, _, bumps: np.where(x > 200, 3 + bumps, -5))
+    wood = land & (xyz[0] > 250)
+    pulses = np.where(wood & (rng.random(len(land)) < 0.6), 2, 1)
+    columns["intensity"] = np.where(
+        pulses > 1, columns["intensity"] * rng.uniform(0, 0.6, len(land)), columns["intensity"]
+    )
+    on_land, on_water = shares(xyz, land, columns | {"number_of_returns": pulses})
+    assert on_land > 0.99
+    assert on_water < 0.02
+
+
+@pytest.mark.parametrize("names", [("intensity", "number_of_returns"), ()])
+def test_hills_have_no_sea(names):
+    xyz, land, columns = tile(lambda x, y, bumps: 200 + 15 * np.sin(x / 40) * np.sin(y / 35) + 4 * bumps)
+    assert shares(xyz, land, {name: columns[name] for name in names})[0] == 1
+
+
 def test_without_intensities_only_islands_are_land():
     xyz, land, columns = tile(COASTS["beach 1 in 100"])
     alone = separate([xyz], SeparationParams()).classification

@@ -9,7 +9,7 @@ from scipy import ndimage
 from seaclutter_cli.airborne import grid as grids
 from seaclutter_cli.airborne import opening as openings
 from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.opening import filled, half_window, open_grid, opened
+from seaclutter_cli.airborne.opening import filled, half_window, open_grid, opened, without_pits
 from seaclutter_cli.errors import InputError
 from tests.filters.reference import Opening
 
@@ -115,3 +115,14 @@ def test_scattered_points_take_small_windows(monkeypatch):
     np.testing.assert_array_equal(surface.ravel()[grid.locate(far, -far)], far % 7)
     assert len(sizes) == 50
     assert max(sizes) <= (2 * 9 + 1) ** 2
+
+
+def test_shallow_pits_are_filled_and_ditches_are_not():
+    low = np.random.default_rng(1).normal(0, 0.02, (60, 60))
+    low[10, 10] = low[20, 20] = low[20, 21] = -0.6
+    low[40, 5:55] = -0.6
+    grid = ElevationGrid(1.0)
+    grid.add(np.stack((*(side.ravel() + 0.5 for side in np.mgrid[:60, :60]), low.ravel())))
+    found = without_pits(grid, 1.0)[0, :60, :60]
+    assert found[[10, 20, 20], [10, 20, 21]].min() > -0.1
+    np.testing.assert_array_equal(found[40, 6:54], low[40, 6:54])

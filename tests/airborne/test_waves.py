@@ -6,7 +6,6 @@ import pytest
 from seaclutter_cli.airborne.cells import smoothed, touching
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.separation import OTHER, separate
-from seaclutter_cli.airborne.strips import strips_of
 from seaclutter_cli.airborne.surface import SeaSurfaceModel, SeparationParams
 from tests.paths import shared
 
@@ -55,6 +54,12 @@ def test_noise_slopes_and_steps_are_no_waves():
     rng = np.random.default_rng(2)
     for z in (rng.normal(0, 0.3, flat.shape[1]), 0.1 * flat[0], 3.0 * (flat[0] > 150) + 1.5 * (flat[1] > 90)):
         assert model(np.stack((flat[0], flat[1], z))).waves is None
+
+
+def test_a_plain_that_undulates_further_than_swell_has_no_waves():
+    x, y = (side.ravel() + 0.5 for side in np.mgrid[:256, :256].astype(float))
+    z = 0.3 * np.sin(2 * np.pi * x / 400) + 0.002 * y + np.random.default_rng(1).normal(0, 0.02, len(x))
+    assert model(np.stack((x, y, z))).waves is None
 
 
 @pytest.mark.parametrize(("folder", "name", "unit"), [("las", "autzen_trim", 0.3048), ("airborne", "ahn3_sluice", 1.0)])
@@ -187,21 +192,6 @@ def test_strips_without_points_in_the_tile_do_not_matter():
         for points, ids in ((xyz, strip), (damaged, strips))
     )
     np.testing.assert_array_equal(one.classification, other.classification[: xyz.shape[1]])
-
-
-@pytest.mark.parametrize(("source", "times", "expected"), [
-    ([7] * 5, [0.0, 3, 90, 93, np.nan], [0, 0, 1, 1, 0]),
-    ([7, 8, 8, 7, 7], [0.0] * 5, [0, 1, 1, 0, 0]),
-    (None, [0.0, 1, 2, 3, 4], None),
-    ([7] * 5, None, None),
-])  # fmt: skip
-def test_strips_by_number_or_time(source, times, expected):
-    found = strips_of({"point_source_id": source and np.array(source), "gps_time": times and np.array(times)}.get)
-    assert (found if found is None else found.tolist()) == expected
-
-
-def test_strips_of_few_points_are_one():
-    assert set(strips_of({"point_source_id": np.r_[np.zeros(1000), np.arange(5)]}.get).tolist()) == {0, 5}
 
 
 def test_a_wide_low_mat_is_found_by_all_of_its_cells():

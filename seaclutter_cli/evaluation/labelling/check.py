@@ -56,6 +56,7 @@ class LabelCheck:
     boxes: int = 0
     _over_full_turn: int = 0
     _without_size: int = 0
+    _positions: int = 0
     _duplicates: Counter[int] = field(default_factory=Counter)
     _too_long: Counter[str] = field(default_factory=Counter)
     _longest_m: dict[str, float] = field(default_factory=dict)
@@ -74,6 +75,7 @@ class LabelCheck:
         self._classes.update(boxes.classes)
         self._over_full_turn += int(np.count_nonzero(np.abs(boxes.yaws) > _FULL_TURN))
         self._without_size += without_size(boxes)
+        self._positions += int(np.count_nonzero((boxes.sizes == 0).all(axis=1)))
         if same := _duplicates(boxes):
             self._duplicates[frame.index] = same
         for kind, longest_m in too_long(boxes):
@@ -116,8 +118,12 @@ class LabelCheck:
             first = ", ".join(map(str, sorted(self._duplicates)[:3])) + (", …" if len(self._duplicates) > 3 else "")
             text = f"{self._of(self._duplicates.total())} repeat another one and count twice (frame {first})"
             found.append(Finding("duplicate", f"{text}: delete them"))
-        if self._without_size:
-            text = f"{self._of(self._without_size)} have a side of 0 m: set length, width and height"
+        # Positions alone are labels too if the margin has been chosen for them.
+        chosen = self.params.box_margin_m > EvaluationParams().box_margin_m
+        if wrong := self._without_size - (self._positions if chosen else 0):
+            text = f"{self._of(wrong)} have a side of 0 m: set length, width and height"
+            if wrong == self._positions:
+                text += ", or for positions alone a larger evaluation.box_margin_m"
             found.append(Finding("size", text))
         return found
 

@@ -14,13 +14,13 @@ from tests.evaluation.labelling.harbours import BOATS, CLASSES, harbour
 PARAMS = EvaluationParams()
 
 
-def findings(change=lambda rows: rows, classes=CLASSES, frames=6):
-    check = LabelCheck(PARAMS)
+def findings(change=lambda rows: rows, classes=CLASSES, frames=6, params=PARAMS):
+    check = LabelCheck(params)
     targets = visible = 0
     for number in range(frames):
         frame, truth = harbour(number, change, classes)
         check.add(frame, truth)
-        scene = targets_of(frame, truth, PARAMS)
+        scene = targets_of(frame, truth, params)
         targets, visible = targets + len(scene.visible), visible + int(scene.visible.sum())
     return [finding.text for finding in check.findings(targets, visible)]
 
@@ -80,6 +80,14 @@ def test_a_mistake_is_named(name):
     found = findings(change)
     assert re.search(expected, found[0])
     assert len(found) == 1
+
+
+@pytest.mark.parametrize(("margin_m", "number"), [(0.5, 1), (15.0, 0)])
+def test_positions_are_fine_with_a_margin_of_their_own(margin_m, number):
+    texts = findings(changed(slice(3, 6), lambda sizes: 0 * sizes), params=EvaluationParams(box_margin_m=margin_m))
+    about_size = [text for text in texts if "a side of 0 m" in text]
+    assert len(about_size) == number
+    assert all("or for positions alone a larger evaluation.box_margin_m" in text for text in about_size)
 
 
 def test_the_class_limits_the_size():

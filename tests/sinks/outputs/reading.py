@@ -102,6 +102,7 @@ def by_laspy(path: Path) -> list[Read]:
 
 def las_columns(file: Path) -> dict[str, np.ndarray]:
     las = laspy.read(file)
+    assert las.header.global_encoding.wkt  # required by LAS 1.4 for these point formats; PDAL complains without
     names = [name for name in las.point_format.dimension_names if name not in ("X", "Y", "Z")]
     return {name: np.array(las[name]) for name in ("x", "y", "z", *names)}
 

@@ -1,0 +1,100 @@
+"""Level of the water in each strip: a survey takes hours, and the tide rises and falls meanwhile."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
+from seaclutter_cli.airborne.squares import square_of, squares_in
+
+_LEAST_ECHOES, _FLAT_M = 6, 0.3
+_STEP_M = 0.1
+_LEAST_SQUARES, _LEAST_SHARE, _AGREEING = 6, 0.2, 0.8
+
+
+@dataclass(frozen=True)
+class LeveledParts:
+    """Parts of a tile whose strips are lowered by their tide.
+
+    Parameters
+    ----------
+    parts : iterable of ndarray, shape (3, n), float64
+        Coordinates in metres; can be iterated over repeatedly.
+    strip : ndarray, shape (N,), uint8
+        Strip of each point.
+    tide_m : ndarray, shape (K,), float64
+        Level of the water in each strip.
+    """
+
+    parts: Iterable[NDArray[np.float64]]
+    strip: NDArray[np.uint8]
+    tide_m: NDArray[np.float64]
+
+    def __iter__(self) -> Iterator[NDArray[np.float64]]:
+        """Yield the lowered parts."""
+        start = 0
+        for xyz in self.parts:
+            lowered = xyz.copy()
+            lowered[2] -= self.tide_m[self.strip[start : start + xyz.shape[1]]]
+            start += xyz.shape[1]
+            yield lowered
+
+
+def tides_of(points: GriddedPoints, strip: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return the level of the water in each strip, shape (K,), relative to the largest strip; 0 where it is the same.
+
+    Parameters
+    ----------
+    points : GriddedPoints
+        The N points of a tile.
+    strip : ndarray, shape (N,), uint8
+        Strip of each point, less than K.
+
+    Notes
+    -----
+    Where strips overlap, ground has one elevation, and water may have two. Flat squares that two strips both see are
+    compared. The water has another level if a fifth of them differ by more than ten centimetres, four in five of these
+    in the same direction; their median is the difference. Waves are as often higher as lower. Strips that are scattered
+    over more squares than they have points are not compared.
+    """
+    strips, squares = int(strip.max()) + 1, squares_in(points.grid)
+    if strips < 2 or strips * squares > len(strip):
+        return np.zeros(strips)
+    count, mean, power = (np.zeros((strips, squares)) for _ in range(3))
+    start = 0
+    middle = float(np.median(points.grid.lowest[np.isfinite(points.grid.lowest)]))
+    for z, cell in points:
+        located = cell != NOWHERE
+        own = strip[start : start + len(cell)][located].astype(np.int64) * squares + square_of(cell[located])
+        above = z[located] - middle
+        for sums, weight in ((count, None), (mean, above), (power, above**2)):
+            sums.reshape(-1)[:] += np.bincount(own, weight, strips * squares)
+        start += len(cell)
+    seen = count >= _LEAST_ECHOES
+    np.divide(mean, count, out=mean, where=seen)
+    np.divide(power, count, out=power, where=seen)
+    seen &= power - mean**2 <= _FLAT_M**2
+    tide = np.full(strips, np.nan)
+    tide[np.argmax(count.sum(axis=1))] = 0
+    for _ in range(strips):
+        steps = [
+            (int(np.count_nonzero(both)), new, tide[known] + _step(mean[new, both] - mean[known, both]))
+            for known in np.flatnonzero(np.isfinite(tide)).tolist()
+            for new in np.flatnonzero(~np.isfinite(tide)).tolist()
+            if (both := seen[known] & seen[new]).any()
+        ]
+        if not steps:
+            break
+        _, new, tide[new] = max(steps)
+    return np.asarray(np.nan_to_num(tide))
+
+
+def _step(difference_m: NDArray[np.float64]) -> float:
+    """Return by how much the water of a strip is higher than that of another, from the differences of squares."""
+    apart = difference_m[np.abs(difference_m) > _STEP_M]
+    if len(apart) < max(_LEAST_SQUARES, _LEAST_SHARE * len(difference_m)):
+        return 0.0
+    step = float(np.median(apart))
+    return step if np.mean(np.sign(apart) == np.sign(step)) >= _AGREEING else 0.0
