@@ -67,6 +67,9 @@ def height_limits(
       Foam is as bright, but no higher than the water around it.
 
     What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on.
+
+    The surface is that of the lowest echoes. The other echoes from the water of a cell are higher, the more of them
+    there are and the steeper it is. The median of this range is added to all heights.
     """
     known = np.isfinite(lowest)
     low_m, high_m = (np.where(known, values, -np.inf) - sea.surface for values in (lowest, details.highest))
@@ -83,7 +86,10 @@ def height_limits(
     echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
     limit[echoes] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[echoes]
     used = known & ~land
-    return HeightLimits(limit, float(np.median(alone[used])) if used.any() else 0.0)
+    if not used.any():
+        return HeightLimits(limit, 0.0)
+    range_m = float(np.median(high_m[used] - low_m[used]))
+    return HeightLimits(limit + range_m, float(np.median(alone[used])) + range_m)
 
 
 def _are_objects(

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.classes import GROUND, WATER
 from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
-from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.strips import Column
-from seaclutter_cli.airborne.waves import PartWaves, by_level
+from seaclutter_cli.airborne.waves import PartWaves
 
 Values = NDArray[np.float64]
 Cells = NDArray[np.float64]
@@ -154,18 +153,14 @@ def waves_of(squares: Squares, centers: Values, parts: Sequence[PartWaves]) -> S
     ``centers`` are those of the parts in cells, shape (2, P).
     """
     level, deviation = squares.level_m.copy(), np.zeros(len(squares.index))
-    least = np.full(len(level), np.inf)
-    for water in by_level(parts):
-        own = [at for at, part in enumerate(parts) if any(part is one for one in water)]
-        at = centers[:, own] / SIDE
-        found = nearest(at, squares.xy + 0.5)
-        distance = ((at[:, found] - squares.xy - 0.5) ** 2).sum(axis=0)
-        waves = np.array([(parts[n].level_m, parts[n].deviation_m if parts[n].is_sea else 0) for n in own])[found].T
-        used = np.abs(squares.level_m - waves[0]) <= _AT_LEVEL * waves[1] + _NEAR_LEVEL_M
-        used &= distance < least
-        least[used] = distance[used]
-        level[used] = np.where(waves[1] > 0, waves[0], squares.level_m)[used]
-        deviation[used] = waves[1][used]
+    distance = np.full(len(level), np.inf)
+    for center, part in zip(centers.T / SIDE, parts, strict=True):
+        apart = ((squares.xy + 0.5 - center[:, None]) ** 2).sum(axis=0)
+        own = part.deviation_m if part.is_sea else 0.0
+        near = np.abs(squares.level_m - part.level_m) <= _AT_LEVEL * own + _NEAR_LEVEL_M
+        closer = near & (apart < distance)
+        level[closer] = part.level_m if part.is_sea else squares.level_m[closer]
+        deviation[closer], distance[closer] = own, apart[closer]
     return SquareWaves(level, deviation)
 
 

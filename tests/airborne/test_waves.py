@@ -231,3 +231,16 @@ def test_a_still_basin_beside_a_rough_sea_has_its_own_level(step, width):
         assert (found.classification[water] == OTHER).mean() < 0.02
     assert (found.classification[dam] == OTHER).mean() > 0.98
     assert np.nanmedian(found.height_m[basin]) == pytest.approx(0, abs=0.15)
+
+
+def test_steep_water_is_sea_however_many_echoes_a_cell_has():
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(0, 120, (2, 25 * 120**2))
+    waves = [(2 * np.pi / (14 * rng.normal(1, 0.1)), angle) for angle in rng.normal(0.6, 0.3, 20)]
+    z = sum(np.sin(k * (np.cos(angle) * x + np.sin(angle) * y) + rng.uniform(0, 7)) for k, angle in waves)
+    xyz = np.stack((x, y, 1.6 / 4 * z / z.std() + rng.normal(0, 0.03, len(z))))
+    ship = inside(xyz, (50, 60), (50, 80))
+    xyz[2, ship] = 2
+    other = separate([xyz], SeparationParams()).classification == OTHER
+    assert other[ship].all()
+    assert other[~ship].mean() < 0.0005
