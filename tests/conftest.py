@@ -5,13 +5,14 @@ import signal
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-# The same examples in every run, without a deadline, so that results do not depend on randomness or machine load.
+# The same examples in every run, without limits of time, so that results do not depend on randomness or machine load.
 # Run pytest --hypothesis-profile=search to search for new examples; quick is for python -m tests --quick.
-settings.register_profile("same", derandomize=True, deadline=None)
-settings.register_profile("search", derandomize=False, deadline=None)
-settings.register_profile("quick", derandomize=True, deadline=None, max_examples=5)
+UNTIMED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("same", UNTIMED, derandomize=True)
+settings.register_profile("search", UNTIMED, derandomize=False)
+settings.register_profile("quick", UNTIMED, derandomize=True, max_examples=5)
 settings.load_profile("same")
 
 # Background jobs of a shell ignore SIGINT, and so would the programs that tests start and interrupt.

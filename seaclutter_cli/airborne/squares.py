@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.classes import GROUND, WATER
 from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
-from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.strips import Column
 from seaclutter_cli.airborne.waves import PartWaves
 
@@ -134,16 +133,17 @@ def _neighbors(xy: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def wave_deviations(squares: Squares, centers: Values, waves: Sequence[PartWaves]) -> Values:
-    """Return the standard deviation of the nearest waves at each square, shape (N,); 0 if it is not at their level.
+    """Return the standard deviation of the nearest waves at the level of each square, shape (N,); 0 if there are none.
 
     ``centers`` are those of the waves in cells, shape (2, P).
     """
-    if not waves:
-        return np.zeros(len(squares.index))
-    own = nearest(centers / SIDE, squares.xy + 0.5)
-    level, deviation = (np.array([getattr(w, name) for w in waves])[own] for name in ("level_m", "deviation_m"))
-    near = np.abs(squares.level_m - level) <= _AT_LEVEL * deviation + _NEAR_LEVEL_M
-    return np.where(near, deviation, 0)
+    found, distance = np.zeros(len(squares.index)), np.full(len(squares.index), np.inf)
+    for center, own in zip(centers.T / SIDE, waves, strict=True):
+        apart = ((squares.xy + 0.5 - center[:, None]) ** 2).sum(axis=0)
+        near = np.abs(squares.level_m - own.level_m) <= _AT_LEVEL * own.deviation_m + _NEAR_LEVEL_M
+        closer = near & (apart < distance)
+        found[closer], distance[closer] = own.deviation_m, apart[closer]
+    return found
 
 
 @dataclass(frozen=True)

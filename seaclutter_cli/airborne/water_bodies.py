@@ -20,7 +20,7 @@ _SEVERAL = 0.05
 _CERTAIN = 100
 SPECULAR, DIFFUSE = 0.6, 0.45
 _COARSE = 8
-_LARGEST, _MIRROR_SHARE, _GROUND_SHARE = 0.5, 0.05, 0.5
+_LARGEST, _LARGE, _MIRROR_SHARE, _GROUND_SHARE = 0.5, 0.05, 0.05, 0.5
 _CLEAR_SHARE = 0.8
 _HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
 _GROUND = (SPECULAR + DIFFUSE) / 2
@@ -67,7 +67,9 @@ def find_bodies(squares: Squares, echoes: Echoes, deviation_m: Values) -> Sequen
 
     Signs of water and of land are added up. A region needs more signs of water than of land; any if there is no other
     water, or one that covers half of the tile and does not reflect like ground, as many. If nothing in the tile
-    reflects like a mirror, it is either all land or not known: no region is returned unless nearly all squares are in
+    reflects like a mirror, a body of water that covers a twentieth of the tile tells the level of all water: other
+    regions at that level are water, too, unless they have two more signs of land and no waves. If such bodies have
+    several levels, or there is none, nothing is known and no region is returned, unless nearly all squares are in
     regions with two more signs of land, and without waves.
 
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
@@ -86,24 +88,57 @@ def find_bodies(squares: Squares, echoes: Echoes, deviation_m: Values) -> Sequen
     Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
     needs two more signs of water.
     """
+    if not (echoes.known != 0).any() and not np.isfinite(echoes.variation).any():
+        return []
     ground, free = echoes.variation <= _GROUND, echoes.known == 0
-    kinds = (free & ground, free & ~ground, echoes.known > 0, echoes.known < 0)
-    regions = [own for kind in kinds for own in _regions(squares, deviation_m, kind)]
-    regions.sort(key=len, reverse=True)
+    regions = _all_regions(squares, deviation_m, (free & ground, free & ~ground, echoes.known > 0, echoes.known < 0))
     mirrors = sum(len(own) for own in regions if _median(echoes.variation[own]) >= SPECULAR)
     tells = mirrors > _MIRROR_SHARE * len(squares.index)
-    if free.all() and not np.isfinite(echoes.variation).any():
-        return []
-    found = [(own, _signs(squares, echoes, own, deviation_m, tells=tells)) for own in regions]
-    clear = sum(len(own) for own, signs in found if signs <= -2 and not deviation_m[own].any())
-    if free.all() and not tells and clear < _CLEAR_SHARE * sum(map(len, regions)):
-        return []
+    if free.all() and not tells:
+        return _without_mirrors(squares, echoes, regions, deviation_m)
+    signs = _all_signs(squares, echoes, regions, deviation_m, tells=tells)
     least = 2 if (echoes.known > 0).any() else 1
     half = _LARGEST * len(free)
     doubt = [least == 1 and len(own) >= half and not (tells and _is_diffuse(echoes, own)) for own in regions]
-    certain = [signs >= (0 if either else least) for either, (_, signs) in zip(doubt, found, strict=True)]
-    water = certain if any(certain) else [signs >= 0 for _, signs in found]
-    return [_body(squares, own, is_water=is_water) for own, is_water in zip(regions, water, strict=True)]
+    certain = signs >= np.where(doubt, 0, least)
+    return _bodies(squares, regions, certain if certain.any() else signs >= 0)
+
+
+def _without_mirrors(
+    squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], deviation_m: Values
+) -> Sequence[WaterBody]:
+    """Return the bodies of water of a tile that does not reflect like a mirror; none if they are not known."""
+    joined = _all_regions(squares, deviation_m, (np.ones(len(squares.index), np.bool_),))
+    signs = _all_signs(squares, echoes, joined, deviation_m, tells=False)
+    size = np.array([len(own) for own in joined], np.int64)
+    certain = signs >= np.where(size >= _LARGEST * len(squares.index), 0, 1)
+    large = certain & (size > _LARGE * len(squares.index))
+    level = np.array([np.median(squares.level_m[own]) for own in joined])
+    band = np.array([_band(_waves_in(squares, own, deviation_m)) for own in joined])
+    if large.any() and np.ptp(level[large]) <= band[large].max():
+        in_waves = np.array([bool(deviation_m[own].any()) for own in joined], np.bool_)
+        at_level = (np.abs(level[:, None] - level[large]) <= band[large]).any(axis=1)
+        return _bodies(squares, joined, certain | (at_level & ((signs > -2) | in_waves)))
+    signs = _all_signs(squares, echoes, regions, deviation_m, tells=False)
+    clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
+    if clear < _CLEAR_SHARE * sum(map(len, regions)):
+        return []
+    return _bodies(squares, regions, signs >= 1)
+
+
+def _bodies(squares: Squares, regions: Sequence[NDArray[np.int64]], water: Mask) -> Sequence[WaterBody]:
+    return [_body(squares, own, is_water=bool(is_water)) for own, is_water in zip(regions, water, strict=True)]
+
+
+def _all_signs(
+    squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], deviation_m: Values, *, tells: bool
+) -> NDArray[np.int64]:
+    return np.array([_signs(squares, echoes, own, deviation_m, tells=tells) for own in regions], np.int64)
+
+
+def _all_regions(squares: Squares, deviation_m: Values, kinds: Sequence[Mask]) -> Sequence[NDArray[np.int64]]:
+    """Return the regions of several kinds of squares, which are not joined; the largest comes first."""
+    return sorted((own for kind in kinds for own in _regions(squares, deviation_m, kind)), key=len, reverse=True)
 
 
 def _is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
@@ -149,6 +184,18 @@ def bands_of(deviation_m: Values) -> Values:
     return np.maximum(_BAND_M, _BAND_DEVIATIONS * deviation_m)
 
 
+def _band(waves_m: float) -> float:
+    return max(_BAND_M, _BAND_DEVIATIONS * waves_m)
+
+
+def _waves_in(squares: Squares, own: NDArray[np.int64], deviation_m: Values) -> float:
+    """Return the deviation of the waves in a region, no more than its elevations have: they may be beside it."""
+    return min(
+        float(np.median(deviation_m[own])),
+        float(np.hypot(squares.level_m[own].std(), np.median(squares.spread_m[own]))),
+    )
+
+
 def connected(squares: Squares, own: NDArray[np.int64]) -> NDArray[np.int32]:
     """Return the group of each of some squares; those that touch by side are one."""
     from scipy.sparse import coo_array
@@ -168,9 +215,9 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], deviation_m
     if known := int(echoes.known[own[0]]):
         return _CERTAIN * known
     level = float(np.median(squares.level_m[own]))
-    waves = float(np.median(deviation_m[own]))
+    waves = _waves_in(squares, own, deviation_m)
     variation, several = (_median(values[own]) for values in (echoes.variation, echoes.several))
-    signs = _hollow(squares, own, level, float(np.median(bands_of(deviation_m[own]))))
+    signs = _hollow(squares, own, level, _band(waves))
     slope, tilt, step, bumps = _unevenness(squares, own)
     chance = 2 * step * np.sqrt(2 / len(own)) if variation >= SPECULAR else 0.0
     signs -= 2 * (slope > _SLOPE and tilt > max(np.hypot(_TILT_M, waves / 2), chance))

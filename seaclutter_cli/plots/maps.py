@@ -61,6 +61,7 @@ def draw_map(figure: "Figure", parts: Sequence[MapPart], title: str) -> None:
     title : str
         Line about the waves.
     """
+    from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -70,11 +71,12 @@ def draw_map(figure: "Figure", parts: Sequence[MapPart], title: str) -> None:
     known = np.concatenate([part.level_m[np.isfinite(part.level_m)] for part in parts])
     bounds = np.quantile(known, (0.01, 0.99)) if len(known) else np.zeros(2)
     middle, half = bounds.mean(), max(float(np.ptp(bounds)), _NARROWEST_M) / 2
+    colors = ListedColormap(colormaps["GnBu_r"](np.linspace(0, 0.75, 256)))  # beyond, it is as white as no data
     image = None
     for part in parts:
         (west, south), (east, north) = np.array(part.low) - low, np.array(part.high) - low
         place: Any = {"extent": (west, east, south, north), "origin": "lower", "interpolation": "nearest"}
-        image = axes.imshow(part.level_m.T, cmap="GnBu_r", vmin=middle - half, vmax=middle + half, **place)
+        image = axes.imshow(part.level_m.T, cmap=colors, vmin=middle - half, vmax=middle + half, **place)
         for mask, color in ((part.is_land, LAND), (part.is_object, OBJECT)):
             shown = np.where(mask, 1.0, np.nan)
             axes.imshow(shown.T, cmap=ListedColormap([color]), vmin=0, vmax=1, **place)

@@ -1,4 +1,4 @@
-"""COPC files for tests: an octree with two levels, and a page of the index for each node of the second."""
+"""COPC files for tests: an octree with two levels by default, and a page of the index for each node below the root."""
 
 import io
 import struct
@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 
-def write_copc(path, source):
-    """Write the points of a LAS or LAZ file with a point format from 6 on as a COPC file; return its path."""
+def write_copc(path, source, groups_of=None):
+    """Write the points of a LAS or LAZ file with a point format from 6 on as a COPC file; return its path.
+
+    ``groups_of`` takes the tile, the low corner of the octree and half of its width, and returns the indices of the
+    points of each node by its key (level, x, y, z), the root first.
+    """
     laspy, lazrs = pytest.importorskip("laspy"), pytest.importorskip("lazrs")
     tile = laspy.read(source)
     size = tile.point_format.size
@@ -18,7 +22,7 @@ def write_copc(path, source):
     start = 375 + 54 + 160 + sum(54 + len(data) for *_, data in records)
     low, center, half = _cube(tile)
     packed = tile.points.array.view(np.uint8).reshape(-1, size)
-    groups = _groups(tile, low, half)
+    groups = (groups_of or _groups)(tile, low, half)
     out = io.BytesIO(bytes(start))
     out.seek(start)
     compressor = lazrs.LasZipCompressor(out, vlr)

@@ -5,8 +5,9 @@ import pytest
 
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
-from seaclutter_cli.airborne.squares import squares_of
+from seaclutter_cli.airborne.squares import squares_of, wave_deviations
 from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.airborne.waves import PartWaves
 from tests.paths import shared
 
 SIZE = 400.0, 300.0
@@ -105,6 +106,27 @@ def test_a_tile_of_sea_has_no_land(height, length, speckle):
     xyz, land, columns = tile(sea_only, height=height, length=length, speckle=speckle)
     for attributes in (columns, {}):
         assert shares(xyz, land, attributes)[1] < 0.01
+
+
+@pytest.mark.parametrize(("coast", "height", "length"), [("cliff", 1.2, 40.0), ("beach 1 in 30", 1.2, 40.0)])
+def test_coasts_whose_water_reflects_like_ground(coast, height, length):
+    land, water = shares(*tile(COASTS[coast], height=height, length=length, speckle=False))
+    assert land > 0.95
+    assert water < 0.02
+
+
+def test_waves_belong_to_the_squares_at_their_level():
+    grid = ElevationGrid(1.0)
+    x, y = np.meshgrid(np.arange(0.5, 64), np.arange(0.5, 16))
+    grid.add(np.stack((x.ravel(), y.ravel(), np.where(x < 32, 0.1, 15).ravel())))
+    squares = squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
+    sea, cliff = (
+        PartWaves((0, 0), 4096, level, deviation, 1.0, 30.0, is_sea=True, is_level=True)
+        for level, deviation in ((0.0, 0.3), (15.0, 0.1))
+    )
+    found = wave_deviations(squares, np.array([[0.0, 30.0], [8.0, 8.0]]), [sea, cliff])
+    np.testing.assert_array_equal(found, np.where(squares.level_m < 1, 0.3, 0.1))
+    np.testing.assert_array_equal(wave_deviations(squares, np.empty((2, 0)), []), 0.0)
 
 
 def test_a_slope_without_water_is_land():

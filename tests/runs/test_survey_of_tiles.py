@@ -219,3 +219,12 @@ def test_small_tiles_have_wide_margins():
 def test_resume_needs_outputs_with_records(survey, tmp_path):
     result = separate(survey / "whole.laz", "-o", tmp_path / "out.pcd", "--resume")
     assert (result.exit_code, "--resume needs LAS or LAZ outputs" in result.stderr) == (2, True)
+
+
+def test_two_tiles_of_one_name_are_named(survey, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    shutil.copy(survey / "tiles" / "sw.laz", other)
+    result = separate(survey / "tiles", other, "-o", f"{tmp_path / 'out'}/")
+    assert result.exit_code == 2
+    assert f"{survey / 'tiles' / 'sw.laz'} and {other / 'sw.laz'} would both become" in result.stderr

@@ -126,8 +126,12 @@ def plan_tiles(
     targets = [Path(output) / tile.file_name for tile in tiles] if into_folder else [Path(output)]
     if into_folder:  # formats without a writer become PCD
         targets = [t if t.suffix.lower() in (*_LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
-    if len(set(targets)) < len(targets):
-        raise UsageError(f"{output}: two tiles have the same name; process them one by one")
+    named: dict[Path, Path] = {}
+    for tile, target in zip(tiles, targets, strict=True):
+        if target in named:
+            both = f"{named[target]} and {tile.path}"
+            raise UsageError(f"{both} would both become {target}; rename one, or leave one out")
+        named[target] = tile.path
     prepare_outputs(
         {"-o": targets, **other_outputs},
         {"TILE": [tile.path for tile in tiles], **inputs},
