@@ -23,7 +23,7 @@ SPECULAR, DIFFUSE = 0.6, 0.45
 _COARSE = 8
 _LARGEST, _LARGE, _MIRROR_SHARE, _GROUND_SHARE = 0.5, 0.05, 0.05, 0.5
 _CLEAR_SHARE = 0.8
-_HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 2.0, 0.05, 1 / 3
+_HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
 _GROUND = (SPECULAR + DIFFUSE) / 2
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
 
@@ -75,7 +75,8 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
 
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
       along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher, as a weir, holds it back.
-    * Still water is level. A plane through a slope or a river falls by more than one in a thousand (-2); wind and
+    * Still water is level. A plane through a slope or a river falls by more than one in a thousand (-2); for a
+      region like a mirror, by more than chance makes of the differences between its squares. Wind and
       strips that do not match cause less.
     * Water is flat. Neighbouring squares that differ by more than 4 cm, or means over 64 cells by more than 5 cm,
       beyond what waves explain, are a sign of land (-1).
@@ -226,7 +227,8 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], deviation_m
     variation, several = (_median(values[own]) for values in (echoes.variation, echoes.several))
     signs = _hollow(squares, own, level, _band(waves))
     slope, tilt, step, bumps = _unevenness(squares, own)
-    signs -= 2 * (slope > _SLOPE and tilt > np.hypot(_TILT_M, waves / 2))
+    chance = 2 * step * np.sqrt(2 / len(own)) if variation >= SPECULAR else 0.0
+    signs -= 2 * (slope > _SLOPE and tilt > max(np.hypot(_TILT_M, waves / 2), chance))
     signs -= step > np.hypot(_STEP_M, waves) or bumps > np.hypot(_BUMPS_M, waves)
     signs += int(variation >= SPECULAR) - int(tells and variation <= DIFFUSE)
     signs -= 2 * (tells and _goes_on_as_ground(squares, echoes, own, level))
