@@ -1,18 +1,17 @@
 """Bodies of water of a tile, each with its level, and the land between them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.squares import Echoes, Squares, SquareWaves
-from seaclutter_cli.airborne.waves import OTHER_LEVEL
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_BAND_M, _BAND_DEVIATIONS = 0.2, 3.0
+_BAND_M, _BAND_DEVIATIONS, _LEVEL_DEVIATIONS = 0.2, 3.0, 1.0
 _ROUGH_M = 0.15
 _OPEN_SHARE = 0.5
 _LEAST_SQUARES = 6
@@ -63,7 +62,7 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     Notes
     -----
     The most frequent level comes first, with all flat squares within 0.2 m of it, or three standard deviations of the
-    waves, whose own level is within two; then that of the remaining squares, and so on. Connected squares are a region.
+    waves, whose own level is within one; then that of the remaining squares, and so on. Connected squares are a region.
     Regions of fewer than six squares are left out: the opening takes what is that small for an object.
 
     Signs of water and of land are added up. A region needs more signs of water than of land; any if there is no other
@@ -93,11 +92,14 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     if not (echoes.known != 0).any() and not np.isfinite(echoes.variation).any():
         return []
     ground, free = echoes.variation <= _GROUND, echoes.known == 0
-    regions = _all_regions(squares, waves, (free & ground, free & ~ground, echoes.known > 0, echoes.known < 0))
+    kinds = free & ground, free & ~ground, echoes.known > 0, echoes.known < 0
+    # The level of waves beside it does not divide what reflects like ground, such as a beach.
+    off_ground = replace(waves, level_m=np.where(ground, squares.level_m, waves.level_m))
+    regions = _all_regions(squares, off_ground, kinds)
     mirrors = sum(len(own) for own in regions if _median(echoes.variation[own]) >= SPECULAR)
     tells = mirrors > _MIRROR_SHARE * len(squares.index)
     if free.all() and not tells:
-        return _without_mirrors(squares, echoes, regions, waves)
+        return _without_mirrors(squares, echoes, _all_regions(squares, waves, kinds), waves)
     signs = _all_signs(squares, echoes, regions, deviation_m, tells=tells)
     least = 2 if (echoes.known > 0).any() else 1
     half = _LARGEST * len(free)
@@ -152,7 +154,7 @@ def _is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
 def _regions(squares: Squares, waves: SquareWaves, kind: Mask) -> Iterator[NDArray[np.int64]]:
     """Yield connected flat squares at one level, beginning with the most frequent level."""
     band = bands_of(waves.deviation_m)
-    around = np.maximum(_BAND_M, OTHER_LEVEL * waves.deviation_m)
+    around = np.maximum(_BAND_M, _LEVEL_DEVIATIONS * waves.deviation_m)
     remaining = np.flatnonzero(_are_flat(squares, waves.deviation_m) & kind)
     while len(remaining) >= _LEAST_SQUARES:
         level = squares.level_m[remaining]

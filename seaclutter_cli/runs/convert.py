@@ -98,7 +98,7 @@ def convert_logs(logs: Logs, output: PathLike, options: ConvertOptions, observer
     started, plan, batch = perf_counter(), plan_conversions(logs, output, options, observer), options.batch
     works, replaces = plan.works, options.force or batch.resume
     prepare_outputs(plan.outputs, plan.inputs, force=replaces, observer=observer, root=plan.root)
-    check_names(work.target for work in works)
+    check_names((work.target for work in works), options.to)
     earlier = earlier_outcomes(works, observer) if batch.resume else [None] * len(works)
     todo = [work for work, outcome in zip(works, earlier, strict=True) if outcome is None]
     done = iter([todo[0].run(observer)] if batch.runs_here(len(works)) and todo else run_batch(todo, batch, observer))

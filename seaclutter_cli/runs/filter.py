@@ -123,7 +123,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     started, plan, batch = perf_counter(), plan_works(logs, output, options, observer), options.batch
     replaces = options.force or batch.resume
     prepare_outputs(plan.outputs, plan.inputs, options.labels.paths, force=replaces, observer=observer, root=plan.root)
-    check_names(work.target for work in plan.works)
+    check_names((work.target for work in plan.works), options.to)
     earlier = earlier_outcomes(plan.works, observer) if batch.resume else [None] * len(plan.works)
     works = _works(plan.works, earlier, with_table=options.csv_file is not None)
     with OutputGroup(replace=replaces) as files:

@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 _MAX_LOSSES = 8
-_SUFFIX = re.compile(r"\.(?!v\d)[A-Za-z]\w*")
+_SUFFIX = re.compile(r"\.(?!v\d)[a-z]\w*")
 """What is meant as a suffix: not the end of ``trial.2`` or ``trial.v2``."""
 _READ = {suffix for kind in SOURCES.values() for suffix in kind.suffixes} | set(FRAME_READERS)
 _ONLY_READ = _READ - {kind.suffix for kind in OUTPUT_FORMATS.values()}
@@ -94,15 +94,12 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
     Raises
     ------
     UsageError
-        If several recordings need a folder but ``output`` is a file, two recordings would get the same file, or the
-        name of the only output has the suffix of no format.
+        If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
     """
     path, several = location(output), len(recordings) > 1 or named_folder(output)
     form = to or "mcap" if several else format_of(path, to)
     kind = OUTPUT_FORMATS[form]
     if not is_folder(output, len(recordings), kind.marker):
-        if to is None:
-            _check_suffix(path)
         return PlannedOutputs(form, [path])
     form = to or "mcap"
     kind = OUTPUT_FORMATS[form]
@@ -119,20 +116,19 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
     return PlannedOutputs(form, list(targets))
 
 
-def _check_suffix(output: Location) -> None:
+def check_names(outputs: Iterable[Location], to: str | None) -> None:
+    """Raise `UsageError` if the name of an output is that of a format that can only be read, or tells no format."""
     kinds = [kind for kind in OUTPUT_FORMATS.values() if kind.suffix]
     known = [kind.suffix for kind in kinds if not (kind.is_folder and kind.has_topics)]
-    if _SUFFIX.fullmatch(output.suffix) and output.suffix.lower() not in {*known, *_ONLY_READ}:
-        raise UsageError(
-            f"{output}: no format has the suffix {output.suffix}; use {', '.join(known[:-1])} or {known[-1]}, "
-            "or name the format with --to"
-        )
-
-
-def check_names(outputs: Iterable[Location]) -> None:
-    """Raise `UsageError` if the name of an output is that of a format that can only be read."""
-    for output in (output for output in outputs if output.suffix.lower() in _ONLY_READ):
-        raise UsageError(f"{output}: this format can only be read; choose a name such as {output.stem}.mcap")
+    for output in outputs:
+        suffix = output.suffix.lower()
+        if suffix in _ONLY_READ:
+            raise UsageError(f"{output}: this format can only be read; choose a name such as {output.stem}.mcap")
+        if to is None and suffix not in known and _SUFFIX.fullmatch(suffix):
+            raise UsageError(
+                f"{output}: no format has the suffix {output.suffix}; use {', '.join(known[:-1])} or {known[-1]}, "
+                "or name the format with --to"
+            )
 
 
 def first_part(target: Location, form: str, split: Split | None) -> Location:

@@ -61,7 +61,7 @@ def _plan(plan: PlannedWorks[W], observer: Observer, labels: Sequence[Location] 
     options = plan.works[0].options
     log_file = getattr(observer, "log_file", None)
     check_outputs(plan.outputs, plan.inputs, labels, force=True, log_file=log_file, root=plan.root)
-    check_names(work.target for work in plan.works)
+    check_names((work.target for work in plan.works), options.to)
     others = {option: place for option, place in plan.outputs.items() if option != "-o"}
     check_outputs(others, {}, force=options.force or options.batch.resume)
     taken = existing(work.output for work in plan.works)

@@ -205,6 +205,7 @@ def test_lists_of_built_in_items():
         "PandarXT-32M2X",
         "Pandar128",
         "OT128",
+        "AT128",
     }
     assert run("config", "list", "--match", "xyzzy").stdout == "nothing matches\n"
 

@@ -274,7 +274,7 @@ def test_a_failure_at_the_very_end_changes_nothing(folder, line, outputs, error,
 BROKEN = [
     ("evaluate sea.mcap --labels broken.csv -o {0} --summary {1}", 2),
     ("tune sea.mcap --labels broken.csv --sweep update_weight=0.2,1 -o {0} --csv {1}", 2),
-    ("filter broken.mcap -o {0} --csv {1}", 2),
+    ("filter broken.mcap -o {0} --to mcap --csv {1}", 2),
     ("filter broken.mcap sea.mcap -n 2 -o new/ --csv {0}", 1),
     ("evaluate sea.mcap broken.mcap --labels sea.labels.csv --labels sea.labels.csv -n 2 -o {0} --summary {1}", 2),
     ("report broken.mcap -o {0}", 1),
