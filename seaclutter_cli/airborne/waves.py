@@ -23,8 +23,8 @@ _MAX_STEP_M = 2.0
 _MIN_SHARE = 0.5
 _ROUGHEST_PARTS = 0.75
 _MAX_TILT = 0.5
-OTHER_LEVEL = 2.0
-SAME_LEVEL_M, _LEAST_SHARE = 0.2, 0.1
+_OTHER_LEVEL = 2.0
+_SAME_LEVEL_M, _LEAST_SHARE = 0.2, 0.1
 _STILL_M = 0.1
 _ALIKE = 1.5
 
@@ -129,7 +129,7 @@ def local_levels(grid: ElevationGrid, lowest: Cells, opened: Cells, waves: Waves
     levels, deviations = (np.full(lowest.shape, value) for value in (waves.level_m, waves.deviation_m))
     centers, parts = local_waves(grid, lowest, opened)
     oscillating = np.array([part.level_m for part in parts if part.is_sea])
-    wet = [bool((np.abs(oscillating - part.level_m) <= SAME_LEVEL_M).any()) for part in parts]
+    wet = [bool((np.abs(oscillating - part.level_m) <= _SAME_LEVEL_M).any()) for part in parts]
     if not any(wet):
         return levels, deviations
     centers, parts = centers[:, wet], [part for part, own in zip(parts, wet, strict=True) if own]
@@ -145,7 +145,7 @@ def local_levels(grid: ElevationGrid, lowest: Cells, opened: Cells, waves: Waves
 
 def other_levels(levels: Cells | np.float64, waves: Waves) -> Cells:
     """Return levels of water, or that of the tile where they do not differ from it by two standard deviations."""
-    differ = np.abs(levels - waves.level_m) > OTHER_LEVEL * waves.deviation_m
+    differ = np.abs(levels - waves.level_m) > _OTHER_LEVEL * waves.deviation_m
     return np.where(differ, levels, waves.level_m)
 
 
@@ -201,7 +201,7 @@ def by_level(parts: Sequence[PartWaves]) -> Iterator[Sequence[PartWaves]]:
     ordered = sorted(parts, key=lambda part: part.level_m)
     start = 0
     for end, (one, other) in enumerate(pairwise(ordered), 1):
-        if other.level_m - one.level_m > max(SAME_LEVEL_M, min(one.deviation_m, other.deviation_m)):
+        if other.level_m - one.level_m > max(_SAME_LEVEL_M, min(one.deviation_m, other.deviation_m)):
             yield ordered[start:end]
             start = end
     if ordered:
