@@ -39,9 +39,9 @@ class GriddedPoints:
         grid = ElevationGrid(cell_m)
         cells = []
         for xyz in parts:
-            cell = np.full(xyz.shape[1], NOWHERE, np.int32)
             used = _located(xyz)
-            cell[used] = grid.add(xyz if used.all() else xyz[:, used])
+            cell = np.full(xyz.shape[1], NOWHERE, np.int32)
+            cell[used] = grid.add(xyz[:, used])
             cells.append(cell)
         return cls(parts, grid, cells)
 
@@ -56,6 +56,8 @@ class GriddedPoints:
             yield xyz[2], cell
 
 
-def _located(xyz: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return whether each point has usable coordinates: squares of far greater ones, which are damaged, overflow."""
+def _located(xyz: NDArray[np.float64]) -> NDArray[np.bool_] | slice:
+    """Return which points have usable coordinates, in most files all: squares of far greater ones overflow."""
+    if xyz.min(initial=0) > -_FARTHEST_M and xyz.max(initial=0) < _FARTHEST_M:  # false if any is NaN
+        return slice(None)
     return np.asarray((np.abs(xyz) < _FARTHEST_M).all(axis=0))

@@ -120,12 +120,13 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     """
     out = grid.lowest.copy()
     for slot, cells, _ in grid.padded(grid.lowest, 1):
-        around = [cells[i : i + BLOCK, j : j + BLOCK] for i, j in np.ndindex(3, 3) if (i, j) != (1, 1)]
+        around = _neighbors(cells)
         deep = np.isfinite(out[slot])
         higher = np.zeros(deep.shape, np.uint8)
-        for beside in around:
-            deep &= out[slot] < beside - depth_m
-            higher += out[slot] < beside - _SHALLOW * depth_m
+        for lower in _neighbors(cells - depth_m):
+            deep &= out[slot] < lower
+        for lower in _neighbors(cells - _SHALLOW * depth_m):
+            higher += out[slot] < lower
         shallow = np.isfinite(out[slot]) & (higher >= _ALIKE) & ~deep
         beside = np.stack([own[deep] for own in around])
         pits = np.isfinite(beside).sum(axis=0) >= _NEIGHBORS
@@ -137,6 +138,11 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
         pits = upper - lower < (lower - out[slot][tuple(at)]) / 2
         out[slot][tuple(at[:, pits])] = middle[pits]
     return out
+
+
+def _neighbors(cells: Cells) -> list[Cells]:
+    """Return the cells beside those of a block that is padded by one cell, in each of eight directions."""
+    return [cells[i : i + BLOCK, j : j + BLOCK] for i, j in np.ndindex(3, 3) if (i, j) != (1, 1)]
 
 
 def _around_values(cells: Cells, inside: tuple[slice, slice], reach: int) -> tuple[slice, ...]:

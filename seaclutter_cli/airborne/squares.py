@@ -108,8 +108,8 @@ def squares_in(grid: ElevationGrid) -> int:
 
 def square_of(cell: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the square of each cell, both as indices."""
-    column, row = np.divmod(cell, BLOCK)  # columns are counted through all blocks
-    return np.asarray(column // SIDE * _PER_BLOCK + row // SIDE)
+    # Columns are counted through all blocks; sides are powers of two, for which this is much faster than `np.divmod`.
+    return np.asarray(cell // (BLOCK * SIDE) * _PER_BLOCK + (cell & (BLOCK - 1)) // SIDE)
 
 
 def positions(grid: ElevationGrid, index: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -198,19 +198,21 @@ def echoes_of(
     count, single, one, two = (np.zeros(total) for _ in range(4))
     start = 0
     for z, cell in points:
-        used = (cell != NOWHERE) & (z <= top.reshape(-1)[cell])
+        used = np.flatnonzero((cell != NOWHERE) & (z <= top.reshape(-1)[cell]))
         square = square_of(cell[used])
-        own = slice(start, start + len(cell))
+        used += start
         count += np.bincount(square, minlength=total)
-        whole = np.ones(len(square), np.bool_) if returns is None else returns[own][used] <= 1
-        single += np.bincount(square, whole, total)
-        if intensity is not None:
-            value = np.where(whole, np.nan_to_num(intensity[own][used].astype(np.float64)), 0)
-            one += np.bincount(square, value, total)
-            two += np.bincount(square, value**2, total)
         if classes is not None:
             for code in trusted:
-                right[code] += np.bincount(square, classes[own][used] == code, total)
+                right[code] += np.bincount(square, classes[used] == code, total)
+        if returns is not None:
+            whole = returns[used] <= 1
+            used, square = used[whole], square[whole]
+        single += np.bincount(square, minlength=total)
+        if intensity is not None:
+            value = np.nan_to_num(intensity[used]).astype(np.float64)
+            one += np.bincount(square, value, total)
+            two += np.bincount(square, value**2, total)
         start += len(cell)
     number = np.where(single >= _LEAST_ECHOES, single, np.nan)[squares.index]
     mean = one[squares.index] / number

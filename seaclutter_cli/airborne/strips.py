@@ -29,17 +29,22 @@ def strips_of(column: Column) -> NDArray[np.uint8] | None:
     >>> strips_of({"gps_time": times}.get)
     array([0, 0, 0, 1, 1, 1], dtype=uint8)
     """
-    source = column("point_source_id")
-    strip = None if source is None else np.unique(source, return_inverse=True)[1].reshape(-1)
-    if strip is None or not strip.any():
+    strip = column("point_source_id")
+    if strip is None or _are_same(strip):
         times = column("gps_time")
         strip = None if times is None else _passes(np.asarray(times, np.float64))
-    if strip is None or not strip.any():
+    elif strip.dtype != np.uint16:  # as in LAS
+        strip = np.unique(strip, return_inverse=True)[1].reshape(-1)
+    if strip is None or _are_same(strip):
         return None
     size = np.bincount(strip)
     many = size >= _LEAST_SHARE * len(strip)
     number = np.where(many, np.cumsum(many) - 1, np.count_nonzero(many)).astype(np.uint8)
     return np.asarray(number[strip])
+
+
+def _are_same(values: NDArray[Any]) -> bool:
+    return not (values != values[:1]).any()
 
 
 def _passes(times_s: NDArray[np.float64]) -> NDArray[np.intp]:

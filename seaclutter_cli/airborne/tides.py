@@ -62,20 +62,8 @@ def tides_of(points: GriddedPoints, strip: NDArray[np.uint8]) -> NDArray[np.floa
     strips, squares = int(strip.max()) + 1, squares_in(points.grid)
     if strips < 2 or strips * squares > len(strip):
         return np.zeros(strips)
-    count, mean, power = (np.zeros((strips, squares)) for _ in range(3))
-    start = 0
-    middle = float(np.median(points.grid.lowest[np.isfinite(points.grid.lowest)]))
-    for z, cell in points:
-        located = cell != NOWHERE
-        own = strip[start : start + len(cell)][located].astype(np.int64) * squares + square_of(cell[located])
-        above = z[located] - middle
-        for sums, weight in ((count, None), (mean, above), (power, above**2)):
-            sums.reshape(-1)[:] += np.bincount(own, weight, strips * squares)
-        start += len(cell)
-    seen = count >= _LEAST_ECHOES
-    np.divide(mean, count, out=mean, where=seen)
-    np.divide(power, count, out=power, where=seen)
-    seen &= power - mean**2 <= _FLAT_M**2
+    count = _points_of(points, strip, strips, squares)
+    mean, seen = _levels_of(points, strip, count)
     tide = np.full(strips, np.nan)
     tide[np.argmax(count.sum(axis=1))] = 0
     for _ in range(strips):
@@ -98,3 +86,40 @@ def _step(difference_m: NDArray[np.float64]) -> float:
         return 0.0
     step = float(np.median(apart))
     return step if np.mean(np.sign(apart) == np.sign(step)) >= _AGREEING else 0.0
+
+
+def _points_of(points: GriddedPoints, strip: NDArray[np.uint8], strips: int, squares: int) -> NDArray[np.int64]:
+    """Return the number of points of each strip in each square, shape (K, S)."""
+    count = np.zeros(strips * squares, np.int64)
+    start = 0
+    for cell in points.cells:
+        located = np.flatnonzero(cell != NOWHERE)
+        own = strip[start + located].astype(np.int64) * squares + square_of(cell[located])
+        count += np.bincount(own, minlength=len(count))
+        start += len(cell)
+    return count.reshape(strips, squares)
+
+
+def _levels_of(
+    points: GriddedPoints, strip: NDArray[np.uint8], count: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the mean elevation of each strip in each square, and where to compare it, both of shape (K, S).
+
+    Strips are compared where two have enough of the points that ``count`` has, and are flat.
+    """
+    squares = count.shape[1]
+    mean, power = np.zeros(count.size), np.zeros(count.size)
+    seen = count >= _LEAST_ECHOES
+    shared = seen.sum(axis=0) > 1
+    middle = np.median(points.grid.lowest[np.isfinite(points.grid.lowest)])  # keeps the sums of squares precise
+    start = 0
+    for z, cell in points if shared.any() else ():
+        square = square_of(cell)
+        used = np.flatnonzero((cell != NOWHERE) & shared[square])
+        own = strip[start + used].astype(np.int64) * squares + square[used]
+        above = z[used] - middle
+        mean += np.bincount(own, above, len(mean))
+        power += np.bincount(own, above**2, len(mean))
+        start += len(cell)
+    mean, power = (sums.reshape(count.shape) / np.maximum(count, 1) for sums in (mean, power))
+    return mean, seen & shared & (power - mean**2 <= _FLAT_M**2)

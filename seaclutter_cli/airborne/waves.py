@@ -103,16 +103,19 @@ class Waves:
 
 def local_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> tuple[Cells, Sequence[PartWaves]]:
     """Return the quarters of blocks that look like sea or are still, and their centres in cells, shape (2, P)."""
-    own = [(center, part) for center, part in _quarters(grid, lowest, opened) if part.is_sea or part.is_still]
+    every = _quarters(grid, lowest, opened, crests=False)
+    own = [(center, part) for center, part in every if part.is_sea or part.is_still]
     return np.array([center for center, _ in own]).reshape(-1, 2).T, [part for _, part in own]
 
 
-def _quarters(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Iterator[tuple[list[float], PartWaves]]:
+def _quarters(
+    grid: ElevationGrid, lowest: Cells, opened: Cells, *, crests: bool
+) -> Iterator[tuple[list[float], PartWaves]]:
     """Yield the centre of each quarter of a block with enough points, in cells, and its waves."""
     for block, slot in grid.blocks.items():
         for corner in np.ndindex(2, 2):
             part = tuple(slice(_QUARTER * at, _QUARTER * (at + 1)) for at in corner)
-            waves = _part(block, lowest[slot][part], opened[slot][part], grid.cell_m)
+            waves = _part(block, lowest[slot][part], opened[slot][part], grid.cell_m, crests=crests)
             if waves is not None:
                 is_sea = waves.is_sea and _tilt(lowest[slot][part]) < _MAX_TILT * waves.deviation_m
                 center = [_QUARTER * (2 * at + c + 0.5) for at, c in zip(block, corner, strict=True)]
@@ -180,9 +183,9 @@ def estimate_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Waves |
     those of the tile are the roughest that a tenth of it has. If blocks do not look like sea, their quarters may: a
     block beside a weir has two levels.
     """
-    found = [_part(block, lowest[slot], opened[slot], grid.cell_m) for block, slot in grid.blocks.items()]
+    found = [_part(block, lowest[slot], opened[slot], grid.cell_m, crests=True) for block, slot in grid.blocks.items()]
     waves = _waves_of([part for part in found if part])
-    return waves or _waves_of([part for _, part in _quarters(grid, lowest, opened)])
+    return waves or _waves_of([part for _, part in _quarters(grid, lowest, opened, crests=True)])
 
 
 def _waves_of(known: Sequence[PartWaves]) -> Waves | None:
@@ -232,7 +235,8 @@ def _quantile(cells: Sequence[int], values: Sequence[float], share: float) -> fl
     return float(np.array(values)[order][np.searchsorted(weight, share * weight[-1])])
 
 
-def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float) -> PartWaves | None:
+def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float, *, crests: bool) -> PartWaves | None:
+    """Return the waves of a part of a grid, with or without the crests of its quarters; None if it is nearly empty."""
     known = np.isfinite(lowest) & np.isfinite(opened)
     cells = int(known.sum())
     if cells < _FEW_CELLS:
@@ -240,31 +244,54 @@ def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float) -
     above = lowest - np.where(known, opened, 0)
     step = (cells // _MANY_CELLS) | 1  # waves are alike over many cells, so that more of them would tell little
     crest = _crest(above[known][::step])
-    tail, lower, level, upper = np.quantile(lowest[known][::step], (0.1587, 0.25, 0.5, 0.75))
+    tail, lower, level, upper = quantiles(lowest[known][::step], (0.1587, 0.25, 0.5, 0.75))
     deviation = float(level - tail)
     length, oscillation = 0.0, 0.0
     if is_level := bool(upper - level <= _MAX_SKEW * (level - lower) and deviation <= _MAX_DEVIATION_M):
         water = known & (above <= crest) & (np.abs(np.where(known, lowest, level) - level) <= _CRESTS * deviation)
         length, oscillation = _length(lowest - level, water)
     is_sea = is_level and oscillation >= _MIN_OSCILLATION
-    halves = [(slice(0, side // 2), slice(side // 2, side)) for side in known.shape]
-    quarters = [(int(known[own].sum()), own) for own in product(*halves)] if is_level else []
-    crests = [(own, _crest(above[at][::2, ::2][known[at][::2, ::2]])) for own, at in quarters if own >= _FEW_CELLS]
+    own_crests = _crests(above, known) if crests and is_level else []
     return PartWaves(
-        block, cells, float(level), deviation, crest, crests or [(cells, crest)], length * cell_m, is_sea, is_level
+        block, cells, float(level), deviation, crest, own_crests or [(cells, crest)], length * cell_m, is_sea, is_level
     )
+
+
+def _crests(above: Cells, known: NDArray[np.bool_]) -> list[tuple[int, float]]:
+    """Return the number of cells in each quarter of a part that has enough, and the height of its crests."""
+    halves = [(slice(0, side // 2), slice(side // 2, side)) for side in known.shape]
+    quarters = [(int(known[own].sum()), own) for own in product(*halves)]
+    return [
+        (cells, _crest(above[own][::2, ::2][known[own][::2, ::2]])) for cells, own in quarters if cells >= _FEW_CELLS
+    ]
 
 
 def _crest(above: NDArray[np.float64]) -> float:
     """Return the height of the crests of water, from heights above the opened surface."""
-    low, middle = np.quantile(above, (0.1587, 0.5))
+    low, middle = quantiles(above, (0.1587, 0.5))
     return float(middle + _CRESTS * (middle - low))
+
+
+def quantiles(values: NDArray[np.float64], shares: Sequence[float]) -> NDArray[np.float64]:
+    """Return the quantiles that `numpy.quantile` returns, for a few thousand values in a third of the time.
+
+    Examples
+    --------
+    >>> quantiles(np.array([3.0, 1, 2, 4]), (0.5, 0.75))
+    array([2.5 , 3.25])
+    """
+    ordered = np.sort(values)
+    low, between = np.divmod(np.array(shares) * (len(ordered) - 1), 1)
+    first, second = ordered[low.astype(np.intp)], ordered[np.ceil(low + between).astype(np.intp)]
+    step = second - first
+    return np.asarray(np.where(between < 0.5, first + step * between, second - step * (1 - between)))
 
 
 def _length(elevation: Cells, water: NDArray[np.bool_]) -> tuple[float, float]:
     """Return the wave length in cells, and the depth of the minimum of the autocovariance relative to the variance."""
     shape = [side + _REACH_CELLS for side in elevation.shape]
-    power = np.abs(np.fft.rfft2(np.where(water, elevation, 0).astype(np.float32), shape)) ** 2
+    spectrum = np.fft.rfft2(np.where(water, elevation, 0).astype(np.float32), shape)
+    power = spectrum.real**2 + spectrum.imag**2
     reach = np.r_[0 : _REACH_CELLS + 1]
     lag = np.r_[reach, -reach[:0:-1]]
     rows = np.fft.ifft(power, axis=0)[reach]  # the other half is the same, mirrored

@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from seaclutter_cli.airborne.cells import smoothed, touching
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.surface import SeaSurfaceModel, SeparationParams
+from seaclutter_cli.airborne.waves import quantiles
 from tests.paths import shared
 
 SIDES = (300, 200)
@@ -244,3 +248,8 @@ def test_steep_water_is_sea_however_many_echoes_a_cell_has():
     other = separate([xyz], SeparationParams()).classification == OTHER
     assert other[ship].all()
     assert other[~ship].mean() < 0.0005
+
+
+@given(arrays(np.float64, st.integers(1, 60), elements=st.floats(-1e6, 1e6)), st.lists(st.floats(0, 1), min_size=1))
+def test_quantiles_are_those_of_numpy(values, shares):
+    np.testing.assert_array_equal(quantiles(values, shares), np.quantile(values, shares))
