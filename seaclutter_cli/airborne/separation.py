@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.bottom import Bottom, bottom_of
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.airborne.following import CellDetails
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
@@ -121,11 +122,26 @@ def separate(
     points = GriddedPoints.of(parts, params.cell_m)
     if not points.grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
-    trusted: tuple[int, ...] = ()
-    if isinstance(params, SeparationParams):
-        trusted = params.trust_classes
-        if params.follows_waves:
-            points = _leveled(points, params.cell_m, column)
+    if isinstance(params, SeparationParams) and params.follows_waves:
+        if (bottom := bottom_of(points, column, params.trust_classes)) is not None:
+            return _above(bottom, points, params, column)
+        points = _leveled(points, params.cell_m, column)
+    return _separated(points, params, column)
+
+
+def _above(bottom: Bottom, points: GriddedPoints, params: SeparationParams, column: Column) -> Separation:
+    """Return the separation of a tile of clear water: that of its surface, with the echoes from below as water."""
+    surface = GriddedPoints.of(_Selected(points.parts, ~bottom.below), params.cell_m)
+    columns = bottom.columns_above(column)
+    found = _separated(_leveled(surface, params.cell_m, columns), params, columns)
+    classification, height = np.full(points.size, WATER, np.uint8), np.empty(points.size, np.float32)
+    classification[~bottom.below], height[~bottom.below] = found.classification, found.height_m
+    height[bottom.below] = bottom.height_m
+    return replace(found, classification=classification, height_m=height)
+
+
+def _separated(points: GriddedPoints, params: SurfaceParams, column: Column) -> Separation:
+    trusted = params.trust_classes if isinstance(params, SeparationParams) else ()
     surface = SeaSurfaceModel(
         points.grid, params, lambda squares, top: echoes_of(squares, points, top, column, trusted)
     )
