@@ -50,10 +50,10 @@ class FoundObject:
     ----------
     number : int
         Number in the tile, from 1.
-    code : int
-        Code of the class.
-    probability : float
-        Mean probability of the class over the points.
+    code : int or None
+        Code of the class; None without a classification.
+    probability : float or None
+        Mean probability of the class over the points; None without a classification.
     points : int
         Number of points.
     center : (float, float)
@@ -69,8 +69,8 @@ class FoundObject:
     """
 
     number: int
-    code: int
-    probability: float
+    code: int | None
+    probability: float | None
     points: int
     center: tuple[float, float]
     size: tuple[float, float]
@@ -81,7 +81,20 @@ class FoundObject:
     @property
     def name(self) -> str:
         """Name of the class."""
-        return class_name(self.code)
+        return "unclassified" if self.code is None else class_name(self.code)
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Attributes in geodata, those of `geodata_fields`: lengths in metres, the area in square metres."""
+        known = {
+            "object": self.number,
+            "class": self.name,
+            "probability": None if self.probability is None else round(self.probability, 3),
+            "points": self.points,
+            "height": round(self.height_m, 2),
+            "area_m2": round(self.area_m2, 1),
+        }
+        return {name: known[name] for name in geodata_fields(classified=self.code is not None)}
 
     def placed(self, unit_m: float) -> Self:
         """Return the object with its centre in another unit of length, given in metres."""
@@ -97,6 +110,12 @@ class FoundObject:
         half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(self.size) / (2 * unit_m)
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return np.asarray(half @ np.array([[c, s], [-s, c]]) + self.center)
+
+
+def geodata_fields(*, classified: bool) -> dict[str, type]:
+    """Return the types of the attributes of objects in geodata by their names, with or without a classification."""
+    classes: dict[str, type] = {"class": str, "probability": float} if classified else {}
+    return {"object": int, **classes, "points": int, "height": float, "area_m2": float}
 
 
 def find_objects(
@@ -136,17 +155,27 @@ def find_objects(
         best = int(np.argmax(np.bincount(best_class[own], minlength=len(classes))))
         mean_probability = float(probability[own, best].mean())
         if mean_probability >= params.min_probability:
-            found.append(_object(len(found) + 1, int(classes[best]), mean_probability, points, own))
+            heights = points.height_m[own]
+            found.append(
+                object_around(len(found) + 1, points.xy[:, own], heights, int(classes[best]), mean_probability)
+            )
             numbers[own] = len(found)
         else:
             left_out[own] = cluster - len(found)
     return found, numbers, left_out
 
 
-def _object(number: int, code: int, probability: float, points: NonSeaPoints, own: NDArray[np.intp]) -> FoundObject:
-    center, size, yaw, area = smallest_rectangle(points.xy[:, own].T)
-    height_m = float(np.quantile(points.height_m[own], 0.99))
-    return FoundObject(number, code, probability, len(own), center, size, yaw, height_m, area)
+def object_around(
+    number: int, xy: Values, height_m: Values, code: int | None = None, probability: float | None = None
+) -> FoundObject:
+    """Return the object of points with positions, shape (2, N), and heights, shape (N,), in metres."""
+    center, size, yaw, area = smallest_rectangle(xy.T)
+    return FoundObject(number, code, probability, xy.shape[1], center, size, yaw, top_of(height_m), area)
+
+
+def top_of(height_m: Values) -> float:
+    """Return the height that one point in a hundred exceeds."""
+    return float(np.quantile(height_m, 0.99))
 
 
 def smallest_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float], float, float]:
@@ -229,14 +258,5 @@ def _feature(tile: str, one: FoundObject, unit_m: float, convert: Callable[[Valu
     digits = 3 if convert is None else 8
     ring = corners if convert is None else convert(corners)
     outline = [[round(float(x), digits), round(float(y), digits)] for x, y in (*ring, ring[0])]
-    properties = {
-        "coordinates": "tile" if convert is None else "WGS 84",
-        "tile": tile,
-        "object": one.number,
-        "class": one.name,
-        "probability": round(one.probability, 3),
-        "points": one.points,
-        "height": round(one.height_m, 2),
-        "area_m2": round(one.area_m2, 1),
-    }
+    properties = {"coordinates": "tile" if convert is None else "WGS 84", "tile": tile, **one.attributes}
     return {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [outline]}, "properties": properties}

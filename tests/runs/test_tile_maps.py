@@ -56,6 +56,18 @@ def mapped(tiles, tmp_path_factory):
     return out
 
 
+@pytest.fixture(scope="module")
+def ships(tmp_path_factory):
+    """Return a folder with two tiles of calm water beside each other, and a ship of 20 m by 6 m in each."""
+    folder, xyz = tmp_path_factory.mktemp("ships"), island()
+    xyz[2] = 0.5
+    for x, y, height in ((60, 40, 4.0), (190, 130, 2.5)):
+        xyz[2, (np.abs(xyz[0] - x) < 10) & (np.abs(xyz[1] - y) < 3)] = 0.5 + height
+    write(folder / "west.laz", xyz[:, xyz[0] < 120])
+    write(folder / "east.laz", xyz[:, xyz[0] >= 120])
+    return folder
+
+
 def metres(lines):
     """Return positions in WGS 84 as metres from the corner of the tiles."""
     to_utm = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32631", always_xy=True)
@@ -77,12 +89,48 @@ def test_the_shoreline_of_a_survey_is_in_wgs_84(mapped):
 def test_gdal_reads_the_same_lines(mapped):
     pyogrio = pytest.importorskip("pyogrio")
     features = json.loads((mapped / "shore.geojson").read_text())["features"]
-    _, _, shapes, (names, lengths) = pyogrio.raw.read(mapped / "shore.gpkg")
+    _, _, shapes, (names, lengths) = pyogrio.raw.read(mapped / "shore.gpkg", layer="shoreline")
     assert names.tolist() == [one["properties"]["tile"] for one in features]
     assert lengths.tolist() == [one["properties"]["length_m"] for one in features]
     for shape, one in zip(shapes, features, strict=True):
         found = np.frombuffer(shape, "<f8", offset=9).reshape(-1, 2)
         np.testing.assert_allclose(found, one["geometry"]["coordinates"], atol=1e-8)
+
+
+def test_objects_of_a_survey(ships, tmp_path):
+    geojson, package, out = tmp_path / "ships.geojson", tmp_path / "ships.gpkg", f"{tmp_path / 'out'}/"
+    result = run("separate", ships, "-o", out, "--geojson", geojson, "--gpkg", package, "-j", 1)
+    assert result.exit_code == 0, result.output
+    features = json.loads(geojson.read_text())["features"]
+    assert [one["geometry"]["type"] for one in features] == ["Polygon"] * 2
+    boxes = metres([one["geometry"]["coordinates"][0] for one in features])
+    for box, center in zip(boxes, [(190, 130), (60, 40)], strict=True):
+        np.testing.assert_allclose(box[:4].mean(axis=0), center, atol=0.5)
+        np.testing.assert_allclose(np.ptp(box, axis=0), (19, 5), atol=0.5)
+    found = [one["properties"] for one in features]
+    assert [(one["tile"], one["object"], one["points"]) for one in found] == [("east", 1, 120), ("west", 1, 120)]
+    assert [one["height"] for one in found] == pytest.approx([2.5, 4.0], abs=0.01)
+    before = geojson.read_bytes(), package.read_bytes()
+    again = run("separate", ships, "-o", out, "--geojson", geojson, "--gpkg", package, "--resume", "-j", 1)
+    assert "2 skipped" in again.stdout
+    assert (geojson.read_bytes(), package.read_bytes()) == before
+
+
+def test_the_geopackage_has_the_same_objects(ships, tmp_path):
+    pyogrio = pytest.importorskip("pyogrio")
+    maps = ("--geojson", tmp_path / "ships.geojson", "--gpkg", tmp_path / "ships.gpkg")
+    assert run("separate", ships, "-o", f"{tmp_path / 'out'}/", *maps, "-j", 1).exit_code == 0
+    features = json.loads((tmp_path / "ships.geojson").read_text())["features"]
+    info, _, _, columns = pyogrio.raw.read(tmp_path / "ships.gpkg", layer="objects")
+    for name, values in zip(info["fields"], columns, strict=True):
+        assert values.tolist() == [one["properties"][name] for one in features]
+
+
+def test_the_search_for_objects_has_settings(ships, tmp_path):
+    geojson = tmp_path / "ships.geojson"
+    settings = ("--set", "objects.min_points=121")
+    assert run("separate", ships, "-o", f"{tmp_path / 'out'}/", "--geojson", geojson, *settings).exit_code == 0
+    assert json.loads(geojson.read_text())["features"] == []
 
 
 def test_the_picture_shows_water_land_and_shoreline(mapped):

@@ -62,8 +62,12 @@ _OPTIONS = (
         "runs.classify.maps:MapOptions",
         (
             output_option("--plot", "plot_file", help="Draw a map with water level, land and objects, as PNG or SVG."),
-            output_option("--geojson", "geojson_file", help="Also write the shoreline as GeoJSON."),
-            output_option("--gpkg", "gpkg_file", help="Also write the shoreline as GeoPackage."),
+            output_option(
+                "--geojson", "geojson_file", help="Also write the shoreline and the boxes of objects as GeoJSON."
+            ),
+            output_option(
+                "--gpkg", "gpkg_file", help="Also write the shoreline and the boxes of objects as GeoPackage."
+            ),
         ),
     ),
     force_option,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.map import total_length_m
-from seaclutter_cli.airborne.objects import FoundObject, as_geojson
+from seaclutter_cli.airborne.objects import FoundObject, as_geojson, geodata_fields
 from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.sinks.geopackage import Feature, Layer, geopackage
@@ -85,8 +85,11 @@ def _placed(line: NDArray[np.float64], crs: Crs, convert: ToLongitudeLatitude | 
     return [(float(x), float(y)) for x, y in (own if convert is None else convert(own))]
 
 
-def geopackage_of(tiles: Sequence[TileGeodata], observer: Observer, *, with_objects: bool) -> bytes:
-    """Return shorelines, and objects, as layers of a GeoPackage in WGS 84; tiles without a known CRS are left out."""
+def geopackage_of(tiles: Sequence[TileGeodata], observer: Observer, *, classified: bool) -> bytes:
+    """Return shorelines and objects as layers of a GeoPackage in WGS 84; tiles without a known CRS are left out.
+
+    ``classified`` is whether the objects have classes.
+    """
     lines: list[Feature] = []
     boxes: list[Feature] = []
     for tile in tiles:
@@ -98,13 +101,13 @@ def geopackage_of(tiles: Sequence[TileGeodata], observer: Observer, *, with_obje
         ]
         for one in tile.objects:
             ring = convert(one.corners_in(tile.crs.unit_m)).tolist()
-            values = (tile.name, one.number, one.name, round(one.probability, 3), one.points)
-            boxes.append(([*ring, ring[0]], (*values, round(one.height_m, 2), round(one.area_m2, 1))))
-    layers = [Layer("shoreline", "LINESTRING", {"tile": str, "length_m": float}, lines)]
-    if with_objects:
-        fields = {"tile": str, "object": int, "class": str, "probability": float, "points": int}
-        layers.append(Layer("objects", "POLYGON", {**fields, "height": float, "area_m2": float}, boxes))
-    return geopackage(layers)
+            boxes.append(([*ring, ring[0]], (tile.name, *one.attributes.values())))
+    return geopackage(
+        [
+            Layer("shoreline", "LINESTRING", {"tile": str, "length_m": float}, lines),
+            Layer("objects", "POLYGON", {"tile": str, **geodata_fields(classified=classified)}, boxes),
+        ]
+    )
 
 
 def check_geodata(*, shoreline: bool, package: bool) -> None:

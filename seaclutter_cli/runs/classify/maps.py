@@ -1,4 +1,4 @@
-"""Maps of separated tiles: pictures, and the shoreline as geodata."""
+"""Maps of separated tiles: pictures, and shoreline and objects as geodata."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, TileMap, map_of, shoreline_of
+from seaclutter_cli.airborne.objects import ObjectFindingParams
 from seaclutter_cli.airborne.separation import SeaState, Separation
+from seaclutter_cli.airborne.unclassified import unclassified_objects
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.maps import MapPart, aspect_of, draw_map
 from seaclutter_cli.runs.classify.geodata import TileGeodata, check_geodata, geojson_of, geopackage_of
@@ -28,7 +30,7 @@ class MapOptions:
     plot_file : Path or None
         Picture of the tile, or of the whole survey.
     geojson_file, gpkg_file : Path or None
-        Shoreline as GeoJSON and as GeoPackage.
+        Shoreline and objects as GeoJSON and as GeoPackage.
 
     Examples
     --------
@@ -72,7 +74,7 @@ class DrawnTile:
     part : MapPart
         Part of the picture.
     geodata : TileGeodata
-        Its shoreline.
+        Its shoreline and objects.
     """
 
     part: MapPart = field(repr=False)
@@ -84,12 +86,16 @@ def shoreline_in(tile: LasTile | CloudTile, found: Separation) -> list[NDArray[n
     return shoreline_of(map_of(TilePointReader(tile), found, found.land.cell_m))
 
 
-def drawn(tile: LasTile | CloudTile, found: Separation, name: str, pixel_m: float) -> DrawnTile:
+def drawn(
+    tile: LasTile | CloudTile, found: Separation, name: str, pixel_m: float, params: ObjectFindingParams
+) -> DrawnTile:
     """Return the map of a separated tile with pixels of about a width in metres; 0: as its own size requires."""
-    fine = map_of(TilePointReader(tile), found, found.land.cell_m)
+    points = TilePointReader(tile)
+    fine = map_of(points, found, found.land.cell_m)
     lines = shoreline_of(fine)
+    objects = [one.placed(tile.crs.unit_m) for one in unclassified_objects(points, found, fine, params)]
     width = pixel_m or max(fine.kind.shape) * fine.cell_m / _PIXELS
-    return DrawnTile(_part(fine.coarser(width), lines), TileGeodata(name, tile.crs, lines))
+    return DrawnTile(_part(fine.coarser(width), lines), TileGeodata(name, tile.crs, lines, objects))
 
 
 def _part(one: TileMap, lines: Sequence[NDArray[np.float64]]) -> MapPart:
@@ -112,7 +118,7 @@ def map_files(
     if options.geojson_file:
         files[options.geojson_file] = geojson_of(geodata, observer)
     if options.gpkg_file:
-        files[options.gpkg_file] = geopackage_of(geodata, observer, with_objects=False)
+        files[options.gpkg_file] = geopackage_of(geodata, observer, classified=False)
     if options.plot_file:
         systems = {tile.crs.by_code for tile in geodata}
         if len(systems) > 1:

@@ -142,7 +142,7 @@ def classify_tiles(
         tables = _tables(result, options, observer)
         if options.gpkg_file:
             places = [TileGeodata(tile.name, tile.crs, lines, tile.objects) for tile, _, lines in found]
-            tables[options.gpkg_file] = geopackage_of(places, observer, with_objects=True)
+            tables[options.gpkg_file] = geopackage_of(places, observer, classified=True)
         write_files(tables, files)
     return result
 

@@ -9,7 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, separate
+from seaclutter_cli.airborne.objects import ObjectFindingParams
+from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, Separation, separate
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import CloudError, SelectionError, UsageError
 from seaclutter_cli.runs.batch import BatchOptions, run_batch
@@ -36,6 +37,7 @@ from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import TextRecord
 from seaclutter_cli.sources.margins import Margin
 from seaclutter_cli.sources.tile_paths import find_tiles
+from seaclutter_cli.sources.tiles import CloudTile, LasTile
 from seaclutter_cli.sources.windows import open_tile_or_window
 from seaclutter_cli.storage.locations import Location
 
@@ -63,7 +65,7 @@ class SeparateTilesOptions:
     window_m : float or None
         Width of the windows in which COPC files are read, each of which becomes a tile; None: as a whole.
     maps : MapOptions
-        Picture, and geodata of the shoreline.
+        Picture, and geodata of the shoreline and the objects.
     force : bool
         Replace existing files.
     batch : BatchOptions
@@ -143,6 +145,7 @@ def separate_tiles(
             target=target,
             replaced=replaced,
             params=params,
+            objects=settings.objects,
             with_height=options.with_height,
             margin=margin,
             is_recorded=len(heads) > 1 or batch.resume,
@@ -195,6 +198,8 @@ class SeparateWork(TileWork[SeparatedTile]):
     ----------
     params : SeparationParams
         Settings of the separation.
+    objects : ObjectFindingParams
+        Search for the objects of the maps.
     with_height : bool
         Also write each point's height above the sea surface.
     margin : Margin or None
@@ -206,6 +211,7 @@ class SeparateWork(TileWork[SeparatedTile]):
     """
 
     params: SeparationParams
+    objects: ObjectFindingParams
     with_height: bool
     margin: Margin | None = None
     is_recorded: bool = False
@@ -284,7 +290,7 @@ class SeparateWork(TileWork[SeparatedTile]):
         """Draw the map of a complete output if there is to be one; return what its record lacks for it."""
         if self.pixel_m is not None:
             try:
-                outcome.map = drawn(*recorded_separation(self.target, sea), self.tile.name, self.pixel_m)
+                outcome.map = self._drawn(*recorded_separation(self.target, sea), self.pixel_m)
             except (CloudError, OSError, ValueError) as error:
                 return f"a run that recorded no land for the maps ({error})"
         return None
@@ -310,7 +316,10 @@ class SeparateWork(TileWork[SeparatedTile]):
             texts[RUN] = record_text(self.identity(), {**counts, "sea_state": asdict(found.sea)})
             texts[LAND] = land_text(found.land)
         write_tile(tile, self.place, columns, HEIGHT if self.with_height else {}, files, texts)
-        own_map = None if self.pixel_m is None else drawn(tile, found, self.tile.name, self.pixel_m)
+        own_map = None if self.pixel_m is None else self._drawn(tile, found, self.pixel_m)
         seconds = perf_counter() - started
         result = SeparatedTile(self.tile.name, str(self.target), **counts, sea_state=found.sea, seconds=seconds)
         return result, own_map
+
+    def _drawn(self, tile: LasTile | CloudTile, found: Separation, pixel_m: float) -> DrawnTile:
+        return drawn(tile, found, self.tile.name, pixel_m, self.objects)
