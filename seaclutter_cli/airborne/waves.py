@@ -1,6 +1,6 @@
 """Waves of a tile: their height and length, part by part, from the lowest echo of each cell."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -68,6 +68,11 @@ class PartWaves:
         """Whether the part is level, but has hardly any waves."""
         return self.is_level and not self.is_sea and self.deviation_m <= _STILL_M
 
+    def contains(self, quarter: "PartWaves") -> bool:
+        """Return whether a smaller part may show a part of these waves."""
+        near = abs(quarter.level_m - self.level_m) <= _CRESTS / 2 * self.deviation_m
+        return near and quarter.deviation_m <= _ALIKE * self.deviation_m
+
     def resembles(self, level_m: float, deviation_m: float) -> bool:
         """Return whether the part is like a sea whose waves have this level and deviation."""
         near = abs(self.level_m - level_m) <= deviation_m
@@ -102,10 +107,27 @@ class Waves:
 
 
 def local_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> tuple[Cells, Sequence[PartWaves]]:
-    """Return the quarters of blocks that look like sea or are still, and their centres in cells, shape (2, P)."""
-    every = _quarters(grid, lowest, opened, crests=False)
+    """Return the quarters of blocks that look like sea or are still, and their centres in cells, shape (2, P).
+
+    A quarter may be too small for long swell: it has the waves of a block if it is no rougher, and near their level.
+    """
+    every = list(_quarters(grid, lowest, opened, crests=False))
     own = [(center, part) for center, part in every if part.is_sea or part.is_still]
+    rest = [(center, part) for center, part in every if not (part.is_sea or part.is_still)]
+    for wave in _long_swell(grid, lowest, opened, {part.block for _, part in rest}):
+        own += [(center, wave) for center, part in rest if wave.contains(part)]
     return np.array([center for center, _ in own]).reshape(-1, 2).T, [part for _, part in own]
+
+
+def _long_swell(
+    grid: ElevationGrid, lowest: Cells, opened: Cells, blocks: Collection[tuple[int, int]]
+) -> Iterator[PartWaves]:
+    """Yield the waves of those of some blocks that look like sea, if they are too long for their quarters."""
+    for block, slot in grid.blocks.items():
+        if block in blocks:
+            waves = _part(block, lowest[slot], opened[slot], grid.cell_m, crests=False)
+            if waves is not None and waves.is_sea and waves.length_m > _REACH_CELLS * grid.cell_m:
+                yield waves
 
 
 def _quarters(
@@ -299,6 +321,11 @@ def _length(elevation: Cells, water: NDArray[np.bool_]) -> tuple[float, float]:
     covariance = np.fft.irfft(rows, shape[1], axis=1)[:, lag]
     i, j = np.unravel_index(np.argmin(covariance), covariance.shape)
     if max(reach[i], abs(lag[j])) == _REACH_CELLS:
-        return 0.0, 0.0
+        # Over more than half of its width, or in part of a block, a slope has a minimum, too.
+        tilt = _tilt(np.where(water, elevation, np.inf)) if water.any() else np.inf
+        if len(elevation) < 4 * _REACH_CELLS or tilt > _MAX_TILT * float(elevation[water].std()):
+            return 0.0, 0.0
+        length, depth = _length(elevation[::2, ::2], water[::2, ::2])
+        return 2 * length, depth
     variance = max(float(covariance[0, 0]), 1e-12)
     return 2 * float(np.hypot(reach[i], lag[j])), -float(covariance[i, j]) / variance

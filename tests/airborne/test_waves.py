@@ -45,6 +45,16 @@ def test_height_and_length(height, length):
     assert abs(found.level_m) < 0.1 * height
 
 
+@pytest.mark.parametrize("length", [150.0, 190.0])
+def test_swell_that_is_longer_than_a_quarter_of_a_block(length):
+    xyz = field(1.5, length, sides=(512.0, 256.0))
+    found = separate(
+        [xyz], SeparationParams(), {"intensity": np.random.default_rng(1).gamma(2.0, 50, xyz.shape[1])}.get
+    )
+    assert found.sea.wave_length_m == pytest.approx(length, rel=0.25)
+    assert (found.classification == OTHER).mean() < 0.005
+
+
 def test_objects_do_not_raise_the_waves():
     xyz = field(1.1, 40.0)
     alone = model(xyz).waves
@@ -185,6 +195,18 @@ def test_strips_show_the_water_at_two_moments(names):
     ship = inside(xyz, (40, 55), (85, 115))
     wrong = ((found.classification == OTHER) != ship)[inside(xyz, (0, 300), (80, 120))].mean()
     assert wrong < 0.005 if names else wrong > 0.02
+
+
+def test_strips_differ_in_swell_that_each_opened_surface_follows():
+    """Crests of such a swell are low above its own opened surface, not above that of another strip."""
+    one, other = field(0.8, 110.0, seed=8), field(0.8, 110.0, seed=9)
+    xyz, ids = np.concatenate((one, other), axis=1), np.repeat([3, 4], (one.shape[1], other.shape[1]))
+    alone, both = (
+        separate([points], SeparationParams(), {"point_source_id": strip}.get)
+        for points, strip in ((one, ids[: one.shape[1]]), (xyz, ids))
+    )
+    assert (alone.sea.surface, both.sea.surface) == ("opened", "followed")
+    assert (both.classification == OTHER).mean() < 0.005
 
 
 def test_strips_without_points_in_the_tile_do_not_matter():
