@@ -3,12 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.cells import joined_cells
 from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 
 Cells = NDArray[np.float64]
 
 _NEIGHBORS = 5
 _ALIKE, _SHALLOW = 7, 0.25
+_MANY_PITS, _WIDTH, _AROUND, _ROUGH = 0.002, 5, 7, 4.0
+_LOW_SHARE, _LARGEST_GROUP, _LIKELY = 0.4, 12, 0.8
 
 
 def half_window(window_m: float, cell_m: float) -> int:
@@ -117,8 +120,12 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
 
     In water that light penetrates, such echoes are many and from shallow depths. Amid eight neighbours that are alike,
     a cell is a pit from a quarter of ``depth_m`` on, even if one neighbour is one, too; in a ditch, two are as low.
+
+    If more than two in a thousand cells are pits amid level neighbours, pits touch by chance, and groups are left out,
+    too (`_without_groups`).
     """
     out = grid.lowest.copy()
+    level = 0
     for slot, cells, _ in grid.padded(grid.lowest, 1):
         around = _neighbors(cells)
         deep = np.isfinite(out[slot])
@@ -131,13 +138,50 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
         beside = np.stack([own[deep] for own in around])
         pits = np.isfinite(beside).sum(axis=0) >= _NEIGHBORS
         out[slot][tuple(np.argwhere(deep)[pits].T)] = beside.min(axis=0)[pits]
+        highest = np.where(np.isfinite(beside), beside, -np.inf).max(axis=0, initial=-np.inf)
+        level += int(np.count_nonzero(highest[pits] - beside.min(axis=0)[pits] < depth_m / 2))
         ordered = np.sort(np.stack([own[shallow] for own in around]), axis=0)
         alike = np.isfinite(ordered[-1])
         lower, middle, upper = ordered[[1, 3, 6]][:, alike]
         at = np.argwhere(shallow)[alike].T
         pits = upper - lower < (lower - out[slot][tuple(at)]) / 2
         out[slot][tuple(at[:, pits])] = middle[pits]
-    return out
+        level += int(np.count_nonzero(pits))
+    if level <= _MANY_PITS * np.count_nonzero(np.isfinite(out)):
+        return out
+    return _without_groups(grid, out, _SHALLOW * depth_m)
+
+
+def _without_groups(grid: ElevationGrid, lowest: Cells, depth_m: float) -> Cells:
+    """Return elevations, shape (S, 256, 256), without groups of low cells, such as chance makes of many pits.
+
+    The closing over five cells, the opening upside down, is the surface without them. Cells are low if they are more
+    than ``depth_m`` below it, and four times what noise and waves are. They are filled with it if at most twelve of
+    them touch, or as many as chance makes: a ditch or a gap between ships is longer. At most four in ten cells around
+    are low: between trees, more are.
+    """
+    from scipy import ndimage  # slow to import, not needed without pits
+
+    closed, share = lowest.copy(), np.zeros(lowest.shape)
+    inner = (slice(_WIDTH, _WIDTH + BLOCK),) * 2
+    for slot, cells, _ in grid.padded(lowest, _WIDTH):
+        dilated = ndimage.maximum_filter(np.where(np.isfinite(cells), cells, -np.inf), _WIDTH)
+        dilated[np.isneginf(dilated)] = np.inf
+        closed[slot] = ndimage.minimum_filter(dilated, _WIDTH)[inner]
+    known = np.isfinite(lowest)
+    below = np.where(known, closed, 0) - np.where(known, lowest, 0)
+    low = below > max(depth_m, _ROUGH * float(np.median(below[known])))
+    for slot, cells, _ in grid.padded(np.where(known, low, np.inf), _WIDTH):
+        some = np.isfinite(cells).astype(np.float64)
+        both = [ndimage.uniform_filter(values, _AROUND)[inner] for values in (np.where(some, cells, 0), some)]
+        np.divide(both[0], both[1], out=share[slot], where=known[slot])
+    part, group = joined_cells(low, grid.blocks)
+    member = group[part]
+    size = np.bincount(member[low], minlength=len(group))
+    low &= share <= _LOW_SHARE
+    count = np.count_nonzero(known)
+    chance = np.log(count) / -np.log(min(8 * np.count_nonzero(low) / count, _LIKELY))
+    return np.where(low & (size[member] <= max(_LARGEST_GROUP, chance)), closed, lowest)
 
 
 def _neighbors(cells: Cells) -> list[Cells]:

@@ -126,7 +126,7 @@ def _long_swell(
     for block, slot in grid.blocks.items():
         if block in blocks:
             waves = _part(block, lowest[slot], opened[slot], grid.cell_m, crests=False)
-            if waves is not None and waves.is_sea and waves.length_m > _REACH_CELLS * grid.cell_m:
+            if waves is not None and waves.is_sea and waves.length_m > _QUARTER * grid.cell_m:
                 yield waves
 
 

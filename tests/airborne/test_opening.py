@@ -126,3 +126,19 @@ def test_shallow_pits_are_filled_and_ditches_are_not():
     found = without_pits(grid, 1.0)[0, :60, :60]
     assert found[[10, 20, 20], [10, 20, 21]].min() > -0.1
     np.testing.assert_array_equal(found[40, 6:54], low[40, 6:54])
+
+
+def test_groups_of_low_cells_are_pits_only_where_pits_are_many():
+    rng = np.random.default_rng(7)
+    values = rng.normal(0, 0.02, (200, 200))
+    values[60:62, 60:62] = -2.0
+    values[100:103, 20:180] = -2.0  # a ditch
+    few, many = values.copy(), values.copy()
+    many[4::10, 6::10] = -1.5
+    ditch, group = (slice(100, 103), slice(20, 180)), (slice(60, 62), slice(60, 62))
+    for image, filled_group in ((few, False), (many, True)):
+        grid = ElevationGrid(1.0)
+        grid.add(np.stack((*(side.ravel() + 0.5 for side in np.mgrid[:200, :200]), image.ravel())))
+        out = without_pits(grid, 1.0)[0, :200, :200]
+        assert (out[group] > -0.1).all() == filled_group
+        assert (out[ditch][:, 1:-1] < -1).all()
