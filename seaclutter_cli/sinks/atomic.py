@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 class PartFile(io.FileIO):
     """A new incomplete file; its errors are `OutputError` and name the target."""
 
+    failure: OutputError | None = None
+    """Why it could not be written: some libraries raise another error instead."""
+
     def __init__(self, part: Path, target: Location) -> None:
         super().__init__(part, "xb")
         self._target = target
@@ -33,7 +36,8 @@ class PartFile(io.FileIO):
         try:
             return super().write(data)
         except OSError as error:
-            raise OutputError(explain(self._target, error)) from error
+            self.failure = OutputError(explain(self._target, error))
+            raise self.failure from error
 
 
 class AtomicFile(AbstractContextManager["AtomicFile"]):
@@ -64,6 +68,7 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         """The incomplete file, for libraries that write to a path."""
         # An interrupt may come before the context is entered; then the file is removed with this object, or at exit.
         opened: list[BinaryIO] = []
+        self._latest: PartFile | None = None
         self._remover = weakref.finalize(self, _remove, self.part, opened)
         try:
             self._create(opened)
@@ -88,9 +93,13 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
             if self._target.exists() and not self._target.is_file():
                 raise OutputError(f"{self.path}: not a regular file, cannot be replaced")
             self._target.parent.mkdir(exist_ok=True)
-            return cast("BinaryIO", io.BufferedWriter(PartFile(self.part, self.path)))
+            return self._new(self.part)
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
+
+    def _new(self, part: Path) -> BinaryIO:
+        self._latest = PartFile(part, self.path)
+        return cast("BinaryIO", io.BufferedWriter(self._latest))
 
     def __enter__(self) -> Self:
         """Return the file; write to its ``stream``."""
@@ -101,7 +110,10 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
     ) -> None:
         """Rename the file to its target, or leave that to its group; remove it after an error."""
         if kind is not None:
+            failure = None if self._latest is None else self._latest.failure
             self.discard()
+            if failure is not None and isinstance(error, Exception) and not isinstance(error, OutputError):
+                raise failure from error
             _note_removal(error, self.path)
             return
         try:

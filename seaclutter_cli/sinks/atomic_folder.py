@@ -1,12 +1,11 @@
 """Folders that appear under their names only when they are complete."""
 
-import io
 import os
 import shutil
-from typing import TYPE_CHECKING, BinaryIO, cast
+from typing import TYPE_CHECKING, BinaryIO
 
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup, PartFile, appeared, explain
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup, appeared, explain
 from seaclutter_cli.storage.locations import Location, Url
 from seaclutter_cli.storage.objects import delete_object, is_folder_of_objects, list_objects
 from seaclutter_cli.storage.parts import part_path, release
@@ -46,7 +45,7 @@ class AtomicFolder(AtomicFile):
     def open(self, name: str) -> BinaryIO:
         """Create a file in the folder."""
         try:
-            return cast("BinaryIO", io.BufferedWriter(PartFile(self.part / name, self.path)))
+            return self._new(self.part / name)
         except OSError as error:
             raise OutputError(explain(self.path, error)) from error
 

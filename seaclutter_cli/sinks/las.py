@@ -8,6 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import MissingExtraError, OutputError
@@ -23,6 +24,8 @@ _DIMENSIONS = ("LASF_Spec", 4)
 """User id and record id of the record that describes extra dimensions."""
 _DIMENSION_BYTES = 192
 """Size of the description of one extra dimension."""
+_LAYERED_WAVEFORMS = (9, 10)
+"""Point formats whose waveform packets LAZ compresses by scanner channel."""
 _KEPT = ("maxs", "mins", "number_of_points_by_return")
 
 
@@ -106,7 +109,7 @@ class LasSink(AbstractContextManager["LasSink"]):
     MissingExtraError
         If laspy or its LAZ backend is not installed.
     OutputError
-        If the file cannot be written, or the source contains waveform packets, which would be lost.
+        If the file cannot be written, or waveform packets of the source would be lost or changed.
     """
 
     def __init__(
@@ -130,10 +133,15 @@ class LasSink(AbstractContextManager["LasSink"]):
             _add(laspy, self._header, added)
         self._extended = bool(added)
         packed = path.suffix.lower() == ".laz"
+        version = str(self._header.version)
+        if version not in laspy.supported_versions():
+            raise OutputError(f"{path}: LAS {version} cannot be written; convert the source to LAS 1.2 or later")
         if packed and not laspy.LazBackend.LazrsParallel.is_available():
             raise MissingExtraError("LAZ", "las")
         if self._header.global_encoding.waveform_data_packets_internal:
             raise OutputError(f"{path}: internal waveform packets cannot be copied; store them in a separate file")
+        self._has_layers = packed and self._header.point_format.id in _LAYERED_WAVEFORMS
+        self._channels: set[int] = set()
         self._file = AtomicFile(path, group)
         try:
             backend = laspy.LazBackend.LazrsParallel if packed else None
@@ -175,13 +183,28 @@ class LasSink(AbstractContextManager["LasSink"]):
             N points of the source; not modified.
         columns : mapping of str to ndarray, shape (N,)
             New values by the name of the dimension.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written, or is a LAZ file with waveform packets of several scanner channels.
         """
+        if self._has_layers:
+            self._check_channels(points)
         record = self._laspy.PackedPointRecord(points.array.copy(), points.point_format)
         if self._extended:
             record = self._laspy.PackedPointRecord.from_point_record(record, self._header.point_format)
         for name, values in columns.items():
             record[name] = values
         self._writer.write_points(record)
+
+    def _check_channels(self, points: Any) -> None:
+        """Refuse packets of several channels: from the second channel on, lazrs compresses wrong values."""
+        self._channels.update(np.unique(np.asarray(points["scanner_channel"])).tolist())
+        if len(self._channels) > 1:
+            raise OutputError(
+                f"{self._file.path}: waveform packets of several scanner channels would be changed in LAZ; write LAS"
+            )
 
     def _finish(self) -> None:
         evlrs = getattr(self._header, "evlrs", None)

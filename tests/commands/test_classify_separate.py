@@ -114,6 +114,44 @@ def test_internal_waveforms_are_refused(tmp_path):
     assert (result.exit_code, "waveform packets cannot be copied" in result.stderr) == (1, True)
 
 
+@pytest.mark.parametrize(("channels", "suffix"), [(1, ".laz"), (2, ".las"), (2, ".laz")])
+def test_waveform_packets_are_kept_or_refused(tmp_path, channels, suffix):
+    """Lazrs compresses wrong packets if there are several scanner channels."""
+    laspy = pytest.importorskip("laspy")
+    tile = laspy.LasData(laspy.LasHeader(point_format=9, version="1.4"))
+    tile.x, tile.y, tile.z = points().T
+    numbers = np.arange(len(tile.points))
+    tile["scanner_channel"] = numbers % channels
+    tile["wavepacket_index"] = np.ones_like(numbers)
+    tile["wavepacket_offset"], tile["wavepacket_size"] = 60 + 256 * numbers, 200 + numbers % 50
+    tile.write(tmp_path / "tile.las")
+    result = run(tmp_path / "tile.las", "-o", tmp_path / f"out{suffix}")
+    if channels > 1 and suffix == ".laz":
+        assert (result.exit_code, "several scanner channels" in result.stderr) == (1, True)
+        assert [path.name for path in tmp_path.iterdir()] == ["tile.las"]
+    else:
+        assert result.exit_code == 0, result.output
+        assert_same_but_class(tmp_path / "tile.las", tmp_path / f"out{suffix}")
+
+
+def test_las_1_0_is_refused(tmp_path):
+    tile = write(tmp_path / "tile.las", points(), point_format=1)
+    data = bytearray(tile.read_bytes())
+    data[25] = 0
+    tile.write_bytes(data)
+    result = run(tile, "-o", tmp_path / "out.las")
+    assert (result.exit_code, "LAS 1.0 cannot be written; convert" in result.stderr) == (1, True)
+    assert run(tile, "-o", tmp_path / "out.pcd").exit_code == 0
+
+
+@pytest.mark.usefixtures("full_disk")
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_a_full_disk(tmp_path, suffix):
+    result = run(write(tmp_path / "tile.las", points()), "-o", tmp_path / f"out{suffix}")
+    assert (result.exit_code, "the disk is full; the incomplete file was removed" in result.stderr) == (1, True)
+    assert [path.name for path in tmp_path.iterdir()] == ["tile.las"]
+
+
 @pytest.mark.parametrize("described", [False, True])
 def test_height_as_an_additional_dimension(tmp_path, described):
     extra = [("echo_width", "f8", np.arange(4400))] if described else []

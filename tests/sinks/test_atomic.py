@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,21 @@ def test_a_full_disk(tmp_path, size):
     target = tmp_path / "out.bin"
     with pytest.raises(OutputError, match=f"^{target}: the disk is full; the incomplete file was removed$"):
         write(target, bytes(size))
+    assert names(tmp_path) == []
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_library_that_hides_why_it_cannot_write(tmp_path):
+    """Lazrs raises an error of its own, without the reason."""
+
+    def write_without_reason():
+        with AtomicFile(tmp_path / "out.bin") as file:
+            with suppress(OutputError):
+                file.stream.write(bytes(10**6))
+            raise RuntimeError("failed to call write")
+
+    with pytest.raises(OutputError, match="the disk is full"):
+        write_without_reason()
     assert names(tmp_path) == []
 
 
