@@ -15,9 +15,11 @@ from seaclutter_cli.airborne.water_bodies import (
     SPECULAR,
     WaterBody,
     are_hills,
+    are_woods,
     bands_of,
     connected,
     find_bodies,
+    without_woods,
 )
 
 Cells = NDArray[np.float64]
@@ -58,17 +60,18 @@ class Shores:
 def shores_of(
     grid: ElevationGrid, lowest: Cells, squares: Squares, echoes: Echoes, waves: SquareWaves
 ) -> Shores | None:
-    """Return the land and water of a tile; None if no region is large enough to tell, unless the tile is all hills.
+    """Return the land and water of a tile; None if no region tells, unless the tile is all hills or woods.
 
     Notes
     -----
     Land is what is in a region of land, or in none and at another level than the nearest water. What reflects like
-    water, or does not tell, may be waves up to twice as far from that level. Fewer than six connected squares are no
-    land: the opening takes what is that small for an object. What is not connected to a body of water is land, too.
-    In squares beside water that are in no region, cells at its level are water.
+    water, or does not tell, may be waves up to twice as far from that level. Beside water, fewer than six connected
+    squares are no land: the opening takes what is that small for an object. What is not connected to a body of water
+    is land, too. In squares beside water that are in no region, cells at its level are water.
     """
+    waves = without_woods(squares, echoes, waves)
     regions = find_bodies(squares, echoes, waves)
-    if not regions and not are_hills(squares, waves.deviation_m):
+    if not regions and not _is_dry(squares, echoes, waves.deviation_m):
         return None
     bodies = [region for region in regions if region.is_water]
     land = sure = np.ones(len(squares.index), np.bool_)
@@ -88,9 +91,10 @@ def shores_of(
         wet[np.concatenate([body.squares for body in bodies])] = True
         sure = of_land | ~wet[squares.neighbor].any(axis=0)
     land[echoes.known > 0] = False
-    own = np.flatnonzero(land)
-    part = connected(squares, own)
-    land[own] = (np.bincount(part) >= _LEAST_SQUARES)[part]
+    if bodies:
+        own = np.flatnonzero(land)
+        part = connected(squares, own)
+        land[own] = (np.bincount(part) >= _LEAST_SQUARES)[part]
     if bodies and land.any():
         own = np.flatnonzero(~land)
         part = connected(squares, own)
@@ -105,6 +109,12 @@ def shores_of(
             at_level = np.abs(np.where(np.isfinite(cells), cells, water) - water) <= bank
             of_cells[slot] &= certain[slot] | ~at_level
     return Shores(bodies, of_cells, levels, bank)
+
+
+def _is_dry(squares: Squares, echoes: Echoes, deviation_m: NDArray[np.float64]) -> bool:
+    """Return whether a tile without known regions is all land."""
+    still = deviation_m == 0
+    return are_hills(squares, deviation_m) or (bool(still.all()) and are_woods(squares, echoes, still))
 
 
 def _by_cell(grid: ElevationGrid, squares: Squares, values: tuple[NDArray[Any], ...]) -> list[NDArray[Any]]:

@@ -12,6 +12,7 @@ from seaclutter_cli.text import count, share
 _MAX_SPREAD_M = 4.0
 _MIN_SEA = 0.05
 _MAX_OBJECT_M = 1.0
+_MANY, _EXACT, _SAMPLE = 100, 0.5, 10_000
 _LARGEST_M = {"ship": (460.0, 130.0, 80.0)}  # length, width, height of the largest ships ever built, and a margin
 
 
@@ -30,7 +31,8 @@ def doubts_about_sea(parts: Iterable[NDArray[np.float64]], found: Separation) ->
     doubts = []
     if points < _MIN_SEA * len(is_sea):
         doubts.append(f"only {share(points, len(is_sea))} of the points are sea")
-    elevation = np.concatenate([xyz[2] for xyz in parts])[is_sea] - found.height_m[is_sea]
+    z = np.concatenate([xyz[2] for xyz in parts])[is_sea]
+    elevation = z - found.height_m[is_sea]
     if len(elevation):
         low, high = np.quantile(elevation, (0.01, 0.99))
         if high - low > _MAX_SPREAD_M:
@@ -38,6 +40,17 @@ def doubts_about_sea(parts: Iterable[NDArray[np.float64]], found: Separation) ->
                 f"what was taken for the sea is not level: it lies between {low:.1f} and {high:.1f} m; if the tile "
                 "is of land, neither classes nor objects mean anything"
             )
+        at_once = np.count_nonzero(z == np.median(z[:: len(z) // _SAMPLE + 1]))
+        if len(z) >= _MANY and at_once > _EXACT * len(z):
+            doubts.append(
+                f"{share(int(at_once), len(z))} of what was taken for the sea has exactly one elevation; if elevations "
+                "are heights above the ground, neither classes nor objects mean anything"
+            )
+    if found.is_doubtful:
+        doubts.append(
+            "nothing distinguishes sea from land: neither reflections nor waves nor level water in a hollow; the tile "
+            "may be of land"
+        )
     if found.sea.surface == "followed" and found.sea.object_height_m > _MAX_OBJECT_M:
         doubts.append(
             f"waves of {found.sea.wave_height_m:.1f} m: what rises less than {found.sea.object_height_m:.1f} m above "

@@ -77,6 +77,8 @@ class Separation:
         What the separation is based on.
     land : LandCells
         Where the land is.
+    is_doubtful : bool
+        Whether land was looked for, and nothing in the tile tells it from water.
     """
 
     classification: NDArray[np.uint8]
@@ -84,6 +86,7 @@ class Separation:
     cells: int
     sea: SeaState = SeaState("opened", None, None, None, CALM_M)
     land: LandCells = field(default_factory=LandCells)
+    is_doubtful: bool = False
 
     def first(self, points: int) -> "Separation":
         """Return the separation of the first points alone."""
@@ -151,6 +154,7 @@ def _separated(points: GriddedPoints, params: SurfaceParams, column: Column) -> 
         found = _rough(points, surface, surface.waves, column)
     else:
         found = Separation(*_classes(points, surface), surface.cells, SeaState.of(surface), _land(surface))
+    found = replace(found, is_doubtful=surface.is_doubtful and column("intensity") is not None)
     if trusted and (given := column("classification")) is not None:
         kept = np.isin(given, trusted) & (found.classification != NEVER)
         found.classification[kept] = given[kept]

@@ -15,6 +15,7 @@ from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.opening import open_grid, without_pits
 from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.squares import Echoes, Squares, squares_of, waves_of
+from seaclutter_cli.airborne.water_bodies import LONG_WAVE_M
 from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_levels, local_waves, other_levels
 from seaclutter_cli.errors import InputError
 
@@ -274,6 +275,14 @@ class SeaSurfaceModel:
     def is_rough(self) -> bool:
         """Whether crests rise more than half a metre above the opened surface."""
         return self.waves is not None and self.waves.crest_m > CALM_M
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether land was looked for, and neither regions nor waves, which need room, tell it from water."""
+        params = self.params
+        looked = isinstance(params, SeparationParams) and params.follows_waves and params.land != "ignore"
+        is_small = self.cells * params.cell_m**2 < LONG_WAVE_M**2
+        return looked and self.shores is None and (self.waves is None or is_small)
 
     @property
     def object_height_m(self) -> float:

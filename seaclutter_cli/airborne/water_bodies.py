@@ -22,6 +22,9 @@ SPECULAR, DIFFUSE = 0.6, 0.45
 _COARSE = 8
 _LARGEST, _LARGE, _MIRROR_SHARE, _GROUND_SHARE = 0.5, 0.05, 0.05, 0.5
 _CLEAR_SHARE = 0.8
+_WOODED_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 2.0, 0.1
+LONG_WAVE_M = 100.0
+"""Longer side of a tile that shows its waves; a smaller one may be a part of one wave."""
 _HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
 _GROUND = (SPECULAR + DIFFUSE) / 2
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
@@ -87,7 +90,17 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
 
     Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
     needs two more signs of water.
+
+    A part of a wave slopes like a field. A tile of at most 100 m on each side without any water is not known to be land
+    unless pulses have several echoes in a tenth of its squares, as at leaves and roofs: no region is returned.
     """
+    bodies = _judged(squares, echoes, waves)
+    dry = not any(body.is_water for body in bodies) and not echoes.known.any()
+    return [] if dry and _may_be_waves(squares, echoes) else bodies
+
+
+def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[WaterBody]:
+    """Return the level regions of a tile, and whether each is water by its signs."""
     deviation_m = waves.deviation_m
     if not (echoes.known != 0).any() and not np.isfinite(echoes.variation).any():
         return []
@@ -187,6 +200,29 @@ def are_hills(squares: Squares, deviation_m: Values) -> bool:
     near = np.searchsorted(level, level + _HILL_M) - np.arange(len(level))
     few = np.count_nonzero(_are_flat(squares, deviation_m)) < _FLAT_SHARE * len(level)
     return bool(few and near.max(initial=0) < _LEVEL_SHARE * len(level))
+
+
+def without_woods(squares: Squares, echoes: Echoes, waves: SquareWaves) -> SquareWaves:
+    """Return the waves, or none if most squares of them are woods: ground below trees may undulate like water."""
+    if are_woods(squares, echoes, waves.deviation_m > 0):
+        return SquareWaves(squares.level_m, np.zeros_like(waves.deviation_m))
+    return waves
+
+
+def are_woods(squares: Squares, echoes: Echoes, own: Mask) -> bool:
+    """Return whether some squares are woods or a town.
+
+    Pulses have several echoes in most of them, and in most of these, something rises more than two metres.
+    """
+    leafy = own & (echoes.several > _SEVERAL)
+    many = np.count_nonzero(leafy) > _WOODED_SHARE * np.count_nonzero(own)
+    return bool(many and np.median(squares.top_m[leafy] - squares.level_m[leafy]) > _TREE_M)
+
+
+def _may_be_waves(squares: Squares, echoes: Echoes) -> bool:
+    """Return whether a tile is too small for its waves to show, and has next to no leaves or roofs."""
+    few = np.count_nonzero(echoes.several > _SEVERAL) <= _LEAFY_SHARE * len(squares.index)
+    return bool(few and np.ptp(squares.xy, axis=1).max() * squares.side_m < LONG_WAVE_M)
 
 
 def bands_of(deviation_m: Values) -> Values:

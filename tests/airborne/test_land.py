@@ -238,3 +238,61 @@ def test_real_tiles_with_trusted_ground(kind):
     if kind == "sluice":
         assert (found[given == WATER] == WATER).mean() > 0.98
     assert (found[given != WATER] == WATER).mean() < 0.02
+
+
+def woods(ground, water=None, *, size=(120.0, 120.0), seed=2):
+    """Return a tile below trees, whose pulses have several echoes, except where ``water`` is; all reflect alike."""
+    rng = np.random.default_rng(seed)
+    count = int(4 * size[0] * size[1])
+    x, y = (rng.uniform(0, side, count) for side in size)
+    wet = np.zeros(count, bool) if water is None else water(x, y)
+    z = np.where(wet, 0, ground(x, y)) + rng.normal(0, 0.02, count)
+    leaves = ~wet & (rng.uniform(size=count) < 0.6)
+    passed = rng.uniform(size=leaves.sum()) < 0.4
+    again = np.flatnonzero(leaves)[passed]
+    top = z + np.where(leaves, rng.uniform(2, 12, count), 0)
+    number = np.ones(count + len(again), int)
+    number[again], number[count:] = 2, 2
+    xyz = np.stack((np.append(x, x[again]), np.append(y, y[again]), np.append(top, z[again])))
+    columns = {"intensity": rng.normal(200, 40, len(number)), "number_of_returns": number}
+    return xyz, np.append(~wet, ~wet[again]), columns
+
+
+def hummocks(x, y):
+    return 0.4 * np.sin(x / 3) * np.sin(y / 4) + 1.2 * np.sin(x / 11 + y / 13) + 1.5
+
+
+def test_woods_without_water_are_land():
+    assert shares(*woods(hummocks))[0] == 1
+
+
+def test_a_lake_in_the_woods_is_water():
+    lake = woods(hummocks, lambda x, y: np.hypot(x - 90, y - 90) < 60, size=(180.0, 180.0))
+    land, water = shares(*lake)
+    assert land > 0.9
+    assert water < 0.05
+
+
+def test_scattered_squares_of_hills_are_land():
+    rng = np.random.default_rng(4)
+    x, y = (rng.uniform(0, 1000, 60_000) for _ in "xy")
+    columns = {"intensity": rng.normal(200, 40, len(x)), "number_of_returns": np.ones(len(x), int)}
+    hills = np.stack((x, y, 20 * np.sin(x / 150) + 20 * np.cos(y / 170) + rng.uniform(0, 8, len(x))))
+    assert shares(hills, np.ones(len(x), bool), columns)[0] == 1
+
+
+@pytest.mark.parametrize("speckle", [True, False])
+def test_a_window_smaller_than_the_swell_is_no_land(speckle):
+    for seed in range(3):
+        xyz, _, columns = tile(sea_only, height=1.5, length=100.0, level=45.0, speckle=speckle, seed=seed)
+        inside = (xyz[:2] < 50).all(axis=0)
+        found = separate([xyz[:, inside]], SeparationParams(), {k: v[inside] for k, v in columns.items()}.get)
+        assert (found.classification == OTHER).mean() < 0.02
+
+
+def test_a_small_field_is_doubtful():
+    rng = np.random.default_rng(6)
+    x, y = (rng.uniform(0, 50, 20_000) for _ in "xy")
+    field = np.stack((x, y, 0.02 * x + rng.normal(0, 0.03, len(x))))
+    columns = {"intensity": rng.normal(200, 40, len(x)), "number_of_returns": np.ones(len(x), int)}
+    assert separate([field], SeparationParams(), columns.get).is_doubtful

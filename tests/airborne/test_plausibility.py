@@ -26,7 +26,12 @@ def separation(elevation, other=0):
     ("elevation", "other", "doubts"),
     [
         (np.linspace(-1.5, 1.5, 1000), 500, []),
-        (np.append(np.zeros(995), [30] * 5), 0, []),  # a few cliffs
+        (np.append(np.linspace(-0.1, 0.1, 995), [30] * 5), 0, []),  # a few cliffs
+        (
+            np.append(np.zeros(600), np.linspace(0, 0.1, 400)),
+            0,
+            ["60.1 % of what was taken for the sea has exactly one"],
+        ),
         (np.linspace(120, 140, 1000), 0, ["not level: it lies between 120.2 and 139.8 m"]),
         (np.zeros(40), 960, ["only 4.0 % of the points are sea"]),
         (np.zeros(0), 10, ["only 0.0 % of the points are sea"]),
@@ -40,11 +45,17 @@ def test_tiles_over_land(elevation, other, doubts):
 
 @pytest.mark.parametrize(("height_m", "doubts"), [(0.9, 0), (1.4, 1)])
 def test_objects_as_low_as_waves(height_m, doubts):
-    parts, found = separation(np.zeros(100))
+    parts, found = separation(np.linspace(-0.1, 0.1, 100))
     rough = replace(found, sea=SeaState("followed", 0.0, 1.5, 45.0, height_m))
     texts = doubts_about_sea(parts, rough)
     assert len(texts) == doubts
     assert all("waves of 1.5 m: what rises less than 1.4 m" in text for text in texts)
+
+
+def test_a_tile_in_which_nothing_tells():
+    parts, found = separation(np.linspace(-0.1, 0.1, 1000))
+    (text,) = doubts_about_sea(parts, replace(found, is_doubtful=True))
+    assert text.endswith("the tile may be of land")
 
 
 def test_ships_of_a_kilometre():
