@@ -168,7 +168,8 @@ class _PlainProgress:
     """Progress as a line every ten seconds."""
 
     def __init__(self, title: str, total: int | None, unit: str) -> None:
-        self._title, self._of, self._unit = title, f" of {total:,}" if total else "", unit
+        of = f" of {total:,}" if total else ""
+        self._before, self._after = (f"{title}: ", f"{of} MiB") if unit == "MiB" else (f"{title}: {unit} ", of)
         self._count = 0
         self._next = time.monotonic() + _LINE_SECONDS
 
@@ -177,7 +178,7 @@ class _PlainProgress:
         self._count += 1
         if time.monotonic() >= self._next:
             self._next += _LINE_SECONDS
-            show_line(f"{self._title}: {self._unit} {self._count:,}{self._of}")
+            show_line(f"{self._before}{self._count:,}{self._after}")
 
 
 def show_each_warning_once() -> Callable[..., None]:

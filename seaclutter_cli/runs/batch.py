@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.jobs.budget import default_jobs
@@ -94,6 +94,8 @@ def inputs_of_work(recording: Recording, reading: ReadOptions, labels: LabelFile
 class Work(ABC, Generic[O]):
     """Work on one recording: an object that pickle can copy, as its outcome."""
 
+    noun: ClassVar[str] = "recording"
+    """Name of what is processed, for the progress."""
     recording: Recording
     """The recording."""
 
@@ -202,13 +204,13 @@ def _tasks(works: Sequence[Work[O]], engine: Engine, observer: Observer) -> list
 @contextmanager
 def _progress(works: Sequence[Work[O]], observer: Observer) -> Iterator[Callable[[int, float], None]]:
     """Show the progress over all recordings, in MiB of input if there are any; yield the function that gets shares."""
-    unit = "MiB"
+    noun, unit = works[0].noun if works else Work.noun, "MiB"
     sizes = [max(input_bytes(work.recording), 1) / _MIB for work in works]
     if sum(sizes) < 1:  # small, or not there yet
-        sizes, unit = [1.0] * len(works), "recording"
+        sizes, unit = [1.0] * len(works), noun
     shares = [0.0] * len(works)
     done, shown = 0.0, 0
-    with observer.progress(count(len(works), "recording"), round(sum(sizes)), unit=unit) as step:
+    with observer.progress(count(len(works), noun), round(sum(sizes)), unit=unit) as step:
 
         def on_share(number: int, share: float) -> None:
             nonlocal done, shown

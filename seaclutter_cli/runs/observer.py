@@ -33,7 +33,8 @@ class Observer(Protocol):
     def progress(self, title: str, total: int | None, unit: str = "frame") -> AbstractContextManager[Step]:
         """Start a progress display of ``total`` frames, if known; yield the function to call after each frame.
 
-        Over several recordings, the unit is ``MiB`` of input, or ``recording`` if there is less than one.
+        Over several recordings or tiles, the unit is ``MiB`` of input, or ``recording`` or ``tile`` if there is less
+        than one MiB.
         """
         ...
 

@@ -44,6 +44,15 @@ def test_separation(tiles, tmp_path):
     assert sorted(found[0][0]) == ["a.laz", "b.laz", "c.laz"]
 
 
+def test_the_progress_is_of_tiles(tiles, tmp_path, monkeypatch):
+    from seaclutter_cli.commands import console
+
+    monkeypatch.setattr(console, "_LINE_SECONDS", 0.0)
+    result = invoke("classify", "separate", tiles, "-o", f"{tmp_path / 'out'}/", "-j", 1)
+    assert "3 tiles: 3 of 3 MiB\n" in result.stderr
+    assert "recording" not in result.stderr
+
+
 def test_classification(tiles, tmp_path):
     pytest.importorskip("skops")
     model = tmp_path / "model.skops"

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.jobs.budget import default_jobs
@@ -77,6 +77,8 @@ class TileWork(Work[TileOutcome[R]]):
     replaced : bool
         Whether an existing output may be replaced.
     """
+
+    noun: ClassVar[str] = "tile"
 
     tile: TileHead
     target: Path
