@@ -114,6 +114,18 @@ def count(number: int, noun: str) -> str:
     return f"{number:,} {noun}{'' if number == 1 else plural}"
 
 
+def listed(names: Sequence[str], most: int = 3) -> str:
+    """Return names in a line: the first ones, and how many more there are.
+
+    Examples
+    --------
+    >>> listed(["a", "b"]), listed(["a", "b", "c", "d", "e"])
+    ('a, b', 'a, b, c and 2 more')
+    """
+    shown, more = ", ".join(names[:most]), len(names) - most
+    return f"{shown} and {more:,} more" if more > 0 else shown
+
+
 def duration(seconds: float) -> str:
     """Return a duration in its two largest units.
 

@@ -21,6 +21,7 @@ COLUMNS = (
     *("tile", "object", "class", "probability", "points", "x", "y", "length", "width", "yaw"),
     *("height", "area_m2"),
 )
+_LEAST_SIDE_M = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,8 +107,12 @@ class FoundObject:
         return self.corners_in(1.0)
 
     def corners_in(self, unit_m: float) -> Values:
-        """Return the corners around a centre that is given in a unit of length, which is given in metres."""
-        half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(self.size) / (2 * unit_m)
+        """Return the corners around a centre that is given in a unit of length, which is given in metres.
+
+        Sides are at least ten centimetres long, so that collinear points have a valid outline.
+        """
+        size = np.maximum(self.size, _LEAST_SIDE_M)
+        half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * size / (2 * unit_m)
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return np.asarray(half @ np.array([[c, s], [-s, c]]) + self.center)
 

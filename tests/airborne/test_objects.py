@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.airborne.features import NonSeaPoints
-from seaclutter_cli.airborne.objects import ObjectFindingParams, as_csv, as_geojson, find_objects, smallest_rectangle
+from seaclutter_cli.airborne.objects import (
+    ObjectFindingParams,
+    as_csv,
+    as_geojson,
+    find_objects,
+    object_around,
+    smallest_rectangle,
+)
 
 
 def rectangle(rng, center, size, yaw, count=300):
@@ -37,6 +44,16 @@ def test_points_on_a_line(points):
     np.testing.assert_allclose(center, np.mean(points, axis=0))
     if len(points) > 1:
         assert np.tan(yaw) == pytest.approx(4 / 3)
+
+
+@pytest.mark.parametrize("points", [[(1, 2)], [(1, 2), (4, 6)], [(0, 0), (3, 4), (6, 8)]])
+def test_the_outline_of_points_on_a_line_has_an_area(points):
+    one = object_around(1, np.array(points, float).T, np.zeros(len(points)))
+    (feature,) = json.loads(as_geojson([("tile", [one])]))["features"]
+    (x, y) = np.array(feature["geometry"]["coordinates"][0]).T
+    area = (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2
+    assert area == pytest.approx(0.1 * max(one.size[0], 0.1), abs=0.02)
+    assert one.size[1] == pytest.approx(0)
 
 
 def two_objects():

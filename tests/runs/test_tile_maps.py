@@ -171,6 +171,16 @@ def test_tiles_without_a_known_crs(tmp_path):
     np.testing.assert_allclose(center, np.add(ORIGIN, (120, 90)), atol=2)
 
 
+def test_several_tiles_without_a_known_crs_have_one_warning_for_each_file(tmp_path):
+    (tmp_path / "tiles").mkdir()
+    for name in "abcd":
+        write(tmp_path / "tiles" / f"{name}.laz", island(), epsg=None)
+    maps = ("--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
+    result = run("separate", tmp_path / "tiles", "-o", f"{tmp_path / 'out'}/", *maps, "-j", 1)
+    warnings = [line for line in result.stderr.splitlines() if "its CRS is unknown" in line]
+    assert [line.split(": ")[1] for line in warnings] == ["a, b, c and 1 more"] * 2
+
+
 def test_a_resumed_run_has_the_maps_of_all_tiles(tiles, mapped, tmp_path):
     """The complete tile is not separated again, but its part of the maps is the same."""
     maps = ("--plot", tmp_path / "map.png", "--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")

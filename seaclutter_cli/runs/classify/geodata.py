@@ -14,8 +14,10 @@ from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.sinks.geopackage import Feature, Layer, geopackage
 from seaclutter_cli.sources.crs import Crs, ToLongitudeLatitude
+from seaclutter_cli.text import listed
 
 NOT_WGS84 = "GeoJSON is in the coordinates of the tile, not in WGS 84"
+LEFT_OUT = "left out of the GeoPackage, which is in WGS 84"
 Lines = Sequence[NDArray[np.float64]]
 
 
@@ -41,20 +43,26 @@ class TileGeodata:
     objects: Sequence[FoundObject] = ()
 
 
-def to_wgs84(name: str, crs: Crs, what: str, observer: Observer) -> ToLongitudeLatitude | None:
-    """Return the conversion of a tile's positions to WGS 84; warn if there is none."""
-    try:
-        conversion, reason = crs.to_wgs84(), "its CRS is unknown"
-    except MissingExtraError as error:
-        conversion, reason = None, str(error)
-    if conversion is None:
-        observer.warn(f"{name}: {what}: {reason}")
-    return conversion
+def conversions(tiles: Sequence[tuple[str, Crs]], what: str, observer: Observer) -> list[ToLongitudeLatitude | None]:
+    """Return the conversion of each tile's positions to WGS 84; warn of the tiles for which there is none."""
+    found: list[ToLongitudeLatitude | None] = []
+    without: dict[str, list[str]] = {}
+    for name, crs in tiles:
+        try:
+            conversion, reason = crs.to_wgs84(), "its CRS is unknown"
+        except MissingExtraError as error:
+            conversion, reason = None, str(error)
+        if conversion is None:
+            without.setdefault(reason, []).append(name)
+        found.append(conversion)
+    for reason, names in without.items():
+        observer.warn(f"{listed(names)}: {what}: {reason}")
+    return found
 
 
 def geojson_of(tiles: Sequence[TileGeodata], observer: Observer) -> bytes:
     """Return objects, then shorelines, as GeoJSON: in WGS 84, or in the coordinates of a tile without a known CRS."""
-    ways = [to_wgs84(tile.name, tile.crs, NOT_WGS84, observer) for tile in tiles]
+    ways = conversions([(tile.name, tile.crs) for tile in tiles], NOT_WGS84, observer)
     lines = chain.from_iterable(_line_features(*pair) for pair in zip(tiles, ways, strict=True))
     places = [(tile.crs.unit_m, way) for tile, way in zip(tiles, ways, strict=True)]
     return as_geojson([(tile.name, tile.objects) for tile in tiles], places, list(lines)).encode()
@@ -92,8 +100,8 @@ def geopackage_of(tiles: Sequence[TileGeodata], observer: Observer, *, classifie
     """
     lines: list[Feature] = []
     boxes: list[Feature] = []
-    for tile in tiles:
-        convert = to_wgs84(tile.name, tile.crs, "left out of the GeoPackage, which is in WGS 84", observer)
+    ways = conversions([(tile.name, tile.crs) for tile in tiles], LEFT_OUT, observer)
+    for tile, convert in zip(tiles, ways, strict=True):
         if convert is None:
             continue
         lines += [

@@ -1,6 +1,5 @@
 """Classification of the points and objects of tiles with a trained model."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -19,7 +18,7 @@ from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
-from seaclutter_cli.runs.classify.geodata import NOT_WGS84, TileGeodata, check_geodata, geopackage_of, to_wgs84
+from seaclutter_cli.runs.classify.geodata import NOT_WGS84, TileGeodata, check_geodata, conversions, geopackage_of
 from seaclutter_cli.runs.classify.maps import shoreline_in
 from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, PredictResult, TileObjects, columns_of
 from seaclutter_cli.runs.classify.survey import tiles_of
@@ -34,7 +33,7 @@ from seaclutter_cli.runs.classify.tiles import (
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import write_files
-from seaclutter_cli.runs.recordings import PathLike
+from seaclutter_cli.runs.recordings import Logs, PathLike
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources.tile_paths import find_tiles
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, open_tile
@@ -81,13 +80,13 @@ class ClassifyTilesOptions:
 
 
 def classify_tiles(
-    tiles: Sequence[str], output: PathLike, options: ClassifyTilesOptions, observer: Observer = SILENT
+    tiles: Logs, output: PathLike, options: ClassifyTilesOptions, observer: Observer = SILENT
 ) -> PredictResult:
     """Classify the points of tiles, find their objects, and write both.
 
     Parameters
     ----------
-    tiles : sequence of str
+    tiles : path, or sequence of paths
         Files, folders or globs.
     output : path
         File for one tile, folder for several or if it is a `str` that ends in a slash.
@@ -190,7 +189,8 @@ def _tables(result: PredictResult, options: ClassifyTilesOptions, observer: Obse
     if options.csv_file:
         tables[options.csv_file] = as_csv(objects).encode()
     if options.geojson_file:
-        places = [(tile.crs.unit_m, to_wgs84(tile.name, tile.crs, NOT_WGS84, observer)) for tile in result.tiles]
+        ways = conversions([(tile.name, tile.crs) for tile in result.tiles], NOT_WGS84, observer)
+        places = [(tile.crs.unit_m, way) for tile, way in zip(result.tiles, ways, strict=True)]
         tables[options.geojson_file] = as_geojson(objects, places).encode()
     return tables
 
