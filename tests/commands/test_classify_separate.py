@@ -205,7 +205,7 @@ def test_several_tiles_are_written_to_a_folder(tmp_path):
 
 def test_bad_command_lines(tmp_path):
     tile = write(tmp_path / "tile.las", points())
-    assert run(tmp_path / "none.las", "-o", tmp_path / "o.las").exit_code == 1
+    assert run(tmp_path / "none.las", "-o", tmp_path / "o.las").exit_code == 2
     assert "is part of the input" in run(tile, "-o", tile, "--force").stderr
     assert run(tile, "-o", tmp_path / "o.xyz").exit_code == 2
     (tmp_path / "o.las").write_text("mine")
@@ -301,3 +301,19 @@ def test_other_classes_cannot_be_trusted(tmp_path, text):
     result = run(tile, "-o", tmp_path / "out.las", "--trust-classes", text)
     assert result.exit_code == 2
     assert "must be 2, 9, or 2,9" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"land": "sand"}, "options: separation.land: must be"),
+        ({"trust_classes": (3,)}, "options: separation.trust_classes"),
+        ({"margin_m": -5}, "margin_m: must be 0 to 1000 m, got -5"),
+        ({"window_m": 0.1}, "window_m: must be 50 to 100000 m, got 0.1"),
+    ],
+)
+def test_options_of_the_library_are_checked(tmp_path, options, message):
+    import seaclutter
+
+    with pytest.raises(seaclutter.UsageError, match=re.escape(message)):
+        seaclutter.separate_tiles(tmp_path, tmp_path / "out.laz", seaclutter.SeparateTilesOptions(**options))

@@ -202,7 +202,7 @@ def test_bad_tiles_for_training(tmp_path):
         assert (result.exit_code, message in result.stderr) == (1, True), result.stderr
     (tmp_path / "empty").mkdir()
     assert "empty: no tile found; supported suffixes:" in run(*train, tmp_path / "empty").stderr
-    assert "none.las: no tile found" in run(*train, tmp_path / "none.las").stderr
+    assert "none.las: no such file or folder" in run(*train, tmp_path / "none.las").stderr
     assert not (tmp_path / "m").exists()
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Literal
@@ -11,6 +11,7 @@ import numpy as np
 
 from seaclutter_cli.airborne.objects import ObjectFindingParams
 from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, Separation, separate
+from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import CloudError, SelectionError, UsageError
 from seaclutter_cli.runs.batch import BatchOptions, run_batch
@@ -18,7 +19,7 @@ from seaclutter_cli.runs.classify.batch import TileWork, jobs_for
 from seaclutter_cli.runs.classify.maps import DrawnTile, MapOptions, drawn, map_files
 from seaclutter_cli.runs.classify.resume import LAND, RUN, land_text, record_text, recorded_run, recorded_separation
 from seaclutter_cli.runs.classify.separate_result import SeparatedTile, SeparateOutcome, SeparateResult
-from seaclutter_cli.runs.classify.survey import MARGIN_M, margins_of, points_of, tiles_of
+from seaclutter_cli.runs.classify.survey import MARGIN_M, check_widths, margins_of, points_of, tiles_of
 from seaclutter_cli.runs.classify.tiles import (
     TileSettingsOptions,
     errors_of,
@@ -30,7 +31,7 @@ from seaclutter_cli.runs.classify.tiles import (
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import write_files
-from seaclutter_cli.runs.recordings import PathLike, storing_errors
+from seaclutter_cli.runs.recordings import Logs, PathLike, storing_errors
 from seaclutter_cli.runs.resume import earlier_outcomes, same_output_accepted
 from seaclutter_cli.runs.run_record import RunIdentity, digest_of, digest_of_paths
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -40,6 +41,7 @@ from seaclutter_cli.sources.tile_paths import find_tiles
 from seaclutter_cli.sources.tiles import CloudTile, LasTile
 from seaclutter_cli.sources.windows import open_tile_or_window
 from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.validation import plain
 
 HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
 SEA_STATE = TextRecord(1, "sea state of the separation")
@@ -61,9 +63,10 @@ class SeparateTilesOptions:
     trust_classes : tuple of {2, 9} or None
         Classes of the input that are right: ground (2), water (9); None: as in the settings.
     margin_m : float
-        Width of the margin around each of several tiles in which points of its neighbours count; 0: none.
+        Width of the margin around each of several tiles in which points of its neighbours count, up to 1 km; 0: none.
     window_m : float or None
-        Width of the windows in which COPC files are read, each of which becomes a tile; None: as a whole.
+        Width of the windows in which COPC files are read, each of which becomes a tile, 50 m to 100 km; None: as a
+        whole.
     maps : MapOptions
         Picture, and geodata of the shoreline and the objects.
     force : bool
@@ -90,13 +93,13 @@ class SeparateTilesOptions:
 
 
 def separate_tiles(
-    tiles: Sequence[str], output: PathLike, options: SeparateTilesOptions | None = None, observer: Observer = SILENT
+    tiles: Logs, output: PathLike, options: SeparateTilesOptions | None = None, observer: Observer = SILENT
 ) -> SeparateResult:
     """Separate tiles into sea and non-sea points, and write them with ASPRS classes.
 
     Parameters
     ----------
-    tiles : sequence of str
+    tiles : path, or sequence of paths
         Files, folders or globs.
     output : path
         File for one tile, folder for several or if it is a `str` that ends in a slash.
@@ -118,18 +121,12 @@ def separate_tiles(
     Examples
     --------
     >>> import seaclutter
-    >>> done = seaclutter.separate_tiles(["samples/tile.laz"], folder / "separated.laz")
+    >>> done = seaclutter.separate_tiles("samples/tile.laz", folder / "separated.laz")
     >>> [(tile.tile, tile.points) for tile in done.tiles]
     [('tile', 161374)]
     """
     options = options or SeparateTilesOptions()
-    settings = options.settings.load()
-    params = settings.separation
-    params = replace(
-        params,
-        land=params.land if options.land is None else options.land,
-        trust_classes=params.trust_classes if options.trust_classes is None else options.trust_classes,
-    )
+    settings = _settings(options)
     batch = options.batch
     replaced = options.force or batch.resume
     inputs, others = {"-c": options.settings.file}, {"--manifest": batch.manifest}
@@ -144,7 +141,7 @@ def separate_tiles(
             tile=head,
             target=target,
             replaced=replaced,
-            params=params,
+            params=settings.separation,
             objects=settings.objects,
             with_height=options.with_height,
             margin=margin,
@@ -161,6 +158,15 @@ def separate_tiles(
         recordings = [work.recording for work in works]
         write_files(manifest_of(batch.manifest, recordings, outcomes), replace=replaced)
     return SeparateResult(outcomes)
+
+
+def _settings(options: SeparateTilesOptions) -> TileSettings:
+    """Return the settings, with those that are options of their own; check all of them."""
+    check_widths(options.margin_m, options.window_m)
+    raw = options.settings.load().as_dict()
+    given = {"land": options.land, "trust_classes": options.trust_classes}
+    raw["separation"] |= {key: plain(value) for key, value in given.items() if value is not None}
+    return parse_settings(raw, "options")
 
 
 def _run(

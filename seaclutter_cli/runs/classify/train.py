@@ -1,6 +1,5 @@
 """Training of a random forest on labelled tiles."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,6 +24,7 @@ from seaclutter_cli.runs.classify.tiles import (
 from seaclutter_cli.runs.classify.train_result import TrainingReport
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import prepare_outputs, write_files
+from seaclutter_cli.runs.recordings import Logs
 from seaclutter_cli.sources.tile_paths import find_tiles
 from seaclutter_cli.sources.tiles import TilePointReader, open_tile, read_columns
 from seaclutter_cli.truth import OBJECT_CLASSES
@@ -64,12 +64,12 @@ class TrainForestOptions:
     force: bool = False
 
 
-def train_forest(tiles: Sequence[str], options: TrainForestOptions, observer: Observer = SILENT) -> TrainingReport:
+def train_forest(tiles: Logs, options: TrainForestOptions, observer: Observer = SILENT) -> TrainingReport:
     """Train a random forest on labelled tiles, test it on held-out data, and write it.
 
     Parameters
     ----------
-    tiles : sequence of str
+    tiles : path, or sequence of paths
         Files, folders or globs.
     options : TrainForestOptions
         Settings, fields and outputs.
