@@ -45,8 +45,8 @@ def command(tiles: tuple[str, ...], output: str, options: "ClassifyTilesOptions"
     """Classify the non-sea points of each TILE with a trained model, and find the objects.
 
     Each point gets the additional dimensions predicted_class (0 for none, otherwise as in train), probability and
-    predicted_object, and the same classification as by separate. Boxes in the CSV table are in the coordinates of the tile, in GeoJSON and
-    GeoPackage in WGS 84.
+    predicted_object, and the same classification as by separate. The CSV table has the coordinates of the tile;
+    GeoJSON and GeoPackage are in WGS 84.
     """
     from seaclutter_cli.runs.classify.predict import classify_tiles
 
