@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line
+from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line, with_progress_bar
 from seaclutter_cli.errors import AdaptedThresholdsWarning, RenamedKeyWarning, SeaclutterError
 from seaclutter_cli.text import printable, shortened
 
@@ -89,7 +89,10 @@ class Console:
 
             title = shortened(printable(title), _TITLE_CHARACTERS)
             plural = f" {unit}" if unit == "MiB" else f" {unit}s"
-            with closing(tqdm(total=total, desc=title, unit=plural, leave=False, dynamic_ncols=True)) as bar:
+            with (
+                closing(tqdm(total=total, desc=title, unit=plural, leave=False, dynamic_ncols=True)) as bar,
+                with_progress_bar(tqdm.external_write_mode),
+            ):
                 yield bar.update
         else:
             yield _PlainProgress(title, total, unit).step

@@ -9,7 +9,10 @@ import os
 import re
 import sys
 import traceback
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from types import TracebackType
+from typing import Any
 
 import click
 
@@ -18,7 +21,19 @@ from seaclutter_cli.text import printable, shortened
 
 _WORD_CHARACTERS, _LINE_CHARACTERS = 200, 4000
 _LONG_WORD = re.compile(rf"\S{{{_WORD_CHARACTERS + 1},}}")
+_Aside = Callable[[], AbstractContextManager[Any]]
+_ASIDE: list[_Aside] = []
 _FOREIGN_LINE_BREAK = re.compile(r"\n(?!  )")
+
+
+@contextmanager
+def with_progress_bar(aside: _Aside) -> Iterator[None]:
+    """Let all that is printed appear above a progress bar; ``aside`` removes the bar while its context is open."""
+    _ASIDE.append(aside)
+    try:
+        yield
+    finally:
+        _ASIDE.remove(aside)
 
 
 def show(text: str, *, err: bool = False) -> None:
@@ -61,7 +76,8 @@ def show_exactly(text: str, *, err: bool = False) -> None:
         If standard output cannot be written, for example because the disk is full.
     """
     try:
-        click.echo(text, err=err)
+        with _ASIDE[-1]() if _ASIDE else nullcontext():
+            click.echo(text, err=err)
     except BrokenPipeError:
         raise
     except OSError as error:

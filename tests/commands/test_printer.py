@@ -1,5 +1,6 @@
 """The way out to the terminal: printable text of bounded length, one line for each error, whatever names contain."""
 
+import io
 import json
 import logging
 import os
@@ -237,3 +238,22 @@ def test_debug_shows_a_printable_traceback(folder):
 def test_records_that_libraries_log_are_one_line(capsys):
     LogHandler().handle(logging.LogRecord("library", logging.WARNING, "", 0, "text %s", ("\nLINE\x1b",), None))
     assert capsys.readouterr().err == "Warning: text \\nLINE\\x1b (library)\n"
+
+
+def test_lines_appear_above_a_progress_bar(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    console = Console()
+    with console.progress("4 tiles", 4, unit="tile") as step:
+        console.note("the first")
+        step()
+        console.warn("the second")
+    console.note("the last")
+    *above, last = terminal.getvalue().split("\n")
+    assert [line.rpartition("\r")[2] for line in above] == ["the first", "Warning: the second", "the last"]
+    assert "4 tiles" in above[0]
+    assert not last
