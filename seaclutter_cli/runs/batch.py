@@ -13,7 +13,7 @@ from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
 from seaclutter_cli.jobs.processes import Processes
 from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.recordings import Outcome, ReadOptions
+from seaclutter_cli.runs.recordings import NOT_PROCESSED, Outcome, ReadOptions
 from seaclutter_cli.runs.relay import Relay
 from seaclutter_cli.runs.shared_places import shared_places
 from seaclutter_cli.sources import Recording
@@ -193,7 +193,7 @@ def run_batch(
                 passed += 1
             if error and options.fail_fast:
                 break
-    return [one or work.without_result("not processed") for one, work in zip(outcomes, works, strict=True)]
+    return [one or work.without_result(NOT_PROCESSED) for one, work in zip(outcomes, works, strict=True)]
 
 
 def _tasks(works: Sequence[Work[O]], engine: Engine, observer: Observer) -> list[_Task[O]]:

@@ -22,7 +22,9 @@ from seaclutter_cli.sources.shared.integration import Integrated
 from seaclutter_cli.storage.locations import is_url
 from seaclutter_cli.text import count, duration, printable
 
-_STATUSES = ("done", "damaged", "failed", "skipped")
+NOT_PROCESSED = "not processed"
+"""Error of a recording that a run which stopped after an error did not come to."""
+_STATUSES = ("done", "damaged", "failed", NOT_PROCESSED, "skipped")
 
 PathLike = str | os.PathLike[str]
 Logs = PathLike | Sequence[PathLike]
@@ -213,8 +215,10 @@ def statuses(outcomes: Sequence[Outcome]) -> str:
     --------
     >>> statuses([Outcome(recording="a"), Outcome(recording="b", error="no such file")])
     '1 done, 1 failed'
+    >>> statuses([Outcome(recording="a", error="no such file"), Outcome(recording="b", error=NOT_PROCESSED)])
+    '1 failed, 1 not processed'
     """
-    found = Counter(outcome.status for outcome in outcomes)
+    found = Counter(one.error if one.error == NOT_PROCESSED else one.status for one in outcomes)
     return ", ".join(f"{found[status]:,} {status}" for status in _STATUSES if found[status])
 
 
