@@ -221,6 +221,8 @@ def are_woods(squares: Squares, echoes: Echoes, own: Mask) -> bool:
 
 def _may_be_waves(squares: Squares, echoes: Echoes) -> bool:
     """Return whether a tile is too small for its waves to show, and has next to no leaves or roofs."""
+    if not len(squares.index):
+        return False
     few = np.count_nonzero(echoes.several > _SEVERAL) <= _LEAFY_SHARE * len(squares.index)
     return bool(few and np.ptp(squares.xy, axis=1).max() * squares.side_m < LONG_WAVE_M)
 

@@ -232,6 +232,14 @@ def test_bad_tiles(tmp_path):
     assert not list(tmp_path.glob("o.*"))
 
 
+@pytest.mark.parametrize("size", [1, 3])
+def test_a_tile_of_a_few_points_is_sea(tmp_path, size):
+    tile = write(tmp_path / "tile.las", points()[:size])
+    assert run(tile, "-o", tmp_path / "out.las").exit_code == 0
+    assert_same_but_class(tile, tmp_path / "out.las")
+    assert (np.asarray(read(tmp_path / "out.las").classification) == 9).all()
+
+
 def test_evlrs_with_a_wrong_length_are_refused(tmp_path):
     good = write(tmp_path / "good.las", points())
     data = bytearray(good.read_bytes())
