@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells
+from seaclutter_cli.airborne.grid import BLOCK
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.nearest import nearest
-from seaclutter_cli.airborne.squares import positions, square_of, squares_in
+from seaclutter_cli.airborne.squares import SIDE, positions, square_of, squares_in
 from seaclutter_cli.airborne.strips import Column
 
 Values = NDArray[np.float64]
@@ -18,7 +19,7 @@ Mask = NDArray[np.bool_]
 
 _FEW, _LEAST_ECHOES, _LEAST_SHARE, _SAMPLE = 0.01, 6, 0.05, 8
 _ROUGH_M, _LEAST_DEPTH_M, _DEVIATIONS = 0.5, 0.3, 3.0
-_LEAST_SQUARES, _HALF, _NEARLY, _PER_BLOCK, _REACH = 6, 0.5, 0.75, 32, 2
+_LEAST_SQUARES, _HALF, _NEARLY, _REACH = 6, 0.5, 0.75, 2
 
 
 @dataclass(frozen=True)
@@ -82,10 +83,10 @@ def bottom_of(points: GriddedPoints, column: Column, trusted: Collection[int] = 
     * pulses with one echo are nearer to the former than to the latter: they, too, met the surface. Below trees, they
       met the ground.
 
-    Fewer than six connected squares are none. Nor are squares if the echoes of most of those around are near the level
-    of the later ones: that is a mat on the water. In clear water, later echoes below the mean of the first ones are
-    from the bottom, as is any echo more than three standard deviations (at least 0.3 m) below it: in calm water the
-    surface often returns nothing. The latter holds up to two squares around, where ships hide the surface.
+    Groups of fewer than six connected squares do not count. A group is a mat on the water, not clear water, if in most
+    squares around it the echoes are near the level of its later echoes. In clear water, later echoes below the mean of
+    the first ones are from the bottom. So is any echo more than three standard deviations (at least 0.3 m) below that
+    mean, because calm water often returns nothing; this holds up to two squares around, where ships hide the surface.
     """
     returns = column("number_of_returns")
     if returns is None or np.count_nonzero(returns > 1) < _FEW * points.size:
@@ -144,7 +145,7 @@ class _Squares(NamedTuple):
 
 
 def _squares(points: GriddedPoints, chosen: Mask, every: int = 1) -> _Squares:
-    """Return what one in ``every`` of the chosen echoes tells; their number is that of all."""
+    """Return statistics of one in ``every`` of the chosen echoes, with the number that all of them have."""
     total = squares_in(points.grid)
     count, one, two = (np.zeros(total) for _ in range(3))
     datum = next((float(z[0]) for z, _ in points if len(z)), 0.0)  # large elevations have no digits left for squares
@@ -162,7 +163,7 @@ def _squares(points: GriddedPoints, chosen: Mask, every: int = 1) -> _Squares:
 
 def _regions(points: GriddedPoints, squares: Mask) -> NDArray[np.int32]:
     """Return the number of the region of each square; 0 for squares in none that is large enough."""
-    part, group = joined_cells(squares.reshape(-1, _PER_BLOCK, _PER_BLOCK), points.grid.blocks)
+    part, group = joined_cells(squares.reshape(-1, BLOCK // SIDE, BLOCK // SIDE), points.grid.blocks)
     region = group[part.reshape(-1)]
     large = np.bincount(region[squares], minlength=len(group)) >= _LEAST_SQUARES
     return np.asarray(np.where(squares & large[region], region, 0))

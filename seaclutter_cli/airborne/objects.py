@@ -175,12 +175,8 @@ def object_around(
 ) -> FoundObject:
     """Return the object of points with positions, shape (2, N), and heights, shape (N,), in metres."""
     center, size, yaw, area = smallest_rectangle(xy.T)
-    return FoundObject(number, code, probability, xy.shape[1], center, size, yaw, top_of(height_m), area)
-
-
-def top_of(height_m: Values) -> float:
-    """Return the height that one point in a hundred exceeds."""
-    return float(np.quantile(height_m, 0.99))
+    top_m = float(np.quantile(height_m, 0.99))
+    return FoundObject(number, code, probability, xy.shape[1], center, size, yaw, top_m, area)
 
 
 def smallest_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float], float, float]:

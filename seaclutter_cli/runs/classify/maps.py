@@ -50,6 +50,11 @@ class MapOptions:
         """Whether there are any."""
         return any((self.plot_file, self.geojson_file, self.gpkg_file))
 
+    @property
+    def with_geodata(self) -> bool:
+        """Whether there is geodata among them."""
+        return any((self.geojson_file, self.gpkg_file))
+
     def check(self) -> None:
         """Check names and libraries before the run."""
         if self.plot_file:
@@ -87,15 +92,19 @@ def shoreline_in(tile: LasTile | CloudTile, found: Separation) -> list[NDArray[n
 
 
 def drawn(
-    tile: LasTile | CloudTile, found: Separation, name: str, pixel_m: float, params: ObjectFindingParams
+    tile: LasTile | CloudTile, found: Separation, name: str, pixel_m: float, params: ObjectFindingParams | None
 ) -> DrawnTile:
-    """Return the map of a separated tile with pixels of about a width in metres; 0: as its own size requires."""
+    """Return the map of a separated tile with pixels of about a width in metres; 0: as its own size requires.
+
+    ``params`` are those of the search for objects; None: they are not searched for.
+    """
     points = TilePointReader(tile)
     fine = map_of(points, found, found.land.cell_m)
     lines = shoreline_of(fine)
-    objects = [one.placed(tile.crs.unit_m) for one in unclassified_objects(points, found, fine, params)]
+    objects = [] if params is None else unclassified_objects(points, found, fine, params)
+    placed = [one.placed(tile.crs.unit_m) for one in objects]
     width = pixel_m or max(fine.kind.shape) * fine.cell_m / _PIXELS
-    return DrawnTile(_part(fine.coarser(width), lines), TileGeodata(name, tile.crs, lines, objects))
+    return DrawnTile(_part(fine.coarser(width), lines), TileGeodata(name, tile.crs, lines, placed))
 
 
 def _part(one: TileMap, lines: Sequence[NDArray[np.float64]]) -> MapPart:

@@ -142,7 +142,7 @@ def separate_tiles(
             target=target,
             replaced=replaced,
             params=settings.separation,
-            objects=settings.objects,
+            objects=settings.objects if maps.with_geodata else None,
             with_height=options.with_height,
             margin=margin,
             is_recorded=len(heads) > 1 or batch.resume,
@@ -204,8 +204,8 @@ class SeparateWork(TileWork[SeparatedTile]):
     ----------
     params : SeparationParams
         Settings of the separation.
-    objects : ObjectFindingParams
-        Search for the objects of the maps.
+    objects : ObjectFindingParams or None
+        Search for the objects of the geodata; None: there is no geodata.
     with_height : bool
         Also write each point's height above the sea surface.
     margin : Margin or None
@@ -217,7 +217,7 @@ class SeparateWork(TileWork[SeparatedTile]):
     """
 
     params: SeparationParams
-    objects: ObjectFindingParams
+    objects: ObjectFindingParams | None
     with_height: bool
     margin: Margin | None = None
     is_recorded: bool = False
