@@ -23,9 +23,11 @@ from seaclutter_cli.airborne.water_bodies import (
 )
 
 Cells = NDArray[np.float64]
+Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _LEAST_SQUARES = 6
+_EVEN_M = 0.15
 _BANK_M, _BANK_DEVIATIONS = 0.2, 4.0
 
 
@@ -67,48 +69,93 @@ def shores_of(
     Land is what is in a region of land, or in none and at another level than the nearest water. What reflects like
     water, or does not tell, may be waves up to twice as far from that level. Beside water, fewer than six connected
     squares are no land: the opening takes what is that small for an object. What is not connected to a body of water
-    is land, too. In squares beside water that are in no region, cells at its level are water.
+    is land, too. In squares beside water that are in no region, or high above it, cells at its level are water.
     """
     waves = without_woods(squares, echoes, waves)
     regions = find_bodies(squares, echoes, waves)
     if not regions and not _is_dry(squares, echoes, waves.deviation_m):
         return None
     bodies = [region for region in regions if region.is_water]
-    land = sure = np.ones(len(squares.index), np.bool_)
-    level = np.full(len(squares.index), np.nan)
-    if bodies:
-        level = _nearest_levels(squares, bodies)
-        band = bands_of(waves.deviation_m)
-        rise = squares.level_m - level
-        of_land = np.zeros(len(land), np.bool_)
-        for region in regions:
-            of_land[region.squares] = not region.is_water
-        crests = (np.abs(rise) <= 2 * band) & (echoes.variation >= SPECULAR)
-        land = (of_land & ~crests) | (np.abs(rise) > np.where(echoes.variation <= DIFFUSE, band, 2 * band))
-        for body in bodies:
-            land[body.squares] = False
-        wet = np.zeros(len(land) + 1, np.bool_)
-        wet[np.concatenate([body.squares for body in bodies])] = True
-        sure = of_land | ~wet[squares.neighbor].any(axis=0)
+    found = _beside_water(squares, echoes, waves, regions) if bodies else _without_water(echoes)
+    values = (found.land, found.land & found.is_sure, found.level_m, found.bank_m)
+    land, sure, level, bank = _by_cell(grid, squares, values)
+    if bodies and found.land.any():
+        for slot, (cells, water) in enumerate(zip(lowest, level, strict=True)):
+            at_level = np.abs(np.where(np.isfinite(cells), cells, water) - water) <= bank[slot]
+            land[slot] &= sure[slot] | ~at_level
+    return Shores(bodies, land, level, _bank(bodies))
+
+
+@dataclass(frozen=True)
+class _LandSquares:
+    """Which squares are land, and whether all of their cells are; the level of the water near them, and its banks."""
+
+    land: Mask
+    is_sure: Mask
+    level_m: Values
+    bank_m: Values
+
+
+def _without_water(echoes: Echoes) -> _LandSquares:
+    land = echoes.known <= 0
+    return _LandSquares(land, land, np.full(len(land), np.nan), np.full(len(land), _BANK_M))
+
+
+def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions: Sequence[WaterBody]) -> _LandSquares:
+    bodies = [region for region in regions if region.is_water]
+    water = np.concatenate([body.squares for body in bodies])
+    level, band = _nearest_levels(squares, bodies), bands_of(waves.deviation_m)
+    rise = squares.level_m - level
+    of_land = np.zeros(len(level), np.bool_)
+    for region in regions:
+        of_land[region.squares] = not region.is_water
+    crests = (np.abs(rise) <= 2 * band) & (echoes.variation >= SPECULAR)
+    land = (of_land & ~crests) | (np.abs(rise) > np.where(echoes.variation <= DIFFUSE, band, 2 * band))
+    land[water] = False
     land[echoes.known > 0] = False
-    if bodies:
-        own = np.flatnonzero(land)
-        part = connected(squares, own)
-        land[own] = (np.bincount(part) >= _LEAST_SQUARES)[part]
-    if bodies and land.any():
+    own = np.flatnonzero(land)
+    part = connected(squares, own)
+    land[own] = (np.bincount(part) >= _LEAST_SQUARES)[part]
+    if land.any():
         own = np.flatnonzero(~land)
         part = connected(squares, own)
-        wet = np.isin(own, np.concatenate([body.squares for body in bodies]))
-        land[own] = (np.bincount(part, wet) == 0)[part]
+        land[own] = (np.bincount(part, np.isin(own, water)) == 0)[part]
+        land = _with_beaches(
+            squares, land, (rise > _BANK_M) & (waves.deviation_m > 0) & ~(echoes.variation >= SPECULAR)
+        )
+    is_high = rise > 2 * band
+    is_inner = np.append(land, True)[squares.neighbor].all(axis=0)
     land = (land & (echoes.known <= 0)) | (echoes.known < 0)
-    sure = sure | (echoes.known < 0)
-    bank = max([_BANK_M, *(_BANK_DEVIATIONS * body.deviation_m for body in bodies)])
-    of_cells, certain, levels = _by_cell(grid, squares, (land, land & sure, level))
-    if bodies and land.any():
-        for slot, (cells, water) in enumerate(zip(lowest, levels, strict=True)):
-            at_level = np.abs(np.where(np.isfinite(cells), cells, water) - water) <= bank
-            of_cells[slot] &= certain[slot] | ~at_level
-    return Shores(bodies, of_cells, levels, bank)
+    bank = _bank(bodies)
+    return _LandSquares(
+        land,
+        (of_land & ~is_high) | is_inner | (echoes.known < 0),
+        level,
+        np.where(is_high, max(bank, float(band[water].max())), bank),
+    )
+
+
+def _bank(bodies: Sequence[WaterBody]) -> float:
+    """Return the height above the water from which a cell beside land belongs to it."""
+    return max([_BANK_M, *(_BANK_DEVIATIONS * body.deviation_m for body in bodies)])
+
+
+def _with_beaches(squares: Squares, land: Mask, is_free: Mask) -> Mask:
+    """Return land with the free squares into which it goes on downhill, as a plane through two squares of it.
+
+    The foot of a beach is no higher than the waves beside it, but waves do not continue its slope.
+    """
+    level, grown = np.append(squares.level_m, np.nan), np.append(land, False)
+    while True:
+        new = np.zeros(len(land), np.bool_)
+        for side in squares.neighbor:
+            beyond = np.append(side, -1)[side]
+            expected = 2 * level[side] - level[beyond]
+            new |= grown[side] & grown[beyond] & (np.abs(squares.level_m - expected) <= _EVEN_M)
+        new &= is_free & ~grown[:-1]
+        if not new.any():
+            return grown[:-1]
+        grown[:-1] |= new
 
 
 def _is_dry(squares: Squares, echoes: Echoes, deviation_m: NDArray[np.float64]) -> bool:

@@ -21,8 +21,6 @@ from seaclutter_cli.errors import InputError
 
 __all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]
 
-_APART = 3.0
-
 
 def _no_column(_name: str) -> None:
     """Return no attribute."""
@@ -150,11 +148,11 @@ def _separated(points: GriddedPoints, params: SurfaceParams, column: Column) -> 
     surface = SeaSurfaceModel(
         points.grid, params, lambda squares, top: echoes_of(squares, points, top, column, trusted)
     )
-    if surface.waves is not None and (surface.is_rough or _strips_differ(surface.waves, points, column)):
+    if surface.waves is not None and surface.is_rough:
         found = _rough(points, surface, surface.waves, column)
     else:
         found = Separation(*_classes(points, surface), surface.cells, SeaState.of(surface), _land(surface))
-    found = replace(found, is_doubtful=surface.is_doubtful and column("intensity") is not None)
+    found = replace(found, is_doubtful=surface.is_doubtful)
     if trusted and (given := column("classification")) is not None:
         kept = np.isin(given, trusted) & (found.classification != NEVER)
         found.classification[kept] = given[kept]
@@ -167,12 +165,6 @@ def _leveled(points: GriddedPoints, cell_m: float, column: Column) -> GriddedPoi
     if strip is None or not (tide := tides_of(points, strip)).any():
         return points
     return GriddedPoints.of(LeveledParts(points.parts, strip, tide), cell_m)
-
-
-def _strips_differ(waves: Waves, points: GriddedPoints, column: Column) -> bool:
-    """Return whether the water of one strip is more than calm water above that of another, as in long swell."""
-    apart = _APART * np.sqrt(2) * waves.deviation_m > CALM_M
-    return bool(apart and looks_of(strips_of(column), points.parts, column) is not None)
 
 
 def _land(*surfaces: SeaSurfaceModel) -> LandCells:

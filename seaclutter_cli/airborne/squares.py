@@ -11,7 +11,7 @@ from seaclutter_cli.airborne.classes import GROUND, WATER
 from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.strips import Column
-from seaclutter_cli.airborne.waves import PartWaves
+from seaclutter_cli.airborne.waves import PART_CELLS, PartWaves
 
 Values = NDArray[np.float64]
 Cells = NDArray[np.float64]
@@ -141,10 +141,13 @@ class SquareWaves:
     level_m, deviation_m : ndarray, shape (N,), float64
         Level of the water around the waves, and their standard deviation; the level of the square, and 0, if there are
         none.
+    measured : ndarray, shape (N,), bool
+        Whether the waves were measured there, not only beside it.
     """
 
     level_m: Values
     deviation_m: Values
+    measured: Mask
 
 
 def waves_of(squares: Squares, centers: Values, parts: Sequence[PartWaves]) -> SquareWaves:
@@ -153,15 +156,17 @@ def waves_of(squares: Squares, centers: Values, parts: Sequence[PartWaves]) -> S
     ``centers`` are those of the parts in cells, shape (2, P).
     """
     level, deviation = squares.level_m.copy(), np.zeros(len(squares.index))
-    distance = np.full(len(level), np.inf)
+    distance, measured = np.full(len(level), np.inf), np.zeros(len(level), np.bool_)
     for center, part in zip(centers.T / SIDE, parts, strict=True):
-        apart = ((squares.xy + 0.5 - center[:, None]) ** 2).sum(axis=0)
+        away = squares.xy + 0.5 - center[:, None]
+        apart = (away**2).sum(axis=0)
         own = part.deviation_m if part.is_sea else 0.0
         near = np.abs(squares.level_m - part.level_m) <= _AT_LEVEL * own + _NEAR_LEVEL_M
         closer = near & (apart < distance)
         level[closer] = part.level_m if part.is_sea else squares.level_m[closer]
         deviation[closer], distance[closer] = own, apart[closer]
-    return SquareWaves(level, deviation)
+        measured[closer] = part.is_sea & (np.abs(away[:, closer]).max(axis=0) < PART_CELLS / 2 / SIDE)
+    return SquareWaves(level, deviation, measured)
 
 
 @dataclass(frozen=True)

@@ -273,8 +273,8 @@ class SeaSurfaceModel:
 
     @property
     def is_rough(self) -> bool:
-        """Whether crests rise more than half a metre above the opened surface."""
-        return self.waves is not None and self.waves.crest_m > CALM_M
+        """Whether crests may rise more than half a metre above the opened surface."""
+        return self.waves is not None and self.waves.highest_m > CALM_M
 
     @property
     def is_doubtful(self) -> bool:

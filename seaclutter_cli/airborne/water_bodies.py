@@ -25,6 +25,7 @@ _CLEAR_SHARE = 0.8
 _WOODED_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 2.0, 0.1
 LONG_WAVE_M = 100.0
 """Longer side of a tile that shows its waves; a smaller one may be a part of one wave."""
+_WAVES_M, _HALF = 3.0, 0.5
 _HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
 _GROUND = (SPECULAR + DIFFUSE) / 2
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
@@ -91,8 +92,9 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
     needs two more signs of water.
 
-    A part of a wave slopes like a field. A tile of at most 100 m on each side without any water is not known to be land
-    unless pulses have several echoes in a tenth of its squares, as at leaves and roofs: no region is returned.
+    A part of a wave slopes like a field. A tile without any water is not known to be land, and no region is returned,
+    if it is at most 100 m on each side or, without intensities, if most of it lies within 3 m; unless pulses have
+    several echoes in a tenth of its squares, as at leaves and roofs.
     """
     bodies = _judged(squares, echoes, waves)
     dry = not any(body.is_water for body in bodies) and not echoes.known.any()
@@ -101,9 +103,6 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
 
 def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[WaterBody]:
     """Return the level regions of a tile, and whether each is water by its signs."""
-    deviation_m = waves.deviation_m
-    if not (echoes.known != 0).any() and not np.isfinite(echoes.variation).any():
-        return []
     ground, free = echoes.variation <= _GROUND, echoes.known == 0
     kinds = free & ground, free & ~ground, echoes.known > 0, echoes.known < 0
     # The level of waves beside it does not divide what reflects like ground, such as a beach.
@@ -113,7 +112,7 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     tells = mirrors > _MIRROR_SHARE * len(squares.index)
     if free.all() and not tells:
         return _without_mirrors(squares, echoes, _all_regions(squares, waves, kinds), waves)
-    signs = _all_signs(squares, echoes, regions, deviation_m, tells=tells)
+    signs = _all_signs(squares, echoes, regions, waves, tells=tells)
     least = 2 if (echoes.known > 0).any() else 1
     half = _LARGEST * len(free)
     doubt = [least == 1 and len(own) >= half and not (tells and _is_diffuse(echoes, own)) for own in regions]
@@ -127,7 +126,7 @@ def _without_mirrors(
     """Return the bodies of water of a tile that does not reflect like a mirror; none if they are not known."""
     deviation_m = waves.deviation_m
     joined = _all_regions(squares, waves, (np.ones(len(squares.index), np.bool_),))
-    signs = _all_signs(squares, echoes, joined, deviation_m, tells=False)
+    signs = _all_signs(squares, echoes, joined, waves, tells=False)
     size = np.array([len(own) for own in joined], np.int64)
     certain = signs >= np.where(size >= _LARGEST * len(squares.index), 0, 1)
     large = certain & (size > _LARGE * len(squares.index))
@@ -137,7 +136,7 @@ def _without_mirrors(
         in_waves = np.array([bool(deviation_m[own].any()) for own in joined], np.bool_)
         at_level = (np.abs(level[:, None] - level[large]) <= band[large]).any(axis=1)
         return _bodies(squares, joined, certain | (at_level & ((signs > -2) | in_waves)))
-    signs = _all_signs(squares, echoes, regions, deviation_m, tells=False)
+    signs = _all_signs(squares, echoes, regions, waves, tells=False)
     clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
     if clear < _CLEAR_SHARE * sum(map(len, regions)):
         return []
@@ -149,9 +148,9 @@ def _bodies(squares: Squares, regions: Sequence[NDArray[np.int64]], water: Mask)
 
 
 def _all_signs(
-    squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], deviation_m: Values, *, tells: bool
+    squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], waves: SquareWaves, *, tells: bool
 ) -> NDArray[np.int64]:
-    return np.array([_signs(squares, echoes, own, deviation_m, tells=tells) for own in regions], np.int64)
+    return np.array([_signs(squares, echoes, own, waves, tells=tells) for own in regions], np.int64)
 
 
 def _all_regions(squares: Squares, waves: SquareWaves, kinds: Sequence[Mask]) -> Sequence[NDArray[np.int64]]:
@@ -170,15 +169,15 @@ def _regions(squares: Squares, waves: SquareWaves, kind: Mask) -> Iterator[NDArr
     around = np.maximum(_BAND_M, _LEVEL_DEVIATIONS * waves.deviation_m)
     remaining = np.flatnonzero(_are_flat(squares, waves.deviation_m) & kind)
     while len(remaining) >= _LEAST_SQUARES:
-        level = squares.level_m[remaining]
+        level = waves.level_m[remaining]
         step = np.floor(level / np.median(band[remaining])).astype(np.int64)
         _, which, counts = np.unique(step, return_inverse=True, return_counts=True)
         if counts.max() < _LEAST_SQUARES:
             return
         middle = np.median(level[which == np.argmax(counts)])
-        inside = np.abs(level - middle) <= band[remaining]
-        inside &= np.abs(waves.level_m[remaining] - middle) <= around[remaining]
-        if not inside.any():  # crests at a level that no water has
+        inside = np.abs(squares.level_m[remaining] - middle) <= band[remaining]
+        inside &= np.abs(level - middle) <= around[remaining]
+        if not inside.any():  # land beside waves, which are not as high
             remaining = remaining[which != np.argmax(counts)]
             continue
         own = remaining[inside]
@@ -196,16 +195,15 @@ def _are_flat(squares: Squares, deviation_m: Values) -> Mask:
 
 def are_hills(squares: Squares, deviation_m: Values) -> bool:
     """Return whether a tile is without any water: next to nothing is flat, and no level is frequent."""
-    level = np.sort(squares.level_m)
-    near = np.searchsorted(level, level + _HILL_M) - np.arange(len(level))
-    few = np.count_nonzero(_are_flat(squares, deviation_m)) < _FLAT_SHARE * len(level)
-    return bool(few and near.max(initial=0) < _LEVEL_SHARE * len(level))
+    few = np.count_nonzero(_are_flat(squares, deviation_m)) < _FLAT_SHARE * len(squares.index)
+    return bool(few and _most_within(squares, _HILL_M) < _LEVEL_SHARE)
 
 
 def without_woods(squares: Squares, echoes: Echoes, waves: SquareWaves) -> SquareWaves:
     """Return the waves, or none if most squares of them are woods: ground below trees may undulate like water."""
     if are_woods(squares, echoes, waves.deviation_m > 0):
-        return SquareWaves(squares.level_m, np.zeros_like(waves.deviation_m))
+        none = np.zeros_like(waves.deviation_m)
+        return SquareWaves(squares.level_m, none, none > 0)
     return waves
 
 
@@ -220,11 +218,23 @@ def are_woods(squares: Squares, echoes: Echoes, own: Mask) -> bool:
 
 
 def _may_be_waves(squares: Squares, echoes: Echoes) -> bool:
-    """Return whether a tile is too small for its waves to show, and has next to no leaves or roofs."""
+    """Return whether a tile without water may be of waves that are too long for it, with next to no leaves or roofs.
+
+    So it may if it is small. If no intensity tells, it also may if most of it is no higher than waves are.
+    """
     if not len(squares.index):
         return False
     few = np.count_nonzero(echoes.several > _SEVERAL) <= _LEAFY_SHARE * len(squares.index)
-    return bool(few and np.ptp(squares.xy, axis=1).max() * squares.side_m < LONG_WAVE_M)
+    small = np.ptp(squares.xy, axis=1).max() * squares.side_m < LONG_WAVE_M
+    untold = not np.isfinite(echoes.variation).any()
+    return bool(few and (small or (untold and _most_within(squares, _WAVES_M) > _HALF)))
+
+
+def _most_within(squares: Squares, height_m: float) -> float:
+    """Return the share of the squares whose levels are in the one step of this height that contains the most."""
+    level = np.sort(squares.level_m)
+    near = np.searchsorted(level, level + height_m) - np.arange(len(level))
+    return float(near.max(initial=0) / max(len(level), 1))
 
 
 def bands_of(deviation_m: Values) -> Values:
@@ -258,15 +268,16 @@ def connected(squares: Squares, own: NDArray[np.int64]) -> NDArray[np.int32]:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], deviation_m: Values, *, tells: bool) -> int:
+def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: SquareWaves, *, tells: bool) -> int:
     """Return the number of signs that a region is water, less those that it is land."""
     if known := int(echoes.known[own[0]]):
         return _CERTAIN * known
     level = float(np.median(squares.level_m[own]))
-    waves = _waves_in(squares, own, deviation_m)
+    waves = _waves_in(squares, own, around.deviation_m)
+    measured = own[around.measured[own]]  # waves are as high as the foot of a beach, which slopes
     variation, several = (_median(values[own]) for values in (echoes.variation, echoes.several))
     signs = _hollow(squares, own, level, _band(waves))
-    slope, tilt, step, bumps = _unevenness(squares, own)
+    slope, tilt, step, bumps = _unevenness(squares, measured if len(measured) >= _LEAST_SQUARES else own)
     chance = 2 * step * np.sqrt(2 / len(own)) if variation >= SPECULAR else 0.0
     signs -= 2 * (slope > _SLOPE and tilt > max(np.hypot(_TILT_M, waves / 2), chance))
     signs -= step > np.hypot(_STEP_M, waves) or bumps > np.hypot(_BUMPS_M, waves)

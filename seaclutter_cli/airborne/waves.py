@@ -12,8 +12,10 @@ from seaclutter_cli.airborne.nearest import nearest
 
 Cells = NDArray[np.float64]
 
+PART_CELLS = BLOCK // 2
+"""Width of the parts of a tile whose waves are estimated."""
+
 _FEW_CELLS, _MANY_CELLS = 2000, 4096
-_QUARTER = BLOCK // 2
 _REACH_CELLS = 64
 _CRESTS = 4.0
 _MIN_OSCILLATION = 0.15
@@ -27,6 +29,7 @@ _OTHER_LEVEL = 2.0
 _SAME_LEVEL_M, _LEAST_SHARE = 0.2, 0.1
 _STILL_M = 0.1
 _ALIKE = 1.5
+_HIGHEST = 1.25
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,15 @@ class Waves:
         """Significant wave height: four standard deviations of the elevation."""
         return 4 * self.deviation_m
 
+    @property
+    def highest_m(self) -> float:
+        """Height that the highest crests may reach above the opened surface.
+
+        It lies in the troughs of short waves, and follows the longest swell. Between these, and where strips show the
+        water at two moments, the highest crests rise above it by a little more than the significant height.
+        """
+        return max(self.crest_m, _HIGHEST * self.height_m)
+
 
 def local_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> tuple[Cells, Sequence[PartWaves]]:
     """Return the quarters of blocks that look like sea or are still, and their centres in cells, shape (2, P).
@@ -126,7 +138,7 @@ def _long_swell(
     for block, slot in grid.blocks.items():
         if block in blocks:
             waves = _part(block, lowest[slot], opened[slot], grid.cell_m, crests=False)
-            if waves is not None and waves.is_sea and waves.length_m > _QUARTER * grid.cell_m:
+            if waves is not None and waves.is_sea and waves.length_m > PART_CELLS * grid.cell_m:
                 yield waves
 
 
@@ -136,11 +148,11 @@ def _quarters(
     """Yield the centre of each quarter of a block with enough points, in cells, and its waves."""
     for block, slot in grid.blocks.items():
         for corner in np.ndindex(2, 2):
-            part = tuple(slice(_QUARTER * at, _QUARTER * (at + 1)) for at in corner)
+            part = tuple(slice(PART_CELLS * at, PART_CELLS * (at + 1)) for at in corner)
             waves = _part(block, lowest[slot][part], opened[slot][part], grid.cell_m, crests=crests)
             if waves is not None:
                 is_sea = waves.is_sea and _tilt(lowest[slot][part]) < _MAX_TILT * waves.deviation_m
-                center = [_QUARTER * (2 * at + c + 0.5) for at, c in zip(block, corner, strict=True)]
+                center = [PART_CELLS * (2 * at + c + 0.5) for at, c in zip(block, corner, strict=True)]
                 yield center, replace(waves, is_sea=is_sea)
 
 
@@ -160,9 +172,9 @@ def local_levels(grid: ElevationGrid, lowest: Cells, opened: Cells, waves: Waves
     centers, parts = centers[:, wet], [part for part, own in zip(parts, wet, strict=True) if own]
     for block, slot in grid.blocks.items():
         for corner in np.ndindex(2, 2):
-            center = _QUARTER * (2 * np.array(block) + corner + 0.5)
+            center = PART_CELLS * (2 * np.array(block) + corner + 0.5)
             part = parts[nearest(centers, center[:, None])[0]]
-            own = tuple(slice(_QUARTER * at, _QUARTER * (at + 1)) for at in corner)
+            own = tuple(slice(PART_CELLS * at, PART_CELLS * (at + 1)) for at in corner)
             deviations[slot][own] = max(part.deviation_m, waves.deviation_m)
             levels[slot][own] = other_levels(np.float64(part.level_m), waves)
     return levels, deviations
@@ -218,7 +230,7 @@ def _waves_of(known: Sequence[PartWaves]) -> Waves | None:
     if _cells(parts) < _MIN_SHARE * (_cells(parts) + _cells(rest)):
         return None
     large = [water for water in waters if _cells(water.parts) >= _LEAST_SHARE * _cells(known)]
-    return replace(max(large, key=lambda water: water.crest_m), parts=parts) if large else None
+    return replace(max(large, key=lambda water: water.highest_m), parts=parts) if large else None
 
 
 def by_level(parts: Sequence[PartWaves]) -> Iterator[Sequence[PartWaves]]:

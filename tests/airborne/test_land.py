@@ -61,6 +61,21 @@ COASTS = {
 }
 
 
+def test_a_beach_ends_where_waves_begin():
+    """Squares of a slope in waves of random height: none of the sea continues it, all of the slope does."""
+    xyz, land, columns = tile(COASTS["beach 1 in 30"], height=1.5, length=80.0, speckle=False)
+    other = separate([xyz], SeparationParams(), columns.get).classification == OTHER
+    foot = land & (xyz[2] > 0.6) & (xyz[2] < 1.5) & (xyz[0] > 220)
+    assert other[foot].mean() > 0.95
+    assert other[~land].mean() < 0.03
+
+
+WITHOUT_INTENSITIES = [
+    ("cliff", 0.1, 15.0), ("cliff", 1.2, 40.0), ("cliff", 1.5, 80.0),
+    ("beach 1 in 30", 0.1, 15.0), ("beach 1 in 30", 0.5, 60.0), ("beach 1 in 30", 1.2, 40.0),
+]  # fmt: skip
+
+
 @pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (0.5, 60.0), (1.2, 40.0)])
 @pytest.mark.parametrize("coast", COASTS)
 def test_coasts(coast, height, length):
@@ -124,8 +139,9 @@ def test_waves_belong_to_the_squares_at_their_level():
         PartWaves((0, 0), 4096, level, deviation, 1.0, [(4096, 1.0)], 30.0, is_sea=True, is_level=True)
         for level, deviation in ((0.0, 0.3), (15.0, 0.1))
     )
-    found = waves_of(squares, np.array([[0.0, 30.0], [8.0, 8.0]]), [sea, cliff]).deviation_m
-    np.testing.assert_array_equal(found, np.where(squares.level_m < 1, 0.3, 0.1))
+    found = waves_of(squares, np.array([[-40.0, 30.0], [8.0, 8.0]]), [sea, cliff])
+    np.testing.assert_array_equal(found.deviation_m, np.where(squares.level_m < 1, 0.3, 0.1))
+    np.testing.assert_array_equal(found.measured, (squares.xy[0] < 3) | (squares.level_m > 1))
     np.testing.assert_array_equal(waves_of(squares, np.empty((2, 0)), []).deviation_m, 0.0)
 
 
@@ -152,11 +168,12 @@ def test_hills_have_no_sea(names):
     assert shares(xyz, land, {name: columns[name] for name in names})[0] == 1
 
 
-def test_without_intensities_only_islands_are_land():
-    xyz, land, columns = tile(COASTS["beach 1 in 100"])
-    alone = separate([xyz], SeparationParams()).classification
-    np.testing.assert_array_equal(alone, separate([xyz], SeparationParams(land="ignore"), columns.get).classification)
-    assert (alone[land] == OTHER).mean() < 0.95
+@pytest.mark.parametrize(("coast", "height", "length"), WITHOUT_INTENSITIES)
+def test_a_coast_without_intensities_shows_by_its_shape(coast, height, length):
+    xyz, land, _ = tile(COASTS[coast], height=height, length=length)
+    on_land, on_water = shares(xyz, land, {})
+    assert on_land > 0.9
+    assert on_water < 0.05
 
 
 def test_ground_of_land_is_class_2_on_request():

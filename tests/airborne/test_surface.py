@@ -9,7 +9,7 @@ from seaclutter_cli.airborne.separation import NEVER, OTHER, WATER, separate
 from seaclutter_cli.airborne.surface import SeparationParams, joined_cells
 from seaclutter_cli.errors import InputError
 
-PLAIN = SeparationParams(height_m=0.5, island_m=None)
+PLAIN = SeparationParams(height_m=0.5, island_m=None, land="ignore")
 
 
 def plane(width=120, height=100, z=lambda x, y: 0 * x):
@@ -56,17 +56,21 @@ def test_a_low_shore_belongs_to_a_peak_that_is_narrower_than_the_window():
 def test_a_ship_does_not_make_an_island_of_the_sea():
     flat = plane(z=lambda x, y: 0.3 * np.sin(2 * np.pi * x / 80))
     ship = inside(flat, (16, 28), (20, 60))
-    np.testing.assert_array_equal(other(raised(flat, ship, 9.0), SeparationParams()), ship)
+    np.testing.assert_array_equal(other(raised(flat, ship, 9.0), SeparationParams(land="ignore")), ship)
 
 
-def test_a_low_wide_bank_is_not_an_island():
+@pytest.mark.parametrize(("land", "found"), [("keep", True), ("ignore", False)])
+def test_a_low_wide_bank_is_land_by_its_shape_not_by_its_height(land, found):
     flat = plane()
-    assert not other(raised(flat, inside(flat, (40, 80), (30, 70)), 1.5), SeparationParams()).any()
+    bank = inside(flat, (40, 80), (30, 70))
+    np.testing.assert_array_equal(other(raised(flat, bank, 1.5), SeparationParams(land=land)), bank & found)
 
 
-def test_the_shore_of_an_island_belongs_to_it_down_to_the_threshold():
+@pytest.mark.parametrize(("land", "lowest"), [("keep", 0.2), ("ignore", 0.5)])
+def test_the_shore_of_an_island_belongs_to_it(land, lowest):
+    """Down to the threshold, or to the bank if land is looked for."""
     cone = plane(z=lambda x, y: np.maximum(0, 8 - 0.2 * np.hypot(x - 60, y - 50)))
-    np.testing.assert_array_equal(other(cone, SeparationParams()), cone[2] > 0.5)
+    np.testing.assert_array_equal(other(cone, SeparationParams(land=land)), cone[2] > lowest)
 
 
 def test_heights_over_land_are_above_the_level_of_the_sea():

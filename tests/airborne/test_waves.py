@@ -107,14 +107,6 @@ def test_ships_and_islands_rise_out_of_rough_water(height, length):
     assert (separate([xyz], SeparationParams(height_m=0.5)).classification == OTHER)[~ship & ~island].mean() > 0.05
 
 
-def test_long_swell_keeps_the_opened_surface():
-    xyz = field(1.5, 110.0)
-    found = separate([xyz], SeparationParams())
-    assert found.sea.surface == "opened"
-    assert found.sea.wave_height_m > 1.2
-    assert (found.classification == OTHER).mean() < 0.01
-
-
 def test_heights_are_above_the_waves():
     xyz = field(1.5, 50.0)
     assert np.abs(separate([xyz], SeparationParams()).height_m).std() < 0.15 < 0.3 < xyz[2].std()
@@ -197,16 +189,18 @@ def test_strips_show_the_water_at_two_moments(names):
     assert wrong < 0.005 if names else wrong > 0.02
 
 
-def test_strips_differ_in_swell_that_each_opened_surface_follows():
-    """Crests of such a swell are low above its own opened surface, not above that of another strip."""
-    one, other = field(0.8, 110.0, seed=8), field(0.8, 110.0, seed=9)
-    xyz, ids = np.concatenate((one, other), axis=1), np.repeat([3, 4], (one.shape[1], other.shape[1]))
-    alone, both = (
-        separate([points], SeparationParams(), {"point_source_id": strip}.get)
-        for points, strip in ((one, ids[: one.shape[1]]), (xyz, ids))
-    )
-    assert (alone.sea.surface, both.sea.surface) == ("opened", "followed")
-    assert (both.classification == OTHER).mean() < 0.005
+@pytest.mark.parametrize(("height", "length"), [(0.5, 30.0), (0.8, 60.0), (1.2, 80.0), (1.5, 100.0)])
+def test_the_highest_crests_of_swell_are_followed(height, length):
+    """The opened surface follows such a swell, but not its highest crests."""
+    found = separate([field(height, length, seed=8)], SeparationParams())
+    assert found.sea.surface == "followed"
+    assert (found.classification == OTHER).mean() < 0.001
+
+
+def test_the_opened_surface_is_used_for_low_swell():
+    xyz = field(0.3, 100.0, seed=8)
+    auto, fixed = (separate([xyz], SeparationParams(height_m=height)) for height in ("auto", 0.5))
+    np.testing.assert_array_equal(auto.height_m, fixed.height_m)
 
 
 def test_strips_without_points_in_the_tile_do_not_matter():
