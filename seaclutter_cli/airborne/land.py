@@ -19,6 +19,7 @@ from seaclutter_cli.airborne.water_bodies import (
     bands_of,
     connected,
     find_bodies,
+    is_diffuse,
     without_woods,
 )
 
@@ -110,7 +111,8 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
     for region in regions:
         of_land[region.squares] = not region.is_water
     crests = (np.abs(rise) <= 2 * band) & (echoes.variation >= SPECULAR)
-    land = (of_land & ~crests) | (np.abs(rise) > np.where(echoes.variation <= DIFFUSE, band, 2 * band))
+    tells = not is_diffuse(echoes, water)
+    land = (of_land & ~crests) | (np.abs(rise) > np.where(tells & (echoes.variation <= DIFFUSE), band, 2 * band))
     land[water] = False
     land[echoes.known > 0] = False
     own = np.flatnonzero(land)

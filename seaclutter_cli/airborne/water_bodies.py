@@ -115,7 +115,7 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     signs = _all_signs(squares, echoes, regions, waves, tells=tells)
     least = 2 if (echoes.known > 0).any() else 1
     half = _LARGEST * len(free)
-    doubt = [least == 1 and len(own) >= half and not (tells and _is_diffuse(echoes, own)) for own in regions]
+    doubt = [least == 1 and len(own) >= half and not (tells and is_diffuse(echoes, own)) for own in regions]
     certain = signs >= np.where(doubt, 0, least)
     return _bodies(squares, regions, certain if certain.any() else signs >= 0)
 
@@ -133,9 +133,11 @@ def _without_mirrors(
     level = np.array([np.median(squares.level_m[own]) for own in joined])
     band = np.array([_band(_waves_in(squares, own, deviation_m)) for own in joined])
     if large.any() and np.ptp(level[large]) <= band[large].max():
-        in_waves = np.array([bool(deviation_m[own].any()) for own in joined], np.bool_)
-        at_level = (np.abs(level[:, None] - level[large]) <= band[large]).any(axis=1)
-        return _bodies(squares, joined, certain | (at_level & ((signs > -2) | in_waves)))
+        apart = np.abs(level[:, None] - level[large])
+        at_level = (apart <= band[large]).any(axis=1)
+        in_waves = np.array([np.median(deviation_m[own]) for own in joined])
+        are_crests = (in_waves > 0) & (apart.min(axis=1) <= bands_of(in_waves))
+        return _bodies(squares, joined, certain | (at_level & ((signs > -2) | are_crests)))
     signs = _all_signs(squares, echoes, regions, waves, tells=False)
     clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
     if clear < _CLEAR_SHARE * sum(map(len, regions)):
@@ -158,8 +160,8 @@ def _all_regions(squares: Squares, waves: SquareWaves, kinds: Sequence[Mask]) ->
     return sorted((own for kind in kinds for own in _regions(squares, waves, kind)), key=len, reverse=True)
 
 
-def _is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
-    """Return whether a region reflects like ground."""
+def is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
+    """Return whether some squares reflect like ground."""
     return _median(echoes.variation[own]) <= DIFFUSE
 
 

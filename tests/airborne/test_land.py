@@ -61,6 +61,22 @@ COASTS = {
 }
 
 
+@pytest.mark.parametrize("height", [1.0, 2.0])
+def test_a_quay_is_no_higher_than_waves_but_still(height):
+    xyz, land, _ = tile(
+        lambda x, y, _: np.where(x > 240, height + 0.05 * np.sin(x / 17), -5.0), height=1.5, length=40.0
+    )
+    on_land, on_water = shares(xyz, land, {})
+    assert on_land > 0.97
+    assert on_water < 0.02
+
+
+@pytest.mark.parametrize("seed", [42, 43])
+def test_crests_beside_measured_waves_are_water_that_reflects_like_ground(seed):
+    xyz, land, columns = tile(sea_only, height=1.5, length=100.0, speckle=False, seed=seed)
+    assert shares(xyz, land, columns)[1] < 0.002
+
+
 def test_a_beach_ends_where_waves_begin():
     """Squares of a slope in waves of random height: none of the sea continues it, all of the slope does."""
     xyz, land, columns = tile(COASTS["beach 1 in 30"], height=1.5, length=80.0, speckle=False)
