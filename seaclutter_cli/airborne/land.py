@@ -133,7 +133,7 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
         land,
         (of_land & ~is_high) | is_inner | (echoes.known < 0),
         level,
-        np.where(is_high, max(bank, float(band[water].max())), bank),
+        np.where(is_high & land, max(bank, float(band[water].max())), bank),
     )
 
 
