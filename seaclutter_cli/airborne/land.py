@@ -143,7 +143,7 @@ def _bank(bodies: Sequence[WaterBody]) -> float:
 
 
 def _with_beaches(squares: Squares, land: Mask, is_free: Mask) -> Mask:
-    """Return land with the free squares into which it goes on downhill, as a plane through two squares of it.
+    """Return land with the free squares into which it goes on as a plane through two squares of it.
 
     The foot of a beach is no higher than the waves beside it, but waves do not continue its slope.
     """

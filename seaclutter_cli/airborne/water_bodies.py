@@ -65,22 +65,24 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
 
     Notes
     -----
-    The most frequent level comes first, with all flat squares within 0.2 m of it, or three standard deviations of the
-    waves, whose own level is within one; then that of the remaining squares, and so on. Connected squares are a region.
+    The most frequent level comes first, in waves that of their water, with all flat squares within 0.2 m of it, or
+    three standard deviations of the waves, whose own level is within one; then that of the remaining squares, and so
+    on. Connected squares are a region.
     Regions of fewer than six squares are left out: the opening takes what is that small for an object.
 
     Signs of water and of land are added up. A region needs more signs of water than of land; any if there is no other
     water, or one that covers half of the tile and does not reflect like ground, as many. If nothing in the tile
     reflects like a mirror, a body of water that covers a twentieth of the tile tells the level of all water: other
-    regions at that level are water, too, unless they have two more signs of land and no waves. If such bodies have
-    several levels, or there is none, nothing is known and no region is returned, unless nearly all squares are in
-    regions with two more signs of land, and without waves.
+    regions at that level are water, too, unless they have two more signs of land and no waves that are as high. If such
+    bodies have several levels, or there is none, nothing is known and no region is returned, unless nearly all squares
+    are in regions with two more signs of land, and without waves.
 
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
       along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher, as a weir, holds it back.
     * Still water is level. A plane through a slope or a river falls by more than one in a thousand (-2); for a
       region like a mirror, by more than chance makes of the differences between its squares. Wind and
-      strips that do not match cause less.
+      strips that do not match cause less. In waves, only squares count in which these were measured: the foot of a
+      beach is no higher than they are.
     * Water is flat. Neighbouring squares that differ by more than 4 cm, or means over 64 cells by more than 5 cm,
       beyond what waves explain, are a sign of land (-1).
     * Water reflects like a mirror, and an echo depends on the facet that it met: a coefficient of variation of at least
