@@ -68,9 +68,10 @@ def shores_of(
     Notes
     -----
     Land is what is in a region of land, or in none and at another level than the nearest water. What reflects like
-    water, or does not tell, may be waves up to twice as far from that level. Beside water, fewer than six connected
-    squares are no land: the opening takes what is that small for an object. What is not connected to a body of water
-    is land, too. In squares beside water that are in no region, or high above it, cells at its level are water.
+    water, or anything where the water reflects like ground, may be waves up to twice as far from that level. Beside
+    water, fewer than six connected squares are no land: the opening takes what is that small for an object. What is not
+    connected to a body of water is land, too. In squares beside water that are in no region, or high above it, cells at
+    its level are water.
     """
     waves = without_woods(squares, echoes, waves)
     regions = find_bodies(squares, echoes, waves)
@@ -111,8 +112,8 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
     for region in regions:
         of_land[region.squares] = not region.is_water
     crests = (np.abs(rise) <= 2 * band) & (echoes.variation >= SPECULAR)
-    tells = not is_diffuse(echoes, water)
-    land = (of_land & ~crests) | (np.abs(rise) > np.where(tells & (echoes.variation <= DIFFUSE), band, 2 * band))
+    like_ground = (echoes.variation <= DIFFUSE) & (not is_diffuse(echoes, water))
+    land = (of_land & ~crests) | (np.abs(rise) > np.where(like_ground, band, 2 * band))
     land[water] = False
     land[echoes.known > 0] = False
     own = np.flatnonzero(land)

@@ -67,15 +67,15 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     -----
     The most frequent level comes first, in waves that of their water, with all flat squares within 0.2 m of it, or
     three standard deviations of the waves, whose own level is within one; then that of the remaining squares, and so
-    on. Connected squares are a region.
-    Regions of fewer than six squares are left out: the opening takes what is that small for an object.
+    on. Connected squares are a region. Regions of fewer than six squares are left out: the opening takes what is that
+    small for an object.
 
     Signs of water and of land are added up. A region needs more signs of water than of land; any if there is no other
     water, or one that covers half of the tile and does not reflect like ground, as many. If nothing in the tile
     reflects like a mirror, a body of water that covers a twentieth of the tile tells the level of all water: other
     regions at that level are water, too, unless they have two more signs of land and no waves that are as high. If such
-    bodies have several levels, or there is none, nothing is known and no region is returned, unless nearly all squares
-    are in regions with two more signs of land, and without waves.
+    bodies have several levels, or do not exist, the tile remains undecided and no region is returned, unless nearly all
+    squares are in regions with two more signs of land, and without waves.
 
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
       along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher, as a weir, holds it back.
@@ -224,14 +224,14 @@ def are_woods(squares: Squares, echoes: Echoes, own: Mask) -> bool:
 def _may_be_waves(squares: Squares, echoes: Echoes) -> bool:
     """Return whether a tile without water may be of waves that are too long for it, with next to no leaves or roofs.
 
-    So it may if it is small. If no intensity tells, it also may if most of it is no higher than waves are.
+    This holds for small tiles and, without intensities, for tiles that are mostly no higher than waves.
     """
     if not len(squares.index):
         return False
     few = np.count_nonzero(echoes.several > _SEVERAL) <= _LEAFY_SHARE * len(squares.index)
     small = np.ptp(squares.xy, axis=1).max() * squares.side_m < LONG_WAVE_M
-    untold = not np.isfinite(echoes.variation).any()
-    return bool(few and (small or (untold and _most_within(squares, _WAVES_M) > _HALF)))
+    unknown = not np.isfinite(echoes.variation).any()
+    return bool(few and (small or (unknown and _most_within(squares, _WAVES_M) > _HALF)))
 
 
 def _most_within(squares: Squares, height_m: float) -> float:

@@ -62,7 +62,7 @@ COASTS = {
 
 
 @pytest.mark.parametrize("height", [1.0, 2.0])
-def test_a_quay_is_no_higher_than_waves_but_still(height):
+def test_a_quay_beside_waves_without_intensities_is_land(height):
     xyz, land, _ = tile(
         lambda x, y, _: np.where(x > 240, height + 0.05 * np.sin(x / 17), -5.0), height=1.5, length=40.0
     )

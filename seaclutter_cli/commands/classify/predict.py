@@ -46,8 +46,7 @@ def command(tiles: tuple[str, ...], output: str, options: "ClassifyTilesOptions"
 
     Each point gets the additional dimensions predicted_class (0 for none, otherwise as in train), probability and
     predicted_object, and the same classification as by separate. The CSV table has the coordinates of the tile;
-    GeoJSON and GeoPackage are in WGS 84 if the tile states its coordinate
-    reference system.
+    GeoJSON and GeoPackage are in WGS 84 if the tile states its coordinate reference system.
     """
     from seaclutter_cli.runs.classify.predict import classify_tiles
 
