@@ -224,7 +224,8 @@ class _Crew:
 
 def _raise(error: BaseException, worker: str) -> NoReturn:
     """Raise an error that is not of a task: the connection is lost, or a worker does not understand us."""
-    if isinstance(error, _CANCELLED):  # not by us
+    is_cancelled = isinstance(error, _CANCELLED)  # not by us
+    if is_cancelled or type(error).__name__ == "CommClosedError":  # while the result was fetched from the scheduler
         raise ConnectionError from error
     raise ClusterError(f"worker {worker}: {type(error).__name__}: {error}") from error
 

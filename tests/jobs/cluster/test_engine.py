@@ -100,6 +100,18 @@ def test_a_result_that_cannot_be_sent_is_an_error(certified):
         run(engine(certified), [Square(1), Unsendable()])
 
 
+def test_a_scheduler_that_is_lost_while_a_result_is_fetched(certified, monkeypatch):
+    """The connection that fetches results may end before the one that says so."""
+    distributed = pytest.importorskip("distributed")
+
+    async def gather(*_, **__):
+        raise distributed.comm.CommClosedError("Stream is closed")
+
+    monkeypatch.setattr(distributed.Client, "gather", gather)
+    with pytest.raises(ClusterError, match="the connection to the scheduler is lost"):
+        run(engine(certified), [Square(1)])
+
+
 def test_relative_paths_are_those_of_the_run(certified, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run(engine(certified), [Touch(Path("here"))]) == {0: tmp_path}
