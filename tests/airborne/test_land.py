@@ -146,6 +146,20 @@ def test_coasts_whose_water_reflects_like_ground(coast, height, length):
     assert water < 0.02
 
 
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (1.2, 40.0)])
+@pytest.mark.parametrize("ground", [sea_only, COASTS["cliff"]])
+def test_water_whose_intensities_are_saturated_is_no_ground(ground, height, length, share):
+    """Below the aircraft, water reflects more than a sensor can measure."""
+    xyz, land, columns = tile(ground, height=height, length=length)
+    from_nadir = (xyz[1] - SIZE[1] / 3) / SIZE[1]
+    intensity = np.where(land, columns["intensity"], columns["intensity"] * np.exp(-((4 * from_nadir) ** 2)))
+    columns["intensity"] = np.minimum(intensity, np.quantile(intensity[~land], share))
+    on_land, on_water = shares(xyz, land, columns)
+    assert on_land > 0.97
+    assert on_water < 0.02
+
+
 def test_waves_belong_to_the_squares_at_their_level():
     grid = ElevationGrid(1.0)
     x, y = np.meshgrid(np.arange(0.5, 64), np.arange(0.5, 16))

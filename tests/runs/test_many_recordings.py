@@ -12,7 +12,7 @@ from seaclutter_cli.runs.observer import Silent
 from seaclutter_cli.runs.outputs import check_outputs
 from tests.logs import cloud_log
 
-FEW, MANY = 20, 80
+FEW, MANY = 10, 40
 
 
 @pytest.fixture(scope="module")

@@ -104,10 +104,9 @@ def unit_angles(frames, expected):
     for channel in range(32):
         theirs = np.rint(15 - elevations) == channel
         ours = np.flatnonzero(points["ring"] == channel)
-        count = int(theirs.sum())
-        shift = next(
-            n for n in range(len(ours)) if np.allclose(ranges[ours[n : n + count]], lengths[theirs], atol=1e-3)
-        )
+        count, wanted = int(theirs.sum()), lengths[theirs]
+        starts = np.flatnonzero(np.isclose(ranges[ours], wanted[0], atol=1e-3))
+        shift = next(n for n in starts if np.allclose(ranges[ours[n : n + count]], wanted, atol=1e-3))
         difference = azimuths_of(expected[theirs]) - azimuths_of(xyz(points[ours[shift : shift + count]]))
         offset = np.median((difference + 180) % 360 - 180)
         lines.append(f"{channel + 1},{np.median(elevations[theirs]):.4f},{offset:.4f}")
