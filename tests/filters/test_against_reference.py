@@ -170,7 +170,7 @@ def sample_frames(step):
 def test_sample_log(name):
     """The frames show falling snow, thinned out, with a configuration for snow."""
     rings = {"start_m": 0.0, "end_m": 60.0, "initial_thresholds": (1, 1, 1, 1), "near": "keep"}
-    assert_same(name, rings if name in RING_METHODS else OF_FEW_CELLS.get(name, {}), sample_frames(90))
+    assert_same(name, rings if name in RING_METHODS else OF_FEW_CELLS.get(name, {}), sample_frames(140))
 
 
 @pytest.mark.parametrize("name", FILTERS)

@@ -15,7 +15,7 @@ from tests.fuzz.formats import FORMATS
 from tests.fuzz.run import Outcome, Recipe, check_honest, honest, make, run
 from tests.logs import records_of
 
-INPUTS = 25
+INPUTS = 15
 
 
 @pytest.mark.parametrize("name", FORMATS)
