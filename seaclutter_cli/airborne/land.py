@@ -9,17 +9,16 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.nearest import nearest
+from seaclutter_cli.airborne.reflection import DIFFUSE, SPECULAR, comparable_echoes, is_diffuse
 from seaclutter_cli.airborne.squares import Echoes, Squares, SquareWaves, by_cell, positions, squares_in
 from seaclutter_cli.airborne.water_bodies import (
-    DIFFUSE,
-    SPECULAR,
     WaterBody,
+    are_flat,
     are_hills,
     are_woods,
     bands_of,
     connected,
     find_bodies,
-    is_diffuse,
     without_woods,
 )
 
@@ -74,6 +73,7 @@ def shores_of(
     its level are water.
     """
     waves = without_woods(squares, echoes, waves)
+    echoes = comparable_echoes(squares, echoes, are_flat(squares, waves.deviation_m), bands_of(waves.deviation_m))
     regions = find_bodies(squares, echoes, waves)
     if not regions and not _is_dry(squares, echoes, waves.deviation_m):
         return None

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ SIDE = 8
 _PER_BLOCK = BLOCK // SIDE
 _LEAST_CELLS = 6
 _LEAST_ECHOES, _MANY_ECHOES = 12, 60
-_SATURATED_SHARE, _SATURATED_IN_TILE = 0.2, 0.01
 _STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _FAR = 1 << 31
 _AT_LEVEL, _NEAR_LEVEL_M = 4.0, 0.2
@@ -178,8 +177,7 @@ class Echoes:
     ----------
     variation : ndarray, shape (N,), float64
         Standard deviation of the intensities divided by the mean, of pulses with one echo: several share the energy of
-        the pulse. Of fewer than 60, the average with the squares beside. Unknown if a fifth of the intensities is
-        saturated: the values above would have told.
+        the pulse. Of fewer than 60, the average with the squares beside.
     several : ndarray, shape (N,), float64
         Share of those from pulses with several echoes.
     known : ndarray, shape (N,), int8
@@ -202,8 +200,7 @@ def echoes_of(
     classes = column("classification") if trusted else None
     right = {code: np.zeros(squares_in(points.grid)) for code in (GROUND, WATER)}
     total = squares_in(points.grid)
-    count, single, one, two, full = (np.zeros(total) for _ in range(5))
-    saturated = None if intensity is None else _saturated(intensity)
+    count, single, one, two = (np.zeros(total) for _ in range(4))
     start = 0
     for z, cell in points:
         used = np.flatnonzero((cell != NOWHERE) & (z <= top.reshape(-1)[cell]))
@@ -221,8 +218,6 @@ def echoes_of(
             value = np.nan_to_num(intensity[used]).astype(np.float64)
             one += np.bincount(square, value, total)
             two += np.bincount(square, value**2, total)
-            if saturated is not None:
-                full += np.bincount(square, saturated[used], total)
         start += len(cell)
     number = np.where(single >= _LEAST_ECHOES, single, np.nan)[squares.index]
     mean = one[squares.index] / number
@@ -234,15 +229,8 @@ def echoes_of(
     total = np.where(known, around, 0).sum(axis=0)
     average = np.divide(total, known.sum(axis=0), out=unknown.copy(), where=known.any(axis=0))
     variation = np.where(number < _MANY_ECHOES, average, variation)
-    variation[full[squares.index] > _SATURATED_SHARE * number] = np.nan
     ground, water = (right[code][squares.index] > count[squares.index] / 2 for code in (GROUND, WATER))
     known = count[squares.index] >= _LEAST_ECHOES
     share = np.divide((count - single)[squares.index], count[squares.index], out=unknown.copy(), where=known)
     share = unknown if returns is None else share
     return Echoes(variation, share, water.astype(np.int8) - ground.astype(np.int8))
-
-
-def _saturated(intensity: NDArray[Any]) -> Mask | None:
-    """Return which intensities are the highest possible one; None if the highest is as rare as if none were."""
-    highest = np.asarray(intensity == np.nanmax(intensity))
-    return highest if np.count_nonzero(highest) > _SATURATED_IN_TILE * len(highest) else None

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.reflection import DIFFUSE, LIKE_GROUND, MIRROR_SHARE, SPECULAR, is_diffuse, median_of
 from seaclutter_cli.airborne.squares import Echoes, Squares, SquareWaves
 
 Values = NDArray[np.float64]
@@ -18,16 +19,14 @@ _LEAST_SQUARES = 6
 _LOWER_SHARE, _HIGHER_SHARE = 0.1, 0.02
 _SEVERAL = 0.05
 _CERTAIN = 100
-SPECULAR, DIFFUSE = 0.6, 0.45
 _COARSE = 8
-_LARGEST, _LARGE, _MIRROR_SHARE, _GROUND_SHARE = 0.5, 0.05, 0.05, 0.5
+_LARGEST, _LARGE, _GROUND_SHARE = 0.5, 0.05, 0.5
 _CLEAR_SHARE = 0.8
 _WOODED_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 2.0, 0.1
 LONG_WAVE_M = 100.0
 """Longer side of a tile that shows its waves; a smaller one may be a part of one wave."""
 _WAVES_M, _HALF = 3.0, 0.5
 _HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
-_GROUND = (SPECULAR + DIFFUSE) / 2
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
 
 
@@ -105,13 +104,13 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
 
 def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[WaterBody]:
     """Return the level regions of a tile, and whether each is water by its signs."""
-    ground, free = echoes.variation <= _GROUND, echoes.known == 0
+    ground, free = echoes.variation <= LIKE_GROUND, echoes.known == 0
     kinds = free & ground, free & ~ground, echoes.known > 0, echoes.known < 0
     # The level of waves beside it does not divide what reflects like ground, such as a beach.
     off_ground = replace(waves, level_m=np.where(ground, squares.level_m, waves.level_m))
     regions = _all_regions(squares, off_ground, kinds)
-    mirrors = sum(len(own) for own in regions if _median(echoes.variation[own]) >= SPECULAR)
-    tells = mirrors > _MIRROR_SHARE * len(squares.index)
+    mirrors = sum(len(own) for own in regions if median_of(echoes.variation[own]) >= SPECULAR)
+    tells = mirrors > MIRROR_SHARE * len(squares.index)
     if free.all() and not tells:
         return _without_mirrors(squares, echoes, _all_regions(squares, waves, kinds), waves)
     signs = _all_signs(squares, echoes, regions, waves, tells=tells)
@@ -162,16 +161,11 @@ def _all_regions(squares: Squares, waves: SquareWaves, kinds: Sequence[Mask]) ->
     return sorted((own for kind in kinds for own in _regions(squares, waves, kind)), key=len, reverse=True)
 
 
-def is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
-    """Return whether some squares reflect like ground."""
-    return _median(echoes.variation[own]) <= DIFFUSE
-
-
 def _regions(squares: Squares, waves: SquareWaves, kind: Mask) -> Iterator[NDArray[np.int64]]:
     """Yield connected flat squares at one level, beginning with the most frequent level."""
     band = bands_of(waves.deviation_m)
     around = np.maximum(_BAND_M, _LEVEL_DEVIATIONS * waves.deviation_m)
-    remaining = np.flatnonzero(_are_flat(squares, waves.deviation_m) & kind)
+    remaining = np.flatnonzero(are_flat(squares, waves.deviation_m) & kind)
     while len(remaining) >= _LEAST_SQUARES:
         level = waves.level_m[remaining]
         step = np.floor(level / np.median(band[remaining])).astype(np.int64)
@@ -191,7 +185,7 @@ def _regions(squares: Squares, waves: SquareWaves, kind: Mask) -> Iterator[NDArr
         remaining = remaining[~inside]
 
 
-def _are_flat(squares: Squares, deviation_m: Values) -> Mask:
+def are_flat(squares: Squares, deviation_m: Values) -> Mask:
     """Return whether squares are no rougher than calm water or the waves in them."""
     flat = squares.spread_m <= np.maximum(_ROUGH_M, _BAND_DEVIATIONS * deviation_m)
     return flat & (squares.open_share >= _OPEN_SHARE)
@@ -199,7 +193,7 @@ def _are_flat(squares: Squares, deviation_m: Values) -> Mask:
 
 def are_hills(squares: Squares, deviation_m: Values) -> bool:
     """Return whether a tile is without any water: next to nothing is flat, and no level is frequent."""
-    few = np.count_nonzero(_are_flat(squares, deviation_m)) < _FLAT_SHARE * len(squares.index)
+    few = np.count_nonzero(are_flat(squares, deviation_m)) < _FLAT_SHARE * len(squares.index)
     return bool(few and _most_within(squares, _HILL_M) < _LEVEL_SHARE)
 
 
@@ -279,7 +273,7 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     level = float(np.median(squares.level_m[own]))
     waves = _waves_in(squares, own, around.deviation_m)
     measured = own[around.measured[own]]  # waves are as high as the foot of a beach, which slopes
-    variation, several = (_median(values[own]) for values in (echoes.variation, echoes.several))
+    variation, several = (median_of(values[own]) for values in (echoes.variation, echoes.several))
     signs = _hollow(squares, own, level, _band(waves))
     slope, tilt, step, bumps = _unevenness(squares, measured if len(measured) >= _LEAST_SQUARES else own)
     chance = 2 * step * np.sqrt(2 / len(own)) if variation >= SPECULAR else 0.0
@@ -302,7 +296,7 @@ def _goes_on_as_ground(squares: Squares, echoes: Echoes, own: NDArray[np.int64],
     inside[own] = True
     beyond = squares.neighbor[:, own]
     beyond = beyond[~inside[beyond]]
-    ground = np.append((echoes.variation <= _GROUND) & (np.abs(squares.level_m - level_m) <= _BAND_M), False)
+    ground = np.append((echoes.variation <= LIKE_GROUND) & (np.abs(squares.level_m - level_m) <= _BAND_M), False)
     return bool(np.count_nonzero(ground[beyond]) > _GROUND_SHARE * len(beyond))
 
 
@@ -323,11 +317,6 @@ def _hollow(squares: Squares, own: NDArray[np.int64], level_m: float, band_m: fl
         return -2
     higher = np.append(squares.top_m > level_m + band_m, False)[beyond]
     return int(np.count_nonzero(higher) > _HIGHER_SHARE * len(beyond))
-
-
-def _median(values: Values) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else float("nan")
 
 
 def _unevenness(squares: Squares, own: NDArray[np.int64]) -> tuple[float, float, float, float]:

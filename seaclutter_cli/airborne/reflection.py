@@ -1,0 +1,81 @@
+"""How squares reflect: water like a mirror, ground in all directions."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.squares import Echoes, Squares
+
+Values = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SPECULAR, DIFFUSE = 0.6, 0.45
+"""Coefficients of variation of neighbouring intensities, from which on squares reflect like a mirror or like ground."""
+LIKE_GROUND = (SPECULAR + DIFFUSE) / 2
+"""Coefficient of variation that divides the two kinds."""
+MIRROR_SHARE = 0.05
+"""Share of the squares that reflect like a mirror in tiles whose intensities tell water from land."""
+
+_LEAST_SQUARES = 6
+_SAME_LEVEL_M = 0.03
+_ALIKE_BETWEEN, _ALIKE_WITHIN = 1.5, 1.25
+
+
+def is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
+    """Return whether some squares reflect like ground."""
+    return median_of(echoes.variation[own]) <= DIFFUSE
+
+
+def median_of(values: Values) -> float:
+    """Return the median of the values that are known; NaN if there are none."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Values) -> Echoes:
+    """Return echoes whose variation is unknown if it differs on one and the same surface.
+
+    Parameters
+    ----------
+    squares : Squares
+        The N squares of a tile.
+    echoes : Echoes
+        Their echoes.
+    flat : ndarray, shape (N,), bool
+        Squares that may be water.
+    band_m : ndarray, shape (N,), float64
+        How far they may be from its level.
+
+    Notes
+    -----
+    Where a sensor saturates, or records roots or logarithms, one part of the water reflects like a mirror and another
+    like ground. Ground at the level of water has other elevations, or another roughness. Both kinds must cover a
+    twentieth of the flat squares at the level of the mirrors; then medians of the level within 3 cm or one standard
+    deviation, and similar deviations between and within squares, make them one.
+    """
+    mirror = flat & (echoes.variation >= SPECULAR)
+    if not mirror.any():
+        return echoes
+    near = flat & (np.abs(squares.level_m - np.median(squares.level_m[mirror])) <= band_m)
+    ground, mirror = near & (echoes.variation <= LIKE_GROUND), near & mirror
+    if min(np.count_nonzero(ground), np.count_nonzero(mirror)) < _LEAST_SQUARES + MIRROR_SHARE * np.count_nonzero(near):
+        return echoes
+    level, between, within = _elevations(squares, ground)
+    other_level, other_between, other_within = _elevations(squares, mirror)
+    is_one = (
+        abs(level - other_level) <= max(_SAME_LEVEL_M, other_between)
+        and _ratio(np.hypot(between, _SAME_LEVEL_M), np.hypot(other_between, _SAME_LEVEL_M)) <= _ALIKE_BETWEEN
+        and _ratio(within, other_within) <= _ALIKE_WITHIN
+    )
+    return replace(echoes, variation=np.full(len(flat), np.nan)) if is_one else echoes
+
+
+def _elevations(squares: Squares, own: Mask) -> tuple[float, float, float]:
+    """Return the median level of some squares, the deviation of their levels, and the median deviation in them."""
+    lower, level, upper = np.quantile(squares.level_m[own], (0.1587, 0.5, 0.8413))
+    return float(level), float(upper - lower) / 2, float(np.median(squares.spread_m[own]))
+
+
+def _ratio(one: float, other: float) -> float:
+    return max(one, other) / max(min(one, other), 1e-12)
