@@ -180,7 +180,8 @@ def _without_groups(grid: ElevationGrid, lowest: Cells, depth_m: float) -> Cells
     size = np.bincount(member[low], minlength=len(group))
     low &= share <= _LOW_SHARE
     count = np.count_nonzero(known)
-    chance = np.log(count) / -np.log(min(8 * np.count_nonzero(low) / count, _LIKELY))
+    left = max(int(np.count_nonzero(low)), 1)
+    chance = np.log(count) / -np.log(min(8 * left / count, _LIKELY))
     return np.where(low & (size[member] <= max(_LARGEST_GROUP, chance)), closed, lowest)
 
 

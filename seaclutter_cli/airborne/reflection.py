@@ -17,7 +17,7 @@ LIKE_GROUND = (SPECULAR + DIFFUSE) / 2
 MIRROR_SHARE = 0.05
 """Share of the squares that reflect like a mirror in tiles whose intensities tell water from land."""
 
-_LEAST_SQUARES = 6
+_LEAST_SQUARES, _GROUND_SHARE = 6, 0.02
 _SAME_LEVEL_M = 0.03
 _ALIKE_BETWEEN, _ALIKE_WITHIN = 1.5, 1.25
 
@@ -49,22 +49,23 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
 
     Notes
     -----
-    Where a sensor saturates, or records roots or logarithms, one part of the water reflects like a mirror and another
-    like ground. Ground at the level of water has other elevations, or another roughness. Both kinds must cover a
-    twentieth of the flat squares at the level of the mirrors; then medians of the level within 3 cm or one standard
-    deviation, and similar deviations between and within squares, make them one.
+    Where a sensor records roots or logarithms, one part of the water reflects like a mirror and another like ground.
+    Ground at the level of water has other elevations, or another roughness. If a twentieth of the flat squares at the
+    level of the mirrors are mirrors, and a fiftieth like ground, medians of the level within 3 cm or one standard
+    deviation, and similar deviations between and within squares, make them one surface, and tell nothing in this tile.
     """
     mirror = flat & (echoes.variation >= SPECULAR)
     if not mirror.any():
         return echoes
     near = flat & (np.abs(squares.level_m - np.median(squares.level_m[mirror])) <= band_m)
     ground, mirror = near & (echoes.variation <= LIKE_GROUND), near & mirror
-    if min(np.count_nonzero(ground), np.count_nonzero(mirror)) < _LEAST_SQUARES + MIRROR_SHARE * np.count_nonzero(near):
+    counts = np.count_nonzero(ground), np.count_nonzero(mirror)
+    if (counts < _LEAST_SQUARES + np.count_nonzero(near) * np.array([_GROUND_SHARE, MIRROR_SHARE])).any():
         return echoes
     level, between, within = _elevations(squares, ground)
     other_level, other_between, other_within = _elevations(squares, mirror)
     is_one = (
-        abs(level - other_level) <= max(_SAME_LEVEL_M, other_between)
+        abs(level - other_level) <= max(_SAME_LEVEL_M, np.hypot(other_between, other_within))
         and _ratio(np.hypot(between, _SAME_LEVEL_M), np.hypot(other_between, _SAME_LEVEL_M)) <= _ALIKE_BETWEEN
         and _ratio(within, other_within) <= _ALIKE_WITHIN
     )

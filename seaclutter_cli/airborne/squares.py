@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ SIDE = 8
 _PER_BLOCK = BLOCK // SIDE
 _LEAST_CELLS = 6
 _LEAST_ECHOES, _MANY_ECHOES = 12, 60
+_LEAST_SATURATED, _CONSTANT_SHARE = 0.01, 0.05
 _STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _FAR = 1 << 31
 _AT_LEVEL, _NEAR_LEVEL_M = 4.0, 0.2
@@ -177,7 +178,8 @@ class Echoes:
     ----------
     variation : ndarray, shape (N,), float64
         Standard deviation of the intensities divided by the mean, of pulses with one echo: several share the energy of
-        the pulse. Of fewer than 60, the average with the squares beside.
+        the pulse. Of fewer than 60, the average with the squares beside. If some are saturated, relative to that of
+        the speckle of a mirror of which as many are.
     several : ndarray, shape (N,), float64
         Share of those from pulses with several echoes.
     known : ndarray, shape (N,), int8
@@ -200,7 +202,8 @@ def echoes_of(
     classes = column("classification") if trusted else None
     right = {code: np.zeros(squares_in(points.grid)) for code in (GROUND, WATER)}
     total = squares_in(points.grid)
-    count, single, one, two = (np.zeros(total) for _ in range(4))
+    count, single, one, two, full = (np.zeros(total) for _ in range(5))
+    saturated = None if intensity is None else _saturated(intensity)
     start = 0
     for z, cell in points:
         used = np.flatnonzero((cell != NOWHERE) & (z <= top.reshape(-1)[cell]))
@@ -218,12 +221,17 @@ def echoes_of(
             value = np.nan_to_num(intensity[used]).astype(np.float64)
             one += np.bincount(square, value, total)
             two += np.bincount(square, value**2, total)
+            if saturated is not None:
+                full += np.bincount(square, saturated[used], total)
         start += len(cell)
     number = np.where(single >= _LEAST_ECHOES, single, np.nan)[squares.index]
     mean = one[squares.index] / number
     spread = np.sqrt(np.maximum(two[squares.index] / number - mean**2, 0))
     unknown = np.full(len(number), np.nan)
-    variation = np.divide(spread, mean, out=unknown.copy(), where=mean > 0)
+    full = full[squares.index] / number
+    if np.count_nonzero(full == 1) > _CONSTANT_SHARE * len(full):  # one surface has this intensity, and no other
+        full = np.zeros(len(full))
+    variation = np.divide(spread, mean, out=unknown.copy(), where=mean > 0) / _speckle(full)
     around = np.append(variation, np.nan)[np.vstack((np.arange(len(number)), squares.neighbor))]
     known = np.isfinite(around)
     total = np.where(known, around, 0).sum(axis=0)
@@ -234,3 +242,17 @@ def echoes_of(
     share = np.divide((count - single)[squares.index], count[squares.index], out=unknown.copy(), where=known)
     share = unknown if returns is None else share
     return Echoes(variation, share, water.astype(np.int8) - ground.astype(np.int8))
+
+
+def _saturated(intensity: NDArray[Any]) -> Mask | None:
+    """Return which intensities are the highest; None if they are too rare to be a limit of the sensor."""
+    highest = np.asarray(intensity == np.nanmax(intensity))
+    return highest if np.count_nonzero(highest) > _LEAST_SATURATED * len(highest) else None
+
+
+def _speckle(saturated: Values) -> Values:
+    """Return the coefficient of variation of exponential intensities, of which a share is saturated: 1 for none."""
+    below = 1 - saturated
+    limit = -np.log(np.where((saturated > 0) & (below > 0), saturated, 1.0))  # in units of the mean of all
+    variance = 2 * (below - saturated * limit) - below**2
+    return np.sqrt(np.divide(variance, below**2, out=np.ones_like(below), where=limit > 0))

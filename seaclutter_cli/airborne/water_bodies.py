@@ -276,10 +276,11 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     variation, several = (median_of(values[own]) for values in (echoes.variation, echoes.several))
     signs = _hollow(squares, own, level, _band(waves))
     slope, tilt, step, bumps = _unevenness(squares, measured if len(measured) >= _LEAST_SQUARES else own)
-    chance = 2 * step * np.sqrt(2 / len(own)) if variation >= SPECULAR else 0.0
-    signs -= 2 * (slope > _SLOPE and tilt > max(np.hypot(_TILT_M, waves / 2), chance))
+    is_mirror = variation >= SPECULAR
+    chance = 2 * step * np.sqrt(2 / len(own)) if is_mirror else 0.0
+    signs -= 2 * (slope > _SLOPE and tilt > max(np.hypot(_TILT_M, waves if is_mirror else waves / 2), chance))
     signs -= step > np.hypot(_STEP_M, waves) or bumps > np.hypot(_BUMPS_M, waves)
-    signs += int(variation >= SPECULAR) - int(tells and variation <= DIFFUSE)
+    signs += int(is_mirror) - int(tells and variation <= DIFFUSE)
     signs -= 2 * (tells and _goes_on_as_ground(squares, echoes, own, level))
     signs -= several > _SEVERAL
     return int(signs)

@@ -5,7 +5,7 @@ import pytest
 
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
-from seaclutter_cli.airborne.squares import squares_of, waves_of
+from seaclutter_cli.airborne.squares import _speckle, squares_of, waves_of
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.airborne.waves import PartWaves
 from tests.paths import shared
@@ -250,6 +250,14 @@ def test_squares_have_level_spread_and_neighbours():
     np.testing.assert_allclose(squares.level_m[order], [1, 1, 0.45, 0.45, 1, 1, 1.25, 1.25], atol=0.06)
     assert squares.spread_m[order][:2].tolist() == [0, 0]
     assert (squares.neighbor >= 0).sum() == 2 * (3 * 2 + 4)
+
+
+def test_saturated_speckle_varies_less():
+    light = np.random.default_rng(3).exponential(size=400_000)
+    for share in (0.0, 0.05, 0.2, 0.5, 0.9):
+        recorded = np.minimum(light, np.quantile(light, 1 - share))
+        assert _speckle(np.array([share]))[0] == pytest.approx(recorded.std() / recorded.mean(), rel=0.02)
+    np.testing.assert_array_equal(_speckle(np.array([1.0, np.nan])), 1)
 
 
 @pytest.mark.parametrize("trusted", [(2,), (9,), (2, 9)])
