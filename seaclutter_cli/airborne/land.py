@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.reflection import DIFFUSE, SPECULAR, comparable_echoes, is_diffuse
-from seaclutter_cli.airborne.squares import Echoes, Squares, SquareWaves, by_cell, positions, squares_in
+from seaclutter_cli.airborne.squares import LEAST_SQUARES, Echoes, Squares, SquareWaves, by_cell, positions, squares_in
 from seaclutter_cli.airborne.water_bodies import (
     WaterBody,
     are_flat,
@@ -26,7 +26,6 @@ Cells = NDArray[np.float64]
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_LEAST_SQUARES = 6
 _EVEN_M = 0.15
 _BANK_M, _BANK_DEVIATIONS = 0.2, 4.0
 
@@ -118,7 +117,7 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
     land[echoes.known > 0] = False
     own = np.flatnonzero(land)
     part = connected(squares, own)
-    land[own] = (np.bincount(part) >= _LEAST_SQUARES)[part]
+    land[own] = (np.bincount(part) >= LEAST_SQUARES)[part]
     if land.any():
         own = np.flatnonzero(~land)
         part = connected(squares, own)

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.squares import Echoes, Squares
+from seaclutter_cli.airborne.squares import LEAST_SQUARES, Echoes, Squares
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SPECULAR, DIFFUSE = 0.6, 0.45
-"""Coefficients of variation of neighbouring intensities, from which on squares reflect like a mirror or like ground."""
+"""Coefficients of variation of neighbouring intensities: at least that of a mirror, and at most that of ground."""
 LIKE_GROUND = (SPECULAR + DIFFUSE) / 2
 """Coefficient of variation that divides the two kinds."""
 MIRROR_SHARE = 0.05
 """Share of the squares that reflect like a mirror in tiles whose intensities tell water from land."""
 
-_LEAST_SQUARES, _GROUND_SHARE = 6, 0.02
+_GROUND_SHARE = 0.02
 _SAME_LEVEL_M = 0.03
 _ALIKE_BETWEEN, _ALIKE_WITHIN = 1.5, 1.25
 
@@ -28,7 +28,7 @@ def is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
 
 
 def median_of(values: Values) -> float:
-    """Return the median of the values that are known; NaN if there are none."""
+    """Return the median of the finite values, or NaN without any."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else float("nan")
 
@@ -51,8 +51,9 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
     -----
     Where a sensor records roots or logarithms, one part of the water reflects like a mirror and another like ground.
     Ground at the level of water has other elevations, or another roughness. If a twentieth of the flat squares at the
-    level of the mirrors are mirrors, and a fiftieth like ground, medians of the level within 3 cm or one standard
-    deviation, and similar deviations between and within squares, make them one surface, and tell nothing in this tile.
+    level of the mirrors are mirrors, and a fiftieth are like ground, the two kinds are compared. They are one surface
+    if their median levels are within 3 cm or one standard deviation, and their deviations between and within squares
+    are similar. The intensities of such a tile do not distinguish water from land.
     """
     mirror = flat & (echoes.variation >= SPECULAR)
     if not mirror.any():
@@ -60,7 +61,7 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
     near = flat & (np.abs(squares.level_m - np.median(squares.level_m[mirror])) <= band_m)
     ground, mirror = near & (echoes.variation <= LIKE_GROUND), near & mirror
     counts = np.count_nonzero(ground), np.count_nonzero(mirror)
-    if (counts < _LEAST_SQUARES + np.count_nonzero(near) * np.array([_GROUND_SHARE, MIRROR_SHARE])).any():
+    if (counts < LEAST_SQUARES + np.count_nonzero(near) * np.array([_GROUND_SHARE, MIRROR_SHARE])).any():
         return echoes
     level, between, within = _elevations(squares, ground)
     other_level, other_between, other_within = _elevations(squares, mirror)

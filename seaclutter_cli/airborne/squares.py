@@ -20,6 +20,8 @@ Value = TypeVar("Value", bound=np.generic)
 
 SIDE = 8
 """Width of a square in cells."""
+LEAST_SQUARES = 6
+"""Squares that make a region; the opening takes what is smaller for an object."""
 _PER_BLOCK = BLOCK // SIDE
 _LEAST_CELLS = 6
 _LEAST_ECHOES, _MANY_ECHOES = 12, 60
@@ -179,7 +181,7 @@ class Echoes:
     variation : ndarray, shape (N,), float64
         Standard deviation of the intensities divided by the mean, of pulses with one echo: several share the energy of
         the pulse. Of fewer than 60, the average with the squares beside. If some are saturated, relative to that of
-        the speckle of a mirror of which as many are.
+        equally saturated speckle.
     several : ndarray, shape (N,), float64
         Share of those from pulses with several echoes.
     known : ndarray, shape (N,), int8
@@ -228,10 +230,10 @@ def echoes_of(
     mean = one[squares.index] / number
     spread = np.sqrt(np.maximum(two[squares.index] / number - mean**2, 0))
     unknown = np.full(len(number), np.nan)
-    full = full[squares.index] / number
-    if np.count_nonzero(full == 1) > _CONSTANT_SHARE * len(full):  # one surface has this intensity, and no other
-        full = np.zeros(len(full))
-    variation = np.divide(spread, mean, out=unknown.copy(), where=mean > 0) / _speckle(full)
+    clipped = full[squares.index] / number
+    if np.count_nonzero(clipped == 1) > _CONSTANT_SHARE * len(clipped):  # one surface has this intensity, and no other
+        clipped = np.zeros(len(clipped))
+    variation = np.divide(spread, mean, out=unknown.copy(), where=mean > 0) / _speckle(clipped)
     around = np.append(variation, np.nan)[np.vstack((np.arange(len(number)), squares.neighbor))]
     known = np.isfinite(around)
     total = np.where(known, around, 0).sum(axis=0)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.reflection import DIFFUSE, LIKE_GROUND, MIRROR_SHARE, SPECULAR, is_diffuse, median_of
-from seaclutter_cli.airborne.squares import Echoes, Squares, SquareWaves
+from seaclutter_cli.airborne.squares import LEAST_SQUARES, Echoes, Squares, SquareWaves
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -15,7 +15,6 @@ Mask = NDArray[np.bool_]
 _BAND_M, _BAND_DEVIATIONS, _LEVEL_DEVIATIONS = 0.2, 3.0, 1.0
 _ROUGH_M = 0.15
 _OPEN_SHARE = 0.5
-_LEAST_SQUARES = 6
 _LOWER_SHARE, _HIGHER_SHARE = 0.1, 0.02
 _SEVERAL = 0.05
 _CERTAIN = 100
@@ -79,8 +78,8 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
       along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher, as a weir, holds it back.
     * Still water is level. A plane through a slope or a river falls by more than one in a thousand (-2); for a
-      region like a mirror, by more than chance makes of the differences between its squares. Wind and
-      strips that do not match cause less. In waves, only squares count in which these were measured: the foot of a
+      region like a mirror, by more than chance makes of the differences between its squares, or the waves do. Wind
+      and strips that do not match cause less. In waves, only squares count in which these were measured: the foot of a
       beach is no higher than they are.
     * Water is flat. Neighbouring squares that differ by more than 4 cm, or means over 64 cells by more than 5 cm,
       beyond what waves explain, are a sign of land (-1).
@@ -110,13 +109,13 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     off_ground = replace(waves, level_m=np.where(ground, squares.level_m, waves.level_m))
     regions = _all_regions(squares, off_ground, kinds)
     mirrors = sum(len(own) for own in regions if median_of(echoes.variation[own]) >= SPECULAR)
-    tells = mirrors > MIRROR_SHARE * len(squares.index)
-    if free.all() and not tells:
+    has_mirrors = mirrors > MIRROR_SHARE * len(squares.index)
+    if free.all() and not has_mirrors:
         return _without_mirrors(squares, echoes, _all_regions(squares, waves, kinds), waves)
-    signs = _all_signs(squares, echoes, regions, waves, tells=tells)
+    signs = _all_signs(squares, echoes, regions, waves, has_mirrors=has_mirrors)
     least = 2 if (echoes.known > 0).any() else 1
     half = _LARGEST * len(free)
-    doubt = [least == 1 and len(own) >= half and not (tells and is_diffuse(echoes, own)) for own in regions]
+    doubt = [least == 1 and len(own) >= half and not (has_mirrors and is_diffuse(echoes, own)) for own in regions]
     certain = signs >= np.where(doubt, 0, least)
     return _bodies(squares, regions, certain if certain.any() else signs >= 0)
 
@@ -127,7 +126,7 @@ def _without_mirrors(
     """Return the bodies of water of a tile that does not reflect like a mirror; none if they are not known."""
     deviation_m = waves.deviation_m
     joined = _all_regions(squares, waves, (np.ones(len(squares.index), np.bool_),))
-    signs = _all_signs(squares, echoes, joined, waves, tells=False)
+    signs = _all_signs(squares, echoes, joined, waves, has_mirrors=False)
     size = np.array([len(own) for own in joined], np.int64)
     certain = signs >= np.where(size >= _LARGEST * len(squares.index), 0, 1)
     large = certain & (size > _LARGE * len(squares.index))
@@ -139,7 +138,7 @@ def _without_mirrors(
         in_waves = np.array([np.median(deviation_m[own]) for own in joined])
         are_crests = (in_waves > 0) & (apart.min(axis=1) <= bands_of(in_waves))
         return _bodies(squares, joined, certain | (at_level & ((signs > -2) | are_crests)))
-    signs = _all_signs(squares, echoes, regions, waves, tells=False)
+    signs = _all_signs(squares, echoes, regions, waves, has_mirrors=False)
     clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
     if clear < _CLEAR_SHARE * sum(map(len, regions)):
         return []
@@ -151,9 +150,9 @@ def _bodies(squares: Squares, regions: Sequence[NDArray[np.int64]], water: Mask)
 
 
 def _all_signs(
-    squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], waves: SquareWaves, *, tells: bool
+    squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], waves: SquareWaves, *, has_mirrors: bool
 ) -> NDArray[np.int64]:
-    return np.array([_signs(squares, echoes, own, waves, tells=tells) for own in regions], np.int64)
+    return np.array([_signs(squares, echoes, own, waves, has_mirrors=has_mirrors) for own in regions], np.int64)
 
 
 def _all_regions(squares: Squares, waves: SquareWaves, kinds: Sequence[Mask]) -> Sequence[NDArray[np.int64]]:
@@ -166,11 +165,11 @@ def _regions(squares: Squares, waves: SquareWaves, kind: Mask) -> Iterator[NDArr
     band = bands_of(waves.deviation_m)
     around = np.maximum(_BAND_M, _LEVEL_DEVIATIONS * waves.deviation_m)
     remaining = np.flatnonzero(are_flat(squares, waves.deviation_m) & kind)
-    while len(remaining) >= _LEAST_SQUARES:
+    while len(remaining) >= LEAST_SQUARES:
         level = waves.level_m[remaining]
         step = np.floor(level / np.median(band[remaining])).astype(np.int64)
         _, which, counts = np.unique(step, return_inverse=True, return_counts=True)
-        if counts.max() < _LEAST_SQUARES:
+        if counts.max() < LEAST_SQUARES:
             return
         middle = np.median(level[which == np.argmax(counts)])
         inside = np.abs(squares.level_m[remaining] - middle) <= band[remaining]
@@ -180,7 +179,7 @@ def _regions(squares: Squares, waves: SquareWaves, kind: Mask) -> Iterator[NDArr
             continue
         own = remaining[inside]
         part = connected(squares, own)
-        for number in np.flatnonzero(np.bincount(part) >= _LEAST_SQUARES):
+        for number in np.flatnonzero(np.bincount(part) >= LEAST_SQUARES):
             yield own[part == number]
         remaining = remaining[~inside]
 
@@ -266,7 +265,7 @@ def connected(squares: Squares, own: NDArray[np.int64]) -> NDArray[np.int32]:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: SquareWaves, *, tells: bool) -> int:
+def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: SquareWaves, *, has_mirrors: bool) -> int:
     """Return the number of signs that a region is water, less those that it is land."""
     if known := int(echoes.known[own[0]]):
         return _CERTAIN * known
@@ -275,13 +274,13 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     measured = own[around.measured[own]]  # waves are as high as the foot of a beach, which slopes
     variation, several = (median_of(values[own]) for values in (echoes.variation, echoes.several))
     signs = _hollow(squares, own, level, _band(waves))
-    slope, tilt, step, bumps = _unevenness(squares, measured if len(measured) >= _LEAST_SQUARES else own)
+    slope, tilt, step, bumps = _unevenness(squares, measured if len(measured) >= LEAST_SQUARES else own)
     is_mirror = variation >= SPECULAR
     chance = 2 * step * np.sqrt(2 / len(own)) if is_mirror else 0.0
     signs -= 2 * (slope > _SLOPE and tilt > max(np.hypot(_TILT_M, waves if is_mirror else waves / 2), chance))
     signs -= step > np.hypot(_STEP_M, waves) or bumps > np.hypot(_BUMPS_M, waves)
-    signs += int(is_mirror) - int(tells and variation <= DIFFUSE)
-    signs -= 2 * (tells and _goes_on_as_ground(squares, echoes, own, level))
+    signs += int(is_mirror) - int(has_mirrors and variation <= DIFFUSE)
+    signs -= 2 * (has_mirrors and _goes_on_as_ground(squares, echoes, own, level))
     signs -= several > _SEVERAL
     return int(signs)
 

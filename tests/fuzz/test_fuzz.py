@@ -15,7 +15,7 @@ from tests.fuzz.formats import FORMATS
 from tests.fuzz.run import Outcome, Recipe, check_honest, honest, make, run
 from tests.logs import records_of
 
-INPUTS = 15
+INPUTS = 25
 
 
 @pytest.mark.parametrize("name", FORMATS)
