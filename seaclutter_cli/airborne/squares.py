@@ -48,6 +48,8 @@ class Squares:
         Share of these cells among those with points.
     top_m : ndarray, shape (N,), float64
         The highest of the lowest elevations of all cells.
+    sill_m : ndarray, shape (2, N), float64
+        Height that all ways across reach, from column to column and from row to row: that of a wall, not of a tree.
     neighbor : ndarray, shape (4, N), int64
         Index of the square on each side; -1 for none.
     side_m : float
@@ -60,6 +62,7 @@ class Squares:
     spread_m: Values
     open_share: Values
     top_m: Values
+    sill_m: Values
     neighbor: NDArray[np.int64]
     side_m: float
 
@@ -86,11 +89,11 @@ def squares_of(grid: ElevationGrid, lowest: Cells, on_surface: Mask) -> Squares:
     ordered = np.sort(np.where(used, low, np.inf), axis=1)
     last, row = used.sum(axis=1) - 1, np.arange(len(index))
     lower, level, upper = (ordered[row, np.rint(part * last).astype(np.int64)] for part in (0.1587, 0.5, 0.8413))
-    top = np.where(np.isfinite(low), low, -np.inf).max(axis=1)
-    xy = positions(grid, index)
-    return Squares(
-        index, xy, level, (upper - lower) / 2, np.where(enough, share, 0), top, _neighbors(xy), SIDE * grid.cell_m
-    )
+    cells = np.where(np.isfinite(low), low, -np.inf).reshape(-1, SIDE, SIDE)
+    sill = np.stack([cells.max(axis=way).min(axis=1) for way in (1, 2)])
+    share, xy = np.where(enough, share, 0), positions(grid, index)
+    top, neighbor = cells.max(axis=(1, 2)), _neighbors(xy)
+    return Squares(index, xy, level, (upper - lower) / 2, share, top, sill, neighbor, SIDE * grid.cell_m)
 
 
 def _by_square(values: NDArray[Value]) -> NDArray[Value]:

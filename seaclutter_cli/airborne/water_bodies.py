@@ -26,6 +26,8 @@ LONG_WAVE_M = 100.0
 """Longer side of a tile that shows its waves; a smaller one may be a part of one wave."""
 _WAVES_M, _HALF = 3.0, 0.5
 _HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
+_EVEN_M, _EVEN_SHARE = 0.01, 0.45
+_MEASURED_SHARE = 0.3
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
 
 
@@ -72,11 +74,15 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     water, or one that covers half of the tile and does not reflect like ground, as many. If nothing in the tile
     reflects like a mirror, a body of water that covers a twentieth of the tile tells the level of all water: other
     regions at that level are water, too, unless they have two more signs of land and no waves that are as high. If such
-    bodies have several levels, or do not exist, the tile remains undecided and no region is returned, unless nearly all
-    squares are in regions with two more signs of land, and without waves.
+    bodies have several levels, as at a lock, only those with waves or as even as still water are water: means over 64
+    cells deviate by at most 1 cm, or 0.45 times the spread within squares; ground undulates more over wide distances
+    than over short ones. Of these, water must not run off along a tenth of the edge that is in the tile, unless they
+    are half of it. Without any such body, the tile remains undecided and no region is returned, unless nearly
+    all squares are in regions with two more signs of land, and without waves.
 
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
-      along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher, as a weir, holds it back.
+      along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher holds it back, and if the
+      region is flat, a wall in the lower square does, too, as that of a weir.
     * Still water is level. A plane through a slope or a river falls by more than one in a thousand (-2); for a
       region like a mirror, by more than chance makes of the differences between its squares, or the waves do. Wind
       and strips that do not match cause less. In waves, only squares count in which these were measured: the foot of a
@@ -132,7 +138,10 @@ def _without_mirrors(
     large = certain & (size > _LARGE * len(squares.index))
     level = np.array([np.median(squares.level_m[own]) for own in joined])
     band = np.array([_band(_waves_in(squares, own, deviation_m)) for own in joined])
-    if large.any() and np.ptp(level[large]) <= band[large].max():
+    if large.any() and np.ptp(level[large]) > band[large].max():
+        large &= [_is_basin(squares, own, waves) for own in joined]
+        certain = large
+    if large.any():
         apart = np.abs(level[:, None] - level[large])
         at_level = (apart <= band[large]).any(axis=1)
         in_waves = np.array([np.median(deviation_m[own]) for own in joined])
@@ -153,6 +162,20 @@ def _all_signs(
     squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], waves: SquareWaves, *, has_mirrors: bool
 ) -> NDArray[np.int64]:
     return np.array([_signs(squares, echoes, own, waves, has_mirrors=has_mirrors) for own in regions], np.int64)
+
+
+def _is_basin(squares: Squares, own: NDArray[np.int64], waves: SquareWaves) -> bool:
+    """Return whether a region is water though the tile has other levels.
+
+    It has waves, or is as even over wide distances as over short ones, and is held back along its edge in the tile.
+    """
+    level, band = float(np.median(squares.level_m[own])), _band(_waves_in(squares, own, waves.deviation_m))
+    beyond, runs_off = _edge(squares, own, level + band, level - band, has_walls=True)
+    is_held = np.count_nonzero(runs_off) <= _LOWER_SHARE * np.count_nonzero(beyond >= 0)
+    bumps = _unevenness(squares, own)[-1]
+    is_even = bumps <= max(_EVEN_M, _EVEN_SHARE * float(np.median(squares.spread_m[own])))
+    has_waves = np.median(waves.deviation_m[own]) > 0 and waves.measured[own].mean() > _MEASURED_SHARE
+    return bool((is_even or has_waves) and (is_held or len(own) >= _LARGEST * len(squares.index)))
 
 
 def _all_regions(squares: Squares, waves: SquareWaves, kinds: Sequence[Mask]) -> Sequence[NDArray[np.int64]]:
@@ -273,12 +296,12 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     waves = _waves_in(squares, own, around.deviation_m)
     measured = own[around.measured[own]]  # waves are as high as the foot of a beach, which slopes
     variation, several = (median_of(values[own]) for values in (echoes.variation, echoes.several))
-    signs = _hollow(squares, own, level, _band(waves))
     slope, tilt, step, bumps = _unevenness(squares, measured if len(measured) >= LEAST_SQUARES else own)
+    is_even = step <= np.hypot(_STEP_M, waves) and bumps <= np.hypot(_BUMPS_M, waves)
+    signs = _hollow(squares, own, level, _band(waves), has_walls=is_even) - (not is_even)
     is_mirror = variation >= SPECULAR
     chance = 2 * step * np.sqrt(2 / len(own)) if is_mirror else 0.0
     signs -= 2 * (slope > _SLOPE and tilt > max(np.hypot(_TILT_M, waves if is_mirror else waves / 2), chance))
-    signs -= step > np.hypot(_STEP_M, waves) or bumps > np.hypot(_BUMPS_M, waves)
     signs += int(is_mirror) - int(has_mirrors and variation <= DIFFUSE)
     signs -= 2 * (has_mirrors and _goes_on_as_ground(squares, echoes, own, level))
     signs -= several > _SEVERAL
@@ -300,23 +323,36 @@ def _goes_on_as_ground(squares: Squares, echoes: Echoes, own: NDArray[np.int64],
     return bool(np.count_nonzero(ground[beyond]) > _GROUND_SHARE * len(beyond))
 
 
-def _hollow(squares: Squares, own: NDArray[np.int64], level_m: float, band_m: float) -> int:
+def _hollow(squares: Squares, own: NDArray[np.int64], level_m: float, band_m: float, *, has_walls: bool) -> int:
     """Return -2 if water would run off a region, over at most one square beyond it; 1 if it is in a hollow."""
-    last = len(squares.index)  # stands for a missing neighbour
-    inside, open_way = np.zeros(last + 1, np.bool_), np.zeros(last + 1, np.bool_)
-    inside[own] = True
-    open_way[:last] = squares.top_m <= level_m + band_m
-    lower = np.append(squares.level_m < level_m - band_m, False)
-    around = squares.neighbor[:, own]
-    edge = ~inside[around]
-    beyond = around[edge]
-    start = np.broadcast_to(own, around.shape)[edge]
-    next_lower = np.append((lower[squares.neighbor] & ~inside[squares.neighbor]).any(axis=0), False)
-    falls = open_way[start] & (lower[beyond] | (~lower[beyond] & open_way[beyond] & next_lower[beyond]))
-    if np.count_nonzero(falls) > _LOWER_SHARE * len(beyond):
+    beyond, runs_off = _edge(squares, own, level_m + band_m, level_m - band_m, has_walls=has_walls)
+    if np.count_nonzero(runs_off) > _LOWER_SHARE * len(beyond):
         return -2
     higher = np.append(squares.top_m > level_m + band_m, False)[beyond]
     return int(np.count_nonzero(higher) > _HIGHER_SHARE * len(beyond))
+
+
+def _edge(
+    squares: Squares, own: NDArray[np.int64], high_m: float, low_m: float, *, has_walls: bool
+) -> tuple[NDArray[np.int64], Mask]:
+    """Return the squares beyond the edge of a region, -1 for none, and whether water would run off there.
+
+    What is above ``high_m`` holds it back; with ``has_walls``, also if it is in the square below ``low_m``, as a weir.
+    """
+    last = len(squares.index)  # stands for a missing neighbour
+    inside, open_way = np.zeros(last + 1, np.bool_), np.zeros(last + 1, np.bool_)
+    inside[own] = True
+    open_way[:last] = squares.top_m <= high_m
+    falls = np.zeros((len(squares.neighbor), last + 1), np.bool_)  # from each side
+    falls[:, :last] = squares.level_m < low_m
+    if has_walls:
+        falls[:, :last] &= np.tile(squares.sill_m <= high_m, (2, 1))
+    next_falls = np.take_along_axis(falls, squares.neighbor, 1) & ~inside[squares.neighbor]
+    side, column = np.nonzero(~inside[squares.neighbor[:, own]])
+    start = own[column]
+    beyond = squares.neighbor[side, start]
+    over_next = open_way[beyond] & np.append(next_falls.any(axis=0), False)[beyond]
+    return beyond, open_way[start] & (falls[side, beyond] | over_next)
 
 
 def _unevenness(squares: Squares, own: NDArray[np.int64]) -> tuple[float, float, float, float]:

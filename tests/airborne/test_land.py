@@ -131,6 +131,50 @@ def test_basins_on_both_sides_of_a_weir():
     assert water < 0.01
 
 
+@pytest.mark.parametrize("names", [("intensity", "number_of_returns"), ()])
+def test_the_crest_of_a_weir_holds_back_its_upper_basin(names):
+    """The crest begins with a square that lies mostly in the lower basin."""
+    river = tile(
+        lambda x, y, _b: np.select(
+            [np.abs(y - 150) > 50, np.abs(x - 201.5) < 1.5], [6 + (y - 150) ** 2 / 1e3, 2.0], -5
+        ),
+        level=lambda x, _: np.where(x < 201.5, 1.5, 0.0),
+        speckle=bool(names),
+    )
+    land, water = shares(*river[:2], {name: river[2][name] for name in names})
+    assert land > 0.99
+    assert water < 0.02
+
+
+@pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (1.2, 40.0)])
+def test_basins_of_a_lock_are_water_though_nothing_reflects(height, length):
+    """Both are even; the ground of the lock itself is not."""
+    xyz, land, _ = tile(
+        lambda x, _y, bumps: np.where(np.abs(x - 200) < 30, 3.8 + bumps / 3, -5),
+        level=lambda x, _: np.where(x < 200, 0, 2),
+        height=height,
+        length=length,
+    )
+    upper = ~land & (xyz[0] > 200)
+    xyz[2, upper] = np.random.default_rng(2).normal(2, 0.03, np.count_nonzero(upper))
+    on_land, on_water = shares(xyz, land, {})
+    assert on_land > 0.99
+    assert on_water < 0.02
+
+
+@pytest.mark.parametrize("depth", [1.0, 2.0])
+def test_a_polder_below_the_sea_is_land_though_nothing_reflects(depth):
+    """Its fields of 50 by 60 metres differ by some centimetres, as fields do."""
+    rng = np.random.default_rng(3)
+    xyz, *_ = tile(lambda x, _y, _b: np.where((x > 190) & (x < 205), 4.0, -5.0))
+    low = xyz[0] >= 205
+    field = (xyz[0] // 50 + 8 * (xyz[1] // 60)).astype(int)
+    xyz[2, low] = -depth + (rng.normal(0, 0.06, 60)[field] + relief(rng, *xyz[:2], 0.02))[low]
+    on_land, on_water = shares(xyz, xyz[0] > 190, {})
+    assert on_land > 0.97
+    assert on_water < 0.02
+
+
 @pytest.mark.parametrize("speckle", [True, False])
 @pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (0.5, 60.0), (1.2, 40.0)])
 def test_a_tile_of_sea_has_no_land(height, length, speckle):
