@@ -115,8 +115,9 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     """Return the lowest elevations, shape (S, 256, 256), without pits that are one cell wide.
 
     A cell that is more than ``depth_m`` below each of at least five neighbours with points contains an echo from below
-    the surface; it gets the lowest of their values. Elsewhere an opening confines such a cell to itself, but near the
-    edge of a tile, where no window avoids it, it would lower the surface along its whole row.
+    the surface; it gets the lowest of their values. Amid fewer, cells that are two away count, too. Elsewhere an
+    opening confines such a cell to itself, but near the edge of a tile, where no window avoids it, it would lower the
+    surface along its whole row.
 
     In water that light penetrates, such echoes are many and from shallow depths. Amid eight neighbours that are alike,
     a cell is a pit from a quarter of ``depth_m`` on, even if one neighbour is one, too; in a ditch, two are as low.
@@ -126,7 +127,8 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     """
     out = grid.lowest.copy()
     level = 0
-    for slot, cells, _ in grid.padded(grid.lowest, 1):
+    for slot, wide, _ in grid.padded(grid.lowest, 2):
+        cells = wide[1:-1, 1:-1]
         around = _neighbors(cells)
         deep = np.isfinite(out[slot])
         higher = np.zeros(deep.shape, np.uint8)
@@ -138,6 +140,7 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
         beside = np.stack([own[deep] for own in around])
         pits = np.isfinite(beside).sum(axis=0) >= _NEIGHBORS
         out[slot][tuple(np.argwhere(deep)[pits].T)] = beside.min(axis=0)[pits]
+        _fill_lonely(out[slot], np.argwhere(deep)[~pits].T, wide, depth_m)
         highest = np.where(np.isfinite(beside), beside, -np.inf).max(axis=0, initial=-np.inf)
         level += int(np.count_nonzero(highest[pits] - beside.min(axis=0)[pits] < depth_m / 2))
         ordered = np.sort(np.stack([own[shallow] for own in around]), axis=0)
@@ -150,6 +153,16 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     if level <= _MANY_PITS * np.count_nonzero(np.isfinite(out)):
         return out
     return _without_groups(grid, out, _SHALLOW * depth_m)
+
+
+def _fill_lonely(out: Cells, at: NDArray[np.int64], wide: Cells, depth_m: float) -> None:
+    """Fill pits with few neighbours, shape (2, P), from the cells up to two away in a block that is padded by two."""
+    window = np.indices((5, 5)).reshape(2, -1, 1)
+    beside = wide[tuple(window + at[:, None])]
+    beside[len(beside) // 2] = np.inf
+    value = beside.min(axis=0, initial=np.inf)
+    pits = (np.isfinite(beside).sum(axis=0) >= _NEIGHBORS) & (out[tuple(at)] < value - depth_m)
+    out[tuple(at[:, pits])] = value[pits]
 
 
 def _without_groups(grid: ElevationGrid, lowest: Cells, depth_m: float) -> Cells:

@@ -20,6 +20,7 @@ MIRROR_SHARE = 0.05
 _GROUND_SHARE = 0.02
 _SAME_LEVEL_M = 0.03
 _ALIKE_BETWEEN, _ALIKE_WITHIN = 1.5, 1.25
+_WAVES_M, _NEAR_IN_WAVES, _ALIKE_IN_WAVES = 0.1, 0.75, 1.25
 
 
 def is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
@@ -53,7 +54,9 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
     Ground at the level of water has other elevations, or another roughness. If a twentieth of the flat squares at the
     level of the mirrors are mirrors, and a fiftieth are like ground, the two kinds are compared. They are one surface
     if their median levels are within 3 cm or one standard deviation, and their deviations between and within squares
-    are similar. The intensities of such a tile do not distinguish water from land.
+    are similar. In waves, of which squares of several strips contain more than one moment, levels within three quarters
+    of the deviation between squares suffice if that is at least 10 cm and alike. The intensities of such a tile do not
+    distinguish water from land.
     """
     mirror = flat & (echoes.variation >= SPECULAR)
     if not mirror.any():
@@ -65,9 +68,13 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
         return echoes
     level, between, within = _elevations(squares, ground)
     other_level, other_between, other_within = _elevations(squares, mirror)
-    is_one = (
-        abs(level - other_level) <= max(_SAME_LEVEL_M, np.hypot(other_between, other_within))
-        and _ratio(np.hypot(between, _SAME_LEVEL_M), np.hypot(other_between, _SAME_LEVEL_M)) <= _ALIKE_BETWEEN
+    apart = abs(level - other_level)
+    waves = min(between, other_between)
+    differ = _ratio(np.hypot(between, _SAME_LEVEL_M), np.hypot(other_between, _SAME_LEVEL_M))
+    is_one = waves >= _WAVES_M and apart <= _NEAR_IN_WAVES * waves and differ <= _ALIKE_IN_WAVES
+    is_one |= (
+        apart <= max(_SAME_LEVEL_M, np.hypot(other_between, other_within))
+        and differ <= _ALIKE_BETWEEN
         and _ratio(within, other_within) <= _ALIKE_WITHIN
     )
     return replace(echoes, variation=np.full(len(flat), np.nan)) if is_one else echoes

@@ -22,6 +22,10 @@ from seaclutter_cli.errors import InputError
 __all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]
 
 
+_SAMPLE = 20_000
+_CREST_DEVIATIONS = 3.0
+
+
 def _no_column(_name: str) -> None:
     """Return no attribute."""
 
@@ -148,7 +152,7 @@ def _separated(points: GriddedPoints, params: SurfaceParams, column: Column) -> 
     surface = SeaSurfaceModel(
         points.grid, params, lambda squares, top: echoes_of(squares, points, top, column, trusted)
     )
-    if surface.waves is not None and surface.is_rough:
+    if surface.waves is not None and (surface.is_rough or _has_crests(points, surface)):
         found = _rough(points, surface, surface.waves, column)
     else:
         found = Separation(*_classes(points, surface), surface.cells, SeaState.of(surface), _land(surface))
@@ -157,6 +161,21 @@ def _separated(points: GriddedPoints, params: SurfaceParams, column: Column) -> 
         kept = np.isin(given, trusted) & (found.classification != NEVER)
         found.classification[kept] = given[kept]
     return found
+
+
+def _has_crests(points: GriddedPoints, surface: SeaSurfaceModel) -> bool:
+    """Return whether echoes from crests rise above calm water: where cells have many, their lowest does not show it."""
+    step = points.size // _SAMPLE + 1
+    sample = []
+    for z, cell in points:
+        used = np.flatnonzero(cell[::step] != NOWHERE) * step
+        above, limit = surface.heights(z[used], cell[used])
+        sample.append(above[np.broadcast_to(limit, above.shape) > 0])  # no land
+    above = np.concatenate(sample)
+    if not len(above):
+        return False
+    low, middle = np.quantile(above, (0.1587, 0.5))
+    return bool(middle + _CREST_DEVIATIONS * (middle - low) > CALM_M)
 
 
 def _leveled(points: GriddedPoints, cell_m: float, column: Column) -> GriddedPoints:

@@ -298,8 +298,11 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     variation, several = (median_of(values[own]) for values in (echoes.variation, echoes.several))
     slope, tilt, step, bumps = _unevenness(squares, measured if len(measured) >= LEAST_SQUARES else own)
     is_even = step <= np.hypot(_STEP_M, waves) and bumps <= np.hypot(_BUMPS_M, waves)
-    signs = _hollow(squares, own, level, _band(waves), has_walls=is_even) - (not is_even)
     is_mirror = variation >= SPECULAR
+    band = _band(waves)
+    # What reflects like water around water may be its troughs.
+    trough = np.where(has_mirrors & is_mirror & (echoes.variation >= SPECULAR), 2 * band, band)
+    signs = _hollow(squares, own, level + band, level - trough, has_walls=is_even) - (not is_even)
     chance = 2 * step * np.sqrt(2 / len(own)) if is_mirror else 0.0
     signs -= 2 * (slope > _SLOPE and tilt > max(np.hypot(_TILT_M, waves if is_mirror else waves / 2), chance))
     signs += int(is_mirror) - int(has_mirrors and variation <= DIFFUSE)
@@ -323,17 +326,17 @@ def _goes_on_as_ground(squares: Squares, echoes: Echoes, own: NDArray[np.int64],
     return bool(np.count_nonzero(ground[beyond]) > _GROUND_SHARE * len(beyond))
 
 
-def _hollow(squares: Squares, own: NDArray[np.int64], level_m: float, band_m: float, *, has_walls: bool) -> int:
+def _hollow(squares: Squares, own: NDArray[np.int64], high_m: float, low_m: float | Values, *, has_walls: bool) -> int:
     """Return -2 if water would run off a region, over at most one square beyond it; 1 if it is in a hollow."""
-    beyond, runs_off = _edge(squares, own, level_m + band_m, level_m - band_m, has_walls=has_walls)
+    beyond, runs_off = _edge(squares, own, high_m, low_m, has_walls=has_walls)
     if np.count_nonzero(runs_off) > _LOWER_SHARE * len(beyond):
         return -2
-    higher = np.append(squares.top_m > level_m + band_m, False)[beyond]
+    higher = np.append(squares.top_m > high_m, False)[beyond]
     return int(np.count_nonzero(higher) > _HIGHER_SHARE * len(beyond))
 
 
 def _edge(
-    squares: Squares, own: NDArray[np.int64], high_m: float, low_m: float, *, has_walls: bool
+    squares: Squares, own: NDArray[np.int64], high_m: float, low_m: float | Values, *, has_walls: bool
 ) -> tuple[NDArray[np.int64], Mask]:
     """Return the squares beyond the edge of a region, -1 for none, and whether water would run off there.
 

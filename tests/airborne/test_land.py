@@ -211,6 +211,16 @@ def test_water_that_reflects_like_ground_in_a_part_of_it(ground, height, length,
     assert on_water < 0.02
 
 
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_a_mirror_and_ground_at_the_level_of_the_same_waves_are_one_sea(seed):
+    """Gusts roughen one part of it."""
+    xyz, land, columns = tile(sea_only, height=1.0, length=60.0, seed=seed)
+    rough = xyz[1] > 150
+    xyz[2] += np.where(rough, np.random.default_rng(1).normal(0, 0.08, rough.size), 0)
+    intensity = np.where(rough, columns["intensity"], 60 + columns["intensity"] / 6)
+    assert shares(xyz, land, columns | {"intensity": intensity})[1] < 0.01
+
+
 def test_waves_belong_to_the_squares_at_their_level():
     grid = ElevationGrid(1.0)
     x, y = np.meshgrid(np.arange(0.5, 64), np.arange(0.5, 16))

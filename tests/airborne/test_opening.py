@@ -128,6 +128,20 @@ def test_shallow_pits_are_filled_and_ditches_are_not():
     np.testing.assert_array_equal(found[40, 6:54], low[40, 6:54])
 
 
+def test_a_pit_amid_empty_cells_is_filled_from_two_cells_away():
+    values = np.full((40, 40), np.inf)
+    values[::2, ::2] = np.random.default_rng(7).normal(0, 0.02, (20, 20))
+    values[20, 20], values[5:, 30:] = -3.0, np.inf
+    values[30, 35] = -3.0  # alone
+    known = np.isfinite(values)
+    grid = ElevationGrid(1.0)
+    grid.add(np.stack((*np.nonzero(known), values[known])) + np.array([[0.5], [0.5], [0]]))
+    found = without_pits(grid, 1.0)[0, :40, :40]
+    assert found[20, 20] == values[18:23:2, 18:23:2][[0, 0, 0, 1, 1, 2, 2, 2], [0, 1, 2, 0, 2, 0, 1, 2]].min()
+    changed = found[known] != values[known]
+    assert changed.sum() == 1
+
+
 def test_groups_of_low_cells_are_pits_only_where_pits_are_many():
     rng = np.random.default_rng(7)
     values = rng.normal(0, 0.02, (200, 200))

@@ -92,6 +92,14 @@ def test_calm_water_is_separated_as_with_half_a_metre():
     np.testing.assert_array_equal(auto.height_m, fixed.height_m)
 
 
+@pytest.mark.parametrize(("echoes", "surface"), [(1, "opened"), (10, "followed")])
+def test_many_echoes_per_cell_show_crests_that_their_lowest_does_not(echoes, surface):
+    parts = [field(0.3, 15.0, seed=1) + np.random.default_rng(n).normal(0, [[0], [0], [0.05]]) for n in range(echoes)]
+    found = separate([np.concatenate(parts, axis=1)], SeparationParams())
+    assert found.sea.surface == surface
+    assert (found.classification == OTHER).mean() < 1e-3
+
+
 @pytest.mark.parametrize(("height", "length"), [(0.7, 25.0), (1.2, 40.0), (1.5, 35.0)])
 def test_ships_and_islands_rise_out_of_rough_water(height, length):
     xyz = field(height, length, seed=4)
