@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.nearest import nearest
-from seaclutter_cli.airborne.reflection import DIFFUSE, SPECULAR, comparable_echoes, is_diffuse
+from seaclutter_cli.airborne.reflection import DIFFUSE, SPECULAR, comparable_echoes, is_diffuse, median_of
 from seaclutter_cli.airborne.squares import LEAST_SQUARES, Echoes, Squares, SquareWaves, by_cell, positions, squares_in
 from seaclutter_cli.airborne.water_bodies import (
     WaterBody,
@@ -19,6 +19,7 @@ from seaclutter_cli.airborne.water_bodies import (
     bands_of,
     connected,
     find_bodies,
+    looks_like_water,
     without_woods,
 )
 
@@ -27,6 +28,7 @@ Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _EVEN_M = 0.15
+_FIELD_M = 0.05
 _BANK_M, _BANK_DEVIATIONS = 0.2, 4.0
 
 
@@ -44,12 +46,16 @@ class Shores:
         Level of the nearest body of water; NaN without any.
     bank_m : float
         Height above that level from which a cell beside land belongs to it.
+    is_doubtful : bool
+        Whether the bodies may be level ground: none is trusted, reflects like a mirror, is even, or has waves that are
+        higher than fields undulate.
     """
 
     bodies: Sequence[WaterBody]
     land: Mask
     level_m: Cells
     bank_m: float
+    is_doubtful: bool
 
     @property
     def steps_m(self) -> float:
@@ -84,7 +90,14 @@ def shores_of(
         for slot, (cells, water) in enumerate(zip(lowest, level, strict=True)):
             at_level = np.abs(np.where(np.isfinite(cells), cells, water) - water) <= bank[slot]
             land[slot] &= sure[slot] | ~at_level
-    return Shores(bodies, land, level, _bank(bodies))
+    is_doubtful = bool(bodies) and not any(_shows_water(squares, echoes, waves, body.squares) for body in bodies)
+    return Shores(bodies, land, level, _bank(bodies), is_doubtful)
+
+
+def _shows_water(squares: Squares, echoes: Echoes, waves: SquareWaves, own: NDArray[np.int64]) -> bool:
+    """Return whether more than the shape of a body shows that it is water."""
+    is_mirror = median_of(echoes.variation[own]) >= SPECULAR
+    return bool(echoes.known[own[0]] > 0 or is_mirror) or looks_like_water(squares, own, waves, _FIELD_M)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.bottom import Bottom, bottom_of
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.airborne.following import CellDetails
+from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.land_cells import LandCells
 from seaclutter_cli.airborne.squares import echoes_of
@@ -150,7 +151,10 @@ def _above(bottom: Bottom, points: GriddedPoints, params: SeparationParams, colu
 def _separated(points: GriddedPoints, params: SurfaceParams, column: Column) -> Separation:
     trusted = params.trust_classes if isinstance(params, SeparationParams) else ()
     surface = SeaSurfaceModel(
-        points.grid, params, lambda squares, top: echoes_of(squares, points, top, column, trusted)
+        points.grid,
+        params,
+        lambda squares, top: echoes_of(squares, points, top, column, trusted),
+        looks=_LookGrids(points, params.cell_m, column),
     )
     if surface.waves is not None and (surface.is_rough or _has_crests(points, surface)):
         found = _rough(points, surface, surface.waves, column)
@@ -213,6 +217,22 @@ def _rough(whole_tile: GriddedPoints, whole: SeaSurfaceModel, waves: Waves, colu
         surfaces.append(surface)
     largest = max(surfaces, key=lambda surface: surface.cells)
     return Separation(classification, height, whole.cells, SeaState.of(largest), _land(*surfaces))
+
+
+@dataclass(frozen=True)
+class _LookGrids:
+    """Grids of what each look of a tile shows; none if there is only one."""
+
+    points: GriddedPoints
+    cell_m: float
+    column: Column
+
+    def __iter__(self) -> Iterator[ElevationGrid]:
+        look = looks_of(strips_of(self.column), self.points.parts, self.column)
+        for number in [] if look is None else np.unique(look).tolist():
+            grid = GriddedPoints.of(_Selected(self.points.parts, look == number), self.cell_m).grid
+            if grid.blocks:
+                yield grid
 
 
 @dataclass(frozen=True)

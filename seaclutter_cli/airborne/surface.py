@@ -1,6 +1,6 @@
 """Sea surface of tiles and frames by morphological opening."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ from seaclutter_cli.airborne.opening import open_grid, without_pits
 from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.squares import Echoes, Squares, squares_of, waves_of
 from seaclutter_cli.airborne.water_bodies import LONG_WAVE_M
-from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_levels, local_waves, other_levels
+from seaclutter_cli.airborne.waves import Look, Waves, estimate_waves, local_levels, local_waves, other_levels
 from seaclutter_cli.errors import InputError
 
 Cells = NDArray[np.float64]
@@ -122,6 +122,32 @@ class RoughWater:
     details: CellDetails
 
 
+@dataclass(frozen=True)
+class _Looks:
+    """Looks of a tile with the opened surface of each, which are computed whenever they are needed."""
+
+    grids: Iterable[ElevationGrid]
+    params: SurfaceParams
+
+    def __iter__(self) -> Iterator[Look]:
+        for grid in self.grids:
+            lowest = without_pits(grid, _PIT * self.params.threshold_m)
+            yield Look(grid, lowest, open_grid(grid, self.params.window_m, lowest))
+
+
+@dataclass(frozen=True)
+class _Water:
+    """Looks without the land, a mapping of blocks to cells."""
+
+    looks: Iterable[Look]
+    land: Mapping[tuple[int, int], Mask]
+
+    def __iter__(self) -> Iterator[Look]:
+        for look in self.looks:
+            land = np.stack([self.land[block] for block in look.grid.blocks])
+            yield replace(look, lowest=np.where(land, np.inf, look.lowest))
+
+
 class SeaSurfaceModel:
     r"""Sea surface of a tile or frame: the opening of its grid of lowest elevations ([Shi2022], section 1.1).
 
@@ -135,6 +161,9 @@ class SeaSurfaceModel:
         Returns the echoes of squares up to an elevation of each cell; without it, only islands are land.
     rough : RoughWater, optional
         The surface follows these waves.
+    looks : iterable of ElevationGrid, optional
+        Grids of what each look of the tile shows, for waves that are not recognised where several meet; iterated over
+        repeatedly.
 
     Attributes
     ----------
@@ -148,7 +177,8 @@ class SeaSurfaceModel:
     A point is a non-sea point if it is more than :math:`T_{\max}` above the opened surface of its cell.
 
     * With ``height_m: auto``, `estimate_waves` tells whether crests reach more than half a metre above the opened
-      surface. If so, the surface follows the waves (`follow_waves`). Otherwise, nothing changes.
+      surface. If so, the surface follows the waves (`follow_waves`). Otherwise, nothing changes. Where most rough parts
+      do not oscillate, cells may show several moments; waves are then those of single looks.
     * Waves and swell: the opened surface follows waves longer than about twice the window. For shorter waves, the
       threshold has to exceed the height of their crests. A window much wider than the objects cuts off the crests of
       swell.
@@ -175,6 +205,7 @@ class SeaSurfaceModel:
         params: SurfaceParams,
         echoes: EchoReader | None = None,
         rough: "RoughWater | None" = None,
+        looks: Iterable[ElevationGrid] = (),
     ) -> None:
         self._grid = grid
         self.params = params
@@ -193,14 +224,21 @@ class SeaSurfaceModel:
         if rough is not None:
             self._follow(lowest, rough)
             return
+        views: Iterable[Look] = [Look(grid, lowest, self._opened)]
+        local = local_waves(views)
+        if local.is_mixed:
+            apart = _Looks(looks, params)
+            alone = local_waves(apart)
+            if alone.is_one_sea:
+                views, local = apart, alone
         if params.land != "ignore" and echoes is not None:
             squares = squares_of(grid, lowest, lowest <= top)
-            waves = waves_of(squares, *local_waves(grid, lowest, self._opened))
+            waves = waves_of(squares, local.centers, local.parts)
             self.shores = shores_of(grid, lowest, squares, echoes(squares, top), waves)
         del top
         if params.follows_waves:
-            water = lowest if self.shores is None else np.where(self.shores.land, np.inf, lowest)
-            self.waves = estimate_waves(grid, water, self._opened)
+            land = self.land_by_block
+            self.waves = estimate_waves(views if land is None else _Water(views, land))
         if len(self._opened):
             self._level_land(params)
 
@@ -223,7 +261,7 @@ class SeaSurfaceModel:
         waves, params = rough.waves, self.params
         self.waves = waves
         own = np.zeros(lowest.shape, np.bool_)
-        levels, deviations = local_levels(self._grid, lowest, self._opened, waves)
+        levels, deviations = local_levels(Look(self._grid, lowest, self._opened), waves)
         if rough.land is not None:
             for block, slot in self._grid.blocks.items():
                 own[slot] = rough.land[block]
@@ -278,11 +316,13 @@ class SeaSurfaceModel:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether land was looked for, and neither regions nor waves, which need room, tell it from water."""
+        """Whether land was looked for, and neither regions nor waves, which need room, distinguish it from water."""
         params = self.params
         looked = isinstance(params, SeparationParams) and params.follows_waves and params.land != "ignore"
         is_small = self.cells * params.cell_m**2 < LONG_WAVE_M**2
-        return looked and self.shores is None and (self.waves is None or is_small)
+        if self.shores is not None:
+            return looked and self.shores.is_doubtful
+        return looked and (is_small or not self.is_rough)
 
     @property
     def object_height_m(self) -> float:

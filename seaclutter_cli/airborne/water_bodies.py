@@ -165,17 +165,22 @@ def _all_signs(
 
 
 def _is_basin(squares: Squares, own: NDArray[np.int64], waves: SquareWaves) -> bool:
-    """Return whether a region is water though the tile has other levels.
-
-    It has waves, or is as even over wide distances as over short ones, and is held back along its edge in the tile.
-    """
+    """Return whether a region looks like water, and is held back along its edge in the tile or is half of it."""
     level, band = float(np.median(squares.level_m[own])), _band(_waves_in(squares, own, waves.deviation_m))
     beyond, runs_off = _edge(squares, own, level + band, level - band, has_walls=True)
     is_held = np.count_nonzero(runs_off) <= _LOWER_SHARE * np.count_nonzero(beyond >= 0)
+    return (is_held or len(own) >= _LARGEST * len(squares.index)) and looks_like_water(squares, own, waves)
+
+
+def looks_like_water(squares: Squares, own: NDArray[np.int64], waves: SquareWaves, least_m: float = 0.0) -> bool:
+    """Return whether a region is as even over wide distances as over short ones, or has waves.
+
+    ``least_m`` is the deviation that waves exceed.
+    """
     bumps = _unevenness(squares, own)[-1]
     is_even = bumps <= max(_EVEN_M, _EVEN_SHARE * float(np.median(squares.spread_m[own])))
-    has_waves = np.median(waves.deviation_m[own]) > 0 and waves.measured[own].mean() > _MEASURED_SHARE
-    return bool((is_even or has_waves) and (is_held or len(own) >= _LARGEST * len(squares.index)))
+    has_waves = np.median(waves.deviation_m[own]) > least_m and waves.measured[own].mean() > _MEASURED_SHARE
+    return bool(is_even or has_waves)
 
 
 def _all_regions(squares: Squares, waves: SquareWaves, kinds: Sequence[Mask]) -> Sequence[NDArray[np.int64]]:

@@ -1,6 +1,6 @@
 """Waves of a tile: their height and length, part by part, from the lowest echo of each cell."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -27,7 +27,7 @@ _ROUGHEST_PARTS = 0.75
 _MAX_TILT = 0.5
 _OTHER_LEVEL = 2.0
 _SAME_LEVEL_M, _LEAST_SHARE = 0.2, 0.1
-_STILL_M = 0.1
+_STILL_M, _ROUGH_M, _SEVERAL = 0.1, 0.5, 3
 _ALIKE = 1.5
 _HIGHEST = 1.25
 
@@ -84,6 +84,25 @@ class PartWaves:
 
 
 @dataclass(frozen=True)
+class Look:
+    """Grid of a tile, or of what one look of it shows at one moment.
+
+    Parameters
+    ----------
+    grid : ElevationGrid
+        The grid, in S blocks.
+    lowest : ndarray, shape (S, 256, 256), float64
+        Lowest elevations without pits; plus infinity in empty cells.
+    opened : ndarray, shape (S, 256, 256), float64
+        Opened surface.
+    """
+
+    grid: ElevationGrid
+    lowest: Cells
+    opened: Cells
+
+
+@dataclass(frozen=True)
 class Waves:
     """Waves of a tile: medians over the parts of its roughest water, weighted by their cells.
 
@@ -118,59 +137,101 @@ class Waves:
         return max(self.crest_m, _HIGHEST * self.height_m)
 
 
-def local_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> tuple[Cells, Sequence[PartWaves]]:
-    """Return the quarters of blocks that look like sea or are still, and their centres in cells, shape (2, P).
+@dataclass(frozen=True)
+class LocalWaves:
+    """Waves of the quarters of blocks.
+
+    Parameters
+    ----------
+    centers : ndarray, shape (2, P), float64
+        Centres of the quarters that look like sea or are still, in cells.
+    parts : sequence of PartWaves
+        Their waves.
+    sea_cells, mixed_cells, cells : int
+        Number of the cells in rough quarters that look like sea; in those that are level, but do not oscillate, as
+        where echoes of several moments meet; and in all quarters.
+    """
+
+    centers: Cells
+    parts: Sequence[PartWaves]
+    sea_cells: int
+    mixed_cells: int
+    cells: int
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether a tenth of the cells, and most rough ones, may show waves of several moments."""
+        return self.mixed_cells > max(_LEAST_SHARE * self.cells, self.sea_cells)
+
+    @property
+    def is_one_sea(self) -> bool:
+        """Whether a tenth of the rough cells, in at least three quarters of about one level, look like sea."""
+        sea = [part for part in self.parts if part.is_sea and part.crest_m > _ROUGH_M]
+        if len(sea) < _SEVERAL or self.sea_cells < _LEAST_SHARE * (self.sea_cells + self.mixed_cells):
+            return False
+        return bool(np.std([part.level_m for part in sea]) <= np.median([part.deviation_m for part in sea]))
+
+
+def local_waves(looks: Iterable[Look]) -> LocalWaves:
+    """Return the waves of the quarters of blocks, of each look.
 
     A quarter may be too small for long swell: it has the waves of a block if it is no rougher, and near their level.
     """
-    every = list(_quarters(grid, lowest, opened, crests=False))
-    own = [(center, part) for center, part in every if part.is_sea or part.is_still]
-    rest = [(center, part) for center, part in every if not (part.is_sea or part.is_still)]
-    for wave in _long_swell(grid, lowest, opened, {part.block for _, part in rest}):
-        own += [(center, wave) for center, part in rest if wave.contains(part)]
-    return np.array([center for center, _ in own]).reshape(-1, 2).T, [part for _, part in own]
+    own: list[tuple[list[float], PartWaves]] = []
+    sea = mixed = cells = 0
+    for look in looks:
+        every = list(_quarters(look, crests=False))
+        rest = [(center, part) for center, part in every if not (part.is_sea or part.is_still)]
+        own += [(center, part) for center, part in every if part.is_sea or part.is_still]
+        for wave in _long_swell(look, {part.block for _, part in rest}):
+            own += [(center, wave) for center, part in rest if wave.contains(part)]
+        rough = [part for _, part in every if part.is_level and part.crest_m > _ROUGH_M]
+        sea += _cells([part for part in rough if part.is_sea])
+        mixed += _cells([part for part in rough if not part.is_sea])
+        cells += _cells([part for _, part in every])
+    centers = np.array([center for center, _ in own]).reshape(-1, 2).T
+    return LocalWaves(centers, [part for _, part in own], sea, mixed, cells)
 
 
-def _long_swell(
-    grid: ElevationGrid, lowest: Cells, opened: Cells, blocks: Collection[tuple[int, int]]
-) -> Iterator[PartWaves]:
+def _long_swell(look: Look, blocks: Collection[tuple[int, int]]) -> Iterator[PartWaves]:
     """Yield the waves of those of some blocks that look like sea, if they are too long for their quarters."""
-    for block, slot in grid.blocks.items():
+    cell_m = look.grid.cell_m
+    for block, slot in look.grid.blocks.items():
         if block in blocks:
-            waves = _part(block, lowest[slot], opened[slot], grid.cell_m, crests=False)
-            if waves is not None and waves.is_sea and waves.length_m > PART_CELLS * grid.cell_m:
+            waves = _part(block, look.lowest[slot], look.opened[slot], cell_m, crests=False)
+            if waves is not None and waves.is_sea and waves.length_m > PART_CELLS * cell_m:
                 yield waves
 
 
-def _quarters(
-    grid: ElevationGrid, lowest: Cells, opened: Cells, *, crests: bool
-) -> Iterator[tuple[list[float], PartWaves]]:
+def _quarters(look: Look, *, crests: bool) -> Iterator[tuple[list[float], PartWaves]]:
     """Yield the centre of each quarter of a block with enough points, in cells, and its waves."""
-    for block, slot in grid.blocks.items():
+    for block, slot in look.grid.blocks.items():
         for corner in np.ndindex(2, 2):
             part = tuple(slice(PART_CELLS * at, PART_CELLS * (at + 1)) for at in corner)
-            waves = _part(block, lowest[slot][part], opened[slot][part], grid.cell_m, crests=crests)
+            lowest = look.lowest[slot][part]
+            waves = _part(block, lowest, look.opened[slot][part], look.grid.cell_m, crests=crests)
             if waves is not None:
-                is_sea = waves.is_sea and _tilt(lowest[slot][part]) < _MAX_TILT * waves.deviation_m
+                is_sea = waves.is_sea and _tilt(lowest) < _MAX_TILT * waves.deviation_m
                 center = [PART_CELLS * (2 * at + c + 0.5) for at, c in zip(block, corner, strict=True)]
                 yield center, replace(waves, is_sea=is_sea)
 
 
-def local_levels(grid: ElevationGrid, lowest: Cells, opened: Cells, waves: Waves) -> tuple[Cells, Cells]:
+def local_levels(look: Look, waves: Waves) -> tuple[Cells, Cells]:
     """Return the level and the deviation of the nearest waves at each cell, both of shape (S, 256, 256).
 
     Basins on both sides of a lock or weir have waves at two levels. A level differs from that of the tile from two
     standard deviations on. Still water belongs to a basin if there are waves at its level. The deviation is not less
     than that of the tile.
     """
-    levels, deviations = (np.full(lowest.shape, value) for value in (waves.level_m, waves.deviation_m))
-    centers, parts = local_waves(grid, lowest, opened)
+    levels, deviations = (np.full(look.lowest.shape, value) for value in (waves.level_m, waves.deviation_m))
+    found = local_waves([look])
+    centers, parts = found.centers, found.parts
     oscillating = np.array([part.level_m for part in parts if part.is_sea])
     wet = [bool((np.abs(oscillating - part.level_m) <= _SAME_LEVEL_M).any()) for part in parts]
     if not any(wet):
         return levels, deviations
     centers, parts = centers[:, wet], [part for part, own in zip(parts, wet, strict=True) if own]
-    for block, slot in grid.blocks.items():
+    for block, slot in look.grid.blocks.items():
         for corner in np.ndindex(2, 2):
             center = PART_CELLS * (2 * np.array(block) + corner + 0.5)
             part = parts[nearest(centers, center[:, None])[0]]
@@ -195,17 +256,10 @@ def _tilt(lowest: Cells) -> float:
     return float((slope @ place).std())
 
 
-def estimate_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Waves | None:
+def estimate_waves(looks: Iterable[Look]) -> Waves | None:
     """Return the waves of a tile; None if less than half of it looks like sea.
 
-    Parameters
-    ----------
-    grid : ElevationGrid
-        Grid of the tile.
-    lowest : ndarray, shape (S, 256, 256), float64
-        Lowest elevations without pits; plus infinity in empty cells.
-    opened : ndarray, shape (S, 256, 256), float64
-        Opened surface.
+    ``looks`` are iterated over at most twice.
 
     Notes
     -----
@@ -217,9 +271,13 @@ def estimate_waves(grid: ElevationGrid, lowest: Cells, opened: Cells) -> Waves |
     those of the tile are the roughest that a tenth of it has. If blocks do not look like sea, their quarters may: a
     block beside a weir has two levels.
     """
-    found = [_part(block, lowest[slot], opened[slot], grid.cell_m, crests=True) for block, slot in grid.blocks.items()]
+    found = [
+        _part(block, look.lowest[slot], look.opened[slot], look.grid.cell_m, crests=True)
+        for look in looks
+        for block, slot in look.grid.blocks.items()
+    ]
     waves = _waves_of([part for part in found if part])
-    return waves or _waves_of([part for _, part in _quarters(grid, lowest, opened, crests=True)])
+    return waves or _waves_of([part for look in looks for _, part in _quarters(look, crests=True)])
 
 
 def _waves_of(known: Sequence[PartWaves]) -> Waves | None:

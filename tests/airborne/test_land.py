@@ -406,6 +406,41 @@ def test_a_window_smaller_than_the_swell_is_no_land(speckle):
         assert (found.classification == OTHER).mean() < 0.02
 
 
+@pytest.mark.parametrize("names", [("intensity", "number_of_returns"), ()])
+def test_level_land_without_water_is_doubtful(names):
+    """Its fields differ by some centimetres."""
+    field = np.random.default_rng(4).normal(3, 0.03, 60)
+    xyz, land, columns = tile(lambda x, y, bumps: field[(x // 50 + 8 * (y // 60)).astype(int)] + bumps / 5)
+    assert land.all()
+    columns = {name: columns[name] for name in names}
+    assert separate([xyz], SeparationParams(), columns.get).is_doubtful
+
+
+@pytest.mark.parametrize("speckle", [True, False])
+@pytest.mark.parametrize("height", [0.1, 0.3, 1.0])
+def test_a_sea_is_not_doubtful(height, speckle):
+    xyz, _, columns = tile(sea_only, height=height, length=40.0, speckle=speckle)
+    for attributes in (columns, {}):
+        assert not separate([xyz], SeparationParams(), attributes.get).is_doubtful
+
+
+@pytest.mark.parametrize("speckle", [True, False])
+def test_waves_are_recognised_strip_by_strip_where_cells_have_echoes_of_many(speckle):
+    """The lowest of ten moments is no wave."""
+    rng = np.random.default_rng(8)
+    strip = np.repeat(np.arange(10), 45_000)
+    x, y = rng.uniform(0, 300, len(strip)), rng.uniform(0, 200, len(strip))
+    land = x > 180
+    sea = [waves(np.random.default_rng(number), x, y, 1.0, 14.0) for number in range(10)]
+    z = np.where(land, 2.5 + relief(rng, x, y, 0.03), np.choose(strip, sea))
+    columns = {"point_source_id": strip}
+    if speckle:
+        columns["intensity"] = np.where(land, rng.normal(200, 40, len(x)), rng.gamma(2.0, 30, len(x))).clip(0)
+    on_land, on_water = shares(np.stack((x, y, z)), land, columns)
+    assert on_land > 0.99
+    assert on_water < 0.02
+
+
 def test_a_small_field_is_doubtful():
     rng = np.random.default_rng(6)
     x, y = (rng.uniform(0, 50, 20_000) for _ in "xy")
