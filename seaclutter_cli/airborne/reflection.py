@@ -20,7 +20,7 @@ MIRROR_SHARE = 0.05
 _GROUND_SHARE = 0.02
 _SAME_LEVEL_M = 0.03
 _ALIKE_BETWEEN, _ALIKE_WITHIN = 1.5, 1.25
-_WAVES_M, _NEAR_IN_WAVES, _ALIKE_IN_WAVES = 0.1, 0.75, 1.25
+_WAVES_M, _NEAR_IN_WAVES = 0.1, 0.75
 
 
 def is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
@@ -71,7 +71,7 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
     apart = abs(level - other_level)
     waves = min(between, other_between)
     differ = _ratio(np.hypot(between, _SAME_LEVEL_M), np.hypot(other_between, _SAME_LEVEL_M))
-    is_one = waves >= _WAVES_M and apart <= _NEAR_IN_WAVES * waves and differ <= _ALIKE_IN_WAVES
+    is_one = waves >= _WAVES_M and apart <= _NEAR_IN_WAVES * waves and differ <= _ALIKE_BETWEEN
     is_one |= (
         apart <= max(_SAME_LEVEL_M, np.hypot(other_between, other_within))
         and differ <= _ALIKE_BETWEEN

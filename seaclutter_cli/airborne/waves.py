@@ -27,7 +27,8 @@ _ROUGHEST_PARTS = 0.75
 _MAX_TILT = 0.5
 _OTHER_LEVEL = 2.0
 _SAME_LEVEL_M, _LEAST_SHARE = 0.2, 0.1
-_STILL_M, _ROUGH_M, _SEVERAL = 0.1, 0.5, 3
+_STILL_M = 0.1
+_ROUGH_M, _SEVERAL, _ROUGH_SHARE = 0.5, 3, 0.05
 _ALIKE = 1.5
 _HIGHEST = 1.25
 
@@ -165,9 +166,9 @@ class LocalWaves:
 
     @property
     def is_one_sea(self) -> bool:
-        """Whether a tenth of the rough cells, in at least three quarters of about one level, look like sea."""
+        """Whether a twentieth of the rough cells, in three quarters or more at about one level, looks like sea."""
         sea = [part for part in self.parts if part.is_sea and part.crest_m > _ROUGH_M]
-        if len(sea) < _SEVERAL or self.sea_cells < _LEAST_SHARE * (self.sea_cells + self.mixed_cells):
+        if len(sea) < _SEVERAL or self.sea_cells < _ROUGH_SHARE * (self.sea_cells + self.mixed_cells):
             return False
         return bool(np.std([part.level_m for part in sea]) <= np.median([part.deviation_m for part in sea]))
 
