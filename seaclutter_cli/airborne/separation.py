@@ -22,7 +22,6 @@ from seaclutter_cli.errors import InputError
 
 __all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]
 
-
 _SAMPLE = 20_000
 _CREST_DEVIATIONS = 3.0
 
@@ -170,9 +169,11 @@ def _separated(points: GriddedPoints, params: SurfaceParams, column: Column) -> 
 def _has_crests(points: GriddedPoints, surface: SeaSurfaceModel) -> bool:
     """Return whether echoes from crests rise above calm water: where cells have many, their lowest does not show it."""
     step = points.size // _SAMPLE + 1
-    sample = []
+    sample, start = [], 0
     for z, cell in points:
-        used = np.flatnonzero(cell[::step] != NOWHERE) * step
+        every = np.arange(-start % step, len(cell), step)
+        start += len(cell)
+        used = every[cell[every] != NOWHERE]
         above, limit = surface.heights(z[used], cell[used])
         sample.append(above[np.broadcast_to(limit, above.shape) > 0])  # no land
     above = np.concatenate(sample)

@@ -16,7 +16,15 @@ from seaclutter_cli.airborne.opening import open_grid, without_pits
 from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.squares import Echoes, Squares, squares_of, waves_of
 from seaclutter_cli.airborne.water_bodies import LONG_WAVE_M
-from seaclutter_cli.airborne.waves import Look, Waves, estimate_waves, local_levels, local_waves, other_levels
+from seaclutter_cli.airborne.waves import (
+    LocalWaves,
+    Look,
+    Waves,
+    estimate_waves,
+    local_levels,
+    local_waves,
+    other_levels,
+)
 from seaclutter_cli.errors import InputError
 
 Cells = NDArray[np.float64]
@@ -135,6 +143,16 @@ class _Looks:
             yield Look(grid, lowest, open_grid(grid, self.params.window_m, lowest))
 
 
+def _views(whole: Iterable[Look], looks: Iterable[Look]) -> tuple[Iterable[Look], LocalWaves]:
+    """Return the whole tile or, if it mixes several moments, its looks if they show a sea; and the waves of either."""
+    together = local_waves(whole)
+    if together.is_mixed:
+        alone = local_waves(looks)
+        if alone.is_one_sea:
+            return looks, alone
+    return whole, together
+
+
 @dataclass(frozen=True)
 class _Water:
     """Looks without the land, a mapping of blocks to cells."""
@@ -224,23 +242,23 @@ class SeaSurfaceModel:
         if rough is not None:
             self._follow(lowest, rough)
             return
-        views: Iterable[Look] = [Look(grid, lowest, self._opened)]
-        local = local_waves(views)
-        if local.is_mixed:
-            apart = _Looks(looks, params)
-            alone = local_waves(apart)
-            if alone.is_one_sea:
-                views, local = apart, alone
+        if params.follows_waves or params.land != "ignore":
+            self._find_water(lowest, top, params, echoes, _Looks(looks, params))
+        if len(self._opened):
+            self._level_land(params)
+
+    def _find_water(
+        self, lowest: Cells, top: Cells, params: "SeparationParams", echoes: EchoReader | None, looks: Iterable[Look]
+    ) -> None:
+        """Set the shores and waves of a tile, from echoes up to an elevation of each cell."""
+        views, local = _views([Look(self._grid, lowest, self._opened)], looks)
         if params.land != "ignore" and echoes is not None:
-            squares = squares_of(grid, lowest, lowest <= top)
+            squares = squares_of(self._grid, lowest, lowest <= top)
             waves = waves_of(squares, local.centers, local.parts)
-            self.shores = shores_of(grid, lowest, squares, echoes(squares, top), waves)
-        del top
+            self.shores = shores_of(self._grid, lowest, squares, echoes(squares, top), waves)
         if params.follows_waves:
             land = self.land_by_block
             self.waves = estimate_waves(views if land is None else _Water(views, land))
-        if len(self._opened):
-            self._level_land(params)
 
     def _level_land(self, params: SeparationParams) -> None:
         """Lower the opened surface to the level of the water on islands and other land."""
