@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -149,14 +150,12 @@ def _above(bottom: Bottom, points: GriddedPoints, params: SeparationParams, colu
 
 def _separated(points: GriddedPoints, params: SurfaceParams, column: Column) -> Separation:
     trusted = params.trust_classes if isinstance(params, SeparationParams) else ()
+    looks = _LookGrids(points, params.cell_m, column)
     surface = SeaSurfaceModel(
-        points.grid,
-        params,
-        lambda squares, top: echoes_of(squares, points, top, column, trusted),
-        looks=_LookGrids(points, params.cell_m, column),
+        points.grid, params, lambda squares, top: echoes_of(squares, points, top, column, trusted), looks=looks
     )
     if surface.waves is not None and (surface.is_rough or _has_crests(points, surface)):
-        found = _rough(points, surface, surface.waves, column)
+        found = _rough(points, surface, surface.waves, column, looks.numbers)
     else:
         found = Separation(*_classes(points, surface), surface.cells, SeaState.of(surface), _land(surface))
     found = replace(found, is_doubtful=surface.is_doubtful)
@@ -200,9 +199,11 @@ def _land(*surfaces: SeaSurfaceModel) -> LandCells:
     return LandCells(surfaces[0].params.cell_m, blocks)
 
 
-def _rough(whole_tile: GriddedPoints, whole: SeaSurfaceModel, waves: Waves, column: Column) -> Separation:
+def _rough(
+    whole_tile: GriddedPoints, whole: SeaSurfaceModel, waves: Waves, column: Column, strip: NDArray[np.uint8] | None
+) -> Separation:
     """Return the separation of rough water, strip by strip: where strips overlap, they show it at two moments."""
-    intensity, strip = column("intensity"), looks_of(strips_of(column), whole_tile.parts, column)
+    intensity = column("intensity")
     classification, height = np.empty(whole_tile.size, np.uint8), np.empty(whole_tile.size, np.float32)
     surfaces = []
     for number in [None] if strip is None else np.unique(strip).tolist():
@@ -228,10 +229,16 @@ class _LookGrids:
     cell_m: float
     column: Column
 
+    @cached_property
+    def numbers(self) -> NDArray[np.uint8] | None:
+        """Look of each point, shape (N,); None if there is only one."""
+        return looks_of(strips_of(self.column), self.points.parts, self.column)
+
     def __iter__(self) -> Iterator[ElevationGrid]:
-        look = looks_of(strips_of(self.column), self.points.parts, self.column)
-        for number in [] if look is None else np.unique(look).tolist():
-            grid = GriddedPoints.of(_Selected(self.points.parts, look == number), self.cell_m).grid
+        if self.numbers is None:
+            return
+        for number in np.unique(self.numbers).tolist():
+            grid = GriddedPoints.of(_Selected(self.points.parts, self.numbers == number), self.cell_m).grid
             if grid.blocks:
                 yield grid
 

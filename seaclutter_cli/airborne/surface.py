@@ -1,6 +1,6 @@
 """Sea surface of tiles and frames by morphological opening."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -12,19 +12,11 @@ from seaclutter_cli.airborne.cells import joined_cells
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.land import Shores, shores_of
-from seaclutter_cli.airborne.opening import open_grid, without_pits
+from seaclutter_cli.airborne.looks import Look, OpenedLooks, WithoutLand
 from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.squares import Echoes, Squares, squares_of, waves_of
 from seaclutter_cli.airborne.water_bodies import LONG_WAVE_M
-from seaclutter_cli.airborne.waves import (
-    LocalWaves,
-    Look,
-    Waves,
-    estimate_waves,
-    local_levels,
-    local_waves,
-    other_levels,
-)
+from seaclutter_cli.airborne.waves import LocalWaves, Waves, estimate_waves, local_levels, local_waves, other_levels
 from seaclutter_cli.errors import InputError
 
 Cells = NDArray[np.float64]
@@ -130,40 +122,14 @@ class RoughWater:
     details: CellDetails
 
 
-@dataclass(frozen=True)
-class _Looks:
-    """Looks of a tile with the opened surface of each, which are computed whenever they are needed."""
-
-    grids: Iterable[ElevationGrid]
-    params: SurfaceParams
-
-    def __iter__(self) -> Iterator[Look]:
-        for grid in self.grids:
-            lowest = without_pits(grid, _PIT * self.params.threshold_m)
-            yield Look(grid, lowest, open_grid(grid, self.params.window_m, lowest))
-
-
-def _views(whole: Iterable[Look], looks: Iterable[Look]) -> tuple[Iterable[Look], LocalWaves]:
+def _views(whole: Look, looks: Iterable[Look]) -> tuple[Iterable[Look], LocalWaves]:
     """Return the whole tile or, if it mixes several moments, its looks if they show a sea; and the waves of either."""
-    together = local_waves(whole)
+    together = local_waves([whole])
     if together.is_mixed:
         alone = local_waves(looks)
         if alone.is_one_sea:
             return looks, alone
-    return whole, together
-
-
-@dataclass(frozen=True)
-class _Water:
-    """Looks without the land, a mapping of blocks to cells."""
-
-    looks: Iterable[Look]
-    land: Mapping[tuple[int, int], Mask]
-
-    def __iter__(self) -> Iterator[Look]:
-        for look in self.looks:
-            land = np.stack([self.land[block] for block in look.grid.blocks])
-            yield replace(look, lowest=np.where(land, np.inf, look.lowest))
+    return [whole], together
 
 
 class SeaSurfaceModel:
@@ -228,8 +194,9 @@ class SeaSurfaceModel:
         self._grid = grid
         self.params = params
         tile = isinstance(params, SeparationParams)
-        lowest = without_pits(grid, _PIT * params.threshold_m) if tile else grid.lowest
-        self._opened = open_grid(grid, params.window_m, lowest)
+        pit_m = _PIT * params.threshold_m if tile else None
+        whole = Look.of(grid, params.window_m, pit_m)
+        lowest, self._opened = whole.lowest, whole.opened
         self.waves: Waves | None = None
         self.followed: FollowedSurface | None = None
         self.shores: Shores | None = None
@@ -240,25 +207,25 @@ class SeaSurfaceModel:
         if params.land == "class2":
             self._ground_top = top
         if rough is not None:
-            self._follow(lowest, rough)
+            self._follow(whole, rough)
             return
         if params.follows_waves or params.land != "ignore":
-            self._find_water(lowest, top, params, echoes, _Looks(looks, params))
+            self._find_water(whole, OpenedLooks(looks, params.window_m, pit_m), echoes, top, params)
         if len(self._opened):
             self._level_land(params)
 
     def _find_water(
-        self, lowest: Cells, top: Cells, params: "SeparationParams", echoes: EchoReader | None, looks: Iterable[Look]
+        self, whole: Look, looks: Iterable[Look], echoes: EchoReader | None, top: Cells, params: SeparationParams
     ) -> None:
         """Set the shores and waves of a tile, from echoes up to an elevation of each cell."""
-        views, local = _views([Look(self._grid, lowest, self._opened)], looks)
+        views, local = _views(whole, looks)
         if params.land != "ignore" and echoes is not None:
-            squares = squares_of(self._grid, lowest, lowest <= top)
+            squares = squares_of(whole.grid, whole.lowest, whole.lowest <= top)
             waves = waves_of(squares, local.centers, local.parts)
-            self.shores = shores_of(self._grid, lowest, squares, echoes(squares, top), waves)
+            self.shores = shores_of(whole.grid, whole.lowest, squares, echoes(squares, top), waves)
         if params.follows_waves:
             land = self.land_by_block
-            self.waves = estimate_waves(views if land is None else _Water(views, land))
+            self.waves = estimate_waves(views if land is None else WithoutLand(views, land))
 
     def _level_land(self, params: SeparationParams) -> None:
         """Lower the opened surface to the level of the water on islands and other land."""
@@ -274,12 +241,12 @@ class SeaSurfaceModel:
             self._islands = self._land_cells(sea_level, params.threshold_m, params.island_m)
             self._opened[self._islands] = sea_level
 
-    def _follow(self, lowest: Cells, rough: "RoughWater") -> None:
+    def _follow(self, whole: Look, rough: "RoughWater") -> None:
         """Set the surface of rough water; the crests of waves must not join islands, nor become some."""
-        waves, params = rough.waves, self.params
+        waves, params, lowest = rough.waves, self.params, whole.lowest
         self.waves = waves
         own = np.zeros(lowest.shape, np.bool_)
-        levels, deviations = local_levels(Look(self._grid, lowest, self._opened), waves)
+        levels, deviations = local_levels(whole, waves)
         if rough.land is not None:
             for block, slot in self._grid.blocks.items():
                 own[slot] = rough.land[block]

@@ -355,12 +355,12 @@ def _edge(
     falls[:, :last] = squares.level_m < low_m
     if has_walls:
         falls[:, :last] &= np.tile(squares.sill_m <= high_m, (2, 1))
-    next_falls = np.take_along_axis(falls, squares.neighbor, 1) & ~inside[squares.neighbor]
     side, column = np.nonzero(~inside[squares.neighbor[:, own]])
     start = own[column]
     beyond = squares.neighbor[side, start]
-    over_next = open_way[beyond] & np.append(next_falls.any(axis=0), False)[beyond]
-    return beyond, open_way[start] & (falls[side, beyond] | over_next)
+    further = squares.neighbor[:, beyond]
+    falls_further = (np.take_along_axis(falls, further, 1) & ~inside[further]).any(axis=0)
+    return beyond, open_way[start] & (falls[side, beyond] | (open_way[beyond] & falls_further))
 
 
 def _unevenness(squares: Squares, own: NDArray[np.int64]) -> tuple[float, float, float, float]:

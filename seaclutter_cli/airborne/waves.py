@@ -7,7 +7,8 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
+from seaclutter_cli.airborne.grid import BLOCK
+from seaclutter_cli.airborne.looks import Look
 from seaclutter_cli.airborne.nearest import nearest
 
 Cells = NDArray[np.float64]
@@ -82,25 +83,6 @@ class PartWaves:
         near = abs(self.level_m - level_m) <= deviation_m
         alike = deviation_m / _ALIKE <= self.deviation_m <= _ALIKE * deviation_m
         return self.is_level and near and alike
-
-
-@dataclass(frozen=True)
-class Look:
-    """Grid of a tile, or of what one look of it shows at one moment.
-
-    Parameters
-    ----------
-    grid : ElevationGrid
-        The grid, in S blocks.
-    lowest : ndarray, shape (S, 256, 256), float64
-        Lowest elevations without pits; plus infinity in empty cells.
-    opened : ndarray, shape (S, 256, 256), float64
-        Opened surface.
-    """
-
-    grid: ElevationGrid
-    lowest: Cells
-    opened: Cells
 
 
 @dataclass(frozen=True)

@@ -36,11 +36,10 @@ def test_troughs_of_long_waves_do_not_drain_a_mirror():
 
 
 def test_squares_have_a_sill_only_if_a_wall_crosses_them():
-    level = np.zeros((SQUARES, SQUARES))
-    grid = ElevationGrid(1.0)
-    cells = np.kron(level, np.ones((SIDE, SIDE)))
+    cells = np.zeros((SQUARES * SIDE,) * 2)
     cells[:, 43] = 2.0  # across all ways along the rows
     cells[::2, 100] = 2.0
+    grid = ElevationGrid(1.0)
     grid.add(np.stack((*(np.indices(cells.shape).reshape(2, -1) + 0.5), cells.ravel())))
     found = squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
     row = found.xy[1] - found.xy[1].min()
