@@ -19,14 +19,15 @@ _LOWER_SHARE, _HIGHER_SHARE = 0.1, 0.02
 _SEVERAL = 0.05
 _CERTAIN = 100
 _COARSE = 8
-_LARGEST, _LARGE, _GROUND_SHARE = 0.5, 0.05, 0.5
+_LARGEST, _LARGE, _SMALL, _GROUND_SHARE = 0.5, 0.05, 0.02, 0.5
 _CLEAR_SHARE = 0.8
 _WOODED_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 2.0, 0.1
 LONG_WAVE_M = 100.0
 """Longer side of a tile that shows its waves; a smaller one may be a part of one wave."""
 _WAVES_M, _HALF = 3.0, 0.5
 _HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
-_EVEN_M, _EVEN_SHARE = 0.01, 0.45
+_EVEN_M, _EVEN_TILT_M, _EVEN_SHARE = 0.01, 0.04, 0.45
+_SHORT_WAVES = 0.7
 _MEASURED_SHARE = 0.3
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
 
@@ -73,12 +74,14 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     Signs of water and of land are added up. A region needs more signs of water than of land; any if there is no other
     water, or one that covers half of the tile and does not reflect like ground, as many. If nothing in the tile
     reflects like a mirror, a body of water that covers a twentieth of the tile tells the level of all water: other
-    regions at that level are water, too, unless they have two more signs of land and no waves that are as high. If such
-    bodies have several levels, as at a lock, only those with waves or as even as still water are water: means over 64
-    cells deviate by at most 1 cm, or 0.45 times the spread within squares; ground undulates more over wide distances
-    than over short ones. Of these, water must not run off along a tenth of the edge that is in the tile, unless they
-    are half of it. Without any such body, the tile remains undecided and no region is returned, unless nearly
-    all squares are in regions with two more signs of land, and without waves.
+    regions at that level are water, too, unless they have two more signs of land and no waves that are as high. A
+    region of at most 2 % of the tile that touches nothing but such bodies, and is no further from their level than the
+    waves in all of them, is a crest. If such bodies have several levels, as at a lock, only those with waves or as even
+    as still water are water: means over 64 cells deviate by at most 1 cm, and a plane by 4 cm, or either by 0.45 times
+    the spread within squares; ground undulates more over wide distances than over short ones. Of these, water must not
+    run off along a tenth of the edge that is in the tile, unless they are half of it. Without any such body, the tile
+    remains undecided and no region is returned, unless nearly all squares are in regions with two more signs of land,
+    and without waves.
 
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
       along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher holds it back, and if the
@@ -88,7 +91,8 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
       and strips that do not match cause less. In waves, only squares count in which these were measured: the foot of a
       beach is no higher than they are.
     * Water is flat. Neighbouring squares that differ by more than 4 cm, or means over 64 cells by more than 5 cm,
-      beyond what waves explain, are a sign of land (-1).
+      beyond what waves explain, are a sign of land (-1). Short waves are not: the squares of an even region of 64 or
+      more may differ by 0.7 times their spread.
     * Water reflects like a mirror, and an echo depends on the facet that it met: a coefficient of variation of at least
       0.6 among neighbouring intensities (+1; the speckle of many facets has 0.7 and more). Ground scatters light in all
       directions: 0.45 at most (-1, if a twentieth of the tile does reflect like a mirror). Squares of ground and others
@@ -146,12 +150,25 @@ def _without_mirrors(
         at_level = (apart <= band[large]).any(axis=1)
         in_waves = np.array([np.median(deviation_m[own]) for own in joined])
         are_crests = (in_waves > 0) & (apart.min(axis=1) <= bands_of(in_waves))
-        return _bodies(squares, joined, certain | (at_level & ((signs > -2) | are_crests)))
+        groups = bands_of(np.sqrt([np.mean(deviation_m[own] ** 2) for own in joined]))  # waves come in groups
+        sea = np.concatenate([own for own, is_large in zip(joined, large, strict=True) if is_large])
+        small = size <= _SMALL * len(squares.index)
+        small &= (apart <= groups[large]).any(axis=1) & [_is_amid(squares, own, sea) for own in joined]
+        return _bodies(squares, joined, certain | small | (at_level & ((signs > -2) | are_crests)))
     signs = _all_signs(squares, echoes, regions, waves, has_mirrors=False)
     clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
     if clear < _CLEAR_SHARE * sum(map(len, regions)):
         return []
     return _bodies(squares, regions, signs >= 1)
+
+
+def _is_amid(squares: Squares, own: NDArray[np.int64], others: NDArray[np.int64]) -> bool:
+    """Return whether all that touches a region, within the tile, is among some other squares."""
+    apart, chosen = np.ones(len(squares.index) + 1, np.bool_), np.zeros(len(squares.index) + 1, np.bool_)
+    apart[own] = apart[-1] = False
+    chosen[others] = True
+    beyond = squares.neighbor[:, own]
+    return bool(chosen[beyond[apart[beyond]]].all())
 
 
 def _bodies(squares: Squares, regions: Sequence[NDArray[np.int64]], water: Mask) -> Sequence[WaterBody]:
@@ -177,10 +194,15 @@ def looks_like_water(squares: Squares, own: NDArray[np.int64], waves: SquareWave
 
     ``least_m`` is the deviation that waves exceed.
     """
-    bumps = _unevenness(squares, own)[-1]
-    is_even = bumps <= max(_EVEN_M, _EVEN_SHARE * float(np.median(squares.spread_m[own])))
     has_waves = np.median(waves.deviation_m[own]) > least_m and waves.measured[own].mean() > _MEASURED_SHARE
-    return bool(is_even or has_waves)
+    return bool(has_waves or _is_even(squares, own))
+
+
+def _is_even(squares: Squares, own: NDArray[np.int64]) -> bool:
+    """Return whether a region is level, and its means over 64 cells deviate little compared with cells in squares."""
+    _, tilt, _, bumps = _unevenness(squares, own)
+    allowed = _EVEN_SHARE * float(np.median(squares.spread_m[own]))
+    return bumps <= max(_EVEN_M, allowed) and tilt <= max(_EVEN_TILT_M, allowed)
 
 
 def _all_regions(squares: Squares, waves: SquareWaves, kinds: Sequence[Mask]) -> Sequence[NDArray[np.int64]]:
@@ -303,6 +325,8 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     variation, several = (median_of(values[own]) for values in (echoes.variation, echoes.several))
     slope, tilt, step, bumps = _unevenness(squares, measured if len(measured) >= LEAST_SQUARES else own)
     is_even = step <= np.hypot(_STEP_M, waves) and bumps <= np.hypot(_BUMPS_M, waves)
+    has_short_waves = len(own) >= _COARSE**2 and step <= _SHORT_WAVES * np.median(squares.spread_m[own])
+    is_even |= has_short_waves and _is_even(squares, own)
     is_mirror = variation >= SPECULAR
     band = _band(waves)
     # What reflects like water around water may be its troughs.

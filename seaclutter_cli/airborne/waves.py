@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.grid import BLOCK
 from seaclutter_cli.airborne.looks import Look
 from seaclutter_cli.airborne.nearest import nearest
+from seaclutter_cli.airborne.oscillation import MAX_TILT, are_sparse, oscillation, tilt
 
 Cells = NDArray[np.float64]
 
 PART_CELLS = BLOCK // 2
 """Width of the parts of a tile whose waves are estimated."""
 
-_FEW_CELLS, _MANY_CELLS = 2000, 4096
-_REACH_CELLS = 64
+_FEW_CELLS, _FEW_SPARSE_CELLS, _MANY_CELLS = 2000, 1000, 4096
 _CRESTS = 4.0
 _MIN_OSCILLATION = 0.15
 _MAX_SKEW = 1.7
+_TAIL = 0.9
 _MAX_DEVIATION_M = 1.0
 _MAX_STEP_M = 2.0
 _MIN_SHARE = 0.5
 _ROUGHEST_PARTS = 0.75
-_MAX_TILT = 0.5
 _OTHER_LEVEL = 2.0
 _SAME_LEVEL_M, _LEAST_SHARE = 0.2, 0.1
 _STILL_M = 0.1
@@ -194,7 +194,7 @@ def _quarters(look: Look, *, crests: bool) -> Iterator[tuple[list[float], PartWa
             lowest = look.lowest[slot][part]
             waves = _part(block, lowest, look.opened[slot][part], look.grid.cell_m, crests=crests)
             if waves is not None:
-                is_sea = waves.is_sea and _tilt(lowest) < _MAX_TILT * waves.deviation_m
+                is_sea = waves.is_sea and tilt(lowest) < MAX_TILT * waves.deviation_m
                 center = [PART_CELLS * (2 * at + c + 0.5) for at, c in zip(block, corner, strict=True)]
                 yield center, replace(waves, is_sea=is_sea)
 
@@ -230,15 +230,6 @@ def other_levels(levels: Cells | np.float64, waves: Waves) -> Cells:
     return np.where(differ, levels, waves.level_m)
 
 
-def _tilt(lowest: Cells) -> float:
-    """Return the standard deviation of a plane through a square of cells: large on slopes, small on waves."""
-    known = np.isfinite(lowest)
-    place = np.stack(np.nonzero(known)).astype(np.float64)
-    place -= place.mean(axis=1, keepdims=True)
-    slope = place @ (lowest[known] - lowest[known].mean()) / (place**2).sum(axis=1)
-    return float((slope @ place).std())
-
-
 def estimate_waves(looks: Iterable[Look]) -> Waves | None:
     """Return the waves of a tile; None if less than half of it looks like sea.
 
@@ -248,11 +239,12 @@ def estimate_waves(looks: Iterable[Look]) -> Waves | None:
     -----
     Objects stand above the water, so everything is estimated from the median downwards. Waves oscillate: half a wave
     length away, elevations are the opposite of what they are here. The autocovariance over both directions has its
-    minimum there, which gives the length. Land hardly ever has such a minimum; nor is it level from part to part. Where
-    swell and wind sea cross, a part may have none either; it is sea if its level and deviation are those of the others.
-    A still part, such as a sheltered basin, tells nothing about the waves elsewhere. Each level has its own waves;
-    those of the tile are the roughest that a tenth of it has. If blocks do not look like sea, their quarters may: a
-    block beside a weir has two levels.
+    minimum there, which gives the length. Land hardly ever has such a minimum; nor is it level from part to part. A
+    part with two levels, as of a polder and the sea, may have one; but its lower quartile is nearly as low as its 16th
+    percentile, unlike that of waves. Where swell and wind sea cross, a part may have none either; it is sea if its
+    level and deviation are those of the others. A still part, such as a sheltered basin, tells nothing about the waves
+    elsewhere. Each level has its own waves; those of the tile are the roughest that a tenth of it has. If blocks do not
+    look like sea, their quarters may: a block beside a weir has two levels.
     """
     found = [
         _part(block, look.lowest[slot], look.opened[slot], look.grid.cell_m, crests=True)
@@ -314,18 +306,19 @@ def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float, *
     """Return the waves of a part of a grid, with or without the crests of its quarters; None if it is nearly empty."""
     known = np.isfinite(lowest) & np.isfinite(opened)
     cells = int(known.sum())
-    if cells < _FEW_CELLS:
+    if cells < (_FEW_SPARSE_CELLS if are_sparse(known) else _FEW_CELLS):
         return None
     above = lowest - np.where(known, opened, 0)
     step = (cells // _MANY_CELLS) | 1  # waves are alike over many cells, so that more of them would tell little
     crest = _crest(above[known][::step])
     tail, lower, level, upper = quantiles(lowest[known][::step], (0.1587, 0.25, 0.5, 0.75))
     deviation = float(level - tail)
-    length, oscillation = 0.0, 0.0
-    if is_level := bool(upper - level <= _MAX_SKEW * (level - lower) and deviation <= _MAX_DEVIATION_M):
+    length, depth = 0.0, 0.0
+    has_tail = level - lower <= _TAIL * deviation
+    if is_level := bool(upper - level <= _MAX_SKEW * (level - lower) and has_tail and deviation <= _MAX_DEVIATION_M):
         water = known & (above <= crest) & (np.abs(np.where(known, lowest, level) - level) <= _CRESTS * deviation)
-        length, oscillation = _length(lowest - level, water)
-    is_sea = is_level and oscillation >= _MIN_OSCILLATION
+        length, depth = oscillation(lowest - level, water)
+    is_sea = is_level and depth >= _MIN_OSCILLATION
     own_crests = _crests(above, known) if crests and is_level else []
     return PartWaves(
         block, cells, float(level), deviation, crest, own_crests or [(cells, crest)], length * cell_m, is_sea, is_level
@@ -360,25 +353,3 @@ def quantiles(values: NDArray[np.float64], shares: Sequence[float]) -> NDArray[n
     first, second = ordered[low.astype(np.intp)], ordered[np.ceil(low + between).astype(np.intp)]
     step = second - first
     return np.asarray(np.where(between < 0.5, first + step * between, second - step * (1 - between)))
-
-
-def _length(elevation: Cells, water: NDArray[np.bool_]) -> tuple[float, float]:
-    """Return the wave length in cells, and the depth of the minimum of the autocovariance relative to the variance."""
-    shape = [side + _REACH_CELLS for side in elevation.shape]
-    spectrum = np.fft.rfft2(np.where(water, elevation, 0).astype(np.float32), shape)
-    power = spectrum.real**2 + spectrum.imag**2
-    reach = np.r_[0 : _REACH_CELLS + 1]
-    lag = np.r_[reach, -reach[:0:-1]]
-    rows = np.fft.ifft(power, axis=0)[reach]  # the other half is the same, mirrored
-    # Not divided by the number of pairs, so that of many minima the nearest is the deepest.
-    covariance = np.fft.irfft(rows, shape[1], axis=1)[:, lag]
-    i, j = np.unravel_index(np.argmin(covariance), covariance.shape)
-    if max(reach[i], abs(lag[j])) == _REACH_CELLS:
-        # Over more than half of its width, or in part of a block, a slope has a minimum, too.
-        tilt = _tilt(np.where(water, elevation, np.inf)) if water.any() else np.inf
-        if len(elevation) < 4 * _REACH_CELLS or tilt > _MAX_TILT * float(elevation[water].std()):
-            return 0.0, 0.0
-        length, depth = _length(elevation[::2, ::2], water[::2, ::2])
-        return 2 * length, depth
-    variance = max(float(covariance[0, 0]), 1e-12)
-    return 2 * float(np.hypot(reach[i], lag[j])), -float(covariance[i, j]) / variance

@@ -430,6 +430,31 @@ def test_waves_are_recognised_strip_by_strip_where_cells_have_echoes_of_many():
     assert on_water < 0.02
 
 
+@pytest.mark.parametrize("depth", [1.0, 2.0])
+def test_a_smooth_polder_is_not_as_level_as_water_though_nothing_reflects(depth):
+    """A plane through it rises by 0.18 m; its step to the sea is no wave of both."""
+    rng = np.random.default_rng(3)
+    xyz, *_ = tile(lambda x, _y, _b: np.where((x > 190) & (x < 205), 4.0, -5.0))
+    low = xyz[0] >= 205
+    xyz[2, low] = (xyz[0, low] - 205) / 1100 - depth + rng.normal(0, 0.03, np.count_nonzero(low))
+    on_land, on_water = shares(xyz, xyz[0] > 190, {})
+    assert on_land > 0.97
+    assert on_water < 0.02
+
+
+def test_waves_are_recognised_in_looks_of_a_tenth_of_the_cells():
+    rng = np.random.default_rng(9)
+    strip = np.repeat(np.arange(8), 6000)
+    x, y = rng.uniform(0, 300, len(strip)), rng.uniform(0, 200, len(strip))
+    sea = [waves(np.random.default_rng(number), x, y, 1.4, 40.0) for number in range(8)]
+    xyz, columns = np.stack((x, y, np.choose(strip, sea))), {"point_source_id": strip}
+    land = np.zeros(len(strip), np.bool_)
+    assert shares(xyz, land, columns)[1] < 1e-3
+    land = (x - 150) ** 2 + (y - 100) ** 2 < 15**2
+    xyz[2, land] = 5.0
+    assert shares(xyz, land, columns)[0] > 0.99
+
+
 def test_a_small_field_is_doubtful():
     rng = np.random.default_rng(6)
     x, y = (rng.uniform(0, 50, 20_000) for _ in "xy")

@@ -1,6 +1,7 @@
 """Bodies of water from the level, waves and reflections of squares."""
 
 import numpy as np
+import pytest
 
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.squares import SIDE, Echoes, SquareWaves, squares_of
@@ -9,22 +10,23 @@ from seaclutter_cli.airborne.water_bodies import find_bodies
 SQUARES = 20
 
 
-def squares(level_m):
+def squares(level_m, spread_m=0.02):
     """Return squares of one point per square metre, of one level each, shape (20, 20)."""
-    cells = np.kron(level_m, np.ones((SIDE, SIDE))) + np.random.default_rng(4).normal(0, 0.02, (SQUARES * SIDE,) * 2)
+    noise = np.random.default_rng(4).normal(0, spread_m, (SQUARES * SIDE,) * 2)
+    cells = np.kron(level_m, np.ones((SIDE, SIDE))) + noise
     grid = ElevationGrid(1.0)
     grid.add(np.stack((*(np.indices(cells.shape).reshape(2, -1) + 0.5), cells.ravel())))
     return squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
 
 
-def is_water(level_m, deviation_m, variation):
-    """Return whether the largest body is water, in waves of this deviation."""
-    found = squares(level_m)
+def is_water(level_m, deviation_m, variation, spread_m=0.02):
+    """Return whether there are bodies, and the largest is water, in waves of this deviation."""
+    found = squares(level_m, spread_m)
     number = len(found.index)
     same = np.ones(number)
-    waves = SquareWaves(same * np.median(level_m), same * deviation_m, same > 0)
+    waves = SquareWaves(same * np.median(level_m) if deviation_m else found.level_m, same * deviation_m, same > 0)
     bodies = find_bodies(found, Echoes(same * variation, same * 0, np.zeros(number, np.int8)), waves)
-    return max(bodies, key=lambda body: len(body.squares)).is_water
+    return bool(bodies) and max(bodies, key=lambda body: len(body.squares)).is_water
 
 
 def test_troughs_of_long_waves_do_not_drain_a_mirror():
@@ -33,6 +35,29 @@ def test_troughs_of_long_waves_do_not_drain_a_mirror():
     troughs = np.where((x % 6 == 2) & (y % 7 < 5), -0.25, 0.0)
     assert is_water(troughs, 0.05, 1.0)
     assert not is_water(3 * troughs, 0.05, 1.0)
+
+
+@pytest.mark.parametrize(("rise", "are_water"), [(0.25, True), (0.6, False)])
+def test_a_crest_amid_waves_that_come_in_groups_is_water(rise, are_water):
+    """Waves have a deviation of 0.15 m in a third of the tile, and of 0.05 m elsewhere, also around the crest."""
+    x, y = np.indices((SQUARES, SQUARES))
+    crest = (x >= 13) & (x < 15) & (y >= 8) & (y < 12)
+    found = squares(rise * crest, 0.05)
+    place = found.xy - found.xy.min(axis=1, keepdims=True)
+    deviation = np.where(place[0] < SQUARES / 3, 0.15, 0.05)
+    unknown, level = np.full(len(place[0]), np.nan), np.where(crest[tuple(place)], rise, 0.0)
+    waves = SquareWaves(level, np.where(level > 0, 0, deviation), level == 0)
+    bodies = find_bodies(found, Echoes(unknown, unknown, np.zeros(len(level), np.int8)), waves)
+    assert [len(body.squares) for body in bodies] == [SQUARES**2 - 8, 8]
+    assert [body.is_water for body in bodies] == [True, are_water]
+
+
+@pytest.mark.parametrize("spread", [0.02, 0.1])
+def test_a_corner_is_water_if_its_squares_differ_less_than_their_cells(spread):
+    """Waves that are shorter than squares do that; fields differ more than the ground within them."""
+    x, y = np.indices((SQUARES, SQUARES))
+    level = np.where((x < 10) & (y < 10), np.random.default_rng(1).normal(0, 0.05, x.shape), np.maximum(x, y) - 9.0)
+    assert is_water(level, 0.0, np.nan, spread) == (spread > 0.05)
 
 
 def test_squares_have_a_sill_only_if_a_wall_crosses_them():
