@@ -84,9 +84,10 @@ def bottom_of(points: GriddedPoints, column: Column, trusted: Collection[int] = 
       met the ground.
 
     Groups of fewer than six connected squares do not count. A group is a mat on the water, not clear water, if in most
-    squares around it the echoes are near the level of its later echoes. In clear water, later echoes below the mean of
-    the first ones are from the bottom. So is any echo more than three standard deviations (at least 0.3 m) below that
-    mean, because calm water often returns nothing; this holds up to two squares around, where ships hide the surface.
+    squares around it that do not look like clear water, the echoes are near the level of its later echoes. In clear
+    water, later echoes below the mean of the first ones are from the bottom. So is any echo more than three standard
+    deviations (at least 0.3 m) below that mean, because calm water often returns nothing; this holds up to two squares
+    around, where ships hide the surface.
     """
     returns = column("number_of_returns")
     if returns is None or np.count_nonzero(returns > 1) < _FEW * points.size:
@@ -123,10 +124,11 @@ def _clear_water(points: GriddedPoints, number: NDArray[np.uint8], returns: NDAr
         return None
     single = _squares(points, ~several, _SAMPLE)
     clear &= pulses >= _LEAST_SHARE * (pulses + single.pulses)
+    beside = ~clear & np.isfinite(single.mean_m)
     clear &= ~(first - single.mean_m > (first - later) / 2)
     region = _regions(points, clear)
     place = positions(points.grid, np.arange(len(clear)))
-    clear = (region > 0) & ~_are_mats(region, place, first, later, single.mean_m)[region]
+    clear = (region > 0) & ~_are_mats(region, beside, place, first, later, single.mean_m)[region]
     if not clear.any():
         return None
     own = np.flatnonzero(clear)
@@ -170,11 +172,13 @@ def _regions(points: GriddedPoints, squares: Mask) -> NDArray[np.int32]:
 
 
 def _are_mats(
-    region: NDArray[np.int32], place: NDArray[np.int64], first: Values, later: Values, single: Values
+    region: NDArray[np.int32], beside: Mask, place: NDArray[np.int64], first: Values, later: Values, single: Values
 ) -> Mask:
-    """Return whether most squares around each region have echoes at the level of its later ones."""
-    inside = np.flatnonzero(region)
-    around = np.flatnonzero((region == 0) & np.isfinite(single))
+    """Return whether most squares beside each region, of those that may be, have echoes at the level of its later ones.
+
+    Squares amid clear water, from whose pulses with one echo some missed the surface, are not beside it.
+    """
+    inside, around = np.flatnonzero(region), np.flatnonzero(beside)
     mats = np.zeros(int(region.max(initial=0)) + 1, np.bool_)
     if not (len(inside) and len(around)):
         return mats

@@ -56,6 +56,16 @@ def test_a_bottom_under_the_sea_does_not_become_its_surface(share, lone):
     np.testing.assert_allclose(found.height_m[below], xyz[2, below], atol=0.2)
 
 
+def test_squares_where_many_pulses_missed_the_surface_are_no_ground_beside_a_mat():
+    xyz, columns = clear_water(0.4)
+    square = np.floor(xyz[0] / 8) + 100 * np.floor(xyz[1] / 8)
+    some = np.isin(square, np.random.default_rng(7).choice(np.unique(square), 40, replace=False))
+    missed = some & (columns["number_of_returns"] == 1) & (np.random.default_rng(8).random(len(some)) < 0.7)
+    xyz[2, missed & (xyz[2] < 1)] = -DEPTH_M
+    found = separate([xyz], SeparationParams(), columns.get)
+    assert (found.classification[xyz[2] < 1] == WATER).mean() > 0.999
+
+
 def test_a_fixed_height_is_the_published_method():
     xyz, columns = clear_water(0.4)
     found = separate([xyz], SeparationParams(height_m=0.5), columns.get)
