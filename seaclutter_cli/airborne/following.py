@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import smoothed, touching
+from seaclutter_cli.airborne.decks import decks
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.prediction import predict_under
 from seaclutter_cli.airborne.waves import Waves
@@ -35,10 +36,13 @@ class CellDetails:
         Highest elevation; not finite in empty cells.
     brightness : ndarray, shape (S, 256, 256), float64, or None
         Logarithm of the highest intensity; not finite in empty cells.
+    echoes : ndarray, shape (S, 256, 256), int64
+        Number of echoes.
     """
 
     highest: Cells
     brightness: Cells | None
+    echoes: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -54,12 +58,15 @@ class FollowedSurface:
     brightness, contrast : ndarray, shape (S, 256, 256), float64
         Brightness of each cell, and mean brightness around it, in standard deviations above those of the water; 0
         without intensities.
+    decks : ndarray, shape (S, 256, 256), bool
+        Cells of even surfaces above the water.
     """
 
     surface: Cells
     deviation: Cells
     brightness: Cells
     contrast: Cells
+    decks: Mask
 
 
 def follow_waves(
@@ -80,7 +87,7 @@ def follow_waves(
     above : ndarray, shape (S, 256, 256), float64
         Height of the lowest elevations above the opened surface.
     details : CellDetails
-        Highest elevations and intensities.
+        Highest elevations, intensities, and numbers of echoes.
 
     Notes
     -----
@@ -89,9 +96,9 @@ def follow_waves(
     to a metre. Each mean counts by the share of its weight that lies on water.
 
     It begins with the cells below the crests. Cells more than 3.5 standard deviations from the surface are left out,
-    and the mean is repeated. Bright cells do not contribute. The deviation is computed from cells below the surface,
-    where no objects are, and locally, since waves come in groups. Where it is more than 1.5 times its median, an object
-    is among the cells: they are left out from 3.5 times that on.
+    and the mean is repeated. Bright cells and decks do not contribute. The deviation is computed from cells below the
+    surface, where no objects are, and locally, since waves come in groups. Where it is more than 1.5 times its median,
+    an object is among the cells: they are left out from 3.5 times that on.
 
     Under objects that are three cells wide, the surface is predicted from the water around them (`predict_under`).
     """
@@ -105,8 +112,9 @@ def follow_waves(
     brightness = contrast = np.zeros(lowest.shape)
     if details.brightness is not None:
         brightness, contrast = _contrast(grid, details.brightness, water)
-    objects = bright = _patches(grid, contrast > _BRIGHT, known) & ~land
-    usable &= ~bright
+    even = decks(grid, lowest, usable, waves)
+    objects = excluded = (_patches(grid, contrast > _BRIGHT, known) & ~land) | even
+    usable &= ~excluded
     water &= usable
     flat = np.full(lowest.shape, waves.level_m), np.full(lowest.shape, waves.deviation_m**2)
     widths = [width / grid.cell_m for width in _widths(waves.length_m)]
@@ -117,7 +125,7 @@ def follow_waves(
             most = _UNEVEN**2 * float(np.median(variance[water])) if water.any() else np.inf
             rise = np.where(known, lowest - surface, 0) / np.sqrt(np.minimum(variance, most))
             risen = _patches(grid, rise > _OUTLIERS, known) & ~land
-            objects = bright | risen
+            objects = excluded | risen
             water = usable & (np.abs(rise) <= _OUTLIERS) & ~risen
         coarser = surface, variance
     surface, variance = flat
@@ -128,7 +136,7 @@ def follow_waves(
         surface.reshape(-1)[cells] = under
         variance.reshape(-1)[cells] = error + np.median(variance[water])
     surface[land] = waves.level_m
-    return FollowedSurface(surface, np.sqrt(variance), brightness, contrast)
+    return FollowedSurface(surface, np.sqrt(variance), brightness, contrast, even)
 
 
 def _widths(length_m: float) -> Sequence[float]:

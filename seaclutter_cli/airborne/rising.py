@@ -19,6 +19,7 @@ _BRIGHT, _BRIGHTEST, _BRIGHT_ECHO = 2.0, 4.0, 1.5
 _OF_BRIGHT, _OF_BRIGHTEST = 1.0, 0.0
 _RISE, _EVIDENCE = 0.7, 4.0
 _INDEPENDENT_M = 2 * FINEST_M
+_MANY_ECHOES, _LEAST_CELLS = 30, 50
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def height_limits(
     sea : FollowedSurface
         Surface, deviation of the water from it, and brightness.
     details : CellDetails
-        Highest elevations.
+        Highest elevations and numbers of echoes.
 
     Notes
     -----
@@ -66,30 +67,46 @@ def height_limits(
       error. Deviations of the water are alike within about two metres, so every four square metres are one sample.
       Foam is as bright, but no higher than the water around it.
 
-    What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on.
+    What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on. Decks are
+    objects.
 
-    The surface is that of the lowest echoes. The other echoes from the water of a cell are higher, the more of them
-    there are and the steeper it is. The median of this range is added to all heights.
+    The surface is that of the lowest echoes; the other echoes from the water of a cell are higher. The highest is the
+    higher, the more of them there are: the median range of cells with as many echoes is subtracted from it. The median
+    of all cells is added to the heights that make an object.
     """
     known = np.isfinite(lowest)
-    low_m, high_m = (np.where(known, values, -np.inf) - sea.surface for values in (lowest, details.highest))
+    ranges = _ranges(details, lowest, known & ~land)
+    low_m, high_m = (np.where(known, values, -np.inf) - sea.surface for values in (lowest, details.highest - ranges))
     low, high = low_m / sea.deviation, high_m / sea.deviation
     bright = sea.contrast > _BRIGHT
     both = np.hypot(np.maximum(high, 0), np.clip(sea.contrast, 0, _BRIGHTEST))
     sure = (low > _SURE) & (low_m > _SURE_M)
     sure |= bright & (both > _SURE) & (high > _SEEN) & (high_m > _SEEN_M)
-    part, group = joined_cells((low > _GROWN) | (bright & (high > 0)) | land, grid.blocks)
+    part, group = joined_cells((low > _GROWN) | (bright & (high > 0)) | land | sea.decks, grid.blocks)
     member, found = part > 0, group[part]
-    inside = member & _are_objects(found, member, sure | land, sea.contrast, low, grid.cell_m)[found]
+    certain = sure | land | sea.decks
+    inside = member & _are_objects(found, member, certain, sea.contrast, low, grid.cell_m)[found]
     alone = np.maximum(_SURE * sea.deviation, _SURE_M)
     limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
     echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
     limit[echoes] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[echoes]
+    limit[sea.decks] = -np.inf
     used = known & ~land
     if not used.any():
         return HeightLimits(limit, 0.0)
-    range_m = float(np.median(high_m[used] - low_m[used]))
+    range_m = float(np.median(ranges[used]))
     return HeightLimits(limit + range_m, float(np.median(alone[used])) + range_m)
+
+
+def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:
+    """Return the median height of the highest above the lowest echo of water, of cells with as many echoes as each."""
+    number = np.minimum(details.echoes, _MANY_ECHOES)
+    found = np.zeros(_MANY_ECHOES + 1)
+    for echoes in range(2, len(found)):
+        own = water & (number == echoes)
+        enough = np.count_nonzero(own) >= _LEAST_CELLS
+        found[echoes] = np.median(details.highest[own] - lowest[own]) if enough else found[echoes - 1]
+    return found[number]
 
 
 def _are_objects(

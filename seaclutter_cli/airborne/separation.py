@@ -275,16 +275,17 @@ def _classes(points: GriddedPoints, surface: SeaSurfaceModel) -> tuple[NDArray[n
 
 
 def _details(points: GriddedPoints, intensity: NDArray[Any] | None) -> CellDetails:
-    """Return the highest elevation of each cell, and the logarithm of its highest intensity if there are any."""
+    """Return the highest elevation, the number of echoes, and the logarithm of the highest intensity of each cell."""
     shape = points.grid.lowest.shape
-    highest = np.full(shape, -np.inf)
+    highest, echoes = np.full(shape, -np.inf), np.zeros(shape, np.int64)
     brightest = None if intensity is None else np.full(shape, -np.inf)
     start = 0
     for z, cell in points:
         located = cell != NOWHERE
         np.maximum.at(highest.reshape(-1), cell[located], z[located])
+        np.add.at(echoes.reshape(-1), cell[located], 1)
         if intensity is not None and brightest is not None:
             value = intensity[start : start + len(cell)][located].astype(np.float64)
             np.fmax.at(brightest.reshape(-1), cell[located], np.log1p(np.maximum(value, 0)))
         start += len(cell)
-    return CellDetails(highest, brightest)
+    return CellDetails(highest, brightest, echoes)

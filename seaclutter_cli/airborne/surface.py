@@ -113,7 +113,7 @@ class RoughWater:
     levels : mapping of (int, int) to ndarray, shape (256, 256), float64, or None
         Level of the nearest body of water by block; None if none is known.
     details : CellDetails
-        Highest elevations and intensities of the strip.
+        Highest elevations, intensities and numbers of echoes of the strip.
     """
 
     waves: Waves

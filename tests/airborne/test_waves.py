@@ -261,6 +261,23 @@ def test_a_still_basin_beside_a_rough_sea_has_its_own_level(step, width):
     assert np.nanmedian(found.height_m[basin]) == pytest.approx(0, abs=0.15)
 
 
+def test_water_is_sea_where_cells_have_few_echoes_and_many():
+    """The highest of many echoes of a cell is higher, and by chance bright."""
+    rng = np.random.default_rng(4)
+    x, y = rng.uniform(0, 200, (2, 20_000))
+    dense = rng.uniform(0, 200, (2, 400_000))
+    dense = dense[:, dense[0] % 40 > 20]
+    xy = np.concatenate((np.stack((x, y)), dense), axis=1)
+    z = np.zeros(xy.shape[1])
+    for length in np.geomspace(2, 30, 40):
+        k, angle = 2 * np.pi / length, rng.normal(0.6, 0.4)
+        z += length * np.sin(k * (np.cos(angle) * xy[0] + np.sin(angle) * xy[1]) + rng.uniform(0, 7))
+    xyz = np.concatenate((xy, [0.35 * z / z.std() + rng.normal(0, 0.02, len(z))]))
+    found = separate([xyz], SeparationParams(), {"intensity": rng.exponential(100, len(z))}.get)
+    assert found.sea.surface == "followed"
+    assert (found.classification == OTHER).mean() < 1e-4
+
+
 def test_steep_water_is_sea_however_many_echoes_a_cell_has():
     rng = np.random.default_rng(3)
     x, y = rng.uniform(0, 120, (2, 25 * 120**2))

@@ -1,0 +1,100 @@
+"""Decks, rafts and sandbanks in rough water: higher than the water around them, and more even than waves."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.cells import joined_cells, smoothed
+from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.waves import Waves
+
+Cells = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_HIGH = 2.0
+_EVEN, _STRAIGHT = 0.3, 0.7
+_LEAST_KNOWN, _LEAST_LINES, _LEAST_CELLS = 6, 3, 8
+_REACH_CELLS, _THICK_M = 3.0, 0.1
+
+
+def decks(grid: ElevationGrid, lowest: Cells, used: Mask, waves: Waves) -> Mask:
+    """Return the cells of even surfaces above the level of rough water, shape (S, 256, 256).
+
+    Parameters
+    ----------
+    grid : ElevationGrid
+        Grid of the points of one strip.
+    lowest : ndarray, shape (S, 256, 256), float64
+        Lowest elevations; plus infinity in empty cells.
+    used : ndarray, shape (S, 256, 256), bool
+        Cells with points that may be water.
+    waves : Waves
+        Waves of the tile.
+
+    Notes
+    -----
+    A deck as high as the crests looks like one, but is more even: eight or more connected cells are higher than two
+    standard deviations of the waves, and the three by three cells around each deviate by less than 0.3 of the median.
+    Crests of smooth swell are level, too, but they are curved more than the water beside them: second differences along
+    both axes must be less than 0.7 of their median. Cells around that are within 0.1 m of a deck are a part of it.
+    """
+    deviation, curvature = _unevenness(grid, np.where(used, lowest, np.inf))
+    known = used & np.isfinite(deviation) & np.isfinite(curvature)
+    if not known.any():
+        return known
+    even = known & (lowest - waves.level_m > _HIGH * waves.deviation_m)
+    for values, most in ((deviation, _EVEN), (curvature, _STRAIGHT)):
+        even &= values < most * np.median(values[known])
+    part, group = joined_cells(even, grid.blocks)
+    even &= (np.bincount(group[part[even]], minlength=len(group)) >= _LEAST_CELLS)[group[part]]
+    if not even.any():
+        return even
+    level, share = smoothed(grid, np.where(even, lowest, 0), even, _REACH_CELLS)
+    beside = used & (share > 0) & (np.abs(np.where(used, lowest, np.inf) - level) <= _THICK_M)
+    part, group = joined_cells(even | beside, grid.blocks)
+    deck = np.zeros(len(group), np.bool_)
+    deck[group[part[even]]] = True
+    return (even | beside) & deck[group[part]]
+
+
+def _unevenness(grid: ElevationGrid, lowest: Cells) -> tuple[Cells, Cells]:
+    """Return the deviation of the three by three cells around each, and their second difference; infinite if unknown.
+
+    The second difference is the root of the mean square along the three rows and the three columns.
+    """
+    deviation, curvature = (np.full(lowest.shape, np.inf) for _ in range(2))
+    for slot, cells, _ in grid.padded(lowest, 1):
+        known = np.isfinite(cells)
+        if not known.any():
+            continue
+        above = np.where(known, cells - np.median(cells[known]), 0)
+        number, total, power = (_around(values) for values in (known, above, above**2))
+        lines, bends = np.zeros(cells.shape), np.zeros(cells.shape)
+        for axis in (0, 1):
+            whole, square = _second_differences(above, known, axis)
+            lines += _along(whole, 1 - axis)
+            bends += _along(square, 1 - axis)
+        variance = power / np.maximum(number, 1) - (total / np.maximum(number, 1)) ** 2
+        inner = slice(1, -1), slice(1, -1)
+        deviation[slot] = np.where(number >= _LEAST_KNOWN, np.sqrt(np.maximum(variance, 0)), np.inf)[inner]
+        curvature[slot] = np.where(lines >= _LEAST_LINES, np.sqrt(bends / np.maximum(lines, 1)), np.inf)[inner]
+    return deviation, curvature
+
+
+def _second_differences(above: Cells, known: Mask, axis: int) -> tuple[Cells, Cells]:
+    """Return whether a cell and both beside it along an axis are known, 1 or 0, and their squared second difference."""
+    z, has = np.moveaxis(above, axis, 0), np.moveaxis(known, axis, 0)
+    whole, square = np.zeros((2, *z.shape))
+    whole[1:-1] = has[:-2] & has[1:-1] & has[2:]
+    square[1:-1] = whole[1:-1] * (z[:-2] - 2 * z[1:-1] + z[2:]) ** 2
+    return np.moveaxis(whole, 0, axis), np.moveaxis(square, 0, axis)
+
+
+def _around(values: NDArray[np.generic]) -> Cells:
+    """Return the sum over the three by three cells around each."""
+    return _along(_along(values, 0), 1)
+
+
+def _along(values: NDArray[np.generic], axis: int) -> Cells:
+    """Return the sum over each cell and both beside it along an axis."""
+    padded = np.pad(np.moveaxis(values, axis, 0).astype(np.float64), ((1, 1), (0, 0)))
+    return np.moveaxis(padded[:-2] + padded[1:-1] + padded[2:], 0, axis)
