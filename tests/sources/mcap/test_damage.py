@@ -22,6 +22,11 @@ from tests.sources.damaged import MOST_SECONDS, damage_texts, flip, message_bloc
 SMALL = ("zstd", "lz4", "none", "unchunked", "no summary", "bare", "unchunked, bare", "no message index", "no index")
 
 
+def every_other(name, size):
+    """Return every other offset; the layouts, which resemble each other, take turns."""
+    return range(SMALL.index(name) % 2, size, 2)
+
+
 @pytest.fixture
 def path(tmp_path, monkeypatch):
     """Return the path of a log that is written thousands of times, and read without threads, which is faster."""
@@ -36,12 +41,12 @@ def path(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", SMALL)
-def test_cut_at_every_byte(path, name):
+def test_cut_at_every_other_byte(path, name):
     data = small_log(name)
     whole, extras, damage = read(path, data)
     assert (len(whole), extras, damage) == (12, ["file", "vessel"], [])
     ends = [piece.end for piece in records_of(data) if piece.op in (Opcode.ATTACHMENT, Opcode.METADATA)]
-    for size in range(len(data)):
+    for size in every_other(name, len(data)):
         messages, extras, damage = read(path, data[:size])
         expected = [message for block in message_blocks(name) if block.end <= size for message in block.messages]
         if messages is None:
@@ -71,10 +76,10 @@ def declares(name, at):
 
 
 @pytest.mark.parametrize("name", SMALL)
-def test_a_byte_flipped_at_every_offset(path, name):
+def test_a_byte_flipped_at_every_other_offset(path, name):
     data, noise = small_log(name), random.Random(1)
     everything = {message for block in message_blocks(name) for message in block.messages}
-    for at in range(len(data)):
+    for at in every_other(name, len(data)):
         flipped = bytearray(data)
         flipped[at] ^= noise.choice((1, 2, 4, 8, 16, 32, 64, 128, 255))
         messages, extras, damage = read(path, bytes(flipped))
@@ -96,9 +101,9 @@ def test_a_byte_flipped_at_every_offset(path, name):
 
 @pytest.mark.parametrize("name", ["zstd", "unchunked"])
 @pytest.mark.parametrize("kind", ["missing", "added"])
-def test_a_byte_missing_or_added_at_every_offset(path, name, kind):
+def test_a_byte_missing_or_added_at_every_other_offset(path, name, kind):
     data = small_log(name)
-    for at in range(len(data)):
+    for at in every_other(name, len(data)):
         messages, extras, damage = read(
             path, data[:at] + (data[at + 1 :] if kind == "missing" else b"\xa5" + data[at:])
         )

@@ -106,11 +106,12 @@ def check_cut(path, whole, cut, messages, chunks):
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_cut_at_every_byte_of_the_end(tmp_path, compression):
+def test_cut_within_the_end(tmp_path, compression):
     path = write_bag(tmp_path / "x.bag", compression, messages=14, size=150, chunk=700)
     messages, chunks, whole = reference(path), chunk_spans(path), path.read_bytes()
     cut_path = tmp_path / "cut.bag"
-    for cut in range(len(whole) - 1200, len(whole)):
+    start = len(whole) - 2000 + COMPRESSIONS.index(compression)
+    for cut in range(start, len(whole), len(COMPRESSIONS)):  # the compressions take turns
         check_cut(cut_path, whole, cut, messages, chunks)
 
 
