@@ -323,7 +323,8 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     waves = _waves_in(squares, own, around.deviation_m)
     measured = own[around.measured[own]]  # waves are as high as the foot of a beach, which slopes
     variation, several = (median_of(values[own]) for values in (echoes.variation, echoes.several))
-    slope, tilt, step, bumps = _unevenness(squares, measured if len(measured) >= LEAST_SQUARES else own)
+    in_waves = waves > 0 and len(measured) >= LEAST_SQUARES
+    slope, tilt, step, bumps = _unevenness(squares, measured if in_waves else own)
     is_even = step <= np.hypot(_STEP_M, waves) and bumps <= np.hypot(_BUMPS_M, waves)
     has_short_waves = len(own) >= _COARSE**2 and step <= _SHORT_WAVES * np.median(squares.spread_m[own])
     is_even |= has_short_waves and _is_even(squares, own)

@@ -37,6 +37,17 @@ def test_troughs_of_long_waves_do_not_drain_a_mirror():
     assert not is_water(3 * troughs, 0.05, 1.0)
 
 
+def test_waves_in_a_corner_of_still_water_do_not_speak_for_its_slope():
+    x, y = np.indices((SQUARES, SQUARES))
+    corner = (x < 6) & (y < 6)
+    found = squares(np.where(corner, 0.016 * (x - 2.5), 0.0))
+    measured = corner[tuple(found.xy - found.xy.min(axis=1, keepdims=True))]
+    same = np.ones(len(measured))
+    waves = SquareWaves(np.where(measured, 0.0, found.level_m), 0.03 * measured, measured)
+    (body,) = find_bodies(found, Echoes(same, 0 * same, np.zeros(len(same), np.int8)), waves)
+    assert body.is_water
+
+
 @pytest.mark.parametrize(("rise", "are_water"), [(0.25, True), (0.6, False)])
 def test_a_crest_amid_waves_that_come_in_groups_is_water(rise, are_water):
     """Waves have a deviation of 0.15 m in a third of the tile, and of 0.05 m elsewhere, also around the crest."""
