@@ -1,5 +1,7 @@
 """Decks, rafts and sandbanks in rough water: higher than the water around them, and more even than waves."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ _HIGH = 2.0
 _EVEN, _STRAIGHT = 0.3, 0.7
 _LEAST_KNOWN, _LEAST_LINES, _LEAST_CELLS = 6, 3, 8
 _REACH_CELLS, _THICK_M = 3.0, 0.1
+_SUM, _SECOND_DIFFERENCE = (1.0, 1.0, 1.0), (1.0, -2.0, 1.0)
 
 
 def decks(grid: ElevationGrid, lowest: Cells, used: Mask, waves: Waves) -> Mask:
@@ -70,9 +73,10 @@ def _unevenness(grid: ElevationGrid, lowest: Cells) -> tuple[Cells, Cells]:
         number, total, power = (_around(values) for values in (known, above, above**2))
         lines, bends = np.zeros(cells.shape), np.zeros(cells.shape)
         for axis in (0, 1):
-            whole, square = _second_differences(above, known, axis)
+            whole = _along(known, axis) == len(_SUM)
+            bend = np.where(whole, _along(above, axis, _SECOND_DIFFERENCE), 0)
             lines += _along(whole, 1 - axis)
-            bends += _along(square, 1 - axis)
+            bends += _along(bend**2, 1 - axis)
         variance = power / np.maximum(number, 1) - (total / np.maximum(number, 1)) ** 2
         inner = slice(1, -1), slice(1, -1)
         deviation[slot] = np.where(number >= _LEAST_KNOWN, np.sqrt(np.maximum(variance, 0)), np.inf)[inner]
@@ -80,21 +84,13 @@ def _unevenness(grid: ElevationGrid, lowest: Cells) -> tuple[Cells, Cells]:
     return deviation, curvature
 
 
-def _second_differences(above: Cells, known: Mask, axis: int) -> tuple[Cells, Cells]:
-    """Return whether a cell and both beside it along an axis are known, 1 or 0, and their squared second difference."""
-    z, has = np.moveaxis(above, axis, 0), np.moveaxis(known, axis, 0)
-    whole, square = np.zeros((2, *z.shape))
-    whole[1:-1] = has[:-2] & has[1:-1] & has[2:]
-    square[1:-1] = whole[1:-1] * (z[:-2] - 2 * z[1:-1] + z[2:]) ** 2
-    return np.moveaxis(whole, 0, axis), np.moveaxis(square, 0, axis)
-
-
 def _around(values: NDArray[np.generic]) -> Cells:
     """Return the sum over the three by three cells around each."""
     return _along(_along(values, 0), 1)
 
 
-def _along(values: NDArray[np.generic], axis: int) -> Cells:
-    """Return the sum over each cell and both beside it along an axis."""
-    padded = np.pad(np.moveaxis(values, axis, 0).astype(np.float64), ((1, 1), (0, 0)))
-    return np.moveaxis(padded[:-2] + padded[1:-1] + padded[2:], 0, axis)
+def _along(values: NDArray[np.generic], axis: int, weights: Sequence[float] = _SUM) -> Cells:
+    """Return the weighted sum over each cell and both beside it along an axis."""
+    from scipy import ndimage  # slow to import, not needed on calm water
+
+    return np.asarray(ndimage.correlate1d(values.astype(np.float64), weights, axis, mode="constant"))

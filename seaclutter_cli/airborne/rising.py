@@ -70,9 +70,9 @@ def height_limits(
     What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on. Decks are
     objects.
 
-    The surface is that of the lowest echoes; the other echoes from the water of a cell are higher. The highest is the
-    higher, the more of them there are: the median range of cells with as many echoes is subtracted from it. The median
-    of all cells is added to the heights that make an object.
+    The surface is that of the lowest echoes; the other echoes from the water of a cell are higher. The more there are,
+    the higher is the highest: the median range of cells with as many echoes is subtracted from it. The median of all
+    cells is added to the heights that make an object.
     """
     known = np.isfinite(lowest)
     ranges = _ranges(details, lowest, known & ~land)
@@ -101,11 +101,11 @@ def height_limits(
 def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:
     """Return the median height of the highest above the lowest echo of water, of cells with as many echoes as each."""
     number = np.minimum(details.echoes, _MANY_ECHOES)
+    own, range_m = number[water], details.highest[water] - lowest[water]
     found = np.zeros(_MANY_ECHOES + 1)
     for echoes in range(2, len(found)):
-        own = water & (number == echoes)
-        enough = np.count_nonzero(own) >= _LEAST_CELLS
-        found[echoes] = np.median(details.highest[own] - lowest[own]) if enough else found[echoes - 1]
+        alike = range_m[own == echoes]
+        found[echoes] = np.median(alike) if len(alike) >= _LEAST_CELLS else found[echoes - 1]
     return found[number]
 
 

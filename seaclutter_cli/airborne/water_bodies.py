@@ -152,9 +152,9 @@ def _without_mirrors(
         are_crests = (in_waves > 0) & (apart.min(axis=1) <= bands_of(in_waves))
         groups = bands_of(np.sqrt([np.mean(deviation_m[own] ** 2) for own in joined]))  # waves come in groups
         sea = np.concatenate([own for own, is_large in zip(joined, large, strict=True) if is_large])
-        small = size <= _SMALL * len(squares.index)
-        small &= (apart <= groups[large]).any(axis=1) & [_is_amid(squares, own, sea) for own in joined]
-        return _bodies(squares, joined, certain | small | (at_level & ((signs > -2) | are_crests)))
+        is_crest = (size <= _SMALL * len(squares.index)) & (apart <= groups[large]).any(axis=1)
+        is_crest &= [_is_amid(squares, own, sea) for own in joined]
+        return _bodies(squares, joined, certain | is_crest | (at_level & ((signs > -2) | are_crests)))
     signs = _all_signs(squares, echoes, regions, waves, has_mirrors=False)
     clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
     if clear < _CLEAR_SHARE * sum(map(len, regions)):

@@ -242,7 +242,7 @@ def estimate_waves(looks: Iterable[Look]) -> Waves | None:
     minimum there, which gives the length. Land hardly ever has such a minimum; nor is it level from part to part. A
     part with two levels, as of a polder and the sea, may have one; but its lower quartile is nearly as low as its 16th
     percentile, unlike that of waves. Where swell and wind sea cross, a part may have none either; it is sea if its
-    level and deviation are those of the others. A still part, such as a sheltered basin, tells nothing about the waves
+    level and deviation are those of the others. A still part, such as a sheltered basin, does not show the waves
     elsewhere. Each level has its own waves; those of the tile are the roughest that a tenth of it has. If blocks do not
     look like sea, their quarters may: a block beside a weir has two levels.
     """

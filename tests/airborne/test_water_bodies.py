@@ -37,7 +37,7 @@ def test_troughs_of_long_waves_do_not_drain_a_mirror():
     assert not is_water(3 * troughs, 0.05, 1.0)
 
 
-def test_waves_in_a_corner_of_still_water_do_not_speak_for_its_slope():
+def test_a_slope_where_waves_were_measured_in_a_corner_of_still_water_does_not_count():
     x, y = np.indices((SQUARES, SQUARES))
     corner = (x < 6) & (y < 6)
     found = squares(np.where(corner, 0.016 * (x - 2.5), 0.0))

@@ -22,9 +22,12 @@ from tests.sources.damaged import MOST_SECONDS, damage_texts, flip, message_bloc
 SMALL = ("zstd", "lz4", "none", "unchunked", "no summary", "bare", "unchunked, bare", "no message index", "no index")
 
 
-def every_other(name, size):
-    """Return every other offset; the layouts, which resemble each other, take turns."""
-    return range(SMALL.index(name) % 2, size, 2)
+TURNS = pytest.mark.parametrize("turn", [0, pytest.param(1, marks=pytest.mark.slow)])
+"""Half of all offsets, alternately by layout, as these resemble each other; the other half is slow."""
+
+
+def every_other(name, size, turn):
+    return range((SMALL.index(name) + turn) % 2, size, 2)
 
 
 @pytest.fixture
@@ -40,13 +43,14 @@ def path(tmp_path, monkeypatch):
     return path
 
 
+@TURNS
 @pytest.mark.parametrize("name", SMALL)
-def test_cut_at_every_other_byte(path, name):
+def test_cut_at_every_byte(path, name, turn):
     data = small_log(name)
     whole, extras, damage = read(path, data)
     assert (len(whole), extras, damage) == (12, ["file", "vessel"], [])
     ends = [piece.end for piece in records_of(data) if piece.op in (Opcode.ATTACHMENT, Opcode.METADATA)]
-    for size in every_other(name, len(data)):
+    for size in every_other(name, len(data), turn):
         messages, extras, damage = read(path, data[:size])
         expected = [message for block in message_blocks(name) if block.end <= size for message in block.messages]
         if messages is None:
@@ -75,11 +79,12 @@ def declares(name, at):
     return at < (first.end if LAYOUTS[name].chunked else first.start)
 
 
+@TURNS
 @pytest.mark.parametrize("name", SMALL)
-def test_a_byte_flipped_at_every_other_offset(path, name):
+def test_a_byte_flipped_at_every_offset(path, name, turn):
     data, noise = small_log(name), random.Random(1)
     everything = {message for block in message_blocks(name) for message in block.messages}
-    for at in every_other(name, len(data)):
+    for at in every_other(name, len(data), turn):
         flipped = bytearray(data)
         flipped[at] ^= noise.choice((1, 2, 4, 8, 16, 32, 64, 128, 255))
         messages, extras, damage = read(path, bytes(flipped))
@@ -99,11 +104,12 @@ def test_a_byte_flipped_at_every_other_offset(path, name):
         assert times == sorted(times) or not LAYOUTS[name].message_index, at
 
 
+@TURNS
 @pytest.mark.parametrize("name", ["zstd", "unchunked"])
 @pytest.mark.parametrize("kind", ["missing", "added"])
-def test_a_byte_missing_or_added_at_every_other_offset(path, name, kind):
+def test_a_byte_missing_or_added_at_every_offset(path, name, kind, turn):
     data = small_log(name)
-    for at in every_other(name, len(data)):
+    for at in every_other(name, len(data), turn):
         messages, extras, damage = read(
             path, data[:at] + (data[at + 1 :] if kind == "missing" else b"\xa5" + data[at:])
         )
