@@ -10,18 +10,10 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.reflection import DIFFUSE, SPECULAR, comparable_echoes, is_diffuse, median_of
+from seaclutter_cli.airborne.regions import are_flat, bands_of, connected
 from seaclutter_cli.airborne.squares import LEAST_SQUARES, Echoes, Squares, SquareWaves, by_cell, positions, squares_in
-from seaclutter_cli.airborne.water_bodies import (
-    WaterBody,
-    are_flat,
-    are_hills,
-    are_woods,
-    bands_of,
-    connected,
-    find_bodies,
-    looks_like_water,
-    without_woods,
-)
+from seaclutter_cli.airborne.terrain import are_hills, are_woods, without_woods
+from seaclutter_cli.airborne.water_bodies import WaterBody, find_bodies, looks_like_water
 
 Cells = NDArray[np.float64]
 Values = NDArray[np.float64]

@@ -15,7 +15,7 @@ from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.looks import Look, OpenedLooks, WithoutLand
 from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.squares import Echoes, Squares, squares_of, waves_of
-from seaclutter_cli.airborne.water_bodies import LONG_WAVE_M
+from seaclutter_cli.airborne.terrain import LONG_WAVE_M
 from seaclutter_cli.airborne.waves import LocalWaves, Waves, estimate_waves, local_levels, local_waves, other_levels
 from seaclutter_cli.errors import InputError
 

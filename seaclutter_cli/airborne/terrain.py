@@ -1,0 +1,62 @@
+"""Terrain without water: hills, woods, and level land that waves may resemble."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.regions import are_flat
+from seaclutter_cli.airborne.squares import Echoes, Squares, SquareWaves
+
+Values = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LONG_WAVE_M = 100.0
+"""Longer side of a tile that shows its waves; a smaller one may be a part of one wave."""
+SEVERAL = 0.05
+"""Share of pulses with several echoes from which a square has leaves or roofs."""
+_WOODED_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 2.0, 0.1
+_WAVES_M, _HALF = 3.0, 0.5
+_HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
+
+
+def are_hills(squares: Squares, deviation_m: Values) -> bool:
+    """Return whether a tile is without any water: next to nothing is flat, and no level is frequent."""
+    few = np.count_nonzero(are_flat(squares, deviation_m)) < _FLAT_SHARE * len(squares.index)
+    return bool(few and _most_within(squares, _HILL_M) < _LEVEL_SHARE)
+
+
+def without_woods(squares: Squares, echoes: Echoes, waves: SquareWaves) -> SquareWaves:
+    """Return the waves, or none if most squares of them are woods: ground below trees may undulate like water."""
+    if are_woods(squares, echoes, waves.deviation_m > 0):
+        none = np.zeros_like(waves.deviation_m)
+        return SquareWaves(squares.level_m, none, none > 0)
+    return waves
+
+
+def are_woods(squares: Squares, echoes: Echoes, own: Mask) -> bool:
+    """Return whether some squares are woods or a town.
+
+    Pulses have several echoes in most of them, and in most of these, something rises more than two metres.
+    """
+    leafy = own & (echoes.several > SEVERAL)
+    many = np.count_nonzero(leafy) > _WOODED_SHARE * np.count_nonzero(own)
+    return bool(many and np.median(squares.top_m[leafy] - squares.level_m[leafy]) > _TREE_M)
+
+
+def may_be_waves(squares: Squares, echoes: Echoes) -> bool:
+    """Return whether a tile without water may be of waves that are too long for it, with next to no leaves or roofs.
+
+    This holds for small tiles and, without intensities, for tiles that are mostly no higher than waves.
+    """
+    if not len(squares.index):
+        return False
+    few = np.count_nonzero(echoes.several > SEVERAL) <= _LEAFY_SHARE * len(squares.index)
+    small = np.ptp(squares.xy, axis=1).max() * squares.side_m < LONG_WAVE_M
+    unknown = not np.isfinite(echoes.variation).any()
+    return bool(few and (small or (unknown and _most_within(squares, _WAVES_M) > _HALF)))
+
+
+def _most_within(squares: Squares, height_m: float) -> float:
+    """Return the share of the squares whose levels are in the one step of this height that contains the most."""
+    level = np.sort(squares.level_m)
+    near = np.searchsorted(level, level + height_m) - np.arange(len(level))
+    return float(near.max(initial=0) / max(len(level), 1))
