@@ -139,13 +139,28 @@ def test_real_packets_are_recognised():
 
 def returns_of(kind, number, block, channel, mode):
     """Return distance and intensity of a slot. Some slots are empty, some pairs of returns are equal."""
+    return return_of(*firing_of(kind, number, block, mode), channel)
+
+
+def firing_of(kind, number, block, mode):
+    """Return which of 50 firings, that repeat, a block has, and whether it has their second returns."""
     blocks, pair = SHAPES[kind][1], 2 if mode == DUAL else 1
-    firing = (number * blocks + block) // pair
-    second = pair == 2 and block % 2
+    return (number * blocks + block) // pair % 50, pair == 2 and block % 2 == 1
+
+
+def return_of(firing, is_second, channel):
     if (firing + channel) % 5 == 0:
         return 0, 0
-    distance = 1000 + 10 * channel + firing % 50
-    return (distance + 700, 40) if second and channel % 2 else (distance, 30 + channel)
+    distance = 1000 + 10 * channel + firing
+    return (distance + 700, 40) if is_second and channel % 2 else (distance, 30 + channel)
+
+
+@cache
+def block_data(kind, firing, is_second):
+    """Return the bytes of all channels of a block."""
+    confidence = b"\x01" if kind in WITH_CONFIDENCE else b""
+    channels = range(SHAPES[kind][0])
+    return b"".join(struct.pack("<HB", *return_of(firing, is_second, channel)) + confidence for channel in channels)
 
 
 def make_packet(kind, number, azimuths, time_ns, mode=SINGLE, utc=None):
@@ -154,9 +169,7 @@ def make_packet(kind, number, azimuths, time_ns, mode=SINGLE, utc=None):
     body = b""
     for block in range(blocks):
         body += (b"\xff\xee" if kind in (P40, P40_NUMBERED) else b"") + struct.pack("<H", azimuths[block])
-        for channel in range(channels):
-            distance, intensity = returns_of(kind, number, block, channel, mode)
-            body += struct.pack("<HB", distance, intensity) + (b"\x01" if kind in WITH_CONFIDENCE else b"")
+        body += block_data(kind, *firing_of(kind, number, block, mode))
     moment = dt.datetime.fromtimestamp(time_ns // 10**9, dt.UTC)
     micros = time_ns % 10**9 // 1000
     first = moment.year - (1900 if kind in (*XTS, *FLAGGED) else 2000)
