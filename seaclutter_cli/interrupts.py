@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
+_REPEAT_S = 0.25
 _WAIT_FOR = ("importlib", "pydantic", "seaclutter_cli.sinks.atomic")
 """Packages and modules that drop or replace an interrupt that comes within them, or that complete and remove files; all
 of them take a short time."""
@@ -18,18 +19,21 @@ of them take a short time."""
 _MAY_TAKE_LONG = "seaclutter_cli.storage.uploads"
 """Module that runs within one of these, but can be interrupted."""
 
+_repeated = False
+
 
 def handle_interrupts() -> None:
     """Make termination requests and hang-ups a KeyboardInterrupt, as Ctrl-C is, and let none get lost.
 
-    During an import, Python's callbacks and the start-up code of compiled modules drop exceptions, and the program
-    imports most of its modules when a command runs. An interrupt therefore waits until the import is done. Further
-    interrupts, while the first one unwinds the run and removes incomplete files, are ignored.
+    An interrupt is repeated until the run ends, because compiled code that calls Python may drop it: numpy does so while
+    it looks at an object that is no array, such as a member of an enumeration. So do finalizers, callbacks and imports, and
+    the program imports most of its modules when a command runs; an interrupt therefore waits until an import is done.
+    While the first one unwinds the run and removes incomplete files, all others are ignored.
     """
     for number in _known():
         if signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
             signal.signal(number, _interrupt)
-    sys.unraisablehook = _interrupt_again
+    sys.unraisablehook = _show_unraisable
 
 
 def ignore_interrupts() -> None:
@@ -45,18 +49,18 @@ def _known() -> list[signal.Signals]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    if _is_unwinding():
-        return
-    while frame is not None and frame.f_globals.get("__name__") != _MAY_TAKE_LONG:
-        if _must_wait(frame.f_globals.get("__name__", "")):
-            _interrupt_soon(number)
-            return
+    _repeat(number)
+    if not _is_unwinding() and not _must_wait(frame):
+        raise KeyboardInterrupt
+
+
+def _must_wait(frame: FrameType | None) -> bool:
+    """Return whether an interrupt would be dropped at this place, or leave some files complete and others not."""
+    while frame is not None and (module := frame.f_globals.get("__name__", "")) != _MAY_TAKE_LONG:
+        if any(module == name or module.startswith(f"{name}.") for name in _WAIT_FOR):
+            return True
         frame = frame.f_back
-    raise KeyboardInterrupt
-
-
-def _must_wait(module: str) -> bool:
-    return any(module == name or module.startswith(f"{name}.") for name in _WAIT_FOR)
+    return False
 
 
 def _is_unwinding() -> bool:
@@ -67,19 +71,24 @@ def _is_unwinding() -> bool:
     return error is not None
 
 
-def _interrupt_again(lost: "UnraisableHookArgs") -> None:
-    """Repeat an interrupt that came within a finalizer or callback, where Python prints and drops exceptions."""
+def _show_unraisable(lost: "UnraisableHookArgs") -> None:
+    """Show the exception of a finalizer or callback as Python does, unless it is an interrupt, which is repeated."""
     if issubclass(lost.exc_type, KeyboardInterrupt):
-        _interrupt_soon(signal.SIGTERM)
+        _repeat(signal.SIGTERM)
     else:
         sys.__unraisablehook__(lost)
 
 
-def _interrupt_soon(number: int) -> None:
-    # Not threading.Thread: the interrupted code may hold its locks.
-    _thread.start_new_thread(_interrupt_later, (signal.Signals(number),))
+def _repeat(number: int) -> None:
+    """Repeat an interrupt until :func:`ignore_interrupts`."""
+    global _repeated  # noqa: PLW0603
+    if not _repeated:
+        _repeated = True
+        # Not threading.Thread: the interrupted code may hold its locks.
+        _thread.start_new_thread(_interrupt_again, (signal.Signals(number),))
 
 
-def _interrupt_later(number: signal.Signals) -> None:
-    time.sleep(0.01)
-    _thread.interrupt_main(number)
+def _interrupt_again(number: signal.Signals) -> None:
+    while signal.getsignal(number) is _interrupt:
+        time.sleep(_REPEAT_S)
+        _thread.interrupt_main(number)

@@ -15,7 +15,7 @@ NAMES = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, nam
 
 BEGIN = """
 import signal, sys, time
-from seaclutter_cli.interrupts import handle_interrupts
+from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
 handle_interrupts()
 try:
 """
@@ -24,6 +24,7 @@ END = """
     print("ended")
 except KeyboardInterrupt:
     print("interrupted")
+ignore_interrupts()
 """
 
 
@@ -53,6 +54,22 @@ def in_finalizer(statement):
 
 def test_an_interrupt_within_a_finalizer(tmp_path):
     done = run(in_finalizer("signal.raise_signal(signal.SIGINT)"), tmp_path)
+    assert (done.stdout, done.stderr) == ("interrupted\n", "")
+
+
+def test_an_interrupt_that_compiled_code_drops(tmp_path):
+    """Numpy asks the type of what it compares for an attribute, and clears any error of that."""
+    body = """
+import numpy as np
+class Kind(type):
+    def __getattr__(cls, name):
+        if name == "__array_ufunc__":
+            signal.raise_signal(signal.SIGTERM)
+        raise AttributeError
+class Member(int, metaclass=Kind): pass
+np.arange(3) == Member(1)
+"""
+    done = run(body, tmp_path)
     assert (done.stdout, done.stderr) == ("interrupted\n", "")
 
 
@@ -138,7 +155,6 @@ with OutputGroup() as group:
 
 def test_no_interrupt_after_the_end(tmp_path):
     body = """
-from seaclutter_cli.interrupts import ignore_interrupts
 ignore_interrupts()
 signal.raise_signal(signal.SIGTERM)
 signal.raise_signal(signal.SIGINT)

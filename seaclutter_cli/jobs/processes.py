@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection, wait
 from time import monotonic
 from typing import Any
 
-from seaclutter_cli.interrupts import handle_interrupts
+from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.jobs.answers import DIED, SHARE, answer
 from seaclutter_cli.jobs.crew import run_tasks
 from seaclutter_cli.jobs.engine import R, Results, Task
@@ -166,6 +166,7 @@ def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
     with suppress(EOFError, OSError, KeyboardInterrupt):  # the first process closed the pipe, or is gone
         while True:
             pipe.send_bytes(answer(pipe.recv(), _Reporter(pipe)))
+    ignore_interrupts()
 
 
 class _Reporter:
