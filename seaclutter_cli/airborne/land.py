@@ -7,13 +7,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.nearest import nearest
-from seaclutter_cli.airborne.reflection import DIFFUSE, SPECULAR, comparable_echoes, is_diffuse, median_of
+from seaclutter_cli.airborne.reflection import (
+    DIFFUSE,
+    SPECULAR,
+    by_brightness,
+    comparable_echoes,
+    is_diffuse,
+    median_of,
+)
 from seaclutter_cli.airborne.regions import are_flat, bands_of, connected
-from seaclutter_cli.airborne.squares import LEAST_SQUARES, Echoes, Squares, SquareWaves, by_cell, positions, squares_in
+from seaclutter_cli.airborne.squares import (
+    LEAST_SQUARES,
+    Squares,
+    SquareWaves,
+    by_cell,
+    positions,
+    squares_in,
+    waves_of,
+)
 from seaclutter_cli.airborne.terrain import are_hills, are_woods, without_woods
 from seaclutter_cli.airborne.water_bodies import WaterBody, find_bodies, looks_like_water
+from seaclutter_cli.airborne.waves import LocalWaves
 
 Cells = NDArray[np.float64]
 Values = NDArray[np.float64]
@@ -56,9 +73,7 @@ class Shores:
         return max(levels) - min(levels) if levels else 0.0
 
 
-def shores_of(
-    grid: ElevationGrid, lowest: Cells, squares: Squares, echoes: Echoes, waves: SquareWaves
-) -> Shores | None:
+def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes, local: LocalWaves) -> Shores | None:
     """Return the land and water of a tile; None if no region tells, unless the tile is all hills or woods.
 
     Notes
@@ -69,8 +84,10 @@ def shores_of(
     connected to a body of water is land, too. In squares beside water that are in no region, or high above it, cells at
     its level are water.
     """
-    waves = without_woods(squares, echoes, waves)
-    echoes = comparable_echoes(squares, echoes, are_flat(squares, waves.deviation_m), bands_of(waves.deviation_m))
+    lit = by_brightness(squares, seen)
+    ground = None if lit is None else lit.variation <= DIFFUSE
+    waves = without_woods(squares, seen, waves_of(squares, local.centers, local.parts, ground))
+    echoes = lit or comparable_echoes(squares, seen, are_flat(squares, waves.deviation_m), bands_of(waves.deviation_m))
     regions = find_bodies(squares, echoes, waves)
     if not regions and not _is_dry(squares, echoes, waves.deviation_m):
         return None
@@ -82,7 +99,7 @@ def shores_of(
         for slot, (cells, water) in enumerate(zip(lowest, level, strict=True)):
             at_level = np.abs(np.where(np.isfinite(cells), cells, water) - water) <= bank[slot]
             land[slot] &= sure[slot] | ~at_level
-    is_doubtful = bool(bodies) and not any(_shows_water(squares, echoes, waves, body.squares) for body in bodies)
+    is_doubtful = bool(bodies) and not any(_shows_water(squares, seen, waves, body.squares) for body in bodies)
     return Shores(bodies, land, level, _bank(bodies), is_doubtful)
 
 

@@ -14,6 +14,7 @@ _REACH_CELLS = 64
 _REACH = np.r_[0 : _REACH_CELLS + 1]
 _LAGS = np.r_[_REACH, -_REACH[:0:-1]]
 _SPARSE, _CERTAIN = 0.5, 5.0
+_LARGE_CELLS, _LEAST_PAIRS = 90, 200
 
 
 def oscillation(elevation: Cells, water: Mask) -> tuple[float, float]:
@@ -47,7 +48,17 @@ def oscillation(elevation: Cells, water: Mask) -> tuple[float, float]:
             return 0.0, 0.0
         length, depth = oscillation(elevation[::2, ::2], water[::2, ::2])
         return 2 * length, depth
+    is_large = min(np.ptp(places) for places in np.nonzero(water)) >= _LARGE_CELLS if water.any() else False
+    if is_large and _pairs(water, 2 * int(_REACH[i]), 2 * int(_LAGS[j])) < _LEAST_PAIRS:
+        return 0.0, 0.0
     return 2 * float(np.hypot(_REACH[i], _LAGS[j])), -float(correlation[i, j])
+
+
+def _pairs(known: Mask, rows: int, columns: int) -> int:
+    """Return the number of pairs of known cells that are so many rows and columns apart."""
+    if columns < 0:
+        return _pairs(known[:, ::-1], rows, -columns)
+    return int(np.count_nonzero(known[rows:, columns:] & known[: len(known) - rows, : known.shape[1] - columns]))
 
 
 def are_sparse(known: Mask) -> bool:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.squares import LEAST_SQUARES, Echoes, Squares
+from seaclutter_cli.airborne.echoes import Echoes
+from seaclutter_cli.airborne.squares import LEAST_SQUARES, Squares
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -21,6 +22,8 @@ _GROUND_SHARE = 0.02
 _SAME_LEVEL_M = 0.03
 _ALIKE_BETWEEN, _ALIKE_WITHIN = 1.5, 1.25
 _WAVES_M, _NEAR_IN_WAVES = 0.1, 0.75
+_APART, _LEAST_RATIO = 3.5, np.log(1.5)
+_STEP_M, _STEPS, _PURE = 0.03, 1.5, 0.3
 
 
 def is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
@@ -78,6 +81,66 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
         and _ratio(within, other_within) <= _ALIKE_WITHIN
     )
     return replace(echoes, variation=np.full(len(flat), np.nan)) if is_one else echoes
+
+
+def by_brightness(squares: Squares, echoes: Echoes) -> Echoes | None:
+    """Return echoes whose variation is that of ground where they are bright, and that of a mirror where they are dark.
+
+    None if the brightness of the N squares does not distinguish water from land, or reflections like those of a mirror
+    do. Squares with both have a variation between the two.
+
+    Notes
+    -----
+    Water that does not reflect like a mirror is dark: it absorbs infrared light. If the logarithms of the brightness
+    form two kinds, whose means are further apart than those of any even distribution, and the bright ones are higher
+    along the edge between the kinds than dark squares differ, the bright kind is ground: a quay, a bank, a dike. One
+    surface of two kinds, as of strips with different gains, has no such step, and bright water beside dark ground is
+    lower.
+    """
+    if np.count_nonzero(echoes.variation >= SPECULAR) > MIRROR_SHARE * len(squares.index):
+        return None
+    known = np.isfinite(echoes.brightness)
+    limit = _limit_between(echoes.brightness[known])
+    bright = known & (echoes.brightness > limit)
+    dark = known & ~bright
+    step, within = _steps(squares, dark, bright), _steps(squares, dark, dark)
+    if len(step) < LEAST_SQUARES or np.median(step) <= _STEP_M + _STEPS * np.median(np.abs(within)):
+        return None
+    mean = np.exp(echoes.brightness)
+    low, high = float(np.median(mean[dark])), float(np.median(mean[bright]))
+    share = (mean - low) / (high - low)
+    variation = np.select([share <= _PURE, share >= 1 - _PURE], [SPECULAR, DIFFUSE], (SPECULAR + LIKE_GROUND) / 2)
+    return replace(echoes, variation=np.where(known, variation, np.nan))
+
+
+def _limit_between(values: Values) -> float:
+    """Return the value between two kinds, those of Otsu; infinity if there is only one, or one has few."""
+    ordered, number = np.sort(values), len(values)
+    least = int(MIRROR_SHARE * number) + LEAST_SQUARES
+    below = np.arange(least, number - least)
+    if not len(below):
+        return np.inf
+    total, power = (np.concatenate(([0.0], np.cumsum(part))) for part in (ordered, ordered**2))
+    low, high = total[below] / below, (total[-1] - total[below]) / (number - below)
+    within = power[-1] - below * low**2 - (number - below) * high**2
+    at = int(np.argmin(within))
+    apart = high[at] - low[at]
+    if apart < max(_LEAST_RATIO, _APART * np.sqrt(max(within[at], 0) / number)):
+        return np.inf
+    return float(ordered[below[at] - 1] + ordered[below[at]]) / 2
+
+
+def _steps(squares: Squares, own: Mask, beyond: Mask) -> Values:
+    """Return by how much the second square from each of some is higher, if both on the way are of another kind.
+
+    The first may be a mixture of both.
+    """
+    start = np.flatnonzero(own)
+    first = squares.neighbor[:, start]
+    second = np.take_along_axis(squares.neighbor, first, axis=1)
+    kind = np.append(beyond, False)
+    pair = (first >= 0) & kind[first] & kind[second]
+    return np.asarray((squares.level_m[second] - squares.level_m[start])[pair])
 
 
 def _elevations(squares: Squares, own: Mask) -> tuple[float, float, float]:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.bottom import Bottom, bottom_of
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
+from seaclutter_cli.airborne.echoes import echoes_of
 from seaclutter_cli.airborne.following import CellDetails
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.land_cells import LandCells
-from seaclutter_cli.airborne.squares import echoes_of
 from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, RoughWater, SeaSurfaceModel, SeparationParams, SurfaceParams
 from seaclutter_cli.airborne.tides import LeveledParts, tides_of

@@ -1,16 +1,13 @@
-"""Squares of eight by eight cells: their level, flatness, neighbours and echoes, on which water is told from land."""
+"""Squares of eight by eight cells: their level, flatness, neighbours and waves, which distinguish water from land."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.classes import GROUND, WATER
 from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
-from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
-from seaclutter_cli.airborne.strips import Column
 from seaclutter_cli.airborne.waves import PART_CELLS, PartWaves
 
 Values = NDArray[np.float64]
@@ -24,8 +21,6 @@ LEAST_SQUARES = 6
 """Squares that make a region; the opening takes what is smaller for an object."""
 _PER_BLOCK = BLOCK // SIDE
 _LEAST_CELLS = 6
-_LEAST_ECHOES, _MANY_ECHOES = 12, 60
-_LEAST_SATURATED, _CONSTANT_SHARE = 0.01, 0.05
 _STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _FAR = 1 << 31
 _AT_LEVEL, _NEAR_LEVEL_M = 4.0, 0.2
@@ -156,108 +151,25 @@ class SquareWaves:
     measured: Mask
 
 
-def waves_of(squares: Squares, centers: Values, parts: Sequence[PartWaves]) -> SquareWaves:
+def waves_of(squares: Squares, centers: Values, parts: Sequence[PartWaves], ground: Mask | None = None) -> SquareWaves:
     """Return the waves in squares: those of the nearest part at their level. Still parts have none.
 
-    ``centers`` are those of the parts in cells, shape (2, P).
+    ``centers`` are those of the parts in cells, shape (2, P). Squares of ``ground``, shape (N,), have no waves, nor do
+    parts of which they are most.
     """
     level, deviation = squares.level_m.copy(), np.zeros(len(squares.index))
     distance, measured = np.full(len(level), np.inf), np.zeros(len(level), np.bool_)
+    free = np.ones(len(level), np.bool_) if ground is None else ~ground
     for center, part in zip(centers.T / SIDE, parts, strict=True):
         away = squares.xy + 0.5 - center[:, None]
+        inside = np.abs(away).max(axis=0) < PART_CELLS / 2 / SIDE
+        if np.count_nonzero(inside & free) < np.count_nonzero(inside) / 2:
+            continue
         apart = (away**2).sum(axis=0)
         own = part.deviation_m if part.is_sea else 0.0
         near = np.abs(squares.level_m - part.level_m) <= _AT_LEVEL * own + _NEAR_LEVEL_M
-        closer = near & (apart < distance)
+        closer = near & (apart < distance) & free
         level[closer] = part.level_m if part.is_sea else squares.level_m[closer]
         deviation[closer], distance[closer] = own, apart[closer]
-        measured[closer] = part.is_sea & (np.abs(away[:, closer]).max(axis=0) < PART_CELLS / 2 / SIDE)
+        measured[closer] = part.is_sea & inside[closer]
     return SquareWaves(level, deviation, measured)
-
-
-@dataclass(frozen=True)
-class Echoes:
-    """What the echoes from the surface of each of N squares look like; NaN if unknown.
-
-    Parameters
-    ----------
-    variation : ndarray, shape (N,), float64
-        Standard deviation of the intensities divided by the mean, of pulses with one echo: several share the energy of
-        the pulse. Of fewer than 60, the average with the squares beside. If some are saturated, relative to that of
-        equally saturated speckle.
-    several : ndarray, shape (N,), float64
-        Share of those from pulses with several echoes.
-    known : ndarray, shape (N,), int8
-        1 if most of them have the trusted class of water, -1 if most have that of ground; 0 for all others.
-    """
-
-    variation: Values
-    several: Values
-    known: NDArray[np.int8]
-
-
-def echoes_of(
-    squares: Squares, points: GriddedPoints, top: Cells, column: Column, trusted: Collection[int] = ()
-) -> Echoes:
-    """Return the echoes of squares that are no higher than ``top``, the elevation of each cell.
-
-    ``trusted`` are the ASPRS classes of the points, 2 or 9, that are right.
-    """
-    intensity, returns = column("intensity"), column("number_of_returns")
-    classes = column("classification") if trusted else None
-    right = {code: np.zeros(squares_in(points.grid)) for code in (GROUND, WATER)}
-    total = squares_in(points.grid)
-    count, single, one, two, full = (np.zeros(total) for _ in range(5))
-    saturated = None if intensity is None else _saturated(intensity)
-    start = 0
-    for z, cell in points:
-        used = np.flatnonzero((cell != NOWHERE) & (z <= top.reshape(-1)[cell]))
-        square = square_of(cell[used])
-        used += start
-        count += np.bincount(square, minlength=total)
-        if classes is not None:
-            for code in trusted:
-                right[code] += np.bincount(square, classes[used] == code, total)
-        if returns is not None:
-            whole = returns[used] <= 1
-            used, square = used[whole], square[whole]
-        single += np.bincount(square, minlength=total)
-        if intensity is not None:
-            value = np.nan_to_num(intensity[used]).astype(np.float64)
-            one += np.bincount(square, value, total)
-            two += np.bincount(square, value**2, total)
-            if saturated is not None:
-                full += np.bincount(square, saturated[used], total)
-        start += len(cell)
-    number = np.where(single >= _LEAST_ECHOES, single, np.nan)[squares.index]
-    mean = one[squares.index] / number
-    spread = np.sqrt(np.maximum(two[squares.index] / number - mean**2, 0))
-    unknown = np.full(len(number), np.nan)
-    clipped = full[squares.index] / number
-    if np.count_nonzero(clipped == 1) > _CONSTANT_SHARE * len(clipped):  # one surface has this intensity, and no other
-        clipped = np.zeros(len(clipped))
-    variation = np.divide(spread, mean, out=unknown.copy(), where=mean > 0) / _speckle(clipped)
-    around = np.append(variation, np.nan)[np.vstack((np.arange(len(number)), squares.neighbor))]
-    known = np.isfinite(around)
-    total = np.where(known, around, 0).sum(axis=0)
-    average = np.divide(total, known.sum(axis=0), out=unknown.copy(), where=known.any(axis=0))
-    variation = np.where(number < _MANY_ECHOES, average, variation)
-    ground, water = (right[code][squares.index] > count[squares.index] / 2 for code in (GROUND, WATER))
-    known = count[squares.index] >= _LEAST_ECHOES
-    share = np.divide((count - single)[squares.index], count[squares.index], out=unknown.copy(), where=known)
-    share = unknown if returns is None else share
-    return Echoes(variation, share, water.astype(np.int8) - ground.astype(np.int8))
-
-
-def _saturated(intensity: NDArray[Any]) -> Mask | None:
-    """Return which intensities are the highest; None if they are too rare to be a limit of the sensor."""
-    highest = np.asarray(intensity == np.nanmax(intensity))
-    return highest if np.count_nonzero(highest) > _LEAST_SATURATED * len(highest) else None
-
-
-def _speckle(saturated: Values) -> Values:
-    """Return the coefficient of variation of exponential intensities, of which a share is saturated: 1 for none."""
-    below = 1 - saturated
-    limit = -np.log(np.where((saturated > 0) & (below > 0), saturated, 1.0))  # in units of the mean of all
-    variance = 2 * (below - saturated * limit) - below**2
-    return np.sqrt(np.divide(variance, below**2, out=np.ones_like(below), where=limit > 0))

@@ -9,12 +9,13 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells
+from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.looks import Look, OpenedLooks, WithoutLand
 from seaclutter_cli.airborne.rising import height_limits
-from seaclutter_cli.airborne.squares import Echoes, Squares, squares_of, waves_of
+from seaclutter_cli.airborne.squares import Squares, squares_of
 from seaclutter_cli.airborne.terrain import LONG_WAVE_M
 from seaclutter_cli.airborne.waves import LocalWaves, Waves, estimate_waves, local_levels, local_waves, other_levels
 from seaclutter_cli.errors import InputError
@@ -221,8 +222,7 @@ class SeaSurfaceModel:
         views, local = _views(whole, looks)
         if params.land != "ignore" and echoes is not None:
             squares = squares_of(whole.grid, whole.lowest, whole.lowest <= top)
-            waves = waves_of(squares, local.centers, local.parts)
-            self.shores = shores_of(whole.grid, whole.lowest, squares, echoes(squares, top), waves)
+            self.shores = shores_of(whole.grid, whole.lowest, squares, echoes(squares, top), local)
         if params.follows_waves:
             land = self.land_by_block
             self.waves = estimate_waves(views if land is None else WithoutLand(views, land))

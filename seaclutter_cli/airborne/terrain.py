@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.regions import are_flat
-from seaclutter_cli.airborne.squares import Echoes, Squares, SquareWaves
+from seaclutter_cli.airborne.squares import Squares, SquareWaves
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -35,11 +36,14 @@ def without_woods(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Squar
 def are_woods(squares: Squares, echoes: Echoes, own: Mask) -> bool:
     """Return whether some squares are woods or a town.
 
-    Pulses have several echoes in most of them, and in most of these, something rises more than two metres.
+    Pulses have several echoes in most of them, and in most of these, something rises more than two metres. Or more than
+    a twentieth of the echoes is as high in most of them, as crowns are that hide little of the ground.
     """
+    most = _WOODED_SHARE * np.count_nonzero(own)
     leafy = own & (echoes.several > SEVERAL)
-    many = np.count_nonzero(leafy) > _WOODED_SHARE * np.count_nonzero(own)
-    return bool(many and np.median(squares.top_m[leafy] - squares.level_m[leafy]) > _TREE_M)
+    if np.count_nonzero(leafy) > most and np.median(squares.top_m[leafy] - squares.level_m[leafy]) > _TREE_M:
+        return True
+    return bool(np.count_nonzero(own & (echoes.tall > SEVERAL)) > most)
 
 
 def may_be_waves(squares: Squares, echoes: Echoes) -> bool:

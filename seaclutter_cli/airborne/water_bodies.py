@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.reflection import DIFFUSE, LIKE_GROUND, MIRROR_SHARE, SPECULAR, is_diffuse, median_of
 from seaclutter_cli.airborne.regions import (
     COARSE,
@@ -18,7 +19,7 @@ from seaclutter_cli.airborne.regions import (
     relief_of,
     waves_in,
 )
-from seaclutter_cli.airborne.squares import LEAST_SQUARES, Echoes, Squares, SquareWaves
+from seaclutter_cli.airborne.squares import LEAST_SQUARES, Squares, SquareWaves
 from seaclutter_cli.airborne.terrain import SEVERAL, may_be_waves
 
 Values = NDArray[np.float64]

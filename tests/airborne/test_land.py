@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from seaclutter_cli.airborne.echoes import _speckle
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
-from seaclutter_cli.airborne.squares import _speckle, squares_of, waves_of
+from seaclutter_cli.airborne.squares import squares_of, waves_of
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.airborne.waves import PartWaves
 from tests.paths import shared

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.squares import SIDE, Echoes, SquareWaves, squares_of
+from seaclutter_cli.airborne.squares import SIDE, SquareWaves, squares_of
 from seaclutter_cli.airborne.water_bodies import find_bodies
 
 SQUARES = 20
@@ -19,13 +20,19 @@ def squares(level_m, spread_m=0.02):
     return squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
 
 
+def echoes(variation):
+    """Return echoes of single pulses from squares with this variation."""
+    none = np.zeros(len(variation))
+    return Echoes(variation, none, none, none, none.astype(np.int8))
+
+
 def is_water(level_m, deviation_m, variation, spread_m=0.02):
     """Return whether there are bodies, and the largest is water, in waves of this deviation."""
     found = squares(level_m, spread_m)
     number = len(found.index)
     same = np.ones(number)
     waves = SquareWaves(same * np.median(level_m) if deviation_m else found.level_m, same * deviation_m, same > 0)
-    bodies = find_bodies(found, Echoes(same * variation, same * 0, np.zeros(number, np.int8)), waves)
+    bodies = find_bodies(found, echoes(same * variation), waves)
     return bool(bodies) and max(bodies, key=lambda body: len(body.squares)).is_water
 
 
@@ -44,7 +51,7 @@ def test_a_slope_where_waves_were_measured_in_a_corner_of_still_water_does_not_c
     measured = corner[tuple(found.xy - found.xy.min(axis=1, keepdims=True))]
     same = np.ones(len(measured))
     waves = SquareWaves(np.where(measured, 0.0, found.level_m), 0.03 * measured, measured)
-    (body,) = find_bodies(found, Echoes(same, 0 * same, np.zeros(len(same), np.int8)), waves)
+    (body,) = find_bodies(found, echoes(same), waves)
     assert body.is_water
 
 
@@ -58,7 +65,7 @@ def test_a_crest_amid_waves_that_come_in_groups_is_water(rise, are_water):
     deviation = np.where(place[0] < SQUARES / 3, 0.15, 0.05)
     unknown, level = np.full(len(place[0]), np.nan), np.where(crest[tuple(place)], rise, 0.0)
     waves = SquareWaves(level, np.where(level > 0, 0, deviation), level == 0)
-    bodies = find_bodies(found, Echoes(unknown, unknown, np.zeros(len(level), np.int8)), waves)
+    bodies = find_bodies(found, echoes(unknown), waves)
     assert [len(body.squares) for body in bodies] == [SQUARES**2 - 8, 8]
     assert [body.is_water for body in bodies] == [True, are_water]
 
