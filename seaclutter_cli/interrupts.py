@@ -25,10 +25,10 @@ _repeated = False
 def handle_interrupts() -> None:
     """Make termination requests and hang-ups a KeyboardInterrupt, as Ctrl-C is, and let none get lost.
 
-    An interrupt is repeated until the run ends, because compiled code that calls Python may drop it: numpy does so while
-    it looks at an object that is no array, such as a member of an enumeration. So do finalizers, callbacks and imports, and
-    the program imports most of its modules when a command runs; an interrupt therefore waits until an import is done.
-    While the first one unwinds the run and removes incomplete files, all others are ignored.
+    An interrupt is repeated until the run ends, because compiled code that calls Python may drop it: numpy does so
+    while it looks at an object that is no array, such as a member of an enumeration. So do finalizers, callbacks and
+    imports, and the program imports most of its modules when a command runs; an interrupt therefore waits until an
+    import is done. While the first one unwinds the run and removes incomplete files, all others are ignored.
     """
     for number in _known():
         if signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it

@@ -37,6 +37,8 @@ class Echoes:
         Share of those from pulses with several echoes.
     tall : ndarray, shape (N,), float64
         Share of all echoes that are more than two metres above the level of the square.
+    change_m : ndarray, shape (N,), float64
+        By how much the level differs between two strips, beyond what their squares have in common.
     known : ndarray, shape (N,), int8
         1 if most of them have the trusted class of water, -1 if most have that of ground; 0 for all others.
     """
@@ -45,15 +47,22 @@ class Echoes:
     brightness: Values
     several: Values
     tall: Values
+    change_m: Values
     known: NDArray[np.int8]
 
 
 def echoes_of(
-    squares: Squares, points: GriddedPoints, top: Cells, column: Column, trusted: Collection[int] = ()
+    squares: Squares,
+    points: GriddedPoints,
+    top: Cells,
+    column: Column,
+    change_m: Values | None,
+    trusted: Collection[int] = (),
 ) -> Echoes:
     """Return the echoes of squares that are no higher than ``top``, the elevation of each cell.
 
-    ``trusted`` are the ASPRS classes of the points, 2 or 9, that are right.
+    ``change_m`` is the difference between two strips in each square of all blocks, ``trusted`` are the ASPRS classes of
+    the points, 2 or 9, that are right.
     """
     count = _counted(squares, points, top, column, trusted)
     unknown = np.full(len(squares.index), np.nan)
@@ -75,6 +84,7 @@ def echoes_of(
         np.log(mean, out=unknown.copy(), where=mean > 0),
         several,
         count.tall / np.maximum(count.every, 1),
+        unknown if change_m is None else change_m[squares.index],
         water.astype(np.int8) - ground.astype(np.int8),
     )
 

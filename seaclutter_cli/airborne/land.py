@@ -86,7 +86,7 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
     """
     lit = by_brightness(squares, seen)
     ground = None if lit is None else lit.variation <= DIFFUSE
-    waves = without_woods(squares, seen, waves_of(squares, local.centers, local.parts, ground))
+    waves = without_woods(squares, seen, waves_of(squares, local.centers, local.parts, seen.change_m, ground))
     echoes = lit or comparable_echoes(squares, seen, are_flat(squares, waves.deviation_m), bands_of(waves.deviation_m))
     regions = find_bodies(squares, echoes, waves)
     if not regions and not _is_dry(squares, echoes, waves.deviation_m):

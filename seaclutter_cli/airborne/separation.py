@@ -17,7 +17,7 @@ from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.land_cells import LandCells
 from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, RoughWater, SeaSurfaceModel, SeparationParams, SurfaceParams
-from seaclutter_cli.airborne.tides import LeveledParts, tides_of
+from seaclutter_cli.airborne.tides import LeveledParts, strip_levels
 from seaclutter_cli.airborne.waves import Waves
 from seaclutter_cli.errors import InputError
 
@@ -133,26 +133,31 @@ def separate(
     if isinstance(params, SeparationParams) and params.follows_waves:
         if (bottom := bottom_of(points, column, params.trust_classes)) is not None:
             return _above(bottom, points, params, column)
-        points = _leveled(points, params.cell_m, column)
-    return _separated(points, params, column)
+        return _separated(*_leveled(points, params.cell_m, column), params, column)
+    return _separated(points, None, params, column)
 
 
 def _above(bottom: Bottom, points: GriddedPoints, params: SeparationParams, column: Column) -> Separation:
     """Return the separation of a tile of clear water: that of its surface, with the echoes from below as water."""
     surface = GriddedPoints.of(_Selected(points.parts, ~bottom.below), params.cell_m)
     columns = bottom.columns_above(column)
-    found = _separated(_leveled(surface, params.cell_m, columns), params, columns)
+    found = _separated(*_leveled(surface, params.cell_m, columns), params, columns)
     classification, height = np.full(points.size, WATER, np.uint8), np.empty(points.size, np.float32)
     classification[~bottom.below], height[~bottom.below] = found.classification, found.height_m
     height[bottom.below] = bottom.height_m
     return replace(found, classification=classification, height_m=height)
 
 
-def _separated(points: GriddedPoints, params: SurfaceParams, column: Column) -> Separation:
+def _separated(
+    points: GriddedPoints, change_m: NDArray[np.float64] | None, params: SurfaceParams, column: Column
+) -> Separation:
     trusted = params.trust_classes if isinstance(params, SeparationParams) else ()
     looks = _LookGrids(points, params.cell_m, column)
     surface = SeaSurfaceModel(
-        points.grid, params, lambda squares, top: echoes_of(squares, points, top, column, trusted), looks=looks
+        points.grid,
+        params,
+        lambda squares, top: echoes_of(squares, points, top, column, change_m, trusted),
+        looks=looks,
     )
     if surface.waves is not None and (surface.is_rough or _has_crests(points, surface)):
         found = _rough(points, surface, surface.waves, column, looks.numbers)
@@ -182,12 +187,16 @@ def _has_crests(points: GriddedPoints, surface: SeaSurfaceModel) -> bool:
     return bool(middle + _CREST_DEVIATIONS * (middle - low) > CALM_M)
 
 
-def _leveled(points: GriddedPoints, cell_m: float, column: Column) -> GriddedPoints:
-    """Return the points of a tile with the water of all strips at one level."""
+def _leveled(points: GriddedPoints, cell_m: float, column: Column) -> tuple[GriddedPoints, NDArray[np.float64] | None]:
+    """Return the points of a tile with the water of all strips at one level, and how squares change between strips."""
     strip = strips_of(column)
-    if strip is None or not (tide := tides_of(points, strip)).any():
-        return points
-    return GriddedPoints.of(LeveledParts(points.parts, strip, tide), cell_m)
+    levels = None if strip is None else strip_levels(points, strip)
+    if strip is None or levels is None:
+        return points, None
+    if not levels.tide_m.any():
+        return points, levels.changes_m()
+    leveled = GriddedPoints.of(LeveledParts(points.parts, strip, levels.tide_m), cell_m)
+    return leveled, levels.changes_m()
 
 
 def _land(*surfaces: SeaSurfaceModel) -> LandCells:

@@ -24,6 +24,7 @@ _LEAST_CELLS = 6
 _STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _FAR = 1 << 31
 _AT_LEVEL, _NEAR_LEVEL_M = 4.0, 0.2
+_LEAST_SHARED, _LEAST_RELIEF, _LEAST_RELIEF_M = 16, 0.5, 0.03
 
 
 @dataclass(frozen=True)
@@ -151,25 +152,71 @@ class SquareWaves:
     measured: Mask
 
 
-def waves_of(squares: Squares, centers: Values, parts: Sequence[PartWaves], ground: Mask | None = None) -> SquareWaves:
+def waves_of(
+    squares: Squares, centers: Values, parts: Sequence[PartWaves], change_m: Values, ground: Mask | None = None
+) -> SquareWaves:
     """Return the waves in squares: those of the nearest part at their level. Still parts have none.
 
-    ``centers`` are those of the parts in cells, shape (2, P). Squares of ``ground``, shape (N,), have no waves, nor do
-    parts of which they are most.
+    Parameters
+    ----------
+    squares : Squares
+        The N squares of a tile.
+    centers : ndarray, shape (2, P), float64
+        Centres of the parts in cells.
+    parts : sequence of PartWaves
+        Their waves.
+    change_m : ndarray, shape (N,), float64
+        By how much the level of each square differs between two strips; NaN if unknown.
+    ground : ndarray, shape (N,), bool, optional
+        Squares without waves, as are parts of which they are most.
+
+    Notes
+    -----
+    Waves move, so strips show them in other places. What two strips show alike is relief, and no waves. If this is so
+    wherever there are two strips, parts that one strip shows have none either.
     """
     level, deviation = squares.level_m.copy(), np.zeros(len(squares.index))
     distance, measured = np.full(len(level), np.inf), np.zeros(len(level), np.bool_)
     free = np.ones(len(level), np.bool_) if ground is None else ~ground
-    for center, part in zip(centers.T / SIDE, parts, strict=True):
-        away = squares.xy + 0.5 - center[:, None]
-        inside = np.abs(away).max(axis=0) < PART_CELLS / 2 / SIDE
-        if np.count_nonzero(inside & free) < np.count_nonzero(inside) / 2:
+    away = [squares.xy + 0.5 - center[:, None] for center in centers.T / SIDE]
+    inside = [np.abs(own).max(axis=0) < PART_CELLS / 2 / SIDE for own in away]
+    stays = [_stays(squares, change_m, part, own) for part, own in zip(parts, inside, strict=True)]
+    all_stay = True in stays and False not in stays
+    for own_away, own, part, same in zip(away, inside, parts, stays, strict=True):
+        if np.count_nonzero(own & free) < np.count_nonzero(own) / 2 or (part.is_sea and (same or all_stay)):
             continue
-        apart = (away**2).sum(axis=0)
-        own = part.deviation_m if part.is_sea else 0.0
-        near = np.abs(squares.level_m - part.level_m) <= _AT_LEVEL * own + _NEAR_LEVEL_M
+        apart = (own_away**2).sum(axis=0)
+        waves_m = part.deviation_m if part.is_sea else 0.0
+        near = np.abs(squares.level_m - part.level_m) <= _AT_LEVEL * waves_m + _NEAR_LEVEL_M
         closer = near & (apart < distance) & free
         level[closer] = part.level_m if part.is_sea else squares.level_m[closer]
-        deviation[closer], distance[closer] = own, apart[closer]
-        measured[closer] = part.is_sea & inside[closer]
+        deviation[closer], distance[closer] = waves_m, apart[closer]
+        measured[closer] = part.is_sea & own[closer]
     return SquareWaves(level, deviation, measured)
+
+
+def _stays(squares: Squares, change_m: Values, part: PartWaves, inside: Mask) -> bool | None:
+    """Return whether two strips show the same elevations in a part with waves; None if that is not known."""
+    if not part.is_sea:
+        return None
+    near = np.abs(squares.level_m - part.level_m) <= _AT_LEVEL * part.deviation_m
+    return is_relief(squares, change_m, inside & near, max(_LEAST_RELIEF * part.deviation_m, _LEAST_RELIEF_M))
+
+
+def is_relief(squares: Squares, change_m: Values, own: Mask | NDArray[np.int64], least_m: float) -> bool | None:
+    """Return whether two strips show the same elevations in some squares.
+
+    None if fewer than 16 tell, or if the deviation of their levels is less than ``least_m``. The variance of what the
+    strips differ in is at most half of that of the levels; that of waves is twice as large.
+    """
+    known = np.isfinite(change_m[own])
+    if np.count_nonzero(known) < _LEAST_SHARED:
+        return None
+    level, change = (_deviation(values[own][known]) for values in (squares.level_m, change_m))
+    return change**2 <= level**2 / 2 if level >= least_m else None
+
+
+def _deviation(values: Values) -> float:
+    """Return the standard deviation of values, without outliers."""
+    low, high = np.quantile(values, (0.1587, 0.8413))
+    return float(high - low) / 2

@@ -1,4 +1,4 @@
-"""Level of the water in each strip: a survey takes hours, and the tide rises and falls meanwhile."""
+"""Levels of strips: a survey takes hours; meanwhile the tide rises and falls, waves move, and land stays as it is."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -42,8 +42,42 @@ class LeveledParts:
             yield lowered
 
 
-def tides_of(points: GriddedPoints, strip: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Return the level of the water in each strip, shape (K,), relative to the largest strip; 0 where it is the same.
+@dataclass(frozen=True)
+class StripLevels:
+    """Levels of each of K strips in the S squares of a tile.
+
+    Parameters
+    ----------
+    mean_m : ndarray, shape (K, S), float64
+        Mean elevation.
+    seen : ndarray, shape (K, S), bool
+        Where a strip has enough points, which are flat, and so has another.
+    tide_m : ndarray, shape (K,), float64
+        Level of the water, relative to the largest strip; 0 where it is the same.
+    """
+
+    mean_m: NDArray[np.float64]
+    seen: NDArray[np.bool_]
+    tide_m: NDArray[np.float64]
+
+    def changes_m(self) -> NDArray[np.float64]:
+        """Return by how much each square differs between its first and last strip, shape (S,); NaN if one saw it.
+
+        What all squares of a pair of strips have in common, such as the tide, is no change.
+        """
+        strips, squares = self.seen.shape
+        first, last = self.seen.argmax(axis=0), strips - 1 - self.seen[::-1].argmax(axis=0)
+        every = np.arange(squares)
+        twice = np.count_nonzero(self.seen, axis=0) > 1
+        change = np.where(twice, self.mean_m[last, every] - self.mean_m[first, every], np.nan)
+        pair = first * strips + last
+        for number in np.unique(pair[np.isfinite(change)]).tolist():
+            change[pair == number] -= np.nanmedian(change[pair == number])
+        return change
+
+
+def strip_levels(points: GriddedPoints, strip: NDArray[np.uint8]) -> StripLevels | None:
+    """Return the levels of strips; None if there is only one.
 
     Parameters
     ----------
@@ -61,7 +95,7 @@ def tides_of(points: GriddedPoints, strip: NDArray[np.uint8]) -> NDArray[np.floa
     """
     strips, squares = int(strip.max()) + 1, squares_in(points.grid)
     if strips < 2 or strips * squares > len(strip):
-        return np.zeros(strips)
+        return None
     count = _points_of(points, strip, strips, squares)
     mean, seen = _levels_of(points, strip, count)
     tide = np.full(strips, np.nan)
@@ -76,7 +110,7 @@ def tides_of(points: GriddedPoints, strip: NDArray[np.uint8]) -> NDArray[np.floa
         if not steps:
             break
         _, new, tide[new] = max(steps)
-    return np.asarray(np.nan_to_num(tide))
+    return StripLevels(mean, seen, np.nan_to_num(tide))
 
 
 def _step(difference_m: NDArray[np.float64]) -> float:

@@ -19,7 +19,7 @@ from seaclutter_cli.airborne.regions import (
     relief_of,
     waves_in,
 )
-from seaclutter_cli.airborne.squares import LEAST_SQUARES, Squares, SquareWaves
+from seaclutter_cli.airborne.squares import LEAST_SQUARES, Squares, SquareWaves, is_relief
 from seaclutter_cli.airborne.terrain import SEVERAL, may_be_waves
 
 Values = NDArray[np.float64]
@@ -32,7 +32,7 @@ _GROUND_M, _GROUND_SHARE = 0.2, 0.5
 _CLEAR_SHARE = 0.8
 _SHORT_WAVES = 0.7
 _MEASURED_SHARE = 0.3
-_STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
+_STEP_M, _BUMPS_M, _TILT_M, _SLOPE, _RELIEF_M = 0.04, 0.05, 0.02, 0.001, 0.02
 
 
 @dataclass(frozen=True)
@@ -101,6 +101,7 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
       directions: 0.45 at most (-1, if a twentieth of the tile does reflect like a mirror). Squares of ground and others
       are not joined; a region with ground at its level along half of its edge is a part of it (-2).
     * A pulse has several echoes under trees, and one on water (-1).
+    * Waves move, and still water is level: squares that deviate by 2 cm, and do so alike in two strips, are land (-2).
 
     Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
     needs two more signs of water.
@@ -216,6 +217,7 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     signs += int(is_mirror) - int(has_mirrors and variation <= DIFFUSE)
     signs -= 2 * (has_mirrors and _goes_on_as_ground(squares, echoes, own, level))
     signs -= several > SEVERAL
+    signs -= 2 * (is_relief(squares, echoes.change_m, own, _RELIEF_M) or False)
     return int(signs)
 
 

@@ -232,10 +232,11 @@ def test_waves_belong_to_the_squares_at_their_level():
         PartWaves((0, 0), 4096, level, deviation, 1.0, [(4096, 1.0)], 30.0, is_sea=True, is_level=True)
         for level, deviation in ((0.0, 0.3), (15.0, 0.1))
     )
-    found = waves_of(squares, np.array([[-40.0, 30.0], [8.0, 8.0]]), [sea, cliff])
+    unknown = np.full(len(squares.index), np.nan)
+    found = waves_of(squares, np.array([[-40.0, 30.0], [8.0, 8.0]]), [sea, cliff], unknown)
     np.testing.assert_array_equal(found.deviation_m, np.where(squares.level_m < 1, 0.3, 0.1))
     np.testing.assert_array_equal(found.measured, (squares.xy[0] < 3) | (squares.level_m > 1))
-    np.testing.assert_array_equal(waves_of(squares, np.empty((2, 0)), []).deviation_m, 0.0)
+    np.testing.assert_array_equal(waves_of(squares, np.empty((2, 0)), [], unknown).deviation_m, 0.0)
 
 
 def test_a_slope_without_water_is_land():

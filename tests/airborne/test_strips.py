@@ -7,7 +7,7 @@ from seaclutter_cli.airborne.gridded import GriddedPoints
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.strips import looks_of, strips_of
 from seaclutter_cli.airborne.surface import SeparationParams
-from seaclutter_cli.airborne.tides import tides_of
+from seaclutter_cli.airborne.tides import strip_levels
 
 SPEED_M_S, RADIUS_M = 60.0, 120.0
 
@@ -76,7 +76,7 @@ def overlapping(tides, rng, echoes=40_000):
 @pytest.mark.parametrize("tides", [(0.0, 0.0, 0.0), (0.0, 0.3, 0.6), (0.0, -0.7, 0.4)])
 def test_tide_of_each_strip(tides):
     xyz, strip, _ = overlapping(tides, np.random.default_rng(3))
-    found = tides_of(GriddedPoints.of([xyz], 1.0), strip)
+    found = strip_levels(GriddedPoints.of([xyz], 1.0), strip).tide_m
     np.testing.assert_allclose(found - found[0], tides, atol=0.02)
 
 
@@ -84,7 +84,7 @@ def test_waves_are_no_tide():
     rng = np.random.default_rng(4)
     xyz, strip, _ = overlapping((0.0, 0.0), rng)
     xyz[2] = 0.3 * np.sin(xyz[0] / 9 + 2 * strip) + 0.3 * np.sin(xyz[1] / 11 + 3 * strip)
-    assert not tides_of(GriddedPoints.of([xyz], 1.0), strip).any()
+    assert not strip_levels(GriddedPoints.of([xyz], 1.0), strip).tide_m.any()
 
 
 @pytest.mark.parametrize("tides", [(0.0, 0.3, 0.6), (0.0, -0.7, 0.4)])

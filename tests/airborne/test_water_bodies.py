@@ -22,8 +22,8 @@ def squares(level_m, spread_m=0.02):
 
 def echoes(variation):
     """Return echoes of single pulses from squares with this variation."""
-    none = np.zeros(len(variation))
-    return Echoes(variation, none, none, none, none.astype(np.int8))
+    none, unknown = np.zeros(len(variation)), np.full(len(variation), np.nan)
+    return Echoes(variation, none, none, none, unknown, none.astype(np.int8))
 
 
 def is_water(level_m, deviation_m, variation, spread_m=0.02):
