@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.opening import open_grid, without_pits
+from seaclutter_cli.airborne.oscillation import LONG_WAVE_M
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -37,6 +38,11 @@ class Look:
         """Return a grid with its opened surface, without pits that are deeper than ``pit_m``."""
         lowest = grid.lowest if pit_m is None else without_pits(grid, pit_m)
         return cls(grid, lowest, open_grid(grid, window_m, lowest))
+
+    @property
+    def is_small(self) -> bool:
+        """Whether the tile may be a part of one wave."""
+        return max(self.grid.sides_m) < LONG_WAVE_M
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,18 @@ from numpy.typing import NDArray
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+LONG_WAVE_M = 100.0
+"""Longer side of a tile that shows its waves; a smaller one may be a part of one wave."""
 MAX_TILT = 0.5
 """Deviation of a plane through waves, at most, relative to that of the waves."""
 _REACH_CELLS = 64
 _REACH = np.r_[0 : _REACH_CELLS + 1]
 _LAGS = np.r_[_REACH, -_REACH[:0:-1]]
 _SPARSE, _CERTAIN = 0.5, 5.0
-_LARGE_CELLS, _LEAST_PAIRS = 90, 200
+_LEAST_PAIRS = 200
 
 
-def oscillation(elevation: Cells, water: Mask) -> tuple[float, float]:
+def oscillation(elevation: Cells, water: Mask, *, whole_lengths: bool = False, step: int = 1) -> tuple[float, float]:
     """Return the wave length in cells, and the depth of the minimum of the autocovariance relative to the variance.
 
     Parameters
@@ -26,11 +28,17 @@ def oscillation(elevation: Cells, water: Mask) -> tuple[float, float]:
         Elevations above the level of the water.
     water : ndarray, shape (n, m), bool
         Cells of the water; the others do not count.
+    whole_lengths : bool
+        Whether a whole wave length must be seen.
+    step : int
+        Every so many cells are in the arrays.
 
     Notes
     -----
     Sums of products of pairs are not divided by the number of pairs, so that of many minima the nearest is the deepest.
-    A sparse grid has few pairs: there, each sum is scaled to the pairs that a full grid would have, and a minimum needs
+    Of a wave that is longer than the water, less than one length is seen, as of any slope or hollow of land. With
+    ``whole_lengths``, a minimum counts only if 200 pairs of cells are a whole length apart, in a full grid. A sparse
+    grid has few pairs: there, each sum is scaled to the pairs that a full grid would have, and a minimum needs
     a depth of 5 standard errors.
     """
     covariance = _products(np.where(water, elevation, 0))
@@ -46,12 +54,11 @@ def oscillation(elevation: Cells, water: Mask) -> tuple[float, float]:
         slope = tilt(np.where(water, elevation, np.inf)) if water.any() else np.inf
         if len(elevation) < 4 * _REACH_CELLS or slope > MAX_TILT * float(elevation[water].std()):
             return 0.0, 0.0
-        length, depth = oscillation(elevation[::2, ::2], water[::2, ::2])
-        return 2 * length, depth
-    is_large = min(np.ptp(places) for places in np.nonzero(water)) >= _LARGE_CELLS if water.any() else False
-    if is_large and _pairs(water, 2 * int(_REACH[i]), 2 * int(_LAGS[j])) < _LEAST_PAIRS:
+        return oscillation(elevation[::2, ::2], water[::2, ::2], whole_lengths=whole_lengths, step=2 * step)
+    least = _LEAST_PAIRS * _density(water) ** 2
+    if whole_lengths and step**2 * _pairs(water, 2 * _REACH[i], 2 * _LAGS[j]) < least:
         return 0.0, 0.0
-    return 2 * float(np.hypot(_REACH[i], _LAGS[j])), -float(correlation[i, j])
+    return 2 * step * float(np.hypot(_REACH[i], _LAGS[j])), -float(correlation[i, j])
 
 
 def _pairs(known: Mask, rows: int, columns: int) -> int:
@@ -63,8 +70,13 @@ def _pairs(known: Mask, rows: int, columns: int) -> int:
 
 def are_sparse(known: Mask) -> bool:
     """Return whether most neighbours of known cells are unknown."""
+    return _density(known) < _SPARSE
+
+
+def _density(known: Mask) -> float:
+    """Return the share of the neighbours of known cells that are known; 1 without any."""
     neighbors = known[1:][known[:-1]]
-    return bool(np.count_nonzero(neighbors) < _SPARSE * len(neighbors))
+    return float(np.count_nonzero(neighbors) / len(neighbors)) if len(neighbors) else 1.0
 
 
 def _products(values: NDArray[Any]) -> NDArray[np.floating[Any]]:

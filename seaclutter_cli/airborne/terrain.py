@@ -4,14 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.echoes import Echoes
+from seaclutter_cli.airborne.oscillation import LONG_WAVE_M
 from seaclutter_cli.airborne.regions import are_flat
 from seaclutter_cli.airborne.squares import Squares, SquareWaves
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LONG_WAVE_M = 100.0
-"""Longer side of a tile that shows its waves; a smaller one may be a part of one wave."""
 SEVERAL = 0.05
 """Share of pulses with several echoes from which a square has leaves or roofs."""
 _WOODED_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 2.0, 0.1

@@ -181,7 +181,7 @@ def _long_swell(look: Look, blocks: Collection[tuple[int, int]]) -> Iterator[Par
     cell_m = look.grid.cell_m
     for block, slot in look.grid.blocks.items():
         if block in blocks:
-            waves = _part(block, look.lowest[slot], look.opened[slot], cell_m, crests=False)
+            waves = _part(look, block, look.lowest[slot], look.opened[slot], crests=False)
             if waves is not None and waves.is_sea and waves.length_m > PART_CELLS * cell_m:
                 yield waves
 
@@ -192,7 +192,7 @@ def _quarters(look: Look, *, crests: bool) -> Iterator[tuple[list[float], PartWa
         for corner in np.ndindex(2, 2):
             part = tuple(slice(PART_CELLS * at, PART_CELLS * (at + 1)) for at in corner)
             lowest = look.lowest[slot][part]
-            waves = _part(block, lowest, look.opened[slot][part], look.grid.cell_m, crests=crests)
+            waves = _part(look, block, lowest, look.opened[slot][part], crests=crests)
             if waves is not None:
                 is_sea = waves.is_sea and tilt(lowest) < MAX_TILT * waves.deviation_m
                 center = [PART_CELLS * (2 * at + c + 0.5) for at, c in zip(block, corner, strict=True)]
@@ -247,7 +247,7 @@ def estimate_waves(looks: Iterable[Look]) -> Waves | None:
     look like sea, their quarters may: a block beside a weir has two levels.
     """
     found = [
-        _part(block, look.lowest[slot], look.opened[slot], look.grid.cell_m, crests=True)
+        _part(look, block, look.lowest[slot], look.opened[slot], crests=True)
         for look in looks
         for block, slot in look.grid.blocks.items()
     ]
@@ -302,8 +302,8 @@ def _quantile(cells: Sequence[int], values: Sequence[float], share: float) -> fl
     return float(np.array(values)[order][np.searchsorted(weight, share * weight[-1])])
 
 
-def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float, *, crests: bool) -> PartWaves | None:
-    """Return the waves of a part of a grid, with or without the crests of its quarters; None if it is nearly empty."""
+def _part(look: Look, block: tuple[int, int], lowest: Cells, opened: Cells, *, crests: bool) -> PartWaves | None:
+    """Return the waves of a part of a look, with or without the crests of its quarters; None if it is nearly empty."""
     known = np.isfinite(lowest) & np.isfinite(opened)
     cells = int(known.sum())
     if cells < (_FEW_SPARSE_CELLS if are_sparse(known) else _FEW_CELLS):
@@ -317,11 +317,19 @@ def _part(block: tuple[int, int], lowest: Cells, opened: Cells, cell_m: float, *
     has_tail = level - lower <= _TAIL * deviation
     if is_level := bool(upper - level <= _MAX_SKEW * (level - lower) and has_tail and deviation <= _MAX_DEVIATION_M):
         water = known & (above <= crest) & (np.abs(np.where(known, lowest, level) - level) <= _CRESTS * deviation)
-        length, depth = oscillation(lowest - level, water)
+        length, depth = oscillation(lowest - level, water, whole_lengths=not look.is_small)
     is_sea = is_level and depth >= _MIN_OSCILLATION
     own_crests = _crests(above, known) if crests and is_level else []
     return PartWaves(
-        block, cells, float(level), deviation, crest, own_crests or [(cells, crest)], length * cell_m, is_sea, is_level
+        block,
+        cells,
+        float(level),
+        deviation,
+        crest,
+        own_crests or [(cells, crest)],
+        length * look.grid.cell_m,
+        is_sea,
+        is_level,
     )
 
 
