@@ -10,6 +10,7 @@ from seaclutter_cli.airborne.cells import smoothed, touching
 from seaclutter_cli.airborne.decks import decks
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.prediction import predict_under
+from seaclutter_cli.airborne.reflection import DIFFUSE, SPECULAR
 from seaclutter_cli.airborne.waves import Waves
 
 Cells = NDArray[np.float64]
@@ -24,6 +25,7 @@ _OUTLIERS = 3.5
 _BRIGHT = 2.5
 _FEW, _HALF = 0.1, 0.5
 _UNEVEN = 1.5
+_PATCH_CELLS, _LEAST_ECHOES = 1.5, 20
 
 
 @dataclass(frozen=True)
@@ -36,12 +38,16 @@ class CellDetails:
         Highest elevation; not finite in empty cells.
     brightness : ndarray, shape (S, 256, 256), float64, or None
         Logarithm of the highest intensity; not finite in empty cells.
+    intensity, squared : ndarray, shape (S, 256, 256), float64, or None
+        Sum of the intensities, and that of their squares.
     echoes : ndarray, shape (S, 256, 256), int64
         Number of echoes.
     """
 
     highest: Cells
     brightness: Cells | None
+    intensity: Cells | None
+    squared: Cells | None
     echoes: NDArray[np.int64]
 
 
@@ -56,8 +62,9 @@ class FollowedSurface:
     deviation : ndarray, shape (S, 256, 256), float64
         Standard deviation of the water from that surface.
     brightness, contrast : ndarray, shape (S, 256, 256), float64
-        Brightness of each cell, and mean brightness around it, in standard deviations above those of the water; 0
-        without intensities.
+        Brightness of each cell, and mean brightness around it, in standard deviations above those of the water; where
+        intensities vary less than those of water, by more of its standard deviations, that instead; 0 without
+        intensities.
     decks : ndarray, shape (S, 256, 256), bool
         Cells of even surfaces above the water.
     """
@@ -96,7 +103,8 @@ def follow_waves(
     to a metre. Each mean counts by the share of its weight that lies on water.
 
     It begins with the cells below the crests. Cells more than 3.5 standard deviations from the surface are left out,
-    and the mean is repeated. Bright cells and decks do not contribute. The deviation is computed from cells below the
+    and the mean is repeated. Bright cells, cells that reflect like ground amid water like a mirror, and decks do not
+    contribute. The deviation is computed from cells below the
     surface, where no objects are, and locally, since waves come in groups. Where it is more than 1.5 times its median,
     an object is among the cells: they are left out from 3.5 times that on.
 
@@ -111,7 +119,8 @@ def follow_waves(
     water = usable & (above <= crest)
     brightness = contrast = np.zeros(lowest.shape)
     if details.brightness is not None:
-        brightness, contrast = _contrast(grid, details.brightness, water)
+        diffuse = _diffuse(grid, details, water)
+        brightness, contrast = (np.maximum(own, diffuse) for own in _contrast(grid, details.brightness, water))
     even = decks(grid, lowest, usable, waves)
     objects = excluded = (_patches(grid, contrast > _BRIGHT, known) & ~land) | even
     usable &= ~excluded
@@ -174,6 +183,29 @@ def _contrast(grid: ElevationGrid, brightness: Cells, water: Mask) -> tuple[Cell
     own = np.where(known & (share > 0), brightness - around, 0)
     mean = smoothed(grid, own, known, 1.0)[0]
     return _standard(own, known, water), _standard(mean, known, water)
+
+
+def _diffuse(grid: ElevationGrid, details: CellDetails, water: Mask) -> Cells:
+    """Return by how many standard deviations intensities vary less than those of water that reflects like a mirror.
+
+    0 where they vary more than those of ground, where there are few echoes, and if the water does not reflect so.
+    """
+    none = np.zeros(water.shape)
+    if details.intensity is None or details.squared is None:
+        return none
+    seen = details.echoes > 0
+    number, share = smoothed(grid, details.echoes.astype(np.float64), seen, _PATCH_CELLS)
+    one, two = (smoothed(grid, values, seen, _PATCH_CELLS)[0] for values in (details.intensity, details.squared))
+    known = (one > 0) & (number * share * 4 * np.pi * _PATCH_CELLS**2 >= _LEAST_ECHOES)
+    mean = np.divide(one, number, out=none.copy(), where=known)
+    spread = np.sqrt(np.maximum(np.divide(two, number, out=none.copy(), where=known) - mean**2, 0))
+    variation = np.divide(spread, mean, out=np.full(water.shape, np.inf), where=known)
+    if not (known & water).any():
+        return none
+    low, middle = np.quantile(variation[known & water], (0.1587, 0.5))
+    if middle < SPECULAR:
+        return none
+    return np.where(variation <= DIFFUSE, (middle - variation) / max(float(middle - low), 1e-9), 0)
 
 
 def _standard(values: Cells, known: Mask, water: Mask) -> Cells:

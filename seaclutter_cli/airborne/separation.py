@@ -284,17 +284,21 @@ def _classes(points: GriddedPoints, surface: SeaSurfaceModel) -> tuple[NDArray[n
 
 
 def _details(points: GriddedPoints, intensity: NDArray[Any] | None) -> CellDetails:
-    """Return the highest elevation, the number of echoes, and the logarithm of the highest intensity of each cell."""
+    """Return the highest elevation, the number of echoes, and the intensities of each cell."""
     shape = points.grid.lowest.shape
     highest, echoes = np.full(shape, -np.inf), np.zeros(shape, np.int64)
-    brightest = None if intensity is None else np.full(shape, -np.inf)
+    brightest, one, two = (None if intensity is None else np.zeros(shape) for _ in range(3))
+    if brightest is not None:
+        brightest[:] = -np.inf
     start = 0
     for z, cell in points:
         located = cell != NOWHERE
         np.maximum.at(highest.reshape(-1), cell[located], z[located])
         np.add.at(echoes.reshape(-1), cell[located], 1)
-        if intensity is not None and brightest is not None:
-            value = intensity[start : start + len(cell)][located].astype(np.float64)
+        if intensity is not None and brightest is not None and one is not None and two is not None:
+            value = np.nan_to_num(intensity[start : start + len(cell)][located]).astype(np.float64)
             np.fmax.at(brightest.reshape(-1), cell[located], np.log1p(np.maximum(value, 0)))
+            np.add.at(one.reshape(-1), cell[located], value)
+            np.add.at(two.reshape(-1), cell[located], value**2)
         start += len(cell)
-    return CellDetails(highest, brightest, echoes)
+    return CellDetails(highest, brightest, one, two, echoes)
