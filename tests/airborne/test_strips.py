@@ -98,3 +98,39 @@ def test_strips_at_high_and_low_tide_are_sea(tides):
     assert other[land].mean() > 0.98
     # Published heights are of one surface for all strips.
     assert (separate([xyz], SeparationParams(height_m=0.5, land="ignore"), columns.get).height_m[~land] > 0.25).any()
+
+
+def moved(still, rng, height=0.4, length=70.0):
+    """Return points of two strips over all of a tile with waves, or with a relief that has the form of such waves."""
+    strip = np.repeat([0, 1], 60_000)
+    x, y = (rng.uniform(0, side, len(strip)) for side in (400, 300))
+    total = np.zeros(len(strip))
+    for _ in range(30):
+        k, angle = 2 * np.pi / (length * rng.normal(1, 0.1)), 0.6 + rng.normal(0, 0.3)
+        phase = np.sqrt(9.81 * k) * 300 * strip * (not still)
+        total += np.sin(k * (np.cos(angle) * x + np.sin(angle) * y) - phase + rng.uniform(0, 7))
+    z = height / 4 * total / total.std() + 0.05 * strip + rng.normal(0, 0.03, len(strip))
+    return np.stack((x, y, z)), {"point_source_id": strip}
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_two_strips_show_alike_is_no_wave(seed):
+    sea = separate([(points := moved(False, np.random.default_rng(seed)))[0]], SeparationParams(), points[1].get)
+    assert sea.sea.wave_height_m == pytest.approx(0.4, rel=0.25)
+    assert (sea.classification == OTHER).mean() < 0.001
+    assert not sea.is_doubtful
+    ground = separate([(points := moved(True, np.random.default_rng(seed)))[0]], SeparationParams(), points[1].get)
+    assert ground.is_doubtful or (ground.classification == OTHER).mean() > 0.9
+
+
+def test_changes_are_those_between_the_first_and_the_last_strip():
+    xyz, strip, land = overlapping((0.0, 0.3, 0.6), np.random.default_rng(3))
+    points = GriddedPoints.of([xyz], 1.0)
+    levels = strip_levels(points, strip)
+    change = levels.changes_m()
+    seen = np.isfinite(change)
+    np.testing.assert_array_equal(seen, np.count_nonzero(levels.seen, axis=0) > 1)
+    assert 0.1 < seen.sum() / len(np.unique(np.floor(xyz[:2] / 8), axis=1).T) < 0.4
+    assert np.nanmedian(np.abs(change)) < 0.2
+    assert np.nanmax(np.abs(change)) > 0.2, "the tide is what most squares have in common, and land has none"
+    assert land.any()

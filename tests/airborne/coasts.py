@@ -1,0 +1,53 @@
+"""Points of tiles with waves and a coast, and what the separation makes of them."""
+
+import numpy as np
+
+from seaclutter_cli.airborne.separation import OTHER, separate
+from seaclutter_cli.airborne.surface import SeparationParams
+
+SIZE = 400.0, 300.0
+
+
+def relief(rng, x, y, std=0.1):
+    """Return ground that undulates over some ten metres."""
+    total = sum(np.sin(x / rng.uniform(4, 14) + y / rng.uniform(4, 14) + rng.uniform(0, 7)) for _ in range(12))
+    return std * total / np.sqrt(6) + rng.normal(0, 0.03, len(x))
+
+
+def waves(rng, x, y, height, length):
+    total = np.zeros(len(x))
+    for _ in range(30):
+        k, angle = 2 * np.pi / (length * rng.normal(1, 0.1)), 0.6 + rng.normal(0, 0.3)
+        total += np.sin(k * (np.cos(angle) * x + np.sin(angle) * y) + rng.uniform(0, 7))
+    return height / 4 * total / total.std() + rng.normal(0, 0.03, len(x))
+
+
+def tile(ground, *, height=0.1, length=15.0, level=0.0, speckle=True, seed=5):
+    """Return points, whether each is on land, and their attributes.
+
+    ``ground`` returns the elevation of the ground; where it is below the water, there is water.
+    """
+    rng = np.random.default_rng(seed)
+    x, y = (rng.uniform(0, side, 240_000) for side in SIZE)
+    bottom = ground(x, y, relief(rng, x, y))
+    surface = waves(rng, x, y, height, length) + (level(x, y) if callable(level) else level)
+    land = bottom > surface
+    water = rng.gamma(2.0, 30, len(x)) if speckle else rng.normal(60, 10, len(x))
+    intensity = np.where(land, rng.normal(200, 40, len(x)), water).clip(0)
+    columns = {"intensity": intensity, "number_of_returns": np.ones(len(x), int)}
+    return np.stack((x, y, np.maximum(bottom, surface))), land, columns
+
+
+def shares(xyz, land, columns, **params):
+    """Return the share of land, and that of water, called non-sea."""
+    other = separate([xyz], SeparationParams(**params), columns.get).classification == OTHER
+    return other[land].mean() if land.any() else 1.0, other[~land].mean() if not land.all() else 0.0
+
+
+def sea_only(x, _y, _bumps):
+    return np.full(len(x), -5.0)
+
+
+def hummocks(x, y):
+    """Return ground that is nowhere level."""
+    return 0.4 * np.sin(x / 3) * np.sin(y / 4) + 1.2 * np.sin(x / 11 + y / 13) + 1.5

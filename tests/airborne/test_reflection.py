@@ -1,0 +1,92 @@
+"""Water that is dark, and ground that is bright."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.airborne.reflection import _limit_between
+from tests.airborne.coasts import SIZE, sea_only, shares, tile
+
+
+def parcels(x, y, seed=3):
+    """Return fields of 60 m by 70 m, each with a level and a slope of its own."""
+    rng = np.random.default_rng(seed)
+    level, slope = rng.normal(0, 0.1, (8, 6)), rng.normal(0, 0.0012, (8, 6))
+    own = (x // 60).astype(int), (y // 70).astype(int)
+    return level[own] + slope[own] * (x % 60 - 30)
+
+
+def rolling(x, y, seed):
+    """Return ground that rolls over some tens of metres, as waves do."""
+    rng = np.random.default_rng(seed)
+    total = np.zeros(len(x))
+    for _ in range(25):
+        column, row = rng.normal(0, 1 / 15, 2)
+        total += np.sin(column * x + row * y + rng.uniform(0, 7))
+    return 0.14 * total
+
+
+def polder(x, y, _bumps):
+    """Return a dike between the sea and fields two metres below it."""
+    return np.select([x < 170, x < 200], [-5.0, 4.0], -2 + parcels(x, y))
+
+
+def recorded(rng, land, water, ground):
+    """Return intensities of Gaussian echoes with these means."""
+    return np.where(land, rng.normal(ground, ground / 4, len(land)), rng.normal(water, water / 4, len(land))).clip(1)
+
+
+@pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (1.0, 25.0)])
+def test_a_polder_is_land_where_it_is_brighter_than_the_sea(height, length):
+    xyz, land, columns = tile(polder, height=height, length=length)
+    columns["intensity"] = recorded(np.random.default_rng(1), land, 30, 120)
+    on_land, on_water = shares(xyz, land, columns)
+    assert on_land > 0.98
+    assert on_water < 0.03
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_upper_basin_of_a_lock_is_dark_amid_bright_banks(seed):
+    """The banks roll as waves do, higher than the basin, which is half of all water."""
+
+    def level(x, _):
+        return np.where(x < 200, 3.0, 0.0)
+
+    def lock(x, y, _bumps):
+        wet = (np.abs(y - 150) < 40) & (np.abs(x - 200) > 10)
+        return np.where(wet, -5, np.where(x < 200, 4.5, 1.5) + rolling(x, y, seed))
+
+    xyz, land, columns = tile(lock, level=level)
+    assert shares(xyz, land, columns | {"intensity": np.full(len(land), 60)})[1] > 0.4
+    columns["intensity"] = recorded(np.random.default_rng(1), land, 30, 120)
+    on_land, on_water = shares(xyz, land, columns)
+    assert on_land > 0.98
+    assert on_water < 0.02
+
+
+@pytest.mark.parametrize("height", [0.1, 0.8])
+def test_strips_of_different_gain_show_one_sea(height):
+    xyz, land, columns = tile(sea_only, height=height, length=30.0)
+    gain = np.where(xyz[0] < SIZE[0] / 2, 1.0, 4.0)
+    columns["intensity"] = gain * recorded(np.random.default_rng(1), land, 30, 120)
+    assert shares(xyz, land, columns)[1] < 0.005
+
+
+def test_bright_water_beside_dark_ground_is_water():
+    xyz, land, columns = tile(lambda x, _, bumps: np.where(x > 250, 15 + bumps, -5), height=0.5)
+    columns["intensity"] = recorded(np.random.default_rng(1), land, 120, 30)
+    on_land, on_water = shares(xyz, land, columns)
+    assert on_land > 0.98
+    assert on_water < 0.02
+
+
+@pytest.mark.parametrize("kind", ["normal", "uniform"])
+def test_an_even_distribution_is_of_one_kind(kind):
+    values = getattr(np.random.default_rng(2), kind)(size=5000)
+    assert _limit_between(values) == np.inf
+
+
+def test_the_limit_lies_between_two_kinds():
+    rng = np.random.default_rng(3)
+    values = np.concatenate((rng.normal(3.4, 0.1, 300), rng.normal(4.8, 0.2, 900)))
+    assert values[:300].max() < _limit_between(values) < values[300:].min()
+    assert _limit_between(values[:1]) == np.inf
