@@ -33,6 +33,8 @@ _EVLRS_AT = 235
 _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # Point14, RGB14, RGBNIR14, WavePacket14
 _BYTE14 = 14
 _LASZIP_ITEMS_AT = 34
+_POINT_WISE = b"\x01\x00"
+"""Compressor of old LASzip files: all points are one chunk, without a table."""
 # laspy logs errors before it raises them; without a handler, the log would reach standard error.
 logging.getLogger("laspy").addHandler(logging.NullHandler())
 
@@ -135,24 +137,26 @@ def _check_head(file: BinaryIO, size: int) -> None:
 
 
 def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:
-    """Check the chunk table, the size of a point, and the layers of every chunk."""
+    """Check the size of a point and, unless all points are one chunk, the chunk table and the layers of every chunk."""
     start, point_size = header.offset_to_point_data, header.point_format.size
     if header.point_count * point_size > limits().file_bytes(size):
         raise CloudError(f"the points have {above(count(header.point_count * point_size, 'byte'), 'file_ratio')}")
-    table = _find_chunk_table(file, start, size)
-    _, chunks = _unpack(file, table, "<II")
-    if chunks > min(size, header.point_count):
-        raise CloudError(f"the chunk table declares {count(chunks, 'chunk')}, more than points or bytes")
     described = header.vlrs.get("LasZipVlr")
     if not described:
         raise CloudError("the record that describes the compression is missing")
-    items = list(struct.iter_unpack("<HHH", described[0].record_data[_LASZIP_ITEMS_AT:]))
+    record = described[0].record_data
+    items = list(struct.iter_unpack("<HHH", record[_LASZIP_ITEMS_AT:]))
     widths = sum(width for _, width, _ in items)
     if widths != point_size:
         raise CloudError(f"compressed points have {widths} bytes, but the header declares {point_size}")
-    layers = sum(width if kind == _BYTE14 else _LAYERS.get(kind, 0) for kind, width, _ in items)
-    if layers:
-        _check_layers(file, start + 8, table, point_size, layers)
+    if record[:2] != _POINT_WISE:
+        table = _find_chunk_table(file, start, size)
+        _, chunks = _unpack(file, table, "<II")
+        if chunks > min(size, header.point_count):
+            raise CloudError(f"the chunk table declares {count(chunks, 'chunk')}, more than points or bytes")
+        layers = sum(width if kind == _BYTE14 else _LAYERS.get(kind, 0) for kind, width, _ in items)
+        if layers:
+            _check_layers(file, start + 8, table, point_size, layers)
     file.seek(start)
 
 

@@ -1,5 +1,7 @@
 """The process that decompresses LAZ files."""
 
+import struct
+
 import numpy as np
 import pytest
 
@@ -90,4 +92,25 @@ def test_an_error_of_the_decoder_is_reported(path):
     content[-8:] = bytes(8)
     path.write_bytes(content[: start + 60] + content[-8:])
     with pytest.raises(CloudError):
+        read_las(path)
+
+
+def point_wise(path):
+    """Write the one chunk of a LAZ file as old LASzip did: without a table, nor its place before the points."""
+    import laspy
+
+    with laspy.open(path) as reader:
+        start, record = reader.header.offset_to_point_data, reader.header.vlrs.get("LasZipVlr")[0].record_data
+    data = path.read_bytes()
+    assert data.count(record) == 1
+    (table,) = struct.unpack_from("<q", data, start)
+    path.write_bytes(data[:start].replace(record, b"\x01\x00" + record[2:]) + data[start + 8 : table])
+
+
+def test_points_compressed_without_chunks(path):
+    expected = read_las(path)
+    point_wise(path)
+    np.testing.assert_array_equal(read_las(path), expected)
+    path.write_bytes(path.read_bytes()[:-2000])
+    with pytest.raises(CloudError, match="the compressed points are damaged"):
         read_las(path)
