@@ -4,6 +4,7 @@ import _thread
 import signal
 import sys
 import time
+import weakref
 from types import FrameType
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
-_REPEAT_S = 0.25
+_REPEAT_S = 0.05
 _WAIT_FOR = ("importlib", "pydantic", "seaclutter_cli.sinks.atomic")
 """Packages and modules that drop or replace an interrupt that comes within them, or that complete and remove files; all
 of them take a short time."""
@@ -19,14 +20,20 @@ of them take a short time."""
 _MAY_TAKE_LONG = "seaclutter_cli.storage.uploads"
 """Module that runs within one of these, but can be interrupted."""
 
-_repeated = False
+
+class _Interrupt(KeyboardInterrupt):
+    """The interrupt of this process; unlike its base class, it can be referred to weakly."""
+
+
+_first: "weakref.ref[_Interrupt] | None" = None
+_is_repeated = False
 
 
 def handle_interrupts() -> None:
     """Make termination requests and hang-ups a KeyboardInterrupt, as Ctrl-C is, and let none get lost.
 
-    An interrupt is repeated until the run ends, because compiled code that calls Python may drop it: numpy does so
-    while it looks at an object that is no array, such as a member of an enumeration. So do finalizers, callbacks and
+    An interrupt that is dropped is repeated until the run ends. Compiled code that calls Python may drop it: numpy does
+    so while it looks at an object that is no array, such as a member of an enumeration. So do finalizers, callbacks and
     imports, and the program imports most of its modules when a command runs; an interrupt therefore waits until an
     import is done. While the first one unwinds the run and removes incomplete files, all others are ignored.
     """
@@ -50,8 +57,20 @@ def _known() -> list[signal.Signals]:
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     _repeat(number)
-    if not _is_unwinding() and not _must_wait(frame):
-        raise KeyboardInterrupt
+    if not _is_alive() and not _must_wait(frame):
+        raise _new_interrupt()  # no variable here, which its traceback would keep alive
+
+
+def _new_interrupt() -> _Interrupt:
+    global _first  # noqa: PLW0603
+    interrupt = _Interrupt()
+    _first = weakref.ref(interrupt)
+    return interrupt
+
+
+def _is_alive() -> bool:
+    """Return whether an interrupt propagates or is handled: what is dropped is freed."""
+    return _first is not None and _first() is not None
 
 
 def _must_wait(frame: FrameType | None) -> bool:
@@ -63,14 +82,6 @@ def _must_wait(frame: FrameType | None) -> bool:
     return False
 
 
-def _is_unwinding() -> bool:
-    """Return whether an interrupt is being handled: by ``except`` or ``finally`` or at the end of a context."""
-    error = sys.exception()
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__context__
-    return error is not None
-
-
 def _show_unraisable(lost: "UnraisableHookArgs") -> None:
     """Show the exception of a finalizer or callback as Python does, unless it is an interrupt, which is repeated."""
     if issubclass(lost.exc_type, KeyboardInterrupt):
@@ -80,10 +91,10 @@ def _show_unraisable(lost: "UnraisableHookArgs") -> None:
 
 
 def _repeat(number: int) -> None:
-    """Repeat an interrupt until :func:`ignore_interrupts`."""
-    global _repeated  # noqa: PLW0603
-    if not _repeated:
-        _repeated = True
+    """Repeat an interrupt, whenever it was dropped, until :func:`ignore_interrupts`."""
+    global _is_repeated  # noqa: PLW0603
+    if not _is_repeated:
+        _is_repeated = True
         # Not threading.Thread: the interrupted code may hold its locks.
         _thread.start_new_thread(_interrupt_again, (signal.Signals(number),))
 
@@ -91,4 +102,5 @@ def _repeat(number: int) -> None:
 def _interrupt_again(number: signal.Signals) -> None:
     while signal.getsignal(number) is _interrupt:
         time.sleep(_REPEAT_S)
-        _thread.interrupt_main(number)
+        if not _is_alive():
+            _thread.interrupt_main(number)
