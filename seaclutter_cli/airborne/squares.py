@@ -178,14 +178,13 @@ def waves_of(
     level, deviation = squares.level_m.copy(), np.zeros(len(squares.index))
     distance, measured = np.full(len(level), np.inf), np.zeros(len(level), np.bool_)
     free = np.ones(len(level), np.bool_) if ground is None else ~ground
-    away = [squares.xy + 0.5 - center[:, None] for center in centers.T / SIDE]
-    inside = [np.abs(own).max(axis=0) < PART_CELLS / 2 / SIDE for own in away]
-    stays = [_stays(squares, change_m, part, own) for part, own in zip(parts, inside, strict=True)]
-    all_stay = True in stays and False not in stays
-    for own_away, own, part, same in zip(away, inside, parts, stays, strict=True):
-        if np.count_nonzero(own & free) < np.count_nonzero(own) / 2 or (part.is_sea and (same or all_stay)):
+    offsets = [squares.xy + 0.5 - center[:, None] for center in centers.T / SIDE]
+    inside = [np.abs(offset).max(axis=0) < PART_CELLS / 2 / SIDE for offset in offsets]
+    used = _which_count(squares, parts, inside, change_m, free)
+    for offset, own, part, counts in zip(offsets, inside, parts, used, strict=True):
+        if not counts:
             continue
-        apart = (own_away**2).sum(axis=0)
+        apart = (offset**2).sum(axis=0)
         waves_m = part.deviation_m if part.is_sea else 0.0
         near = np.abs(squares.level_m - part.level_m) <= _AT_LEVEL * waves_m + _NEAR_LEVEL_M
         closer = near & (apart < distance) & free
@@ -193,6 +192,18 @@ def waves_of(
         deviation[closer], distance[closer] = waves_m, apart[closer]
         measured[closer] = part.is_sea & own[closer]
     return SquareWaves(level, deviation, measured)
+
+
+def _which_count(
+    squares: Squares, parts: Sequence[PartWaves], inside: Sequence[Mask], change_m: Values, free: Mask
+) -> Sequence[bool]:
+    """Return which parts count: those of which at least half is free, and whose waves are no relief."""
+    stays = [_stays(squares, change_m, part, own) for part, own in zip(parts, inside, strict=True)]
+    all_stay = True in stays and False not in stays
+    return [
+        bool(np.count_nonzero(own & free) >= np.count_nonzero(own) / 2) and not (part.is_sea and (stay or all_stay))
+        for own, part, stay in zip(inside, parts, stays, strict=True)
+    ]
 
 
 def _stays(squares: Squares, change_m: Values, part: PartWaves, inside: Mask) -> bool | None:
