@@ -69,10 +69,11 @@ def echoes_of(
     number = np.where(count.single >= _LEAST_ECHOES, count.single, np.nan)
     mean = count.intensity / number
     spread = np.sqrt(np.maximum(count.squared / number - mean**2, 0))
+    least = 1.0 if _is_whole(column("intensity")) else 0.0  # below, the deviation is that of rounding
     clipped = count.saturated / number
     if np.count_nonzero(clipped == 1) > _CONSTANT_SHARE * len(clipped):  # one surface has this intensity, and no other
         clipped = np.zeros(len(clipped))
-    variation = np.divide(spread, mean, out=unknown.copy(), where=mean > 0) / _speckle(clipped)
+    variation = np.divide(spread, mean, out=unknown.copy(), where=mean > least) / _speckle(clipped)
     variation = np.where(number < _MANY_ECHOES, _with_neighbors(squares, variation), variation)
     several = unknown
     if column("number_of_returns") is not None:
@@ -148,6 +149,10 @@ def _with_neighbors(squares: Squares, values: Values) -> Values:
     known = np.isfinite(around)
     total = np.where(known, around, 0).sum(axis=0)
     return np.asarray(np.divide(total, known.sum(axis=0), out=np.full(len(values), np.nan), where=known.any(axis=0)))
+
+
+def _is_whole(intensity: NDArray[Any] | None) -> bool:
+    return intensity is not None and np.issubdtype(intensity.dtype, np.integer)
 
 
 def _saturated(intensity: NDArray[Any]) -> Mask | None:

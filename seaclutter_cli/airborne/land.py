@@ -37,7 +37,7 @@ Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _EVEN_M = 0.15
-_FIELD_M = 0.05
+_FIELD_M, _SHOWN_SHARE = 0.05, 0.5
 _BANK_M, _BANK_DEVIATIONS = 0.2, 4.0
 
 
@@ -56,8 +56,8 @@ class Shores:
     bank_m : float
         Height above that level from which a cell beside land belongs to it.
     is_doubtful : bool
-        Whether the bodies may be level ground: none is trusted, reflects like a mirror, is even, or has waves that are
-        higher than fields undulate.
+        Whether most of the water may be level ground: it is not trusted, does not reflect like a mirror, is not even,
+        and has no waves that are higher than fields undulate.
     """
 
     bodies: Sequence[WaterBody]
@@ -99,7 +99,8 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
         for slot, (cells, water) in enumerate(zip(lowest, level, strict=True)):
             at_level = np.abs(np.where(np.isfinite(cells), cells, water) - water) <= bank[slot]
             land[slot] &= sure[slot] | ~at_level
-    is_doubtful = bool(bodies) and not any(_shows_water(squares, seen, waves, body.squares) for body in bodies)
+    shown = sum(len(body.squares) for body in bodies if _shows_water(squares, seen, waves, body.squares))
+    is_doubtful = shown < _SHOWN_SHARE * sum(len(body.squares) for body in bodies)
     return Shores(bodies, land, level, _bank(bodies), is_doubtful)
 
 

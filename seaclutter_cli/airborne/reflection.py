@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.echoes import Echoes
+from seaclutter_cli.airborne.regions import connected
 from seaclutter_cli.airborne.squares import LEAST_SQUARES, Squares
 
 Values = NDArray[np.float64]
@@ -24,6 +25,7 @@ _ALIKE_BETWEEN, _ALIKE_WITHIN = 1.5, 1.25
 _WAVES_M, _NEAR_IN_WAVES = 0.1, 0.75
 _APART, _LEAST_RATIO = 4.0, np.log(1.5)
 _STEP_M, _STEPS, _PURE = 0.03, 1.5, 0.3
+_WATER_SHARE = 0.5
 
 
 def is_diffuse(echoes: Echoes, own: NDArray[np.int64]) -> bool:
@@ -84,33 +86,41 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
 
 
 def by_brightness(squares: Squares, echoes: Echoes) -> Echoes | None:
-    """Return echoes whose variation is that of ground where they are bright, and that of a mirror where they are dark.
+    """Return echoes whose variation is that of ground where they are bright, and that of a mirror on dark water.
 
     None if the brightness of the N squares does not distinguish water from land, or reflections like those of a mirror
-    do. Squares with both have a variation between the two.
+    do. Squares along the edge that contain both have one between the two, and dark squares that are no water have none.
 
     Notes
     -----
-    Water that does not reflect like a mirror is dark: it absorbs infrared light. If the logarithms of the brightness
-    form two kinds, whose means are further apart than those of any even distribution, and the bright ones are higher
-    along the edge between the kinds than dark squares differ, the bright kind is ground: a quay, a bank, a dike. One
-    surface of two kinds, as of strips with different gains, has no such step, and bright water beside dark ground is
-    lower.
+    Water that does not reflect like a mirror is dark: it absorbs infrared light. The logarithms of the brightness form
+    two kinds if their means are further apart than those of any even distribution. Dark regions are water if what is
+    just beyond their edge is higher than dark squares differ: a quay, a bank, a dike. They must be most of what is
+    dark. A dark road has no such step. Nor has one surface of two kinds, as of strips with different gains, and bright
+    water beside dark ground is lower.
     """
     if np.count_nonzero(echoes.variation >= SPECULAR) > MIRROR_SHARE * len(squares.index):
         return None
     known = np.isfinite(echoes.brightness)
     limit = _limit_between(echoes.brightness[known])
     bright = known & (echoes.brightness > limit)
+    if not bright.any():
+        return None
     dark = known & ~bright
-    step, within = _steps(squares, dark, bright), _steps(squares, dark, dark)
-    if len(step) < LEAST_SQUARES or np.median(step) <= _STEP_M + _STEPS * np.median(np.abs(within)):
+    water = _below(squares, dark)
+    if not water.any() or np.count_nonzero(water) < _WATER_SHARE * np.count_nonzero(dark):
         return None
     mean = np.exp(echoes.brightness)
-    low, high = float(np.median(mean[dark])), float(np.median(mean[bright]))
+    low, high = float(np.median(mean[water])), float(np.median(mean[bright]))
     share = (mean - low) / (high - low)
-    variation = np.select([share <= _PURE, share >= 1 - _PURE], [SPECULAR, DIFFUSE], (SPECULAR + LIKE_GROUND) / 2)
-    return replace(echoes, variation=np.where(known, variation, np.nan))
+    mixed = (share > _PURE) & (share < 1 - _PURE) & ((water & _beside(squares, bright)) | _beside(squares, water))
+    variation = np.select([mixed, water, bright], [(SPECULAR + LIKE_GROUND) / 2, SPECULAR, DIFFUSE], np.nan)
+    return replace(echoes, variation=variation)
+
+
+def _beside(squares: Squares, own: Mask) -> Mask:
+    """Return the squares that touch some others by a side."""
+    return np.asarray(np.append(own, False)[squares.neighbor].any(axis=0))
 
 
 def _limit_between(values: Values) -> float:
@@ -130,8 +140,25 @@ def _limit_between(values: Values) -> float:
     return float(ordered[below[at] - 1] + ordered[below[at]]) / 2
 
 
-def _steps(squares: Squares, own: Mask, beyond: Mask) -> Values:
-    """Return by how much the second square from each of some is higher, if both on the way are of another kind.
+def _below(squares: Squares, dark: Mask) -> Mask:
+    """Return the squares of those dark regions that are lower than what is beyond their edge, and not dark."""
+    from scipy import ndimage
+
+    region = np.full(len(dark), -1)
+    region[dark] = connected(squares, np.flatnonzero(dark))
+    count = int(region.max(initial=-1)) + 1
+    edge, step = _steps(squares, dark, ~dark)
+    inner, within = _steps(squares, dark, dark)
+    enough = np.bincount(region[edge], minlength=count) >= LEAST_SQUARES
+    number = np.arange(count)
+    rise = ndimage.median(step, region[edge], number) if len(edge) else np.zeros(count)
+    differ = ndimage.median(np.abs(within), region[inner], number) if len(inner) else np.zeros(count)
+    is_below = enough & (rise > _STEP_M + _STEPS * np.nan_to_num(differ))
+    return np.asarray(dark & np.append(is_below, False)[region])
+
+
+def _steps(squares: Squares, own: Mask, beyond: Mask) -> tuple[NDArray[np.int64], Values]:
+    """Return some squares, and by how much the second from each is higher, if both on the way are of another kind.
 
     The first may be a mixture of both.
     """
@@ -139,8 +166,8 @@ def _steps(squares: Squares, own: Mask, beyond: Mask) -> Values:
     first = squares.neighbor[:, start]
     second = np.take_along_axis(squares.neighbor, first, axis=1)
     kind = np.append(beyond, False)
-    pair = (first >= 0) & kind[first] & kind[second]
-    return np.asarray((squares.level_m[second] - squares.level_m[start])[pair])
+    side, at = np.nonzero((first >= 0) & kind[first] & kind[second])
+    return start[at], squares.level_m[second[side, at]] - squares.level_m[start[at]]
 
 
 def _elevations(squares: Squares, own: Mask) -> tuple[float, float, float]:

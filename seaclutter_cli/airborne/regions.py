@@ -132,6 +132,11 @@ def is_amid(squares: Squares, own: NDArray[np.int64], others: NDArray[np.int64])
     return bool(chosen[beyond[apart[beyond]]].all())
 
 
+def touch(squares: Squares, own: NDArray[np.int64], others: NDArray[np.int64]) -> bool:
+    """Return whether a region touches some other squares."""
+    return bool(np.isin(squares.neighbor[:, own], others).any())
+
+
 def edge_of(
     squares: Squares, own: NDArray[np.int64], high_m: float, low_m: float | Values, *, has_walls: bool
 ) -> tuple[NDArray[np.int64], Mask]:
@@ -171,8 +176,11 @@ def relief_of(squares: Squares, own: NDArray[np.int64]) -> Relief:
     return Relief(steepness, float(plane.std()), step / np.sqrt(2), float(mean.std()) if len(mean) > 1 else 0.0)
 
 
-def is_even(squares: Squares, own: NDArray[np.int64]) -> bool:
-    """Return whether a region is level, and its means over 64 cells deviate little compared with cells in squares."""
+def is_even(squares: Squares, own: NDArray[np.int64], times: float = 1.0) -> bool:
+    """Return whether a region is level, and its means over 64 cells deviate little compared with cells in squares.
+
+    ``times`` is how many times as uneven it may be.
+    """
     relief = relief_of(squares, own)
     allowed = _EVEN_SHARE * float(np.median(squares.spread_m[own]))
-    return relief.bumps_m <= max(_EVEN_M, allowed) and relief.tilt_m <= max(_EVEN_TILT_M, allowed)
+    return relief.bumps_m <= times * max(_EVEN_M, allowed) and relief.tilt_m <= times * max(_EVEN_TILT_M, allowed)

@@ -17,6 +17,7 @@ from seaclutter_cli.airborne.regions import (
     is_even,
     level_regions,
     relief_of,
+    touch,
     waves_in,
 )
 from seaclutter_cli.airborne.squares import LEAST_SQUARES, Squares, SquareWaves, is_relief
@@ -31,7 +32,8 @@ _LARGEST, _LARGE, _SMALL = 0.5, 0.05, 0.02
 _GROUND_M, _GROUND_SHARE = 0.2, 0.5
 _CLEAR_SHARE = 0.8
 _SHORT_WAVES = 0.7
-_MEASURED_SHARE = 0.3
+_MEASURED_SHARE, _SEEN_SHARE, _HIGH_M = 0.3, 0.1, 0.15
+_UNEVEN = 2.0
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE, _RELIEF_M = 0.04, 0.05, 0.02, 0.001, 0.02
 
 
@@ -144,11 +146,13 @@ def _without_mirrors(
     size = np.array([len(own) for own in joined], np.int64)
     certain = signs >= np.where(size >= _LARGEST * len(squares.index), 0, 1)
     large = certain & (size > _LARGE * len(squares.index))
-    level = np.array([np.median(squares.level_m[own]) for own in joined])
-    band = np.array([band_of(waves_in(squares, own, deviation_m)) for own in joined])
-    if large.any() and np.ptp(level[large]) > band[large].max():
-        large &= [_is_basin(squares, own, waves) for own in joined]
-        certain = large
+    level, band = _levels(squares, joined, deviation_m)
+    basins = large & [_is_basin(squares, own, waves) for own in joined]
+    ground = large & ~basins & [not is_even(squares, own, _UNEVEN) for own in joined]
+    if _are_apart(level[large], band[large]):
+        large = certain = basins
+    elif basins.any():
+        large = certain = large & ~ground
     if large.any():
         apart = np.abs(level[:, None] - level[large])
         at_level = (apart <= band[large]).any(axis=1)
@@ -158,12 +162,29 @@ def _without_mirrors(
         sea = np.concatenate([own for own, is_large in zip(joined, large, strict=True) if is_large])
         is_crest = (size <= _SMALL * len(squares.index)) & (apart <= groups[large]).any(axis=1)
         is_crest &= [is_amid(squares, own, sea) for own in joined]
-        return _bodies(squares, joined, certain | is_crest | (at_level & ((signs > -2) | are_crests)))
+        are_crests &= [touch(squares, own, sea) for own in joined]
+        return _bodies(squares, joined, certain | is_crest | (at_level & ~ground & ((signs > -2) | are_crests)))
     signs = _all_signs(squares, echoes, regions, waves, has_mirrors=False)
     clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
     if clear < _CLEAR_SHARE * sum(map(len, regions)):
         return []
-    return _bodies(squares, regions, signs >= 1)
+    water = signs >= 1
+    level, band = _levels(squares, regions, deviation_m)
+    if _are_apart(level[water], band[water]):
+        mirrors = [median_of(echoes.variation[own]) >= SPECULAR for own in regions]
+        water &= np.array([_is_basin(squares, own, waves) for own in regions]) | mirrors
+    return _bodies(squares, regions, water)
+
+
+def _levels(squares: Squares, regions: Sequence[NDArray[np.int64]], deviation_m: Values) -> tuple[Values, Values]:
+    """Return the level of each region, and how far squares of it may be from that."""
+    level = np.array([np.median(squares.level_m[own]) for own in regions])
+    return level, np.array([band_of(waves_in(squares, own, deviation_m)) for own in regions])
+
+
+def _are_apart(level_m: Values, band_m: Values) -> bool:
+    """Return whether regions have several levels."""
+    return bool(len(level_m) and np.ptp(level_m) > band_m.max())
 
 
 def _bodies(squares: Squares, regions: Sequence[NDArray[np.int64]], water: Mask) -> Sequence[WaterBody]:
@@ -189,7 +210,9 @@ def looks_like_water(squares: Squares, own: NDArray[np.int64], waves: SquareWave
 
     ``least_m`` is the deviation that waves exceed.
     """
-    has_waves = np.median(waves.deviation_m[own]) > least_m and waves.measured[own].mean() > _MEASURED_SHARE
+    deviation_m = float(np.median(waves.deviation_m[own]))
+    least_share = _MEASURED_SHARE if deviation_m < _HIGH_M else _SEEN_SHARE
+    has_waves = deviation_m > least_m and waves.measured[own].mean() > least_share
     return bool(has_waves or is_even(squares, own))
 
 
@@ -217,7 +240,8 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     signs += int(is_mirror) - int(has_mirrors and variation <= DIFFUSE)
     signs -= 2 * (has_mirrors and _goes_on_as_ground(squares, echoes, own, level))
     signs -= several > SEVERAL
-    signs -= 2 * (is_relief(squares, echoes.change_m, own, _RELIEF_M) or False)
+    signs -= median_of(echoes.tall[own]) > SEVERAL
+    signs -= 2 * (not is_mirror and is_relief(squares, echoes.change_m, own, _RELIEF_M) is True)
     return int(signs)
 
 

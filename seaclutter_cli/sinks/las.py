@@ -20,6 +20,7 @@ ExtraDims = Mapping[str, tuple[str, str]]
 
 _USER = "seaclutter"
 _INDEX_USER = "copc"
+_FIRST = "1.0"
 _DIMENSIONS = ("LASF_Spec", 4)
 """User id and record id of the record that describes extra dimensions."""
 _DIMENSION_BYTES = 192
@@ -85,11 +86,18 @@ def _without_index(header: Any) -> Any:
     return header
 
 
+def _as_las_1_2(laspy: Any, header: Any) -> None:
+    """Make a header of LAS 1.0 one of LAS 1.2, which stores the same and gives four reserved bytes a meaning."""
+    header.version = laspy.header.Version(1, 2)
+    header.file_source_id = 0
+    header.global_encoding = laspy.header.GlobalEncoding()
+
+
 class LasSink(AbstractContextManager["LasSink"]):
     """Writer that copies the points of a LAS or LAZ file with some dimensions changed or added.
 
     Scale, offset and all other dimensions are preserved, as are the packed coordinates, the header and its records (VLR
-    and EVLR). The file extension of the target selects LAZ or LAS.
+    and EVLR). The file extension of the target selects LAZ or LAS. LAS 1.0 becomes LAS 1.2.
 
     Parameters
     ----------
@@ -127,6 +135,8 @@ class LasSink(AbstractContextManager["LasSink"]):
             raise MissingExtraError("LAS/LAZ", "las") from error
         self._laspy, self._whole = laspy, whole
         self._header = _without_index(deepcopy(header))
+        if str(self._header.version) == _FIRST:
+            _as_las_1_2(laspy, self._header)
         known = set(header.point_format.dimension_names)
         added = {name: spec for name, spec in (extra or {}).items() if name not in known}
         if added:
@@ -135,7 +145,7 @@ class LasSink(AbstractContextManager["LasSink"]):
         packed = path.suffix.lower() == ".laz"
         version = str(self._header.version)
         if version not in laspy.supported_versions():
-            raise OutputError(f"{path}: LAS {version} cannot be written; convert the source to LAS 1.2 or later")
+            raise OutputError(f"{path}: LAS {version} cannot be written; convert the source to LAS 1.4 or earlier")
         if packed and not laspy.LazBackend.LazrsParallel.is_available():
             raise MissingExtraError("LAZ", "las")
         if self._header.global_encoding.waveform_data_packets_internal:

@@ -18,6 +18,9 @@ _GEOGRAPHIC = 2
 _UNITS_M = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}
 _UNIT = re.compile(r'\b(?:LENGTH)?UNIT\s*\[\s*"[^"]*"\s*,\s*([0-9.eE+-]+)')
 _CODE = re.compile(r'\b(?:AUTHORITY|ID)\s*\[\s*"EPSG"\s*,\s*"?(\d+)"?\s*\]\s*\]\s*$')
+_PROJECTED = re.compile(r"\bPROJ(?:CS|CRS|ECTEDCRS)\s*\[")
+_GEODETIC = re.compile(r"\b(?:GEOGCS|GEOGCRS|GEODCRS|GEOGRAPHICCRS|GEODETICCRS)\s*\[")
+_SYSTEM = re.compile(r"^\w+\s*\[")
 _VERTICAL = re.compile(r"\bVERT(?:CRS|_CS|ICALCRS)\s*\[")
 
 ToLongitudeLatitude = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -75,13 +78,13 @@ def read_crs(records: Iterable[Any]) -> Crs:
     """Return the coordinate reference system in the variable length records of a LAS file, WKT before GeoTIFF keys."""
     found = {one.record_id: bytes(one.record_data) for one in records if one.user_id == _USER}
     text = found.get(_WKT, b"").split(b"\0")[0].decode("utf-8", "replace").strip()
-    if text:
+    if _SYSTEM.match(text):  # some files have an empty text in quotation marks
         return _of_wkt(text)
     return _of_keys(found[_GEO_KEYS]) if _GEO_KEYS in found else Crs()
 
 
 def _of_wkt(text: str) -> Crs:
-    is_geographic = not re.search(r"\bPROJ(?:CS|CRS|ECTEDCRS)\s*\[", text)
+    is_geographic = _PROJECTED.search(text) is None and _GEODETIC.search(text) is not None
     horizontal, *vertical = _VERTICAL.split(text, maxsplit=1)
     unit_m = 1.0 if is_geographic else _last_unit(horizontal, 1.0)
     return Crs(text, unit_m, _last_unit(vertical[0], unit_m) if vertical else unit_m, is_geographic)

@@ -134,14 +134,27 @@ def test_waveform_packets_are_kept_or_refused(tmp_path, channels, suffix):
         assert_same_but_class(tmp_path / "tile.las", tmp_path / f"out{suffix}")
 
 
-def test_las_1_0_is_refused(tmp_path):
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_las_1_0_becomes_1_2(tmp_path, suffix):
     tile = write(tmp_path / "tile.las", points(), point_format=1)
     data = bytearray(tile.read_bytes())
+    data[4:8] = b"\xaa\xbb\xcc\xdd"  # reserved
     data[25] = 0
     tile.write_bytes(data)
-    result = run(tile, "-o", tmp_path / "out.las")
-    assert (result.exit_code, "LAS 1.0 cannot be written; convert" in result.stderr) == (1, True)
-    assert run(tile, "-o", tmp_path / "out.pcd").exit_code == 0
+    out = tmp_path / f"out{suffix}"
+    assert run(tile, "-o", out).exit_code == 0
+    found = read(out)
+    assert (str(found.header.version), out.read_bytes()[4:8]) == ("1.2", bytes(4))
+    data[4:8], data[25] = bytes(4), 2
+    tile.write_bytes(data)
+    assert_same_but_class(tile, out)
+
+
+def test_versions_of_las_that_cannot_be_written(tmp_path, monkeypatch):
+    laspy = pytest.importorskip("laspy")
+    monkeypatch.setattr(laspy, "supported_versions", lambda: {"1.4"})
+    result = run(write(tmp_path / "tile.las", points(), point_format=1), "-o", tmp_path / "out.las")
+    assert (result.exit_code, "cannot be written; convert" in result.stderr) == (1, True)
 
 
 @pytest.mark.usefixtures("full_disk")

@@ -45,6 +45,18 @@ def test_units_in_wkt(version, code, unit_m, height_unit_m, is_geographic):
     assert found.is_geographic == is_geographic
 
 
+@pytest.mark.parametrize("text", ["''", '""', "unknown", ""])
+def test_what_is_no_wkt_is_left_out(text):
+    record_of_text = record(2112, text.encode() + b"\0")
+    assert read_crs([record_of_text]) == Crs()
+    assert read_crs([record_of_text, keys(k1024=1, k3072=32631)]) == Crs("EPSG:32631")
+
+
+def test_a_local_system_has_no_degrees():
+    found = read_crs([record(2112, b'LOCAL_CS["site",LOCAL_DATUM["site",0],UNIT["foot",0.3048]]\0')])
+    assert (found.is_geographic, found.unit_m) == (False, 0.3048)
+
+
 @pytest.mark.parametrize(
     ("entries", "expected"),
     [
