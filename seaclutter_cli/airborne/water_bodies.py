@@ -147,12 +147,12 @@ def _without_mirrors(
     certain = signs >= np.where(size >= _LARGEST * len(squares.index), 0, 1)
     large = certain & (size > _LARGE * len(squares.index))
     level, band = _levels(squares, joined, deviation_m)
-    basins = large & [_is_basin(squares, own, waves) for own in joined]
-    ground = large & ~basins & [not is_even(squares, own, _UNEVEN) for own in joined]
+    basins = large & np.array([_is_basin(squares, own, waves) for own in joined], np.bool_)
+    ground = large & ~basins & np.array([not is_even(squares, own, _UNEVEN) for own in joined], np.bool_)
     if _are_apart(level[large], band[large]):
         large = certain = basins
     elif basins.any():
-        large = certain = large & ~ground
+        large, certain = large & ~ground, certain & ~ground
     if large.any():
         apart = np.abs(level[:, None] - level[large])
         at_level = (apart <= band[large]).any(axis=1)
