@@ -89,15 +89,15 @@ def by_brightness(squares: Squares, echoes: Echoes) -> Echoes | None:
     """Return echoes whose variation is that of ground where they are bright, and that of a mirror on dark water.
 
     None if the brightness of the N squares does not distinguish water from land, or reflections like those of a mirror
-    do. Squares along the edge that contain both have one between the two, and dark squares that are no water have none.
+    do. Squares along the edge that contain both have one between the two.
 
     Notes
     -----
     Water that does not reflect like a mirror is dark: it absorbs infrared light. The logarithms of the brightness form
     two kinds if their means are further apart than those of any even distribution. Dark regions are water if what is
-    just beyond their edge is higher than dark squares differ: a quay, a bank, a dike. They must be most of what is
-    dark. A dark road has no such step. Nor has one surface of two kinds, as of strips with different gains, and bright
-    water beside dark ground is lower.
+    just beyond three quarters of their edge is higher than dark squares differ: a quay, a bank, a dike. They must be
+    most of what is dark. A dark road, even beside a dike, has no such steps, and is ground. Nor has one surface of two
+    kinds, as of strips with different gains, and bright water beside dark ground is lower.
     """
     if np.count_nonzero(echoes.variation >= SPECULAR) > MIRROR_SHARE * len(squares.index):
         return None
@@ -107,14 +107,15 @@ def by_brightness(squares: Squares, echoes: Echoes) -> Echoes | None:
     if not bright.any():
         return None
     dark = known & ~bright
-    water = _below(squares, dark)
+    rise = _rise_around(squares, dark)
+    water, ground = rise > 0, bright | (rise <= 0)
     if not water.any() or np.count_nonzero(water) < _WATER_SHARE * np.count_nonzero(dark):
         return None
     mean = np.exp(echoes.brightness)
     low, high = float(np.median(mean[water])), float(np.median(mean[bright]))
     share = (mean - low) / (high - low)
     mixed = (share > _PURE) & (share < 1 - _PURE) & ((water & _beside(squares, bright)) | _beside(squares, water))
-    variation = np.select([mixed, water, bright], [(SPECULAR + LIKE_GROUND) / 2, SPECULAR, DIFFUSE], np.nan)
+    variation = np.select([mixed, water, ground], [(SPECULAR + LIKE_GROUND) / 2, SPECULAR, DIFFUSE], np.nan)
     return replace(echoes, variation=variation)
 
 
@@ -140,21 +141,27 @@ def _limit_between(values: Values) -> float:
     return float(ordered[below[at] - 1] + ordered[below[at]]) / 2
 
 
-def _below(squares: Squares, dark: Mask) -> Mask:
-    """Return the squares of those dark regions that are lower than what is beyond their edge, and not dark."""
-    from scipy import ndimage
+def _rise_around(squares: Squares, dark: Mask) -> Values:
+    """Return by how much three quarters of the edge of each dark region are higher than its squares differ.
 
+    NaN for squares that are not dark, and for regions with a short edge.
+    """
     region = np.full(len(dark), -1)
     region[dark] = connected(squares, np.flatnonzero(dark))
-    count = int(region.max(initial=-1)) + 1
+    number = int(region.max(initial=-1)) + 1
     edge, step = _steps(squares, dark, ~dark)
     inner, within = _steps(squares, dark, dark)
-    enough = np.bincount(region[edge], minlength=count) >= LEAST_SQUARES
-    number = np.arange(count)
-    rise = ndimage.median(step, region[edge], number) if len(edge) else np.zeros(count)
-    differ = ndimage.median(np.abs(within), region[inner], number) if len(inner) else np.zeros(count)
-    is_below = enough & (rise > _STEP_M + _STEPS * np.nan_to_num(differ))
-    return np.asarray(dark & np.append(is_below, False)[region])
+    rise = _quantile_of_each(step, region[edge], number, 0.25, LEAST_SQUARES)
+    differ = np.nan_to_num(_quantile_of_each(np.abs(within), region[inner], number, 0.5))
+    return np.asarray(np.append(rise - _STEP_M - _STEPS * differ, np.nan)[region])
+
+
+def _quantile_of_each(values: Values, group: NDArray[np.int64], groups: int, share: float, least: int = 1) -> Values:
+    """Return a quantile of the values of each group, as one of them; NaN if it has fewer than ``least``."""
+    count = np.bincount(group, minlength=groups)
+    place = np.cumsum(count) - count + np.floor(share * np.maximum(count - 1, 0)).astype(np.int64)
+    ordered = np.append(values[np.lexsort((values, group))], np.nan)
+    return np.where(count >= least, ordered[np.minimum(place, len(values))], np.nan)
 
 
 def _steps(squares: Squares, own: Mask, beyond: Mask) -> tuple[NDArray[np.int64], Values]:

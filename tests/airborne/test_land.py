@@ -134,6 +134,20 @@ def test_a_polder_below_the_sea_is_land_though_nothing_reflects(depth):
     assert on_water < 0.02
 
 
+@pytest.mark.parametrize(("height", "length", "level"), [(0.06, 15.0, 0.05), (1.1, 30.0, 1.0), (1.1, 30.0, -2.0)])
+def test_a_third_of_a_tile_is_sea_beside_fields_though_nothing_reflects(height, length, level):
+    """Most parts of the tile contain both, so that waves show in few of them; still water is as high as the fields."""
+    rng = np.random.default_rng(3)
+    xyz, *_ = tile(lambda x, _y, _b: np.where(x < 125, -5.0, 5 - np.abs(x - 140) / 3), height=height, length=length)
+    inland = xyz[0] >= 155
+    bumps = [np.sin(rng.normal(0, 1 / 25, 2) @ xyz[:2] + rng.uniform(0, 7)) for _ in range(12)]
+    xyz[2, inland] = (level + 0.02 * np.sum(bumps, axis=0) + rng.normal(0, 0.03, len(inland)))[inland]
+    xyz[0] += 100
+    on_land, on_water = shares(xyz, xyz[0] > 226, {})
+    assert on_land > 0.97
+    assert on_water < 0.02
+
+
 @pytest.mark.parametrize("speckle", [True, False])
 @pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (0.5, 60.0), (1.2, 40.0)])
 def test_a_tile_of_sea_has_no_land(height, length, speckle):

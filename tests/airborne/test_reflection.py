@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from seaclutter_cli.airborne.echoes import echoes_of
+from seaclutter_cli.airborne.gridded import GriddedPoints
 from seaclutter_cli.airborne.reflection import _limit_between
+from seaclutter_cli.airborne.squares import squares_of
 from tests.airborne.coasts import SIZE, sea_only, shares, tile
 
 
@@ -32,7 +35,8 @@ def polder(x, y, _bumps):
 
 def recorded(rng, land, water, ground):
     """Return intensities of Gaussian echoes with these means."""
-    return np.where(land, rng.normal(ground, ground / 4, len(land)), rng.normal(water, water / 4, len(land))).clip(1)
+    spread = [rng.normal(1, 0.25, len(land)) for _ in range(2)]
+    return np.where(land, ground * spread[0], water * spread[1]).clip(1)
 
 
 @pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (1.0, 25.0)])
@@ -61,6 +65,35 @@ def test_the_upper_basin_of_a_lock_is_dark_amid_bright_banks(seed):
     on_land, on_water = shares(xyz, land, columns)
     assert on_land > 0.98
     assert on_water < 0.02
+
+
+@pytest.mark.parametrize("rise", [0.1, 1.2])
+def test_a_dark_road_and_two_kinds_of_fields_do_not_hide_a_dark_sea(rise):
+    """The steep dike between the sea and the road along it has no square with echoes of the ground alone."""
+
+    def coast(x, y, _bumps):
+        flank = np.abs(x - 185)
+        return np.select([x < 170, flank < 15], [-5.0, 5 - flank / 4], rise + 0.03 * parcels(x, y))
+
+    xyz, land, columns = tile(coast)
+    rng = np.random.default_rng(1)
+    columns["intensity"] = recorded(rng, land, 15, np.where(xyz[1] < 150, 70, 130))
+    road = (xyz[0] > 200) & (xyz[0] < 216)
+    columns["intensity"][road] = rng.normal(20, 5, road.sum()).clip(1)
+    on_land, on_water = shares(xyz, land, columns)
+    assert on_land > 0.98
+    assert on_water < 0.01
+
+
+@pytest.mark.parametrize("mean", [0.3, 3.0])
+def test_whole_numbers_below_one_are_no_reflections(mean):
+    """Their deviation is that of rounding."""
+    xyz, land, _ = tile(sea_only)
+    columns = {"intensity": np.random.default_rng(1).poisson(mean, len(land))}
+    points = GriddedPoints.of([xyz], 1.0)
+    squares = squares_of(points.grid, points.grid.lowest, np.isfinite(points.grid.lowest))
+    seen = echoes_of(squares, points, np.full(points.grid.lowest.shape, 9.0), columns.get, None)
+    assert np.isfinite(seen.variation).any() == (mean > 1)
 
 
 @pytest.mark.parametrize("height", [0.1, 0.8])

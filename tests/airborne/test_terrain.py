@@ -19,3 +19,13 @@ def test_what_rises_everywhere_is_a_wood(share, is_wood):
     xyz = rising(share, np.random.default_rng(4))
     on_land, _ = shares(xyz, np.ones(xyz.shape[1], np.bool_), {"number_of_returns": np.ones(xyz.shape[1], int)})
     assert (on_land == 1) == is_wood
+
+
+def test_heights_above_the_ground_below_trees_are_no_lake():
+    """The ground is perfectly level, and crowns are above most of it."""
+    rng = np.random.default_rng(4)
+    x, y = rng.uniform(0, 150, 80_000), rng.uniform(0, 120, 80_000)
+    wood = np.sin(x / 9) * np.sin(y / 7) > -0.6
+    z = np.where(wood & (rng.random(len(x)) < 0.5), rng.uniform(3, 20, len(x)), 0.0)
+    columns = {"intensity": rng.normal(200, 40, len(x)), "number_of_returns": np.ones(len(x), int)}
+    assert shares(np.stack((x, y, z)), np.ones(len(x), np.bool_), columns)[0] == 1
