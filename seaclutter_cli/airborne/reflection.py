@@ -16,6 +16,8 @@ SPECULAR, DIFFUSE = 0.6, 0.45
 """Coefficients of variation of neighbouring intensities: at least that of a mirror, and at most that of ground."""
 LIKE_GROUND = (SPECULAR + DIFFUSE) / 2
 """Coefficient of variation that divides the two kinds."""
+CLEARLY_GROUND = 0.35
+"""Coefficient of variation up to which a small region is ground, whatever is around it."""
 MIRROR_SHARE = 0.05
 """Share of the squares that reflect like a mirror in tiles whose intensities tell water from land."""
 

@@ -15,7 +15,7 @@ COARSE = 8
 """Width in squares of the wide means of a region."""
 _BAND_M, _BAND_DEVIATIONS, _LEVEL_DEVIATIONS = 0.2, 3.0, 1.0
 _ROUGH_M = 0.15
-_OPEN_SHARE = 0.5
+_OPEN_SHARE, _AMID_SHARE = 0.5, 0.5
 _EVEN_M, _EVEN_TILT_M, _EVEN_SHARE = 0.01, 0.04, 0.45
 
 
@@ -123,18 +123,15 @@ def connected(squares: Squares, own: NDArray[np.int64]) -> NDArray[np.int32]:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def is_amid(squares: Squares, own: NDArray[np.int64], others: NDArray[np.int64]) -> bool:
-    """Return whether all that touches a region, within the tile, is among some other squares."""
-    apart, chosen = np.ones(len(squares.index) + 1, np.bool_), np.zeros(len(squares.index) + 1, np.bool_)
-    apart[own] = apart[-1] = False
-    chosen[others] = True
-    beyond = squares.neighbor[:, own]
-    return bool(chosen[beyond[apart[beyond]]].all())
+def beside(squares: Squares, own: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the squares of the tile that touch a region."""
+    return np.setdiff1d(squares.neighbor[:, own], np.append(own, -1))
 
 
-def touch(squares: Squares, own: NDArray[np.int64], others: NDArray[np.int64]) -> bool:
-    """Return whether a region touches some other squares."""
-    return bool(np.isin(squares.neighbor[:, own], others).any())
+def is_amid(squares: Squares, own: NDArray[np.int64], water: Mask, land: Mask) -> bool:
+    """Return whether a region touches squares of water along half of its edge in the tile, and none of land."""
+    beyond = beside(squares, own)
+    return bool(np.count_nonzero(water[beyond]) >= _AMID_SHARE * len(beyond) and not land[beyond].any())
 
 
 def edge_of(

@@ -7,17 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.echoes import Echoes
-from seaclutter_cli.airborne.reflection import DIFFUSE, LIKE_GROUND, MIRROR_SHARE, SPECULAR, is_diffuse, median_of
+from seaclutter_cli.airborne.reflection import (
+    CLEARLY_GROUND,
+    DIFFUSE,
+    LIKE_GROUND,
+    MIRROR_SHARE,
+    SPECULAR,
+    is_diffuse,
+    median_of,
+)
 from seaclutter_cli.airborne.regions import (
     COARSE,
     band_of,
     bands_of,
+    beside,
     edge_of,
     is_amid,
     is_even,
     level_regions,
     relief_of,
-    touch,
     waves_in,
 )
 from seaclutter_cli.airborne.squares import LEAST_SQUARES, Squares, SquareWaves, is_relief
@@ -79,14 +87,17 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     Signs of water and of land are added up. A region needs more signs of water than of land; any if there is no other
     water, or one that covers half of the tile and does not reflect like ground, as many. If nothing in the tile
     reflects like a mirror, a body of water that covers a twentieth of the tile tells the level of all water: other
-    regions at that level are water, too, unless they have two more signs of land and no waves that are as high. A
-    region of at most 2 % of the tile that touches nothing but such bodies, and is no further from their level than the
-    waves in all of them, is a crest. If such bodies have several levels, as at a lock, only those with waves or as even
-    as still water are water: means over 64 cells deviate by at most 1 cm, and a plane by 4 cm, or either by 0.45 times
-    the spread within squares; ground undulates more over wide distances than over short ones. Of these, water must not
-    run off along a tenth of the edge that is in the tile, unless they are half of it. Without any such body, the tile
-    remains undecided and no region is returned, unless nearly all squares are in regions with two more signs of land,
-    and without waves.
+    regions at that level are water, too, unless they have two more signs of land and no waves that are as high, or do
+    not touch it. A region of at most 2 % of the tile is a crest if it touches such bodies along half of its edge, and
+    no land, and is no further from their level than the waves in all of them.
+
+    If such bodies have several levels, as at a lock, only those with waves or as even as still water are water: means
+    over 64 cells deviate by at most 1 cm, and a plane by 4 cm, or either by 0.45 times the spread within squares;
+    ground undulates more over wide distances than over short ones. Beside an even body, one at the same level that is
+    twice as uneven is ground. Waves must have been measured in three tenths of a body, or a tenth if their significant
+    height is 0.6 m. Of these bodies, water must not run off along a tenth of the edge that is in the tile, unless they
+    are half of it. Without any such body, the tile remains undecided and no region is returned, unless nearly all
+    squares are in regions with two more signs of land, and without waves.
 
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
       along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher holds it back, and if the
@@ -101,9 +112,13 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     * Water reflects like a mirror, and an echo depends on the facet that it met: a coefficient of variation of at least
       0.6 among neighbouring intensities (+1; the speckle of many facets has 0.7 and more). Ground scatters light in all
       directions: 0.45 at most (-1, if a twentieth of the tile does reflect like a mirror). Squares of ground and others
-      are not joined; a region with ground at its level along half of its edge is a part of it (-2).
-    * A pulse has several echoes under trees, and one on water (-1).
-    * Waves move, and still water is level: squares that deviate by 2 cm, and do so alike in two strips, are land (-2).
+      are not joined; a region with ground at its level along half of its edge is a part of it (-2). Where water is
+      dark, it varies less: a region of at most 2 % of the tile with more than 0.35, in waves, that touches water at its
+      level along half of its edge, and no land, is a part of it.
+    * A pulse has several echoes under trees, and one on water (-1). Nothing rises two metres and more in most squares
+      of water, with a twentieth of their echoes (-1).
+    * Waves move, and still water is level: squares that deviate by 2 cm, and do so alike in two strips, are land (-2),
+      unless they reflect like a mirror: rapids stay where they are.
 
     Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
     needs two more signs of water.
@@ -133,7 +148,33 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     half = _LARGEST * len(free)
     doubt = [least == 1 and len(own) >= half and not (has_mirrors and is_diffuse(echoes, own)) for own in regions]
     certain = signs >= np.where(doubt, 0, least)
-    return _bodies(squares, regions, certain if certain.any() else signs >= 0)
+    water = certain if certain.any() else signs >= 0
+    return _bodies(squares, regions, water | _amid_waves(squares, echoes, regions, water, waves))
+
+
+def _amid_waves(
+    squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], water: Mask, waves: SquareWaves
+) -> Mask:
+    """Return which small regions are a part of the waves around them: at their level, and not clearly ground."""
+    sea, land = (_squares_of(squares, regions, chosen) for chosen in (water, ~water))
+    found = np.zeros(len(regions), np.bool_)
+    for number, own in enumerate(regions):
+        deviation_m = float(np.median(waves.deviation_m[own]))
+        if water[number] or not deviation_m or len(own) > _SMALL * len(squares.index) or echoes.known[own[0]]:
+            continue
+        if is_amid(squares, own, sea, land) and not median_of(echoes.variation[own]) <= CLEARLY_GROUND:
+            around = beside(squares, own)
+            apart = np.median(squares.level_m[own]) - np.median(squares.level_m[around[sea[around]]])
+            found[number] = abs(apart) <= band_of(deviation_m)
+    return found
+
+
+def _squares_of(squares: Squares, regions: Sequence[NDArray[np.int64]], chosen: Mask) -> Mask:
+    """Return which squares are in the chosen regions."""
+    inside = np.zeros(len(squares.index), np.bool_)
+    for own, is_chosen in zip(regions, chosen, strict=True):
+        inside[own] = is_chosen
+    return inside
 
 
 def _without_mirrors(
@@ -159,10 +200,10 @@ def _without_mirrors(
         in_waves = np.array([np.median(deviation_m[own]) for own in joined])
         are_crests = (in_waves > 0) & (apart.min(axis=1) <= bands_of(in_waves))
         groups = bands_of(np.sqrt([np.mean(deviation_m[own] ** 2) for own in joined]))  # waves come in groups
-        sea = np.concatenate([own for own, is_large in zip(joined, large, strict=True) if is_large])
         is_crest = (size <= _SMALL * len(squares.index)) & (apart <= groups[large]).any(axis=1)
-        is_crest &= [is_amid(squares, own, sea) for own in joined]
-        are_crests &= [touch(squares, own, sea) for own in joined]
+        wet, dry = (_squares_of(squares, joined, chosen) for chosen in (large, ~(large | at_level)))
+        is_crest &= [is_amid(squares, own, wet, dry) for own in joined]
+        are_crests &= [bool(wet[beside(squares, own)].any()) for own in joined]
         return _bodies(squares, joined, certain | is_crest | (at_level & ~ground & ((signs > -2) | are_crests)))
     signs = _all_signs(squares, echoes, regions, waves, has_mirrors=False)
     clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())

@@ -1,5 +1,7 @@
 """Bodies of water from the level, waves and reflections of squares."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,6 +70,31 @@ def test_a_crest_amid_waves_that_come_in_groups_is_water(rise, are_water):
     bodies = find_bodies(found, echoes(unknown), waves)
     assert [len(body.squares) for body in bodies] == [SQUARES**2 - 8, 8]
     assert [body.is_water for body in bodies] == [True, are_water]
+
+
+@pytest.mark.parametrize(("variation", "deviation", "are_water"), [(0.42, 0.2, 2), (0.3, 0.2, 1), (0.42, 0.0, 1)])
+def test_dark_water_amid_waves_that_hardly_reflects_like_a_mirror(variation, deviation, are_water):
+    """Near the holes below the aircraft, echoes are weak; a raft or an islet on still water is none."""
+    x, y = np.indices((SQUARES, SQUARES))
+    found = squares(np.zeros(x.shape), 0.05)
+    place = found.xy - found.xy.min(axis=1, keepdims=True)
+    patch = ((x >= 8) & (x < 11) & (y >= 8) & (y < 11))[tuple(place)]
+    same = np.ones(len(patch))
+    waves = SquareWaves(0.0 * same, deviation * same, same > 0)
+    bodies = find_bodies(found, echoes(np.where(patch, variation, 0.8)), waves)
+    assert sum(body.is_water for body in bodies) == are_water
+
+
+@pytest.mark.parametrize(("share", "are_water"), [(0.0, True), (0.1, False)])
+def test_nothing_rises_from_most_squares_of_water(share, are_water):
+    x, y = np.indices((SQUARES, SQUARES))
+    found = squares(np.maximum(np.maximum(x, y) - 12.0, 0))
+    unknown = np.full(len(found.index), np.nan)
+    inside = found.level_m < 0.5
+    seen = replace(echoes(unknown), tall=np.where(inside, share, 0.0))
+    waves = SquareWaves(found.level_m, 0 * found.level_m, np.zeros(len(inside), np.bool_))
+    bodies = find_bodies(found, seen, waves)
+    assert any(body.is_water for body in bodies) == are_water
 
 
 @pytest.mark.parametrize("spread", [0.02, 0.1])
