@@ -78,7 +78,7 @@ def test_dark_water_amid_waves_that_hardly_reflects_like_a_mirror(variation, dev
     x, y = np.indices((SQUARES, SQUARES))
     found = squares(np.zeros(x.shape), 0.05)
     place = found.xy - found.xy.min(axis=1, keepdims=True)
-    patch = ((x >= 8) & (x < 11) & (y >= 8) & (y < 11))[tuple(place)]
+    patch = ((x >= 8) & (x < 10) & (y >= 8) & (y < 12))[tuple(place)]
     same = np.ones(len(patch))
     waves = SquareWaves(0.0 * same, deviation * same, same > 0)
     bodies = find_bodies(found, echoes(np.where(patch, variation, 0.8)), waves)
