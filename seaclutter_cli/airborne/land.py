@@ -19,6 +19,7 @@ from seaclutter_cli.airborne.reflection import (
     median_of,
 )
 from seaclutter_cli.airborne.regions import are_flat, bands_of, connected
+from seaclutter_cli.airborne.signs import looks_like_water
 from seaclutter_cli.airborne.squares import (
     LEAST_SQUARES,
     Squares,
@@ -29,7 +30,7 @@ from seaclutter_cli.airborne.squares import (
     waves_of,
 )
 from seaclutter_cli.airborne.terrain import are_hills, are_woods, without_woods
-from seaclutter_cli.airborne.water_bodies import WaterBody, find_bodies, looks_like_water
+from seaclutter_cli.airborne.water_bodies import WaterBody, find_bodies
 from seaclutter_cli.airborne.waves import LocalWaves
 
 Cells = NDArray[np.float64]
