@@ -24,7 +24,7 @@ MIRROR_SHARE = 0.05
 _GROUND_SHARE = 0.02
 _SAME_LEVEL_M = 0.03
 _ALIKE_BETWEEN, _ALIKE_WITHIN = 1.5, 1.25
-_WAVES_M, _NEAR_IN_WAVES = 0.1, 0.75
+_WAVES_M, _NEAR_IN_WAVES, _ALIKE_IN_WAVES = 0.1, 0.75, 1.75
 _APART, _LEAST_RATIO = 4.0, np.log(1.5)
 _STEP_M, _STEPS, _PURE = 0.03, 1.5, 0.3
 _WATER_SHARE = 0.5
@@ -62,8 +62,8 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
     level of the mirrors are mirrors, and a fiftieth are like ground, the two kinds are compared. They are one surface
     if their median levels are within 3 cm or one standard deviation, and their deviations between and within squares
     are similar. In waves, of which squares of several strips contain more than one moment, levels within three quarters
-    of the deviation between squares suffice if that is at least 10 cm and alike. The intensities of such a tile do not
-    distinguish water from land.
+    of the deviation between squares suffice if that is at least 10 cm, and the same within a factor of 1.75. The
+    intensities of such a tile do not distinguish water from land.
     """
     mirror = flat & (echoes.variation >= SPECULAR)
     if not mirror.any():
@@ -78,7 +78,7 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
     apart = abs(level - other_level)
     waves = min(between, other_between)
     differ = _ratio(np.hypot(between, _SAME_LEVEL_M), np.hypot(other_between, _SAME_LEVEL_M))
-    is_one = waves >= _WAVES_M and apart <= _NEAR_IN_WAVES * waves and differ <= _ALIKE_BETWEEN
+    is_one = waves >= _WAVES_M and apart <= _NEAR_IN_WAVES * waves and differ <= _ALIKE_IN_WAVES
     is_one |= (
         apart <= max(_SAME_LEVEL_M, np.hypot(other_between, other_within))
         and differ <= _ALIKE_BETWEEN

@@ -33,7 +33,7 @@ Mask = NDArray[np.bool_]
 
 _LARGE, _SMALL = 0.05, 0.02
 _CLEAR_SHARE = 0.8
-_UNEVEN = 2.0
+_UNEVEN, _HALF = 2.0, 0.5
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,9 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
 
     If nothing in the tile reflects like a mirror, a body of water that covers a twentieth of the tile tells the level
     of all water: other regions at that level are water, too, unless they have two more signs of land and no waves that
-    are as high, or do not touch it. A region of at most 2 % of the tile is a crest if it touches such bodies along half
-    of its edge, and no land, and is no further from their level than the waves in all of them.
+    are as high, measured in half of it or in the water that it touches. A region of at most 2 % of the tile is a crest
+    if it touches such bodies along half of its edge, and no land, and is no further from their level than the waves in
+    all of them.
 
     If such bodies have several levels, as at a lock, only those with waves or as even as still water are water: means
     over 64 cells deviate by at most 1 cm, and a plane by 4 cm, or either by 0.45 times the spread within squares;
@@ -197,7 +198,7 @@ def _at_levels_of(
     wet, dry = (_squares_of(squares, regions, chosen) for chosen in (large, ~(large | at_level)))
     in_waves = np.array([np.median(waves.deviation_m[own]) for own in regions])
     follows = (in_waves > 0) & (apart.min(axis=1) <= bands_of(in_waves))
-    follows &= [bool(wet[beside(squares, own)].any()) for own in regions]
+    follows &= [waves.measured[own].mean() > _HALF or bool(wet[beside(squares, own)].any()) for own in regions]
     groups = bands_of(np.sqrt([np.mean(waves.deviation_m[own] ** 2) for own in regions]))  # waves come in groups
     size = np.array([len(own) for own in regions])
     is_crest = (size <= _SMALL * len(squares.index)) & (apart <= groups[large]).any(axis=1)
