@@ -152,6 +152,7 @@ def _with_neighbors(squares: Squares, values: Values) -> Values:
 
 
 def _is_whole(intensity: NDArray[Any] | None) -> bool:
+    """Return whether intensities are whole numbers."""
     return intensity is not None and np.issubdtype(intensity.dtype, np.integer)
 
 

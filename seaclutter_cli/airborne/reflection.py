@@ -16,13 +16,14 @@ SPECULAR, DIFFUSE = 0.6, 0.45
 """Coefficients of variation of neighbouring intensities: at least that of a mirror, and at most that of ground."""
 LIKE_GROUND = (SPECULAR + DIFFUSE) / 2
 """Coefficient of variation that divides the two kinds."""
-CLEARLY_GROUND = 0.35
+CLEARLY_GROUND = 0.33
 """Coefficient of variation up to which a small region is ground, whatever is around it."""
+SAME_LEVEL_M = 0.03
+"""Difference between the levels of one still surface."""
 MIRROR_SHARE = 0.05
 """Share of the squares that reflect like a mirror in tiles whose intensities tell water from land."""
 
 _GROUND_SHARE = 0.02
-_SAME_LEVEL_M = 0.03
 _ALIKE_BETWEEN, _ALIKE_WITHIN = 1.5, 1.25
 _WAVES_M, _NEAR_IN_WAVES, _ALIKE_IN_WAVES = 0.1, 0.75, 1.75
 _APART, _LEAST_RATIO = 4.0, np.log(1.5)
@@ -77,10 +78,10 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
     other_level, other_between, other_within = _elevations(squares, mirror)
     apart = abs(level - other_level)
     waves = min(between, other_between)
-    differ = _ratio(np.hypot(between, _SAME_LEVEL_M), np.hypot(other_between, _SAME_LEVEL_M))
+    differ = _ratio(np.hypot(between, SAME_LEVEL_M), np.hypot(other_between, SAME_LEVEL_M))
     is_one = waves >= _WAVES_M and apart <= _NEAR_IN_WAVES * waves and differ <= _ALIKE_IN_WAVES
     is_one |= (
-        apart <= max(_SAME_LEVEL_M, np.hypot(other_between, other_within))
+        apart <= max(SAME_LEVEL_M, np.hypot(other_between, other_within))
         and differ <= _ALIKE_BETWEEN
         and _ratio(within, other_within) <= _ALIKE_WITHIN
     )

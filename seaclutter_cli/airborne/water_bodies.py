@@ -11,6 +11,7 @@ from seaclutter_cli.airborne.reflection import (
     CLEARLY_GROUND,
     LIKE_GROUND,
     MIRROR_SHARE,
+    SAME_LEVEL_M,
     SPECULAR,
     is_diffuse,
     median_of,
@@ -76,9 +77,10 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     small for an object.
 
     Signs of water and of land are added up (`signs_of`). A region needs more signs of water than of land; any if there
-    is no other water, or one that covers half of the tile and does not reflect like ground, as many. In waves, a region
-    of at most 2 % of the tile that touches water at its level along half of its edge, and no land, is a part of it,
-    unless it is clearly ground: echoes near the holes below an aircraft are weak, and vary less.
+    is no other water, or one that covers half of the tile and does not reflect like ground, as many. A region of at
+    most 2 % of the tile that touches water along half of its edge, and no land, is a part of it, unless it varies by
+    less than 0.33, as ground does: echoes near the holes below an aircraft are weak, and vary less than others. Its
+    level may differ by 3 cm, or as much as in the waves there.
 
     If nothing in the tile reflects like a mirror, a body of water that covers a twentieth of the tile tells the level
     of all water: other regions at that level are water, too, unless they have two more signs of land and no waves that
@@ -123,23 +125,22 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     doubt = [least == 1 and len(own) >= half and not (has_mirrors and is_diffuse(echoes, own)) for own in regions]
     certain = signs >= np.where(doubt, 0, least)
     water = certain if certain.any() else signs >= 0
-    return _bodies(squares, regions, water | _amid_waves(squares, echoes, regions, water, waves))
+    return _bodies(squares, regions, water | _amid_water(squares, echoes, regions, water, waves))
 
 
-def _amid_waves(
+def _amid_water(
     squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], water: Mask, waves: SquareWaves
 ) -> Mask:
-    """Return which small regions are a part of the waves around them: at their level, and not clearly ground."""
+    """Return which small regions are a part of the water around them: at its level, and not clearly ground."""
     sea, land = (_squares_of(squares, regions, chosen) for chosen in (water, ~water))
     found = np.zeros(len(regions), np.bool_)
     for number, own in enumerate(regions):
-        deviation_m = float(np.median(waves.deviation_m[own]))
-        if water[number] or not deviation_m or len(own) > _SMALL * len(squares.index) or echoes.known[own[0]]:
+        if water[number] or len(own) > _SMALL * len(squares.index) or echoes.known[own[0]]:
             continue
         if is_amid(squares, own, sea, land) and not median_of(echoes.variation[own]) <= CLEARLY_GROUND:
-            around = beside(squares, own)
+            around, deviation_m = beside(squares, own), float(np.median(waves.deviation_m[own]))
             apart = np.median(squares.level_m[own]) - np.median(squares.level_m[around[sea[around]]])
-            found[number] = abs(apart) <= band_of(deviation_m)
+            found[number] = abs(apart) <= (band_of(deviation_m) if deviation_m else SAME_LEVEL_M)
     return found
 
 

@@ -72,16 +72,19 @@ def test_a_crest_amid_waves_that_come_in_groups_is_water(rise, are_water):
     assert [body.is_water for body in bodies] == [True, are_water]
 
 
-@pytest.mark.parametrize(("variation", "deviation", "are_water"), [(0.42, 0.2, 2), (0.3, 0.2, 1), (0.42, 0.0, 1)])
-def test_dark_water_amid_waves_that_hardly_reflects_like_a_mirror(variation, deviation, are_water):
-    """Near the holes below the aircraft, echoes are weak; a raft or an islet on still water is none."""
+@pytest.mark.parametrize(
+    ("variation", "deviation", "rise", "are_water"),
+    [(0.42, 0.2, 0.1, 2), (0.3, 0.2, 0.0, 1), (0.42, 0.0, 0.0, 2), (0.42, 0.0, 0.1, 1), (0.3, 0.0, 0.0, 1)],
+)
+def test_dark_water_amid_water_that_hardly_reflects_like_a_mirror(variation, deviation, rise, are_water):
+    """Near the holes below the aircraft, echoes are weak; a raft on still water is higher."""
     x, y = np.indices((SQUARES, SQUARES))
-    found = squares(np.zeros(x.shape), 0.05)
-    place = found.xy - found.xy.min(axis=1, keepdims=True)
-    patch = ((x >= 8) & (x < 10) & (y >= 8) & (y < 12))[tuple(place)]
-    same = np.ones(len(patch))
+    patch = (x >= 8) & (x < 10) & (y >= 8) & (y < 12)
+    found = squares(rise * patch, 0.05)
+    own = patch[tuple(found.xy - found.xy.min(axis=1, keepdims=True))]
+    same = np.ones(len(own))
     waves = SquareWaves(0.0 * same, deviation * same, same > 0)
-    bodies = find_bodies(found, echoes(np.where(patch, variation, 0.8)), waves)
+    bodies = find_bodies(found, echoes(np.where(own, variation, 0.8)), waves)
     assert sum(body.is_water for body in bodies) == are_water
 
 
