@@ -19,7 +19,7 @@ _LOWER_SHARE, _HIGHER_SHARE = 0.1, 0.02
 _CERTAIN = 100
 _GROUND_M, _GROUND_SHARE = 0.2, 0.5
 _SHORT_WAVES = 0.7
-_MEASURED_SHARE, _SEEN_SHARE, _HIGH_M = 0.3, 0.1, 0.15
+_MEASURED_SHARE, _SEEN_SHARE, _HIGH_M, _STEEP = 0.3, 0.1, 0.15, 0.25
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE, _RELIEF_M = 0.04, 0.05, 0.02, 0.001, 0.02
 
 
@@ -124,9 +124,11 @@ def is_basin(squares: Squares, own: NDArray[np.int64], waves: SquareWaves) -> bo
 def looks_like_water(squares: Squares, own: NDArray[np.int64], waves: SquareWaves, least_m: float = 0.0) -> bool:
     """Return whether a region is as even over wide distances as over short ones, or has waves.
 
-    ``least_m`` is the deviation that waves exceed.
+    ``least_m`` is the deviation that waves exceed. They are measured in three tenths of the region, or in a tenth if
+    they are high and short: ground that rises and falls as far does so over longer distances.
     """
     deviation_m = float(np.median(waves.deviation_m[own]))
-    least_share = _MEASURED_SHARE if deviation_m < _HIGH_M else _SEEN_SHARE
+    is_clear = deviation_m >= _HIGH_M and np.median(squares.spread_m[own]) >= _STEEP * deviation_m
+    least_share = _SEEN_SHARE if is_clear else _MEASURED_SHARE
     has_waves = deviation_m > least_m and waves.measured[own].mean() > least_share
     return bool(has_waves or is_even(squares, own))

@@ -34,7 +34,7 @@ Mask = NDArray[np.bool_]
 
 _LARGE, _SMALL = 0.05, 0.02
 _CLEAR_SHARE = 0.8
-_UNEVEN, _HALF = 2.0, 0.5
+_UNEVEN, _HALF = 1.5, 0.5
 
 
 @dataclass(frozen=True)
@@ -91,10 +91,11 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     If such bodies have several levels, as at a lock, only those with waves or as even as still water are water: means
     over 64 cells deviate by at most 1 cm, and a plane by 4 cm, or either by 0.45 times the spread within squares;
     ground undulates more over wide distances than over short ones. Beside an even body, one at the same level that is
-    twice as uneven is ground. Waves must have been measured in three tenths of a body, or a tenth if their significant
-    height is 0.6 m. Of these bodies, water must not run off along a tenth of the edge that is in the tile, unless they
-    are half of it. Without any such body, the tile remains undecided and no region is returned, unless nearly all
-    squares are in regions with two more signs of land, and without waves.
+    1.5 times as uneven is ground. Waves must have been measured in three tenths of a body; or a tenth if their
+    significant height is 0.6 m, and squares deviate by a quarter of their deviation. Of these bodies, water must not
+    run off along a tenth of the edge that is in the tile, unless they are half of it. Without any such body, the tile
+    remains undecided and no region is returned, unless nearly all squares are in regions with two more signs of land,
+    and without waves.
 
     Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
     needs two more signs of water.
