@@ -82,7 +82,7 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     less than 0.33, as ground does: echoes near the holes below an aircraft are weak, and vary less than others. Its
     level may differ by 3 cm, or as much as in the waves there.
 
-    If nothing in the tile reflects like a mirror, a body of water that covers a twentieth of the tile tells the level
+    If nothing in the tile reflects like a mirror, a body of water that covers a twentieth of the tile sets the level
     of all water: other regions at that level are water, too, unless they have two more signs of land and no waves that
     are as high, measured in half of it or in the water that it touches. A region of at most 2 % of the tile is a crest
     if it touches such bodies along half of its edge, and no land, and is no further from their level than the waves in
