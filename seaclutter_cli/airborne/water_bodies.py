@@ -164,14 +164,16 @@ def _without_mirrors(
     certain = signs >= np.where(size >= LARGEST * len(squares.index), 0, 1)
     large = certain & (size > _LARGE * len(squares.index))
     level, band = _levels(squares, joined, deviation_m)
-    basins = large & np.array([is_basin(squares, own, waves) for own in joined], np.bool_)
-    ground = large & ~basins & np.array([not is_even(squares, own, _UNEVEN) for own in joined], np.bool_)
+    basins, ground = large.copy(), np.zeros_like(large)
+    for number in np.flatnonzero(large).tolist():
+        basins[number] = is_basin(squares, joined[number], waves)
+        ground[number] = not (basins[number] or is_even(squares, joined[number], _UNEVEN))
     if _are_apart(level[large], band[large]):
         large = certain = basins
     elif basins.any():
         large, certain = large & ~ground, certain & ~ground
     if large.any():
-        same = _at_levels_of(squares, joined, large, waves, band, signs)
+        same = _at_levels_of(squares, joined, large, waves, (level, band), signs)
         return _bodies(squares, joined, certain | (same & ~ground))
     signs = signs_of(squares, echoes, regions, waves, has_mirrors=False)
     clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
@@ -180,8 +182,9 @@ def _without_mirrors(
     water = signs >= 1
     level, band = _levels(squares, regions, deviation_m)
     if _are_apart(level[water], band[water]):
-        mirrors = [median_of(echoes.variation[own]) >= SPECULAR for own in regions]
-        water &= np.array([is_basin(squares, own, waves) for own in regions]) | mirrors
+        for number in np.flatnonzero(water).tolist():
+            is_mirror = median_of(echoes.variation[regions[number]]) >= SPECULAR
+            water[number] = is_mirror or is_basin(squares, regions[number], waves)
     return _bodies(squares, regions, water)
 
 
@@ -190,13 +193,13 @@ def _at_levels_of(
     regions: Sequence[NDArray[np.int64]],
     large: Mask,
     waves: SquareWaves,
-    band_m: Values,
+    levels: tuple[Values, Values],
     signs: NDArray[np.int64],
 ) -> Mask:
     """Return which regions are at the level of large bodies of water, and may be water, too, or are crests of it."""
-    level = np.array([np.median(squares.level_m[own]) for own in regions])
+    level, band = levels
     apart = np.abs(level[:, None] - level[large])
-    at_level = (apart <= band_m[large]).any(axis=1)
+    at_level = (apart <= band[large]).any(axis=1)
     wet, dry = (_squares_of(squares, regions, chosen) for chosen in (large, ~(large | at_level)))
     in_waves = np.array([np.median(waves.deviation_m[own]) for own in regions])
     follows = (in_waves > 0) & (apart.min(axis=1) <= bands_of(in_waves))

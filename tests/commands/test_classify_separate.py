@@ -143,6 +143,7 @@ def test_las_1_0_becomes_1_2(tmp_path, suffix):
     tile.write_bytes(data)
     out = tmp_path / f"out{suffix}"
     assert run(tile, "-o", out).exit_code == 0
+    assert run(tile, "-o", tmp_path / "out.pcd").exit_code == 0
     found = read(out)
     assert (str(found.header.version), out.read_bytes()[4:8]) == ("1.2", bytes(4))
     data[4:8], data[25] = bytes(4), 2
