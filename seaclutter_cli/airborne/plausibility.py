@@ -29,7 +29,9 @@ def doubts_about_sea(parts: Iterable[NDArray[np.float64]], found: Separation) ->
     is_sea = found.classification == WATER
     points = int(np.count_nonzero(is_sea))
     doubts = []
-    if points < _MIN_SEA * len(is_sea):
+    if not points:
+        doubts.append("no point is sea")
+    elif points < _MIN_SEA * len(is_sea):
         doubts.append(f"only {share(points, len(is_sea))} of the points are sea")
     z = np.concatenate([xyz[2] for xyz in parts])[is_sea]
     elevation = z - found.height_m[is_sea]
@@ -48,8 +50,8 @@ def doubts_about_sea(parts: Iterable[NDArray[np.float64]], found: Separation) ->
             )
     if found.is_doubtful:
         doubts.append(
-            "nothing distinguishes sea from land: neither reflections nor waves nor level water in a hollow; the tile "
-            "may be of land"
+            "hardly anything distinguishes sea from land: no reflections of water, no clear waves, no even water in a "
+            "hollow; the tile may be of land; classes of its points help, see separation.trust_classes"
         )
     if found.sea.surface == "followed" and found.sea.object_height_m > _MAX_OBJECT_M:
         doubts.append(
