@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.nearest import nearest
+from seaclutter_cli.airborne.quarters import LocalWaves
 from seaclutter_cli.airborne.reflection import (
     DIFFUSE,
     SPECULAR,
@@ -31,7 +32,6 @@ from seaclutter_cli.airborne.squares import (
 )
 from seaclutter_cli.airborne.terrain import are_hills, are_woods, without_woods
 from seaclutter_cli.airborne.water_bodies import WaterBody, find_bodies
-from seaclutter_cli.airborne.waves import LocalWaves
 
 Cells = NDArray[np.float64]
 Values = NDArray[np.float64]

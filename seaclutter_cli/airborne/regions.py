@@ -86,9 +86,12 @@ def _regions(squares: Squares, waves: SquareWaves, kind: Mask) -> Iterator[NDArr
 
 
 def are_flat(squares: Squares, deviation_m: Values) -> Mask:
-    """Return whether squares are no rougher than calm water or the waves in them."""
+    """Return whether squares are no rougher than calm water or the waves in them.
+
+    Without waves, what is mostly above the opened surface is an object; in waves, it may be a crest.
+    """
     flat = squares.spread_m <= np.maximum(_ROUGH_M, _BAND_DEVIATIONS * deviation_m)
-    return flat & (squares.open_share >= _OPEN_SHARE)
+    return flat & ((squares.open_share >= _OPEN_SHARE) | (deviation_m > 0))
 
 
 def bands_of(deviation_m: Values) -> Values:
@@ -128,6 +131,12 @@ def beside(squares: Squares, own: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.setdiff1d(squares.neighbor[:, own], np.append(own, -1))
 
 
+def are_joined(squares: Squares, own: NDArray[np.int64], beyond: NDArray[np.int64]) -> bool:
+    """Return whether some squares that touch a region are one stretch along it."""
+    along = np.intersect1d(own, squares.neighbor[:, beyond])
+    return not connected(squares, np.union1d(along, beyond)).any()
+
+
 def is_amid(squares: Squares, own: NDArray[np.int64], water: Mask, land: Mask) -> bool:
     """Return whether a region touches squares of water along half of its edge in the tile, and none of land."""
     beyond = beside(squares, own)
@@ -140,6 +149,7 @@ def edge_of(
     """Return the squares beyond the edge of a region, -1 for none, and whether water would run off there.
 
     What is above ``high_m`` holds it back; with ``has_walls``, also if it is in the square below ``low_m``, as a weir.
+    The upper part of a slope does not hold back the lower.
     """
     last = len(squares.index)  # stands for a missing neighbour
     inside, open_way = np.zeros(last + 1, np.bool_), np.zeros(last + 1, np.bool_)
@@ -154,7 +164,11 @@ def edge_of(
     beyond = squares.neighbor[side, start]
     further = squares.neighbor[:, beyond]
     falls_further = (np.take_along_axis(falls, further, 1) & ~inside[further]).any(axis=0)
-    return beyond, open_way[start] & (falls[side, beyond] | (open_way[beyond] & falls_further))
+    level = np.append(squares.level_m, np.nan)
+    behind = squares.neighbor[(side + len(squares.neighbor) // 2) % len(squares.neighbor), start]
+    is_slope = level[behind] - level[start] > (level[start] - level[beyond]) / 2
+    is_slope &= squares.top_m[start] <= level[behind]
+    return beyond, (open_way[start] | is_slope) & (falls[side, beyond] | (open_way[beyond] & falls_further))
 
 
 def relief_of(squares: Squares, own: NDArray[np.int64]) -> Relief:
@@ -181,3 +195,8 @@ def is_even(squares: Squares, own: NDArray[np.int64], times: float = 1.0) -> boo
     relief = relief_of(squares, own)
     allowed = _EVEN_SHARE * float(np.median(squares.spread_m[own]))
     return relief.bumps_m <= times * max(_EVEN_M, allowed) and relief.tilt_m <= times * max(_EVEN_TILT_M, allowed)
+
+
+def is_widely_even(squares: Squares, own: NDArray[np.int64]) -> bool:
+    """Return whether a region is even, and large enough to show it."""
+    return len(own) >= COARSE**2 and is_even(squares, own)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.reflection import DIFFUSE, LIKE_GROUND, SPECULAR, median_of
-from seaclutter_cli.airborne.regions import COARSE, band_of, edge_of, is_even, relief_of, waves_in
+from seaclutter_cli.airborne.regions import are_joined, band_of, edge_of, is_even, is_widely_even, relief_of, waves_in
 from seaclutter_cli.airborne.squares import LEAST_SQUARES, Squares, SquareWaves, is_relief
 from seaclutter_cli.airborne.terrain import SEVERAL
 
@@ -15,12 +15,12 @@ Values = NDArray[np.float64]
 
 LARGEST = 0.5
 """Share of the squares of a tile from which a region needs less evidence."""
-_LOWER_SHARE, _HIGHER_SHARE = 0.1, 0.02
+_LOWER_SHARE, _WEIR_SHARE, _HIGHER_SHARE = 0.1, 0.3, 0.02
 _CERTAIN = 100
 _GROUND_M, _GROUND_SHARE = 0.2, 0.5
 _SHORT_WAVES = 0.7
 _MEASURED_SHARE, _SEEN_SHARE, _HIGH_M, _STEEP = 0.3, 0.1, 0.15, 0.25
-_STEP_M, _BUMPS_M, _TILT_M, _SLOPE, _RELIEF_M = 0.04, 0.05, 0.02, 0.001, 0.02
+_STEP_M, _BUMPS_M, _TILT_M, _SLOPE, _RELIEF_M = 0.04, 0.05, 0.02, 0.001, 0.03
 
 
 def signs_of(
@@ -45,7 +45,8 @@ def signs_of(
     -----
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
       along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher holds it back, and if the
-      region is flat, a wall in the lower square does, too, as that of a weir.
+      region is flat, a wall in the lower square does, too. A region of 64 squares that is as even as still water may
+      lose it over one stretch of three tenths of its edge: a weir.
     * Still water is level. A plane through a slope or a river falls by more than one in a thousand (-2); for a
       region like a mirror, by more than chance makes of the differences between its squares, or the waves do. Wind
       and strips that do not match cause less. In waves, only squares count in which these were measured: the foot of a
@@ -59,8 +60,8 @@ def signs_of(
       are not joined; a region with ground at its level along half of its edge is a part of it (-2).
     * A pulse has several echoes under trees, and one on water (-1). Nothing rises two metres and more in most squares
       of water, with a twentieth of their echoes (-1).
-    * Waves move, and still water is level: squares that deviate by 2 cm, and do so alike in two strips, are land (-2),
-      unless they reflect like a mirror: rapids stay where they are.
+    * Waves move, and still water is level: squares that deviate by 3 cm, and do so alike in two strips, or by half of
+      that in nearly the same way, are land (-2), unless they reflect like a mirror: rapids stay where they are.
     """
     return np.array([_signs(squares, echoes, own, waves, has_mirrors=has_mirrors) for own in regions], np.int64)
 
@@ -76,8 +77,8 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     in_waves = waves > 0 and len(measured) >= LEAST_SQUARES
     relief = relief_of(squares, measured if in_waves else own)
     is_flat = relief.step_m <= np.hypot(_STEP_M, waves) and relief.bumps_m <= np.hypot(_BUMPS_M, waves)
-    has_short_waves = len(own) >= COARSE**2 and relief.step_m <= _SHORT_WAVES * np.median(squares.spread_m[own])
-    is_flat |= has_short_waves and is_even(squares, own)
+    is_still = is_widely_even(squares, own)
+    is_flat |= is_still and relief.step_m <= _SHORT_WAVES * np.median(squares.spread_m[own])
     is_mirror = variation >= SPECULAR
     band = band_of(waves)
     # What reflects like water around water may be its troughs.
@@ -97,10 +98,18 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
 def _hollow(squares: Squares, own: NDArray[np.int64], high_m: float, low_m: float | Values, *, has_walls: bool) -> int:
     """Return -2 if water would run off a region, over at most one square beyond it; 1 if it is in a hollow."""
     beyond, runs_off = edge_of(squares, own, high_m, low_m, has_walls=has_walls)
-    if np.count_nonzero(runs_off) > _LOWER_SHARE * len(beyond):
+    if _drains(squares, own, beyond[runs_off], len(beyond)):
         return -2
     higher = np.append(squares.top_m > high_m, False)[beyond]
     return int(np.count_nonzero(higher) > _HIGHER_SHARE * len(beyond))
+
+
+def _drains(squares: Squares, own: NDArray[np.int64], outlets: NDArray[np.int64], edge: int) -> bool:
+    """Return whether water would run off a region along too much of its edge; a weir is one outlet of a still pool."""
+    if len(outlets) <= _LOWER_SHARE * edge:
+        return False
+    is_weir = len(outlets) <= _WEIR_SHARE * edge and is_widely_even(squares, own) and are_joined(squares, own, outlets)
+    return not is_weir
 
 
 def _goes_on_as_ground(squares: Squares, echoes: Echoes, own: NDArray[np.int64], level_m: float) -> bool:
@@ -117,7 +126,7 @@ def is_basin(squares: Squares, own: NDArray[np.int64], waves: SquareWaves) -> bo
     """Return whether a region looks like water, and is held back along its edge in the tile or is half of it."""
     level, band = float(np.median(squares.level_m[own])), band_of(waves_in(squares, own, waves.deviation_m))
     beyond, runs_off = edge_of(squares, own, level + band, level - band, has_walls=True)
-    is_held = np.count_nonzero(runs_off) <= _LOWER_SHARE * np.count_nonzero(beyond >= 0)
+    is_held = not _drains(squares, own, beyond[runs_off], int(np.count_nonzero(beyond >= 0)))
     return (is_held or len(own) >= LARGEST * len(squares.index)) and looks_like_water(squares, own, waves)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
-from seaclutter_cli.airborne.waves import PART_CELLS, PartWaves
+from seaclutter_cli.airborne.part_waves import PART_CELLS, PartWaves
 
 Values = NDArray[np.float64]
 Cells = NDArray[np.float64]
@@ -25,6 +25,7 @@ _STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _FAR = 1 << 31
 _AT_LEVEL, _NEAR_LEVEL_M = 4.0, 0.2
 _LEAST_SHARED, _LEAST_RELIEF, _LEAST_RELIEF_M = 16, 0.5, 0.03
+_CLEAR_CHANGE = 0.05
 
 
 @dataclass(frozen=True)
@@ -218,12 +219,15 @@ def is_relief(squares: Squares, change_m: Values, own: Mask | NDArray[np.int64],
     """Return whether two strips show the same elevations in some squares.
 
     None if fewer than 16 tell, or if the deviation of their levels is less than ``least_m``. The variance of what the
-    strips differ in is at most half of that of the levels; that of waves is twice as large.
+    strips differ in is at most half of that of the levels; that of waves is twice as large. Half of ``least_m`` is
+    enough if it is at most a twentieth.
     """
     known = np.isfinite(change_m[own])
     if np.count_nonzero(known) < _LEAST_SHARED:
         return None
     level, change = (_deviation(values[own][known]) for values in (squares.level_m, change_m))
+    if level >= least_m / 2 and change**2 <= _CLEAR_CHANGE * level**2:
+        return True
     return change**2 <= level**2 / 2 if level >= least_m else None
 
 

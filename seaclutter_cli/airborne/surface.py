@@ -15,9 +15,10 @@ from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.looks import Look, OpenedLooks, WithoutLand
 from seaclutter_cli.airborne.oscillation import LONG_WAVE_M
+from seaclutter_cli.airborne.quarters import LocalWaves, local_waves
 from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.squares import Squares, squares_of
-from seaclutter_cli.airborne.waves import LocalWaves, Waves, estimate_waves, local_levels, local_waves, other_levels
+from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_levels, other_levels
 from seaclutter_cli.errors import InputError
 
 Cells = NDArray[np.float64]

@@ -93,9 +93,9 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     ground undulates more over wide distances than over short ones. Beside an even body, one at the same level that is
     1.5 times as uneven is ground. Waves must have been measured in three tenths of a body; or a tenth if their
     significant height is 0.6 m, and squares deviate by a quarter of their deviation. Of these bodies, water must not
-    run off along a tenth of the edge that is in the tile, unless they are half of it. Without any such body, the tile
-    remains undecided and no region is returned, unless nearly all squares are in regions with two more signs of land,
-    and without waves.
+    run off along a tenth of the edge that is in the tile, or over more than a weir, unless they are half of it. Without
+    any such body, the tile remains undecided and no region is returned, unless nearly all squares are in regions with
+    two more signs of land, and without waves.
 
     Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
     needs two more signs of water.

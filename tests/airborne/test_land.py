@@ -5,10 +5,10 @@ import pytest
 
 from seaclutter_cli.airborne.echoes import _speckle
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.part_waves import PartWaves
 from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
 from seaclutter_cli.airborne.squares import squares_of, waves_of
 from seaclutter_cli.airborne.surface import SeparationParams
-from seaclutter_cli.airborne.waves import PartWaves
 from tests.airborne.coasts import SIZE, hummocks, relief, sea_only, shares, tile, waves
 from tests.paths import shared
 
@@ -81,6 +81,32 @@ def test_basins_on_both_sides_of_a_weir_in_waves(names):
     land, water = shares(*weir[:2], {name: weir[2][name] for name in names})
     assert land > 0.95
     assert water < 0.01
+
+
+@pytest.mark.parametrize("speckle", [True, False])
+def test_the_pool_above_a_weir_is_water_though_it_runs_off_over_the_crest(speckle):
+    """The crest is as high as the upper water; the banks undulate."""
+
+    def reach(x, y, bumps):
+        bank = 2.5 + 0.3 * np.sin(x / 20) * np.sin(y / 17) + bumps / 3
+        return np.where(np.abs(y - 150) > 45, bank, np.where(np.abs(x - 200) < 1, 1.2, -5))
+
+    xyz, land, columns = tile(reach, level=lambda x, _: np.where(x < 200, 1.2, 0.0), height=0.04, length=6.0)
+    on_land, on_water = shares(xyz, land, columns if speckle else {})
+    assert on_land > 0.97
+    assert on_water < 0.02
+
+
+def test_squares_along_the_contours_of_a_slope_are_no_basins():
+    """Each row of squares is level, and higher ground is on one side of it."""
+    rng = np.random.default_rng(2)
+    x, y = rng.uniform(0, 300, (2, 420_000))
+    ground = np.minimum((y - 140) / 20, 3 + np.abs(np.sin(x / 23) * np.sin(y / 19)))
+    sea = 39.4 + waves(rng, x, y, 0.7, 20.0)
+    land = 39.4 + ground > sea
+    xyz = np.stack((x, y, np.maximum(39.4 + ground, sea) + rng.normal(0, 0.03, len(x))))
+    high = land & (ground > 0.6)
+    assert shares(xyz, high, {})[0] > 0.97
 
 
 def test_basins_on_both_sides_of_a_weir():

@@ -60,7 +60,6 @@ def test_the_upper_basin_of_a_lock_is_dark_amid_bright_banks(seed):
         return np.where(wet, -5, np.where(x < 200, 4.5, 1.5) + rolling(x, y, seed))
 
     xyz, land, columns = tile(lock, level=level)
-    assert shares(xyz, land, columns | {"intensity": np.full(len(land), 60)})[1] > 0.4
     columns["intensity"] = recorded(np.random.default_rng(1), land, 30, 120)
     on_land, on_water = shares(xyz, land, columns)
     assert on_land > 0.98

@@ -8,9 +8,9 @@ from hypothesis.extra.numpy import arrays
 
 from seaclutter_cli.airborne.cells import smoothed, touching
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.part_waves import quantiles
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.surface import SeaSurfaceModel, SeparationParams
-from seaclutter_cli.airborne.waves import quantiles
 from tests.paths import shared
 
 SIDES = (300, 200)

@@ -1,0 +1,145 @@
+"""Waves of the quarters of blocks, of which some are too small, or too narrow, for long waves."""
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.looks import Look
+from seaclutter_cli.airborne.nearest import nearest
+from seaclutter_cli.airborne.oscillation import MAX_TILT, tilt
+from seaclutter_cli.airborne.part_waves import PART_CELLS, PartWaves, part_waves
+
+Cells = NDArray[np.float64]
+
+_NARROW_CELLS, _HIGHEST_DEVIATIONS = 32, 3.0
+_LEAST_SHARE = 0.1
+_ROUGH_M, _SEVERAL, _ROUGH_SHARE = 0.5, 3, 0.05
+
+
+@dataclass(frozen=True)
+class LocalWaves:
+    """Waves of the quarters of blocks.
+
+    Parameters
+    ----------
+    centers : ndarray, shape (2, P), float64
+        Centres of the quarters that look like sea or are still, in cells.
+    parts : sequence of PartWaves
+        Their waves.
+    sea_cells, mixed_cells, cells : int
+        Number of the cells in rough quarters that look like sea; in those that are level, but do not oscillate, as
+        where echoes of several moments meet; and in all quarters.
+    """
+
+    centers: Cells
+    parts: Sequence[PartWaves]
+    sea_cells: int
+    mixed_cells: int
+    cells: int
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether a tenth of the cells, and most rough ones, may show waves of several moments."""
+        return self.mixed_cells > max(_LEAST_SHARE * self.cells, self.sea_cells)
+
+    @property
+    def is_one_sea(self) -> bool:
+        """Whether a twentieth of the rough cells, in three quarters or more at about one level, looks like sea."""
+        sea = [part for part in self.parts if part.is_sea and part.crest_m > _ROUGH_M]
+        if len(sea) < _SEVERAL or self.sea_cells < _ROUGH_SHARE * (self.sea_cells + self.mixed_cells):
+            return False
+        return bool(np.std([part.level_m for part in sea]) <= np.median([part.deviation_m for part in sea]))
+
+
+@dataclass(frozen=True)
+class Quarter:
+    """A quarter of a block with enough points.
+
+    Parameters
+    ----------
+    center : (float, float)
+        Its centre, in cells.
+    width_m, length_m : float
+        Its shorter and longer side, as far as there are points.
+    waves : PartWaves
+        Its waves.
+    """
+
+    center: tuple[float, float]
+    width_m: float
+    length_m: float
+    waves: PartWaves
+
+    def is_certain(self, beside: "Quarter | None") -> bool:
+        """Return whether a narrow quarter shows waves or still water, beside a wide one that does.
+
+        It may be less than half of a wave there. A slope may be a wave, unless two wave lengths are seen.
+        """
+        if beside is not None and beside.waves.is_sea and 2 * self.width_m < beside.waves.length_m:
+            return not beside.waves.contains(self.waves, _HIGHEST_DEVIATIONS)
+        return not self.waves.is_sea or 2 * self.waves.length_m <= self.length_m
+
+
+def local_waves(looks: Iterable[Look]) -> LocalWaves:
+    """Return the waves of the quarters of blocks, of each look.
+
+    A quarter may be too small for long swell: it has the waves of a block if it is no rougher, and near their level.
+    """
+    own: list[tuple[tuple[float, float], PartWaves]] = []
+    sea = mixed = cells = 0
+    for look in looks:
+        every = quarters(look, crests=False)
+        rest = [quarter for quarter in every if not (quarter.waves.is_sea or quarter.waves.is_still)]
+        own += [(quarter.center, quarter.waves) for quarter in every if quarter.waves.is_sea or quarter.waves.is_still]
+        for swell in _long_swell(look, {quarter.waves.block for quarter in rest}):
+            own += [(quarter.center, swell) for quarter in rest if swell.contains(quarter.waves)]
+        rough = [quarter.waves for quarter in every if quarter.waves.is_level and quarter.waves.crest_m > _ROUGH_M]
+        sea += sum(waves.cells for waves in rough if waves.is_sea)
+        mixed += sum(waves.cells for waves in rough if not waves.is_sea)
+        cells += sum(quarter.waves.cells for quarter in every)
+    return LocalWaves(_columns(center for center, _ in own), [waves for _, waves in own], sea, mixed, cells)
+
+
+def _long_swell(look: Look, blocks: Collection[tuple[int, int]]) -> Iterator[PartWaves]:
+    """Yield the waves of those of some blocks that look like sea, if they are too long for their quarters."""
+    cell_m = look.grid.cell_m
+    for block, slot in look.grid.blocks.items():
+        if block in blocks:
+            waves = part_waves(look, block, look.lowest[slot], look.opened[slot], crests=False)
+            if waves is not None and waves.is_sea and waves.length_m > PART_CELLS * cell_m:
+                yield waves
+
+
+def quarters(look: Look, *, crests: bool) -> Sequence[Quarter]:
+    """Return quarters of blocks with enough points; narrow ones at the edge count if they are certain, or all are."""
+    found = list(_quarters(look, crests=crests))
+    narrow_m = _NARROW_CELLS * look.grid.cell_m
+    wide = [own for own in found if own.width_m >= narrow_m and (own.waves.is_sea or own.waves.is_still)]
+    centers = _columns(own.center for own in wide)
+
+    def counts(own: Quarter) -> bool:
+        beside = wide[nearest(centers, _columns([own.center]))[0]] if wide else None
+        return own.width_m >= narrow_m or own.is_certain(beside)
+
+    return [own for own in found if counts(own)] or found
+
+
+def _quarters(look: Look, *, crests: bool) -> Iterator[Quarter]:
+    for block, slot in look.grid.blocks.items():
+        for corner in np.ndindex(2, 2):
+            part = tuple(slice(PART_CELLS * at, PART_CELLS * (at + 1)) for at in corner)
+            lowest = look.lowest[slot][part]
+            waves = part_waves(look, block, lowest, look.opened[slot][part], crests=crests)
+            if waves is not None:
+                is_sea = waves.is_sea and tilt(lowest) < MAX_TILT * waves.deviation_m
+                x, y = (PART_CELLS * (2 * at + c + 0.5) for at, c in zip(block, corner, strict=True))
+                sides = sorted(np.count_nonzero(np.isfinite(lowest).any(axis=axis)) for axis in (0, 1))
+                width_m, length_m = (side * look.grid.cell_m for side in sides)
+                yield Quarter((x, y), width_m, length_m, replace(waves, is_sea=is_sea))
+
+
+def _columns(centers: Iterable[tuple[float, float]]) -> Cells:
+    """Return points as an array, shape (2, N)."""
+    return np.array(list(centers)).reshape(-1, 2).T

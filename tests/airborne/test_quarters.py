@@ -1,0 +1,52 @@
+"""Quarters of blocks: narrow ones at the edge of a tile show a slope, or less than half of a wave."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.airborne.separation import OTHER, separate
+from seaclutter_cli.airborne.surface import SeparationParams
+
+SIDE, COUNT = 300.0, 300_000
+
+
+def lost(z, xy, intensity):
+    """Return the share of the points of a sea that are not."""
+    columns = {"intensity": intensity}
+    return (separate([np.stack((*xy, z))], SeparationParams(), columns.get).classification == OTHER).mean()
+
+
+@pytest.mark.parametrize(("angle", "phase", "offset"), [(1.45, 1, 0), (1.45, 3, 0), (0.1, 1, -12), (1.45, 1, -12)])
+def test_crests_above_the_opened_surface_do_not_divide_a_sea(angle, phase, offset):
+    """The opening with a window of 20 m does not follow a sine of 40 m, whose parts at the edge slope like a beach."""
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0, SIDE, (2, COUNT))
+    z = 0.5 * np.cos(2 * np.pi / 40 * (np.cos(angle) * x + np.sin(angle) * y) + phase) + rng.normal(0, 0.03, COUNT)
+    assert lost(z, (x, y + offset), np.zeros(COUNT)) < 0.002
+
+
+@pytest.mark.parametrize("speckle", [False, True])
+@pytest.mark.parametrize(("length", "height", "width"), [(60, 1.0, 17), (80, 1.5, 17), (80, 1.5, 20), (80, 1.5, 24)])
+def test_less_than_half_a_wave_in_a_narrow_quarter_is_no_basin(length, height, width, speckle):
+    """Blocks begin at multiples of 256 m, and cut narrow strips off the tile."""
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0, SIDE, (2, COUNT))
+    phase = 2 * np.pi / length * (y - width / 2) + 0.1 * np.sin(x / 90)
+    z = -height / 2 * np.cos(phase) + rng.normal(0, 0.03, COUNT)
+    intensity = rng.gamma(2.0, 30, COUNT) if speckle else np.zeros(COUNT)
+    assert lost(z, (x, y - width), intensity) < 0.002
+
+
+@pytest.mark.parametrize("seed", [3, 6])
+def test_a_field_that_two_strips_show_alike_has_no_waves_in_a_part(seed):
+    """Low undulations as long as a part look like waves in one or two of them."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, SIDE, (2, COUNT))
+    strip = (rng.random(COUNT) < 0.5).astype(float)
+    z = 3 + 0.0004 * x + rng.normal(0, 0.02, COUNT)
+    for _ in range(12):
+        turn = rng.uniform(0, 7)
+        phase = 2 * np.pi / rng.uniform(150, 500) * (np.cos(turn) * x + np.sin(turn) * y)
+        z += 0.03 * np.sin(phase + rng.uniform(0, 7))
+    columns = {"intensity": rng.normal(100, 12, COUNT), "point_source_id": strip, "gps_time": 300 * strip + x / 60}
+    found = separate([np.stack((x, y - 28, z))], SeparationParams(), columns.get).classification
+    assert (found == OTHER).mean() > 0.95
