@@ -174,7 +174,7 @@ def waves_of(
     Notes
     -----
     Waves move, so strips show them in other places. What two strips show alike is relief, and no waves. If this is so
-    wherever there are two strips, parts that one strip shows have none either.
+    wherever there are two strips, parts at such a level that one strip shows have none either.
     """
     level, deviation = squares.level_m.copy(), np.zeros(len(squares.index))
     distance, measured = np.full(len(level), np.inf), np.zeros(len(level), np.bool_)
@@ -187,7 +187,7 @@ def waves_of(
             continue
         apart = (offset**2).sum(axis=0)
         waves_m = part.deviation_m if part.is_sea else 0.0
-        near = np.abs(squares.level_m - part.level_m) <= _AT_LEVEL * waves_m + _NEAR_LEVEL_M
+        near = _are_near(squares.level_m, part.level_m, waves_m)
         closer = near & (apart < distance) & free
         level[closer] = part.level_m if part.is_sea else squares.level_m[closer]
         deviation[closer], distance[closer] = waves_m, apart[closer]
@@ -200,11 +200,19 @@ def _which_count(
 ) -> Sequence[bool]:
     """Return which parts count: those of which at least half is free, and whose waves are no relief."""
     stays = [_stays(squares, change_m, part, own) for part, own in zip(parts, inside, strict=True)]
-    all_stay = True in stays and False not in stays
+    relief = np.array([part.level_m for part, stay in zip(parts, stays, strict=True) if stay])
+    if False in stays:
+        relief = relief[:0]
     return [
-        bool(np.count_nonzero(own & free) >= np.count_nonzero(own) / 2) and not (part.is_sea and (stay or all_stay))
+        bool(np.count_nonzero(own & free) >= np.count_nonzero(own) / 2)
+        and not (part.is_sea and (stay or bool(_are_near(relief, part.level_m, part.deviation_m).any())))
         for own, part, stay in zip(inside, parts, stays, strict=True)
     ]
+
+
+def _are_near(level_m: Values, part_m: float, waves_m: float) -> Mask:
+    """Return whether levels may be those of the water of a part."""
+    return np.abs(level_m - part_m) <= _AT_LEVEL * waves_m + _NEAR_LEVEL_M
 
 
 def _stays(squares: Squares, change_m: Values, part: PartWaves, inside: Mask) -> bool | None:
