@@ -200,14 +200,13 @@ def _which_count(
 ) -> Sequence[bool]:
     """Return which parts count: those of which at least half is free, and whose waves are no relief."""
     stays = [_stays(squares, change_m, part, own) for part, own in zip(parts, inside, strict=True)]
-    relief = np.array([part.level_m for part, stay in zip(parts, stays, strict=True) if stay])
-    if False in stays:
-        relief = relief[:0]
-    return [
-        bool(np.count_nonzero(own & free) >= np.count_nonzero(own) / 2)
-        and not (part.is_sea and (stay or bool(_are_near(relief, part.level_m, part.deviation_m).any())))
-        for own, part, stay in zip(inside, parts, stays, strict=True)
-    ]
+    relief = np.array([part.level_m for part, stay in zip(parts, stays, strict=True) if stay and False not in stays])
+    counts = []
+    for own, part, stay in zip(inside, parts, stays, strict=True):
+        is_free = np.count_nonzero(own & free) >= np.count_nonzero(own) / 2
+        is_field = stay or _are_near(relief, part.level_m, part.deviation_m).any()
+        counts.append(bool(is_free and not (part.is_sea and is_field)))
+    return counts
 
 
 def _are_near(level_m: Values, part_m: float, waves_m: float) -> Mask:
