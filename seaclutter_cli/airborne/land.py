@@ -90,6 +90,8 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
     waves = without_woods(squares, seen, waves_of(squares, local.centers, local.parts, seen.change_m, ground))
     echoes = lit or comparable_echoes(squares, seen, are_flat(squares, waves.deviation_m), bands_of(waves.deviation_m))
     regions = find_bodies(squares, echoes, waves)
+    if not any(region.is_water for region in regions) and (lit := by_brightness(squares, echoes)):
+        echoes, regions = lit, find_bodies(squares, lit, waves)  # what does not vary alike may still be dark
     if not regions and not _is_dry(squares, echoes, waves.deviation_m):
         return None
     bodies = [region for region in regions if region.is_water]

@@ -13,7 +13,11 @@ from seaclutter_cli.airborne.part_waves import PART_CELLS, PartWaves, part_waves
 
 Cells = NDArray[np.float64]
 
-_NARROW_CELLS, _HIGHEST_DEVIATIONS = 32, 3.0
+_CORNERS = (0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)
+_BETWEEN = (0.0, 0.5), (0.5, 0.0), (0.5, 0.5), (0.5, 1.0), (1.0, 0.5)
+_NARROW_CELLS = 32
+_HIGHEST_DEVIATIONS, _BELOW_DEVIATIONS = 3.0, 2.0
+_LENGTHS, _ALIKE = 1.5, 1.5
 _LEAST_SHARE = 0.1
 _ROUGH_M, _SEVERAL, _ROUGH_SHARE = 0.5, 3, 0.05
 
@@ -72,6 +76,11 @@ class Quarter:
     length_m: float
     waves: PartWaves
 
+    @property
+    def shows_water(self) -> bool:
+        """Whether it looks like sea, or like still water."""
+        return self.waves.is_sea or self.waves.is_still
+
     def is_certain(self, beside: "Quarter | None") -> bool:
         """Return whether a narrow quarter shows waves or still water, beside a wide one that does.
 
@@ -91,8 +100,9 @@ def local_waves(looks: Iterable[Look]) -> LocalWaves:
     sea = mixed = cells = 0
     for look in looks:
         every = quarters(look, crests=False)
-        rest = [quarter for quarter in every if not (quarter.waves.is_sea or quarter.waves.is_still)]
-        own += [(quarter.center, quarter.waves) for quarter in every if quarter.waves.is_sea or quarter.waves.is_still]
+        rest = [quarter for quarter in every if not quarter.shows_water]
+        own += [(quarter.center, quarter.waves) for quarter in every if quarter.shows_water]
+        own += [(window.center, window.waves) for window in _between(look, every)]
         for swell in _long_swell(look, {quarter.waves.block for quarter in rest}):
             own += [(quarter.center, swell) for quarter in rest if swell.contains(quarter.waves)]
         rough = [quarter.waves for quarter in every if quarter.waves.is_level and quarter.waves.crest_m > _ROUGH_M]
@@ -114,9 +124,9 @@ def _long_swell(look: Look, blocks: Collection[tuple[int, int]]) -> Iterator[Par
 
 def quarters(look: Look, *, crests: bool) -> Sequence[Quarter]:
     """Return quarters of blocks with enough points; narrow ones at the edge count if they are certain, or all are."""
-    found = list(_quarters(look, crests=crests))
+    found = [own for block in look.grid.blocks for own in _windows(look, block, _CORNERS, crests=crests)]
     narrow_m = _NARROW_CELLS * look.grid.cell_m
-    wide = [own for own in found if own.width_m >= narrow_m and (own.waves.is_sea or own.waves.is_still)]
+    wide = [own for own in found if own.width_m >= narrow_m and own.shows_water]
     centers = _columns(own.center for own in wide)
 
     def counts(own: Quarter) -> bool:
@@ -126,18 +136,42 @@ def quarters(look: Look, *, crests: bool) -> Sequence[Quarter]:
     return [own for own in found if counts(own)] or found
 
 
-def _quarters(look: Look, *, crests: bool) -> Iterator[Quarter]:
-    for block, slot in look.grid.blocks.items():
-        for corner in np.ndindex(2, 2):
-            part = tuple(slice(PART_CELLS * at, PART_CELLS * (at + 1)) for at in corner)
-            lowest = look.lowest[slot][part]
-            waves = part_waves(look, block, lowest, look.opened[slot][part], crests=crests)
-            if waves is not None:
-                is_sea = waves.is_sea and tilt(lowest) < MAX_TILT * waves.deviation_m
-                x, y = (PART_CELLS * (2 * at + c + 0.5) for at, c in zip(block, corner, strict=True))
-                sides = sorted(np.count_nonzero(np.isfinite(lowest).any(axis=axis)) for axis in (0, 1))
-                width_m, length_m = (side * look.grid.cell_m for side in sides)
-                yield Quarter((x, y), width_m, length_m, replace(waves, is_sea=is_sea))
+def _between(look: Look, found: Sequence[Quarter]) -> Sequence[Quarter]:
+    """Return windows with waves between quarters that show no water: a coast may divide all quarters of a block.
+
+    They lie below the waves of all quarters, as the sea does below fields and dunes that undulate, and show one and a
+    half wave lengths. One that is much rougher than most contains something else, such as a dike.
+    """
+    centers = _columns(own.center for own in found if own.shows_water)
+    lowest_m = min(
+        (own.waves.level_m - _BELOW_DEVIATIONS * own.waves.deviation_m for own in found if own.waves.is_sea),
+        default=np.inf,
+    )
+    windows = []
+    for own in (own for block in look.grid.blocks for own in _windows(look, block, _BETWEEN, crests=False)):
+        apart = np.abs(centers - _columns([own.center])).max(axis=0, initial=0)
+        is_free = own.width_m >= _NARROW_CELLS * look.grid.cell_m and not (apart < PART_CELLS).any()
+        is_clear = own.waves.is_sea and _LENGTHS * own.waves.length_m <= own.length_m
+        if is_free and is_clear and own.waves.level_m < lowest_m:
+            windows.append(own)
+    roughest_m = _ALIKE * float(np.median([own.waves.deviation_m for own in windows])) if windows else 0.0
+    return [own for own in windows if own.waves.deviation_m <= roughest_m]
+
+
+def _windows(
+    look: Look, block: tuple[int, int], places: Sequence[tuple[float, float]], *, crests: bool
+) -> Iterator[Quarter]:
+    """Yield windows of the width of a quarter, at some places in a block in units of it, with enough points."""
+    lowest, opened = (cells[look.grid.blocks[block]] for cells in (look.lowest, look.opened))
+    for place in places:
+        part = tuple(slice(int(PART_CELLS * at), int(PART_CELLS * (at + 1))) for at in place)
+        waves = part_waves(look, block, lowest[part], opened[part], crests=crests)
+        if waves is not None:
+            is_sea = waves.is_sea and tilt(lowest[part]) < MAX_TILT * waves.deviation_m
+            x, y = (PART_CELLS * (2 * at + c + 0.5) for at, c in zip(block, place, strict=True))
+            sides = sorted(np.count_nonzero(np.isfinite(lowest[part]).any(axis=axis)) for axis in (0, 1))
+            width_m, length_m = (side * look.grid.cell_m for side in sides)
+            yield Quarter((x, y), width_m, length_m, replace(waves, is_sea=is_sea))
 
 
 def _columns(centers: Iterable[tuple[float, float]]) -> Cells:

@@ -1,4 +1,4 @@
-"""Quarters of blocks: narrow ones at the edge of a tile show a slope, or less than half of a wave."""
+"""Quarters of blocks: narrow ones at the edge of a tile show less than half of a wave, and coasts divide others."""
 
 import numpy as np
 import pytest
@@ -34,6 +34,18 @@ def test_less_than_half_a_wave_in_a_narrow_quarter_is_no_basin(length, height, w
     z = -height / 2 * np.cos(phase) + rng.normal(0, 0.03, COUNT)
     intensity = rng.gamma(2.0, 30, COUNT) if speckle else np.zeros(COUNT)
     assert lost(z, (x, y - width), intensity) < 0.002
+
+
+@pytest.mark.parametrize(("height", "length"), [(1.5, 80.0), (1.0, 40.0)])
+def test_waves_between_quarters_that_a_cliff_divides(height, length):
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0, SIDE, (2, COUNT))
+    land = x < 150 + 10 * np.sin(y / 40)
+    sea = height / 2 * np.cos(2 * np.pi / length * x + 0.3) + 0.1 * np.cos(2 * np.pi / 9 * (0.6 * x + 0.8 * y))
+    z = np.where(land, 20 + np.sin(x / 30) * np.sin(y / 25), sea) + rng.normal(0, 0.03, COUNT)
+    found = separate([np.stack((x + 152, y + 112, z))], SeparationParams()).classification
+    assert (found[~land] == OTHER).mean() < 0.01
+    assert (found[land] == OTHER).mean() > 0.99
 
 
 @pytest.mark.parametrize("seed", [3, 6])

@@ -7,7 +7,7 @@ from seaclutter_cli.airborne.echoes import echoes_of
 from seaclutter_cli.airborne.gridded import GriddedPoints
 from seaclutter_cli.airborne.reflection import _limit_between, _quantile_of_each
 from seaclutter_cli.airborne.squares import squares_of
-from tests.airborne.coasts import SIZE, sea_only, shares, tile
+from tests.airborne.coasts import SIZE, relief, sea_only, shares, tile, waves
 
 
 def parcels(x, y, seed=3):
@@ -134,3 +134,22 @@ def test_quantiles_of_groups_are_those_of_numpy(share):
         expected = np.quantile(own, share, method="lower") if len(own) >= 4 else np.nan
         np.testing.assert_array_equal(quantile, expected)
     assert np.isnan(_quantile_of_each(values[:0], group[:0], 3, share)).all()
+
+
+def test_dark_water_whose_echoes_differ_by_chance_between_strips():
+    """Half of its squares vary like a mirror, half like ground, in swell that two strips show at two moments."""
+    rng, parts = np.random.default_rng(7), []
+    for strip, near in enumerate((0, 300)):
+        x, y = rng.uniform(0, 300, (2, 150_000))
+        x, y = (values[np.abs(y - near) < 200] for values in (x, y))
+        land = x < 140 + 10 * np.sin(y / 30)
+        sea = waves(np.random.default_rng(70 + strip), x, y, 1.5, 80.0)
+        z = np.where(land, 18 + relief(np.random.default_rng(9), x, y, 0.4), sea)
+        dark = rng.gamma(3.3, 17 / 3.3, len(x))
+        intensity = np.where(land, rng.normal(100, 15, len(x)), dark).clip(0, 255).round()
+        parts.append((x, y, z, land, intensity, np.full(len(x), strip), 300 * strip + x / 60))
+    x, y, z, land, intensity, strips, time = (np.concatenate(values) for values in zip(*parts, strict=True))
+    columns = {"intensity": intensity, "point_source_id": strips, "gps_time": time}
+    on_land, on_water = shares(np.stack((x, y, z)), land, columns)
+    assert on_land > 0.99
+    assert on_water < 0.01
