@@ -200,18 +200,18 @@ def _which_count(
 ) -> Sequence[bool]:
     """Return which parts count: those of which at least half is free, and whose waves are no relief."""
     stays = [_stays(squares, change_m, part, own) for part, own in zip(parts, inside, strict=True)]
-    relief = np.array([part.level_m for part, stay in zip(parts, stays, strict=True) if stay and False not in stays])
+    relief = [part for part, stay in zip(parts, stays, strict=True) if stay and False not in stays]
     counts = []
     for own, part, stay in zip(inside, parts, stays, strict=True):
         is_free = np.count_nonzero(own & free) >= np.count_nonzero(own) / 2
-        is_field = stay or _are_near(relief, part.level_m, part.deviation_m).any()
+        is_field = stay or any(_are_near(part.level_m, field.level_m, field.deviation_m) for field in relief)
         counts.append(bool(is_free and not (part.is_sea and is_field)))
     return counts
 
 
-def _are_near(level_m: Values, part_m: float, waves_m: float) -> Mask:
-    """Return whether levels may be those of the water of a part."""
-    return np.abs(level_m - part_m) <= _AT_LEVEL * waves_m + _NEAR_LEVEL_M
+def _are_near(level_m: Values | float, part_m: float, waves_m: float) -> Mask:
+    """Return whether levels may be those of a part with waves of some deviation."""
+    return np.asarray(np.abs(level_m - part_m) <= _AT_LEVEL * waves_m + _NEAR_LEVEL_M)
 
 
 def _stays(squares: Squares, change_m: Values, part: PartWaves, inside: Mask) -> bool | None:
