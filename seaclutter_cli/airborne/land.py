@@ -79,6 +79,8 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
 
     Notes
     -----
+    If no region is water, brightness may distinguish it: dark echoes do not always vary alike.
+
     Land is what is in a region of land, or in none and at another level than the nearest water. What reflects like
     water, or anything where the water reflects like ground, may be waves up to twice as far from that level. Beside
     water, fewer than six connected squares are no land: the opening takes what is that small for an object. What is not
