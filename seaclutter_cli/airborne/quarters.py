@@ -148,12 +148,14 @@ def _between(look: Look, found: Sequence[Quarter]) -> Sequence[Quarter]:
         default=np.inf,
     )
     windows = []
-    for own in (own for block in look.grid.blocks for own in _windows(look, block, _BETWEEN, crests=False)):
-        apart = np.abs(centers - _columns([own.center])).max(axis=0, initial=0)
-        is_free = own.width_m >= _NARROW_CELLS * look.grid.cell_m and not (apart < PART_CELLS).any()
-        is_clear = own.waves.is_sea and _LENGTHS * own.waves.length_m <= own.length_m
-        if is_free and is_clear and own.waves.level_m < lowest_m:
-            windows.append(own)
+    for block in look.grid.blocks:
+        apart = [np.abs(centers - _columns([_center(block, place)])).max(axis=0, initial=0) for place in _BETWEEN]
+        free = [place for place, cells in zip(_BETWEEN, apart, strict=True) if not (cells < PART_CELLS).any()]
+        for own in _windows(look, block, free, crests=False):
+            is_wide = own.width_m >= _NARROW_CELLS * look.grid.cell_m
+            is_clear = own.waves.is_sea and _LENGTHS * own.waves.length_m <= own.length_m
+            if is_wide and is_clear and own.waves.level_m < lowest_m:
+                windows.append(own)
     roughest_m = _ALIKE * float(np.median([own.waves.deviation_m for own in windows])) if windows else 0.0
     return [own for own in windows if own.waves.deviation_m <= roughest_m]
 
@@ -168,10 +170,15 @@ def _windows(
         waves = part_waves(look, block, lowest[part], opened[part], crests=crests)
         if waves is not None:
             is_sea = waves.is_sea and tilt(lowest[part]) < MAX_TILT * waves.deviation_m
-            x, y = (PART_CELLS * (2 * at + c + 0.5) for at, c in zip(block, place, strict=True))
             sides = sorted(np.count_nonzero(np.isfinite(lowest[part]).any(axis=axis)) for axis in (0, 1))
             width_m, length_m = (side * look.grid.cell_m for side in sides)
-            yield Quarter((x, y), width_m, length_m, replace(waves, is_sea=is_sea))
+            yield Quarter(_center(block, place), width_m, length_m, replace(waves, is_sea=is_sea))
+
+
+def _center(block: tuple[int, int], place: tuple[float, float]) -> tuple[float, float]:
+    """Return the centre of a window in cells."""
+    x, y = (PART_CELLS * (2 * at + own + 0.5) for at, own in zip(block, place, strict=True))
+    return x, y
 
 
 def _columns(centers: Iterable[tuple[float, float]]) -> Cells:
