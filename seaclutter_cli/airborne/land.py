@@ -1,7 +1,7 @@
 """Land of a tile: what is no body of water, and what rises from its shores."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,7 @@ Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _EVEN_M = 0.15
-_FIELD_M, _SHOWN_SHARE = 0.05, 0.5
+_FIELD_M, _FIELD_LENGTH_M, _SHOWN_SHARE = 0.05, 120.0, 0.5
 _BANK_M, _BANK_DEVIATIONS = 0.2, 4.0
 
 
@@ -58,7 +58,7 @@ class Shores:
         Height above that level from which a cell beside land belongs to it.
     is_doubtful : bool
         Whether most of the water may be level ground: it is not trusted, does not reflect like a mirror, is not even,
-        and has no waves that are higher than fields undulate.
+        and has no waves that are higher and shorter than fields undulate.
     """
 
     bodies: Sequence[WaterBody]
@@ -112,7 +112,8 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
 def _shows_water(squares: Squares, echoes: Echoes, waves: SquareWaves, own: NDArray[np.int64]) -> bool:
     """Return whether more than the shape of a body shows that it is water."""
     is_mirror = median_of(echoes.variation[own]) >= SPECULAR
-    return bool(echoes.known[own[0]] > 0 or is_mirror) or looks_like_water(squares, own, waves, _FIELD_M)
+    clear = replace(waves, measured=waves.measured & (waves.length_m <= _FIELD_LENGTH_M))
+    return bool(echoes.known[own[0]] > 0 or is_mirror) or looks_like_water(squares, own, clear, _FIELD_M)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ _CORNERS = (0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)
 _BETWEEN = (0.0, 0.5), (0.5, 0.0), (0.5, 0.5), (0.5, 1.0), (1.0, 0.5)
 _NARROW_CELLS = 32
 _HIGHEST_DEVIATIONS, _BELOW_DEVIATIONS = 3.0, 2.0
-_LENGTHS, _ALIKE = 1.5, 1.5
+_LENGTHS, _ALIKE = 1.4, 1.5
 _LEAST_SHARE = 0.1
 _ROUGH_M, _SEVERAL, _ROUGH_SHARE = 0.5, 3, 0.05
 
@@ -139,8 +139,8 @@ def quarters(look: Look, *, crests: bool) -> Sequence[Quarter]:
 def _between(look: Look, found: Sequence[Quarter]) -> Sequence[Quarter]:
     """Return windows with waves between quarters that show no water: a coast may divide all quarters of a block.
 
-    They lie below the waves of all quarters, as the sea does below fields and dunes that undulate, and show one and a
-    half wave lengths. One that is much rougher than most contains something else, such as a dike.
+    They lie below the waves of all quarters, as the sea does below fields and dunes that undulate, and show 1.4 wave
+    lengths. One that is much rougher than most contains something else, such as a dike.
     """
     centers = _columns(own.center for own in found if own.shows_water)
     lowest_m = min(

@@ -118,8 +118,11 @@ def _goes_on_as_ground(squares: Squares, echoes: Echoes, own: NDArray[np.int64],
     inside[own] = True
     beyond = squares.neighbor[:, own]
     beyond = beyond[~inside[beyond]]
-    ground = np.append((echoes.variation <= LIKE_GROUND) & (np.abs(squares.level_m - level_m) <= _GROUND_M), False)
-    return bool(np.count_nonzero(ground[beyond]) > _GROUND_SHARE * len(beyond))
+    at_level = np.append((echoes.variation <= LIKE_GROUND) & (np.abs(squares.level_m - level_m) <= _GROUND_M), False)
+    ground = beyond[at_level[beyond]]
+    if len(ground) <= _GROUND_SHARE * len(beyond):
+        return False
+    return median_of(echoes.variation[ground]) <= DIFFUSE  # water that varies less by chance is no ground
 
 
 def is_basin(squares: Squares, own: NDArray[np.int64], waves: SquareWaves) -> bool:

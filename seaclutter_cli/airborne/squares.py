@@ -144,12 +144,15 @@ class SquareWaves:
     level_m, deviation_m : ndarray, shape (N,), float64
         Level of the water around the waves, and their standard deviation; the level of the square, and 0, if there are
         none.
+    length_m : ndarray, shape (N,), float64
+        Length of the waves; 0 if there are none.
     measured : ndarray, shape (N,), bool
         Whether the waves were measured there, not only beside it.
     """
 
     level_m: Values
     deviation_m: Values
+    length_m: Values
     measured: Mask
 
 
@@ -176,7 +179,7 @@ def waves_of(
     Waves move, so strips show them in other places. What two strips show alike is relief, and no waves. If this is so
     wherever there are two strips, parts at such a level that one strip shows have none either.
     """
-    level, deviation = squares.level_m.copy(), np.zeros(len(squares.index))
+    level, deviation, length = squares.level_m.copy(), np.zeros(len(squares.index)), np.zeros(len(squares.index))
     distance, measured = np.full(len(level), np.inf), np.zeros(len(level), np.bool_)
     free = np.ones(len(level), np.bool_) if ground is None else ~ground
     offsets = [squares.xy + 0.5 - center[:, None] for center in centers.T / SIDE]
@@ -191,8 +194,9 @@ def waves_of(
         closer = near & (apart < distance) & free
         level[closer] = part.level_m if part.is_sea else squares.level_m[closer]
         deviation[closer], distance[closer] = waves_m, apart[closer]
+        length[closer] = part.length_m if part.is_sea else 0.0
         measured[closer] = part.is_sea & own[closer]
-    return SquareWaves(level, deviation, measured)
+    return SquareWaves(level, deviation, length, measured)
 
 
 def _which_count(

@@ -28,7 +28,7 @@ def without_woods(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Squar
     """Return the waves, or none if most squares of them are woods: ground below trees may undulate like water."""
     if are_woods(squares, echoes, waves.deviation_m > 0):
         none = np.zeros_like(waves.deviation_m)
-        return SquareWaves(squares.level_m, none, none > 0)
+        return SquareWaves(squares.level_m, none, none, none > 0)
     return waves
 
 

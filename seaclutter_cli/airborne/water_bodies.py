@@ -46,7 +46,8 @@ class WaterBody:
     squares : ndarray, shape (M,), int64
         The squares.
     level_m, deviation_m : float
-        Their median level, and the median deviation of elevations in them.
+        Their median level, or that of the waves whose crest or trough they are; and the median deviation of elevations
+        in them.
     is_water : bool
         Whether it is water, not land.
     """
@@ -126,7 +127,7 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     doubt = [least == 1 and len(own) >= half and not (has_mirrors and is_diffuse(echoes, own)) for own in regions]
     certain = signs >= np.where(doubt, 0, least)
     water = certain if certain.any() else signs >= 0
-    return _bodies(squares, regions, water | _amid_water(squares, echoes, regions, water, waves))
+    return _bodies(squares, waves, regions, water | _amid_water(squares, echoes, regions, water, waves))
 
 
 def _amid_water(
@@ -174,7 +175,7 @@ def _without_mirrors(
         large, certain = large & ~ground, certain & ~ground
     if large.any():
         same = _at_levels_of(squares, joined, large, waves, (level, band), signs)
-        return _bodies(squares, joined, certain | (same & ~ground))
+        return _bodies(squares, waves, joined, certain | (same & ~ground))
     signs = signs_of(squares, echoes, regions, waves, has_mirrors=False)
     clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
     if clear < _CLEAR_SHARE * sum(map(len, regions)):
@@ -185,7 +186,7 @@ def _without_mirrors(
         for number in np.flatnonzero(water).tolist():
             is_mirror = median_of(echoes.variation[regions[number]]) >= SPECULAR
             water[number] = is_mirror or is_basin(squares, regions[number], waves)
-    return _bodies(squares, regions, water)
+    return _bodies(squares, waves, regions, water)
 
 
 def _at_levels_of(
@@ -222,10 +223,16 @@ def _are_apart(level_m: Values, band_m: Values) -> bool:
     return bool(len(level_m) and np.ptp(level_m) > band_m.max())
 
 
-def _bodies(squares: Squares, regions: Sequence[NDArray[np.int64]], water: Mask) -> Sequence[WaterBody]:
-    return [_body(squares, own, is_water=bool(is_water)) for own, is_water in zip(regions, water, strict=True)]
-
-
-def _body(squares: Squares, own: NDArray[np.int64], *, is_water: bool) -> WaterBody:
-    level, spread = (float(np.median(values[own])) for values in (squares.level_m, squares.spread_m))
-    return WaterBody(own, level, spread, is_water)
+def _bodies(
+    squares: Squares, waves: SquareWaves, regions: Sequence[NDArray[np.int64]], water: Mask
+) -> Sequence[WaterBody]:
+    """Return regions as bodies; a small one amid water, as a crest or trough, has the level of the waves in it."""
+    sea, land = (_squares_of(squares, regions, chosen) for chosen in (water, ~water))
+    bodies = []
+    for own, is_water in zip(regions, water, strict=True):
+        level, spread = (float(np.median(values[own])) for values in (squares.level_m, squares.spread_m))
+        in_waves = np.median(waves.deviation_m[own]) > 0
+        if in_waves and len(own) <= _SMALL * len(squares.index) and is_amid(squares, own, sea, land):
+            level = float(np.median(waves.level_m[own]))
+        bodies.append(WaterBody(own, level, spread, bool(is_water)))
+    return bodies

@@ -474,3 +474,11 @@ def test_a_small_field_is_doubtful():
     field = np.stack((x, y, 0.02 * x + rng.normal(0, 0.03, len(x))))
     columns = {"intensity": rng.normal(200, 40, len(x)), "number_of_returns": np.ones(len(x), int)}
     assert separate([field], SeparationParams(), columns.get).is_doubtful
+
+
+def test_fields_that_undulate_like_a_long_swell_are_doubtful():
+    x, y = np.random.default_rng(6).uniform(0, 300, (2, 300_000))
+    field = np.stack((x, y, 1.2 * np.sin(2 * np.pi * x / 150) + 0.3 * np.sin(2 * np.pi * y / 140)))
+    assert separate([field], SeparationParams()).is_doubtful
+    swell = np.stack((x, y, 0.5 * np.sin(2 * np.pi * (x + y / 3) / 40)))
+    assert not separate([swell], SeparationParams()).is_doubtful

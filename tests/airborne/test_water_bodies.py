@@ -28,12 +28,17 @@ def echoes(variation):
     return Echoes(variation, none, none, none, unknown, none.astype(np.int8))
 
 
+def square_waves(level_m, deviation_m, measured):
+    """Return waves of 50 m."""
+    return SquareWaves(level_m, deviation_m, np.where(deviation_m > 0, 50.0, 0.0), measured)
+
+
 def is_water(level_m, deviation_m, variation, spread_m=0.02):
     """Return whether there are bodies, and the largest is water, in waves of this deviation."""
     found = squares(level_m, spread_m)
     number = len(found.index)
     same = np.ones(number)
-    waves = SquareWaves(same * np.median(level_m) if deviation_m else found.level_m, same * deviation_m, same > 0)
+    waves = square_waves(same * np.median(level_m) if deviation_m else found.level_m, same * deviation_m, same > 0)
     bodies = find_bodies(found, echoes(same * variation), waves)
     return bool(bodies) and max(bodies, key=lambda body: len(body.squares)).is_water
 
@@ -52,7 +57,7 @@ def test_a_slope_where_waves_were_measured_in_a_corner_of_still_water_does_not_c
     found = squares(np.where(corner, 0.016 * (x - 2.5), 0.0))
     measured = corner[tuple(found.xy - found.xy.min(axis=1, keepdims=True))]
     same = np.ones(len(measured))
-    waves = SquareWaves(np.where(measured, 0.0, found.level_m), 0.03 * measured, measured)
+    waves = square_waves(np.where(measured, 0.0, found.level_m), 0.03 * measured, measured)
     (body,) = find_bodies(found, echoes(same), waves)
     assert body.is_water
 
@@ -66,7 +71,7 @@ def test_a_crest_amid_waves_that_come_in_groups_is_water(rise, are_water):
     place = found.xy - found.xy.min(axis=1, keepdims=True)
     deviation = np.where(place[0] < SQUARES / 3, 0.15, 0.05)
     unknown, level = np.full(len(place[0]), np.nan), np.where(crest[tuple(place)], rise, 0.0)
-    waves = SquareWaves(level, np.where(level > 0, 0, deviation), level == 0)
+    waves = square_waves(level, np.where(level > 0, 0, deviation), level == 0)
     bodies = find_bodies(found, echoes(unknown), waves)
     assert [len(body.squares) for body in bodies] == [SQUARES**2 - 8, 8]
     assert [body.is_water for body in bodies] == [True, are_water]
@@ -83,9 +88,34 @@ def test_dark_water_amid_water_that_hardly_reflects_like_a_mirror(variation, dev
     found = squares(rise * patch, 0.05)
     own = patch[tuple(found.xy - found.xy.min(axis=1, keepdims=True))]
     same = np.ones(len(own))
-    waves = SquareWaves(0.0 * same, deviation * same, same > 0)
+    waves = square_waves(0.0 * same, deviation * same, same > 0)
     bodies = find_bodies(found, echoes(np.where(own, variation, 0.8)), waves)
     assert sum(body.is_water for body in bodies) == are_water
+
+
+def test_a_trough_has_the_level_of_the_waves_in_it():
+    """It is a region of its own, as their level is another than that of the waves around."""
+    x, y = np.indices((SQUARES, SQUARES))
+    trough = (x >= 8) & (x < 10) & (y >= 8) & (y < 12)
+    found = squares(-0.8 * trough)
+    own = trough[tuple(found.xy - found.xy.min(axis=1, keepdims=True))]
+    waves = square_waves(np.where(own, -0.3, 0.0), np.full(len(own), 0.25), own | ~own)
+    bodies = find_bodies(found, echoes(np.ones(len(own))), waves)
+    assert [len(body.squares) for body in bodies] == [SQUARES**2 - 8, 8]
+    assert all(body.is_water for body in bodies)
+    assert [body.level_m for body in bodies] == pytest.approx([0.0, -0.3], abs=0.05)
+
+
+@pytest.mark.parametrize(("variation", "are_water"), [(0.5, True), (0.2, False)])
+def test_squares_that_vary_less_by_chance_are_no_ground_around_water(variation, are_water):
+    """Every third column of squares varies less than the others."""
+    x, _ = np.indices((SQUARES, SQUARES))
+    found = squares(np.zeros((SQUARES, SQUARES)), 0.05)
+    less = (x % 3 == 0)[tuple(found.xy - found.xy.min(axis=1, keepdims=True))]
+    still = np.zeros(len(less))
+    seen = echoes(np.where(less, variation, 0.65))
+    bodies = find_bodies(found, seen, square_waves(found.level_m, still, still > 0))
+    assert [body.is_water for body in bodies if len(body.squares) == 2 * SQUARES] == 6 * [are_water]
 
 
 @pytest.mark.parametrize(("share", "are_water"), [(0.0, True), (0.1, False)])
@@ -95,7 +125,7 @@ def test_nothing_rises_from_most_squares_of_water(share, are_water):
     unknown = np.full(len(found.index), np.nan)
     inside = found.level_m < 0.5
     seen = replace(echoes(unknown), tall=np.where(inside, share, 0.0))
-    waves = SquareWaves(found.level_m, 0 * found.level_m, np.zeros(len(inside), np.bool_))
+    waves = square_waves(found.level_m, 0 * found.level_m, np.zeros(len(inside), np.bool_))
     bodies = find_bodies(found, seen, waves)
     assert any(body.is_water for body in bodies) == are_water
 
