@@ -145,7 +145,7 @@ class SquareWaves:
         Level of the water around the waves, and their standard deviation; the level of the square, and 0, if there are
         none.
     length_m : ndarray, shape (N,), float64
-        Length of the waves; 0 if there are none.
+        Length of the waves; 0 without waves.
     measured : ndarray, shape (N,), bool
         Whether the waves were measured there, not only beside it.
     """
