@@ -37,8 +37,10 @@ Cells = NDArray[np.float64]
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+FIELD_LENGTH_M = 120.0
+"""Length of waves over which they may be fields that undulate."""
 _EVEN_M = 0.15
-_FIELD_M, _FIELD_LENGTH_M, _SHOWN_SHARE = 0.05, 120.0, 0.5
+_FIELD_M, _SHOWN_SHARE = 0.05, 0.5
 _BANK_M, _BANK_DEVIATIONS = 0.2, 4.0
 
 
@@ -112,7 +114,7 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
 def _shows_water(squares: Squares, echoes: Echoes, waves: SquareWaves, own: NDArray[np.int64]) -> bool:
     """Return whether more than the shape of a body shows that it is water."""
     is_mirror = median_of(echoes.variation[own]) >= SPECULAR
-    clear = replace(waves, measured=waves.measured & (waves.length_m <= _FIELD_LENGTH_M))
+    clear = replace(waves, measured=waves.measured & (waves.length_m <= FIELD_LENGTH_M))
     return bool(echoes.known[own[0]] > 0 or is_mirror) or looks_like_water(squares, own, clear, _FIELD_M)
 
 

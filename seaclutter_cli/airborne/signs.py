@@ -57,7 +57,8 @@ def signs_of(
     * Water reflects like a mirror, and an echo depends on the facet that it met: a coefficient of variation of at least
       0.6 among neighbouring intensities (+1; the speckle of many facets has 0.7 and more). Ground scatters light in all
       directions: 0.45 at most (-1, if a twentieth of the tile does reflect like a mirror). Squares of ground and others
-      are not joined; a region with ground at its level along half of its edge is a part of it (-2).
+      are not joined; a region with ground at its level along half of its edge is a part of it (-2). Squares of water
+      may vary less by chance: the median of these must be that of ground.
     * A pulse has several echoes under trees, and one on water (-1). Nothing rises two metres and more in most squares
       of water, with a twentieth of their echoes (-1).
     * Waves move, and still water is level: squares that deviate by 3 cm, and do so alike in two strips, or by half of

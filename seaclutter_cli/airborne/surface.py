@@ -12,7 +12,7 @@ from seaclutter_cli.airborne.cells import joined_cells
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.land import Shores, shores_of
+from seaclutter_cli.airborne.land import FIELD_LENGTH_M, Shores, shores_of
 from seaclutter_cli.airborne.looks import Look, OpenedLooks, WithoutLand
 from seaclutter_cli.airborne.oscillation import LONG_WAVE_M
 from seaclutter_cli.airborne.quarters import LocalWaves, local_waves
@@ -308,7 +308,8 @@ class SeaSurfaceModel:
         is_small = self.cells * params.cell_m**2 < LONG_WAVE_M**2
         if self.shores is not None:
             return looked and self.shores.is_doubtful
-        return looked and (is_small or not self.is_rough)
+        may_be_field = self.waves is None or self.waves.length_m > FIELD_LENGTH_M
+        return looked and (is_small or may_be_field or not self.is_rough)
 
     @property
     def object_height_m(self) -> float:

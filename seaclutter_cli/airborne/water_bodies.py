@@ -127,7 +127,7 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     doubt = [least == 1 and len(own) >= half and not (has_mirrors and is_diffuse(echoes, own)) for own in regions]
     certain = signs >= np.where(doubt, 0, least)
     water = certain if certain.any() else signs >= 0
-    return _bodies(squares, waves, regions, water | _amid_water(squares, echoes, regions, water, waves))
+    return _bodies(squares, regions, water | _amid_water(squares, echoes, regions, water, waves), waves)
 
 
 def _amid_water(
@@ -175,7 +175,7 @@ def _without_mirrors(
         large, certain = large & ~ground, certain & ~ground
     if large.any():
         same = _at_levels_of(squares, joined, large, waves, (level, band), signs)
-        return _bodies(squares, waves, joined, certain | (same & ~ground))
+        return _bodies(squares, joined, certain | (same & ~ground), waves)
     signs = signs_of(squares, echoes, regions, waves, has_mirrors=False)
     clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
     if clear < _CLEAR_SHARE * sum(map(len, regions)):
@@ -186,7 +186,7 @@ def _without_mirrors(
         for number in np.flatnonzero(water).tolist():
             is_mirror = median_of(echoes.variation[regions[number]]) >= SPECULAR
             water[number] = is_mirror or is_basin(squares, regions[number], waves)
-    return _bodies(squares, waves, regions, water)
+    return _bodies(squares, regions, water, waves)
 
 
 def _at_levels_of(
@@ -224,7 +224,7 @@ def _are_apart(level_m: Values, band_m: Values) -> bool:
 
 
 def _bodies(
-    squares: Squares, waves: SquareWaves, regions: Sequence[NDArray[np.int64]], water: Mask
+    squares: Squares, regions: Sequence[NDArray[np.int64]], water: Mask, waves: SquareWaves
 ) -> Sequence[WaterBody]:
     """Return regions as bodies; a small one amid water, as a crest or trough, has the level of the waves in it."""
     sea, land = (_squares_of(squares, regions, chosen) for chosen in (water, ~water))

