@@ -140,7 +140,7 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
         beside = np.stack([own[deep] for own in around])
         pits = np.isfinite(beside).sum(axis=0) >= _NEIGHBORS
         out[slot][tuple(np.argwhere(deep)[pits].T)] = beside.min(axis=0)[pits]
-        _fill_lonely(out[slot], np.argwhere(deep)[~pits].T, wide, depth_m)
+        level += _fill_lonely(out[slot], np.argwhere(deep)[~pits].T, wide, depth_m)
         highest = np.where(np.isfinite(beside), beside, -np.inf).max(axis=0, initial=-np.inf)
         level += int(np.count_nonzero(highest[pits] - beside.min(axis=0)[pits] < depth_m / 2))
         ordered = np.sort(np.stack([own[shallow] for own in around]), axis=0)
@@ -155,14 +155,19 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     return _without_groups(grid, out, _SHALLOW * depth_m)
 
 
-def _fill_lonely(out: Cells, at: NDArray[np.int64], wide: Cells, depth_m: float) -> None:
-    """Fill pits with few neighbours, shape (2, P), from the cells up to two away in a block that is padded by two."""
+def _fill_lonely(out: Cells, at: NDArray[np.int64], wide: Cells, depth_m: float) -> int:
+    """Fill pits with few neighbours, shape (2, P), from the cells up to two away in a block that is padded by two.
+
+    Return how many pits are amid level cells.
+    """
     window = np.indices((5, 5)).reshape(2, -1, 1)
     beside = wide[tuple(window + at[:, None])]
     beside[len(beside) // 2] = np.inf
     value = beside.min(axis=0, initial=np.inf)
     pits = (np.isfinite(beside).sum(axis=0) >= _NEIGHBORS) & (out[tuple(at)] < value - depth_m)
     out[tuple(at[:, pits])] = value[pits]
+    highest = np.where(np.isfinite(beside), beside, -np.inf).max(axis=0, initial=-np.inf)
+    return int(np.count_nonzero(highest[pits] - value[pits] < depth_m / 2))
 
 
 def _without_groups(grid: ElevationGrid, lowest: Cells, depth_m: float) -> Cells:

@@ -158,3 +158,16 @@ def test_groups_of_low_cells_are_pits_only_where_pits_are_many():
         out = without_pits(grid, 1.0)[0, :200, :200]
         assert (out[group] > -0.1).all() == filled_group
         assert (out[ditch][:, 1:-1] < -1).all()
+
+
+@pytest.mark.parametrize("filled_share", [0.3, 0.6])
+def test_many_pits_are_filled_where_most_cells_are_empty(filled_share):
+    rng = np.random.default_rng(7)
+    values = rng.normal(0, 0.03, (200, 200))
+    values[rng.random(values.shape) < 0.03] = -2.0
+    known = rng.random(values.shape) < filled_share
+    grid = ElevationGrid(1.0)
+    grid.add(np.stack((*np.nonzero(known), values[known])) + np.array([[0.5], [0.5], [0]]))
+    found = without_pits(grid, 1.0)[0, :200, :200][known]
+    assert np.count_nonzero(values[known] < -1) > 100
+    assert np.count_nonzero(found < -1) <= 2
