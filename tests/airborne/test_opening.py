@@ -128,6 +128,17 @@ def test_shallow_pits_are_filled_and_ditches_are_not():
     np.testing.assert_array_equal(found[40, 6:54], low[40, 6:54])
 
 
+def test_two_pits_beside_an_empty_cell_and_an_object_are_filled():
+    """Below a platform, two pulses return from below the surface, and one not at all."""
+    values = np.random.default_rng(3).normal(0, 0.02, (40, 40))
+    values[21, 12:20] = 3.0
+    values[20, 14], values[20, 15], values[21, 14] = -17.0, -17.4, np.inf
+    known = np.isfinite(values)
+    grid = ElevationGrid(1.0)
+    grid.add(np.stack((*np.nonzero(known), values[known])) + np.array([[0.5], [0.5], [0]]))
+    assert without_pits(grid, 1.0)[0, :40, :40][known].min() > -0.1
+
+
 def test_a_pit_amid_empty_cells_is_filled_from_two_cells_away():
     values = np.full((40, 40), np.inf)
     values[::2, ::2] = np.random.default_rng(7).normal(0, 0.02, (20, 20))
