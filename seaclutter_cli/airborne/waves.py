@@ -19,7 +19,7 @@ _MIN_SHARE = 0.5
 _ROUGHEST_PARTS = 0.75
 _OTHER_LEVEL = 2.0
 _SAME_LEVEL_M, _LEAST_SHARE = 0.2, 0.1
-_HIGHEST = 1.25
+_HIGHEST, _SHOWN_LENGTHS = 1.25, 2.0
 
 
 @dataclass(frozen=True)
@@ -62,23 +62,30 @@ def local_levels(look: Look, waves: Waves) -> tuple[Cells, Cells]:
 
     Basins on both sides of a lock or weir have waves at two levels. A level differs from that of the tile from two
     standard deviations on. Still water belongs to a basin if there are waves at its level. The deviation is not less
-    than that of the tile.
+    than that of the tile. Swell comes in groups, of which a quarter may show less than two lengths: near the end of a
+    quarter, it may be as high as in the next one.
     """
     levels, deviations = (np.full(look.lowest.shape, value) for value in (waves.level_m, waves.deviation_m))
     found = local_waves([look])
-    centers, parts = found.centers, found.parts
-    oscillating = np.array([part.level_m for part in parts if part.is_sea])
-    wet = [bool((np.abs(oscillating - part.level_m) <= _SAME_LEVEL_M).any()) for part in parts]
-    if not any(wet):
+    level, deviation, length = (
+        np.array([(part.level_m, part.deviation_m, part.length_m) for part in found.parts]).reshape(-1, 3).T
+    )
+    oscillating = level[[part.is_sea for part in found.parts]]
+    wet = (np.abs(level[:, None] - oscillating) <= _SAME_LEVEL_M).any(axis=1)
+    if not wet.any():
         return levels, deviations
-    centers, parts = centers[:, wet], [part for part, own in zip(parts, wet, strict=True) if own]
+    centers, level, deviation = found.centers[:, wet], level[wet], deviation[wet]
+    is_swell = length[wet] > PART_CELLS * look.grid.cell_m / _SHOWN_LENGTHS
     for block, slot in look.grid.blocks.items():
         for corner in np.ndindex(2, 2):
-            center = PART_CELLS * (2 * np.array(block) + corner + 0.5)
-            part = parts[nearest(centers, center[:, None])[0]]
+            center = PART_CELLS * (2 * np.array(block)[:, None] + np.array(corner)[:, None] + 0.5)
+            closest = nearest(centers, center)[0]
+            group = is_swell & (np.abs(centers - center).max(axis=0) <= PART_CELLS)
+            group &= np.abs(level - level[closest]) <= _SAME_LEVEL_M
+            group[closest] = True
             own = tuple(slice(PART_CELLS * at, PART_CELLS * (at + 1)) for at in corner)
-            deviations[slot][own] = max(part.deviation_m, waves.deviation_m)
-            levels[slot][own] = other_levels(np.float64(part.level_m), waves)
+            deviations[slot][own] = max(waves.deviation_m, deviation[group].max())
+            levels[slot][own] = other_levels(level[closest], waves)
     return levels, deviations
 
 

@@ -8,9 +8,11 @@ from hypothesis.extra.numpy import arrays
 
 from seaclutter_cli.airborne.cells import smoothed, touching
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.looks import Look
 from seaclutter_cli.airborne.part_waves import quantiles
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.surface import SeaSurfaceModel, SeparationParams
+from seaclutter_cli.airborne.waves import estimate_waves, local_levels
 from tests.paths import shared
 
 SIDES = (300, 200)
@@ -240,6 +242,22 @@ def test_parts_that_do_not_oscillate_are_sea_at_its_level_and_deviation(level, d
     crossing = xyz[0] >= 256
     xyz[2, crossing] = level + np.random.default_rng(3).normal(0, deviation, np.count_nonzero(crossing))
     assert (model(xyz).waves is not None) == is_sea
+
+
+def test_swell_is_as_high_as_in_the_group_beside_it():
+    """A swell is three times as high in one quarter; the basin on its other side has low waves at another level."""
+    xyz = field(0.6, 80.0, sides=(512, 128))
+    group, basin = (xyz[0] // 128 == number for number in (2, 3))
+    xyz[2, group] *= 3
+    xyz[2, basin] += 5
+    grid = ElevationGrid(1.0)
+    grid.add(xyz)
+    look = Look.of(grid, 20.0, None)
+    waves = estimate_waves([look])
+    _, deviations = (np.concatenate(values)[::128, 64] for values in local_levels(look, waves))
+    high = xyz[2, group].std()
+    assert deviations[1:3] == pytest.approx(high, rel=0.25)
+    assert (deviations[[0, 3]] < 0.8 * high).all()
 
 
 @pytest.mark.parametrize(("step", "width"), [(0.4, 200), (2.3, 140)])
