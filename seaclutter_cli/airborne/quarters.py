@@ -19,7 +19,8 @@ _NARROW_CELLS = 32
 _HIGHEST_DEVIATIONS, _BELOW_DEVIATIONS = 3.0, 2.0
 _LENGTHS, _ALIKE = 1.4, 1.5
 _LEAST_SHARE = 0.1
-_ROUGH_M, _SEVERAL, _ROUGH_SHARE = 0.5, 3, 0.05
+_SAME_LEVEL_M = 0.1
+_ROUGH_M, _SEVERAL, _ROUGH_SHARE, _SEA_SHARE = 0.5, 3, 0.05, 0.25
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,8 @@ class LocalWaves:
     parts : sequence of PartWaves
         Their waves.
     sea_cells, mixed_cells, cells : int
-        Number of the cells in rough quarters that look like sea; in those that are level, but do not oscillate, as
-        where echoes of several moments meet; and in all quarters.
+        Number of the cells in rough quarters that look like sea; in those that are level, or all at one level, but do
+        not oscillate, as where echoes of several moments meet; and in all quarters.
     """
 
     centers: Cells
@@ -50,11 +51,22 @@ class LocalWaves:
 
     @property
     def is_one_sea(self) -> bool:
-        """Whether a twentieth of the rough cells, in three quarters or more at about one level, looks like sea."""
-        sea = [part for part in self.parts if part.is_sea and part.crest_m > _ROUGH_M]
-        if len(sea) < _SEVERAL or self.sea_cells < _ROUGH_SHARE * (self.sea_cells + self.mixed_cells):
-            return False
-        return bool(np.std([part.level_m for part in sea]) <= np.median([part.deviation_m for part in sea]))
+        """Whether a twentieth of the rough cells, or a quarter of all, looks like a sea of one level.
+
+        Moments mixed in cells are rough even if each of them is not.
+        """
+        sea = [part for part in self.parts if part.is_sea]
+        rough = [part for part in sea if part.crest_m > _ROUGH_M]
+        if self.sea_cells >= _ROUGH_SHARE * (self.sea_cells + self.mixed_cells) and _have_one_level(rough):
+            return True
+        return sum(part.cells for part in sea) >= _SEA_SHARE * self.cells and _have_one_level(sea)
+
+
+def _have_one_level(parts: Sequence[PartWaves]) -> bool:
+    """Return whether parts are three or more, at about one level."""
+    if len(parts) < _SEVERAL:
+        return False
+    return bool(np.std([part.level_m for part in parts]) <= np.median([part.deviation_m for part in parts]))
 
 
 @dataclass(frozen=True)
@@ -105,7 +117,9 @@ def local_waves(looks: Iterable[Look]) -> LocalWaves:
         own += [(window.center, window.waves) for window in _between(look, every)]
         for swell in _long_swell(look, {quarter.waves.block for quarter in rest}):
             own += [(quarter.center, swell) for quarter in rest if swell.contains(quarter.waves)]
-        rough = [quarter.waves for quarter in every if quarter.waves.is_level and quarter.waves.crest_m > _ROUGH_M]
+        rough = [quarter.waves for quarter in every if quarter.waves.crest_m > _ROUGH_M]
+        if rough and np.std([waves.level_m for waves in rough]) > _SAME_LEVEL_M:
+            rough = [waves for waves in rough if waves.is_level]
         sea += sum(waves.cells for waves in rough if waves.is_sea)
         mixed += sum(waves.cells for waves in rough if not waves.is_sea)
         cells += sum(quarter.waves.cells for quarter in every)

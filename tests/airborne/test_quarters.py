@@ -82,3 +82,16 @@ def test_a_field_that_two_strips_show_alike_has_no_waves_in_a_part(seed):
     columns = {"intensity": rng.normal(100, 12, COUNT), "point_source_id": strip, "gps_time": 300 * strip + x / 60}
     found = separate([np.stack((x, y - 28, z))], SeparationParams(), columns.get).classification
     assert (found == OTHER).mean() > 0.95
+
+
+def test_smooth_swell_at_many_moments_is_rough_only_where_they_are_mixed():
+    """Four strips in each cell; the opened surface follows the swell of each."""
+    rng, parts = np.random.default_rng(3), []
+    for strip in range(4):
+        x, y = rng.uniform(0, SIDE, (2, 60_000))
+        phase = 2 * np.pi / 90 * (np.cos(0.5) * x + np.sin(0.5) * y) + 1.9 * strip
+        parts.append((x, y, 0.45 * np.cos(phase) + rng.normal(0, 0.03, len(x)), np.full(len(x), strip)))
+    x, y, z, strips = (np.concatenate(values) for values in zip(*parts, strict=True))
+    found = separate([np.stack((x, y, z))], SeparationParams(), {"point_source_id": strips}.get)
+    assert (found.classification == OTHER).mean() < 0.01
+    assert found.sea.wave_height_m == pytest.approx(4 * 0.45 / np.sqrt(2), rel=0.3)
