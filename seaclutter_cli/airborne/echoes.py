@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classes import GROUND, WATER
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
-from seaclutter_cli.airborne.squares import Squares, square_of, squares_in
+from seaclutter_cli.airborne.squares import Squares, are_moving, square_of, squares_in
 from seaclutter_cli.airborne.strips import Column
 
 Values = NDArray[np.float64]
@@ -39,6 +39,8 @@ class Echoes:
         Share of all echoes that are more than two metres above the level of the square.
     change_m : ndarray, shape (N,), float64
         By how much the level differs between two strips, beyond what their squares have in common.
+    moving : ndarray, shape (N,), bool
+        Whether they rise and fall from strip to strip (`are_moving`).
     known : ndarray, shape (N,), int8
         1 if most of them have the trusted class of water, -1 if most have that of ground; 0 for all others.
     """
@@ -48,6 +50,7 @@ class Echoes:
     several: Values
     tall: Values
     change_m: Values
+    moving: Mask
     known: NDArray[np.int8]
 
 
@@ -79,13 +82,15 @@ def echoes_of(
     if column("number_of_returns") is not None:
         known = count.surface >= _LEAST_ECHOES
         several = np.divide(count.surface - count.single, count.surface, out=unknown.copy(), where=known)
+    change = unknown if change_m is None else change_m[squares.index]
     ground, water = (count.right[code] > count.surface / 2 for code in (GROUND, WATER))
     return Echoes(
         variation,
         np.log(mean, out=unknown.copy(), where=mean > 0),
         several,
         count.tall / np.maximum(count.every, 1),
-        unknown if change_m is None else change_m[squares.index],
+        change,
+        are_moving(squares, change),
         water.astype(np.int8) - ground.astype(np.int8),
     )
 

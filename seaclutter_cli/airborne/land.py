@@ -12,12 +12,14 @@ from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.quarters import LocalWaves
 from seaclutter_cli.airborne.reflection import (
+    CLEARLY_GROUND,
     DIFFUSE,
     SPECULAR,
-    by_brightness,
+    by_contrast,
     comparable_echoes,
     is_diffuse,
     median_of,
+    with_foam,
 )
 from seaclutter_cli.airborne.regions import are_flat, bands_of, connected
 from seaclutter_cli.airborne.signs import looks_like_water
@@ -30,7 +32,7 @@ from seaclutter_cli.airborne.squares import (
     squares_in,
     waves_of,
 )
-from seaclutter_cli.airborne.terrain import are_hills, are_woods, without_woods
+from seaclutter_cli.airborne.terrain import are_hills, are_woods, without_banks, without_woods
 from seaclutter_cli.airborne.water_bodies import WaterBody, find_bodies
 
 Cells = NDArray[np.float64]
@@ -87,14 +89,17 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
     water, or anything where the water reflects like ground, may be waves up to twice as far from that level. Beside
     water, fewer than six connected squares are no land: the opening takes what is that small for an object. What is not
     connected to a body of water is land, too. In squares beside water that are in no region, or high above it, cells at
-    its level are water.
+    its level are water, unless the squares continue a beach and are clearly ground: surf runs up higher than the water
+    is.
     """
-    lit = by_brightness(squares, seen)
+    lit = by_contrast(squares, seen)
     ground = None if lit is None else lit.variation <= DIFFUSE
+    local = without_banks(squares, seen, local)
     waves = without_woods(squares, seen, waves_of(squares, local.centers, local.parts, seen.change_m, ground))
     echoes = lit or comparable_echoes(squares, seen, are_flat(squares, waves.deviation_m), bands_of(waves.deviation_m))
+    echoes = with_foam(echoes)
     regions = find_bodies(squares, echoes, waves)
-    if not any(region.is_water for region in regions) and (lit := by_brightness(squares, echoes)):
+    if not any(region.is_water for region in regions) and (lit := by_contrast(squares, echoes)):
         echoes, regions = lit, find_bodies(squares, lit, waves)  # what does not vary alike may still be dark
     if not regions and not _is_dry(squares, echoes, waves.deviation_m):
         return None
@@ -149,20 +154,22 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
     own = np.flatnonzero(land)
     part = connected(squares, own)
     land[own] = (np.bincount(part) >= LEAST_SQUARES)[part]
+    beach = np.zeros_like(land)
     if land.any():
         own = np.flatnonzero(~land)
         part = connected(squares, own)
         land[own] = (np.bincount(part, np.isin(own, water)) == 0)[part]
-        land = _with_beaches(
-            squares, land, (rise > _BANK_M) & (waves.deviation_m > 0) & ~(echoes.variation >= SPECULAR)
-        )
+        is_free = (rise > _BANK_M) & (waves.deviation_m > 0) & ~(echoes.variation >= SPECULAR)
+        beach = _beaches(squares, land, is_free)
+        land |= beach
     is_high = rise > 2 * band
     is_inner = np.append(land, True)[squares.neighbor].all(axis=0)
+    is_dry_beach = beach & (echoes.variation <= CLEARLY_GROUND)
     land = (land & (echoes.known <= 0)) | (echoes.known < 0)
     bank = _bank(bodies)
     return _LandSquares(
         land,
-        (of_land & ~is_high) | is_inner | (echoes.known < 0),
+        (of_land & ~is_high) | is_inner | is_dry_beach | (echoes.known < 0),
         level,
         np.where(is_high & land, max(bank, float(band[water].max())), bank),
     )
@@ -173,8 +180,8 @@ def _bank(bodies: Sequence[WaterBody]) -> float:
     return max([_BANK_M, *(_BANK_DEVIATIONS * body.deviation_m for body in bodies)])
 
 
-def _with_beaches(squares: Squares, land: Mask, is_free: Mask) -> Mask:
-    """Return land with the free squares into which it goes on as a plane through two squares of it.
+def _beaches(squares: Squares, land: Mask, is_free: Mask) -> Mask:
+    """Return the free squares into which land goes on as a plane through two squares of it.
 
     The foot of a beach is no higher than the waves beside it, but waves do not continue its slope.
     """
@@ -187,7 +194,7 @@ def _with_beaches(squares: Squares, land: Mask, is_free: Mask) -> Mask:
             new |= grown[side] & grown[beyond] & (np.abs(squares.level_m - expected) <= _EVEN_M)
         new &= is_free & ~grown[:-1]
         if not new.any():
-            return grown[:-1]
+            return grown[:-1] & ~land
         grown[:-1] |= new
 
 

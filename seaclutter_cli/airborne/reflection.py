@@ -26,7 +26,7 @@ MIRROR_SHARE = 0.05
 _GROUND_SHARE = 0.02
 _ALIKE_BETWEEN, _ALIKE_WITHIN = 1.5, 1.25
 _WAVES_M, _NEAR_IN_WAVES, _ALIKE_IN_WAVES = 0.1, 0.75, 1.75
-_APART, _LEAST_RATIO = 4.0, np.log(1.5)
+_APART, _LEAST_RATIO, _TWICE, _HARDLY_LESS = 4.0, np.log(1.5), np.log(2.0), np.log(1.25)
 _STEP_M, _STEPS, _PURE = 0.03, 1.5, 0.3
 _WATER_SHARE = 0.5
 
@@ -88,33 +88,61 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
     return replace(echoes, variation=np.full(len(flat), np.nan)) if is_one else echoes
 
 
-def by_brightness(squares: Squares, echoes: Echoes) -> Echoes | None:
-    """Return echoes whose variation is that of ground where they are bright, and that of a mirror on dark water.
+def with_foam(echoes: Echoes) -> Echoes:
+    """Return echoes whose variation is that of a mirror where they move and are bright, if water does reflect like one.
 
-    None if the brightness of the N squares does not distinguish water from land, or reflections like those of a mirror
-    do. Squares along the edge that contain both have one between the two.
+    The foam of breakers and surf scatters light in all directions, as sand does. It is brighter than most water.
+    """
+    mirrors = echoes.variation >= SPECULAR
+    if np.count_nonzero(mirrors) <= MIRROR_SHARE * len(mirrors):
+        return echoes
+    foam = echoes.moving & (echoes.variation < SPECULAR) & (echoes.brightness > median_of(echoes.brightness[mirrors]))
+    return replace(echoes, variation=np.where(foam, SPECULAR, echoes.variation))
+
+
+def by_contrast(squares: Squares, echoes: Echoes) -> Echoes | None:
+    """Return echoes whose variation is that of a mirror on water and that of ground elsewhere, by their contrast.
+
+    None if neither the brightness of the N squares nor their variation distinguishes water from land, or reflections
+    like those of a mirror do. Squares along the edge that contain both have one between the two.
 
     Notes
     -----
-    Water that does not reflect like a mirror is dark: it absorbs infrared light. The logarithms of the brightness form
-    two kinds if their means are further apart than those of any even distribution. Dark regions are water if what is
-    just beyond three quarters of their edge is higher than dark squares differ: a quay, a bank, a dike. They must be
-    most of what is dark. A dark road, even beside a dike, has no such steps, and is ground. Nor has one surface of two
-    kinds, as of strips with different gains, and bright water beside dark ground is lower.
+    Water that does not reflect like a mirror is dark: it absorbs infrared light. Where a sensor records roots or
+    logarithms, its echoes vary less than those of a mirror, but at least twice as much as those of ground. The
+    logarithms of the brightness, or else of the variation, form two kinds if their means are further apart than those
+    of any even distribution. Dark regions are water if what is just beyond three quarters of their edge is higher than
+    dark squares differ: a quay, a bank, a dike. They must be most of what is dark. A dark road, even beside a dike, has
+    no such steps, and is ground. Nor has one surface of two kinds, as of strips with different gains, and bright water
+    beside dark ground is lower.
     """
     if np.count_nonzero(echoes.variation >= SPECULAR) > MIRROR_SHARE * len(squares.index):
         return None
-    known = np.isfinite(echoes.brightness)
-    limit = _limit_between(echoes.brightness[known])
-    bright = known & (echoes.brightness > limit)
+    steadiness = -np.log(np.where(echoes.variation > 0, echoes.variation, np.nan))
+    return _divided(squares, echoes, echoes.brightness, _LEAST_RATIO, np.inf) or _divided(
+        squares, echoes, steadiness, _TWICE, _HARDLY_LESS
+    )
+
+
+def _divided(
+    squares: Squares, echoes: Echoes, brightness: Values, least_apart: float, most_apart: float
+) -> Echoes | None:
+    """Return the variation of two kinds of squares by a logarithm that is lower on water; None if they are not two.
+
+    The kinds are ``least_apart``. What is ``most_apart`` from the dark ones may contain both: a few echoes from water
+    make most of the variation of a square.
+    """
+    known = np.isfinite(brightness)
+    limit = _limit_between(brightness[known], least_apart)
+    bright = known & (brightness > limit)
     if not bright.any():
         return None
     dark = known & ~bright
-    rise = _rise_around(squares, dark)
+    rise = _rise_around(squares, dark, dark & (brightness <= np.median(brightness[dark]) + most_apart))
     water, ground = rise > 0, bright | (rise <= 0)
     if not water.any() or np.count_nonzero(water) < _WATER_SHARE * np.count_nonzero(dark):
         return None
-    mean = np.exp(echoes.brightness)
+    mean = np.exp(brightness)
     low, high = float(np.median(mean[water])), float(np.median(mean[bright]))
     share = (mean - low) / (high - low)
     mixed = (share > _PURE) & (share < 1 - _PURE) & ((water & _beside(squares, bright)) | _beside(squares, water))
@@ -127,7 +155,7 @@ def _beside(squares: Squares, own: Mask) -> Mask:
     return np.asarray(np.append(own, False)[squares.neighbor].any(axis=0))
 
 
-def _limit_between(values: Values) -> float:
+def _limit_between(values: Values, least_apart: float) -> float:
     """Return the value between two kinds, those of Otsu; infinity if there is only one, or one has few."""
     ordered, number = np.sort(values), len(values)
     least = int(MIRROR_SHARE * number) + LEAST_SQUARES
@@ -139,21 +167,21 @@ def _limit_between(values: Values) -> float:
     within = power[-1] - below * low**2 - (number - below) * high**2
     at = int(np.argmin(within))
     apart = high[at] - low[at]
-    if apart < max(_LEAST_RATIO, _APART * np.sqrt(max(within[at], 0) / number)):
+    if apart < max(least_apart, _APART * np.sqrt(max(within[at], 0) / number)):
         return np.inf
     return float(ordered[below[at] - 1] + ordered[below[at]]) / 2
 
 
-def _rise_around(squares: Squares, dark: Mask) -> Values:
+def _rise_around(squares: Squares, dark: Mask, pure: Mask) -> Values:
     """Return by how much three quarters of the edge of each dark region are higher than its squares differ.
 
-    NaN for squares that are not dark, and for regions with a short edge.
+    The edge is that of its ``pure`` squares. NaN for squares that are not dark, and for regions with a short edge.
     """
     region = np.full(len(dark), -1)
     region[dark] = connected(squares, np.flatnonzero(dark))
     number = int(region.max(initial=-1)) + 1
-    edge, step = _steps(squares, dark, ~dark)
-    inner, within = _steps(squares, dark, dark)
+    edge, step = _steps(squares, pure, ~pure)
+    inner, within = _steps(squares, pure, pure)
     rise = _quantile_of_each(step, region[edge], number, 0.25, LEAST_SQUARES)
     differ = np.nan_to_num(_quantile_of_each(np.abs(within), region[inner], number, 0.5))
     return np.asarray(np.append(rise - _STEP_M - _STEPS * differ, np.nan)[region])

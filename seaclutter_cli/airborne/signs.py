@@ -19,6 +19,7 @@ _LOWER_SHARE, _WEIR_SHARE, _HIGHER_SHARE = 0.1, 0.3, 0.02
 _CERTAIN = 100
 _GROUND_M, _GROUND_SHARE = 0.2, 0.5
 _SHORT_WAVES = 0.7
+_LEAST_MOVING, _MOVING_SHARE = 8, 0.5
 _MEASURED_SHARE, _SEEN_SHARE, _HIGH_M, _STEEP = 0.3, 0.1, 0.15, 0.25
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE, _RELIEF_M = 0.04, 0.05, 0.02, 0.001, 0.03
 
@@ -62,7 +63,8 @@ def signs_of(
     * A pulse has several echoes under trees, and one on water (-1). Nothing rises two metres and more in most squares
       of water, with a twentieth of their echoes (-1).
     * Waves move, and still water is level: squares that deviate by 3 cm, and do so alike in two strips, or by half of
-      that in nearly the same way, are land (-2), unless they reflect like a mirror: rapids stay where they are.
+      that in nearly the same way, are land (-2), unless they reflect like a mirror: rapids stay where they are. Water
+      is a region of which most squares rise and fall from strip to strip (+2).
     """
     return np.array([_signs(squares, echoes, own, waves, has_mirrors=has_mirrors) for own in regions], np.int64)
 
@@ -92,8 +94,20 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     signs -= 2 * (has_mirrors and _goes_on_as_ground(squares, echoes, own, level))
     signs -= several > SEVERAL
     signs -= median_of(echoes.tall[own]) > SEVERAL
-    signs -= 2 * (not is_mirror and is_relief(squares, echoes.change_m, own, _RELIEF_M) is True)
+    signs -= 2 * (not is_mirror and has_relief(squares, echoes, own))
+    signs += 2 * _moves(echoes, own)
     return int(signs)
+
+
+def has_relief(squares: Squares, echoes: Echoes, own: NDArray[np.int64]) -> bool:
+    """Return whether two strips show the elevations of a region alike."""
+    return is_relief(squares, echoes.change_m, own, _RELIEF_M) is True
+
+
+def _moves(echoes: Echoes, own: NDArray[np.int64]) -> bool:
+    """Return whether most squares of a region that two strips show are moving, and they are not few."""
+    moving = np.count_nonzero(echoes.moving[own])
+    return bool(moving >= max(_LEAST_MOVING, _MOVING_SHARE * np.count_nonzero(np.isfinite(echoes.change_m[own]))))
 
 
 def _hollow(squares: Squares, own: NDArray[np.int64], high_m: float, low_m: float | Values, *, has_walls: bool) -> int:

@@ -1,12 +1,17 @@
 """Terrain without water: hills, woods, and level land that waves may resemble."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.oscillation import LONG_WAVE_M
+from seaclutter_cli.airborne.part_waves import PART_CELLS
+from seaclutter_cli.airborne.quarters import LocalWaves
+from seaclutter_cli.airborne.reflection import CLEARLY_GROUND, SPECULAR
 from seaclutter_cli.airborne.regions import are_flat
-from seaclutter_cli.airborne.squares import Squares, SquareWaves
+from seaclutter_cli.airborne.squares import LEAST_SQUARES, SIDE, Squares, SquareWaves
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -14,7 +19,7 @@ Mask = NDArray[np.bool_]
 SEVERAL = 0.05
 """Share of pulses with several echoes from which a square has leaves or roofs."""
 _WOODED_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 2.0, 0.1
-_WAVES_M, _HALF = 3.0, 0.5
+_WAVES_M, _HALF, _STEP = 3.0, 0.5, 0.5
 _HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
 
 
@@ -30,6 +35,24 @@ def without_woods(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Squar
         none = np.zeros_like(waves.deviation_m)
         return SquareWaves(squares.level_m, none, none, none > 0)
     return waves
+
+
+def without_banks(squares: Squares, echoes: Echoes, local: LocalWaves) -> LocalWaves:
+    """Return waves without parts that are mostly ground, and higher than what reflects like a mirror: beside a canal.
+
+    Ground must be higher by half the deviation. Where it is waves that reflect so, both have one level.
+    """
+    ground, mirror = echoes.variation <= CLEARLY_GROUND, echoes.variation >= SPECULAR
+    if not mirror.any():
+        return local
+    kept = np.ones(len(local.parts), np.bool_)
+    for number, (center, part) in enumerate(zip(local.centers.T, local.parts, strict=True)):
+        own = np.abs(squares.xy + 0.5 - center[:, None] / SIDE).max(axis=0) < PART_CELLS / 2 / SIDE
+        high, low = squares.level_m[own & ground], squares.level_m[own & mirror]
+        if part.is_sea and len(high) > _HALF * np.count_nonzero(own) and len(low) >= LEAST_SQUARES:
+            kept[number] = np.median(high) - np.median(low) <= _STEP * part.deviation_m
+    parts = [part for part, keep in zip(local.parts, kept, strict=True) if keep]
+    return replace(local, centers=local.centers[:, kept], parts=parts)
 
 
 def are_woods(squares: Squares, echoes: Echoes, own: Mask) -> bool:

@@ -25,7 +25,7 @@ from seaclutter_cli.airborne.regions import (
     level_regions,
     waves_in,
 )
-from seaclutter_cli.airborne.signs import LARGEST, is_basin, signs_of
+from seaclutter_cli.airborne.signs import LARGEST, has_relief, is_basin, signs_of
 from seaclutter_cli.airborne.squares import Squares, SquareWaves
 from seaclutter_cli.airborne.terrain import may_be_waves
 
@@ -35,6 +35,7 @@ Mask = NDArray[np.bool_]
 _LARGE, _SMALL = 0.05, 0.02
 _CLEAR_SHARE = 0.8
 _UNEVEN, _HALF = 1.5, 0.5
+_ALIKE = np.log(1.2)
 
 
 @dataclass(frozen=True)
@@ -79,9 +80,10 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
 
     Signs of water and of land are added up (`signs_of`). A region needs more signs of water than of land; any if there
     is no other water, or one that covers half of the tile and does not reflect like ground, as many. A region of at
-    most 2 % of the tile that touches water along half of its edge, and no land, is a part of it, unless it varies by
-    less than 0.33, as ground does: echoes near the holes below an aircraft are weak, and vary less than others. Its
-    level may differ by 3 cm, or as much as in the waves there.
+    most 2 % of the tile, or 5 % if it is at most 1.2 times as bright as the water, that touches water along half of its
+    edge, and no land, is a part of it, unless it varies by less than 0.33, as ground does: at the edge of a strip, and
+    near the holes below an aircraft, echoes are weak, and vary less than others. The level may differ by 3 cm, or as
+    much as in the waves there. Other such regions beside it are no land, and may be parts of the water after it.
 
     If nothing in the tile reflects like a mirror, a body of water that covers a twentieth of the tile sets the level
     of all water: other regions at that level are water, too, unless they have two more signs of land and no waves that
@@ -95,8 +97,8 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     1.5 times as uneven is ground. Waves must have been measured in three tenths of a body; or a tenth if their
     significant height is 0.6 m, and squares deviate by a quarter of their deviation. Of these bodies, water must not
     run off along a tenth of the edge that is in the tile, or over more than a weir, unless they are half of it. Without
-    any such body, the tile remains undecided and no region is returned, unless nearly all squares are in regions with
-    two more signs of land, and without waves.
+    any such body, the tile remains undecided and no region is returned, unless most squares are in regions whose relief
+    two strips show alike, or nearly all in these and in others with two more signs of land and without waves.
 
     Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
     needs two more signs of water.
@@ -127,23 +129,28 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     doubt = [least == 1 and len(own) >= half and not (has_mirrors and is_diffuse(echoes, own)) for own in regions]
     certain = signs >= np.where(doubt, 0, least)
     water = certain if certain.any() else signs >= 0
-    return _bodies(squares, regions, water | _amid_water(squares, echoes, regions, water, waves), waves)
+    while (amid := _amid_water(squares, echoes, regions, water, waves)).any():
+        water = water | amid
+    return _bodies(squares, regions, water, waves)
 
 
 def _amid_water(
     squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], water: Mask, waves: SquareWaves
 ) -> Mask:
     """Return which small regions are a part of the water around them: at its level, and not clearly ground."""
-    sea, land = (_squares_of(squares, regions, chosen) for chosen in (water, ~water))
-    found = np.zeros(len(regions), np.bool_)
-    for number, own in enumerate(regions):
-        if water[number] or len(own) > _SMALL * len(squares.index) or echoes.known[own[0]]:
-            continue
-        if is_amid(squares, own, sea, land) and not median_of(echoes.variation[own]) <= CLEARLY_GROUND:
-            around, deviation_m = beside(squares, own), float(np.median(waves.deviation_m[own]))
-            apart = np.median(squares.level_m[own]) - np.median(squares.level_m[around[sea[around]]])
-            found[number] = abs(apart) <= (band_of(deviation_m) if deviation_m else SAME_LEVEL_M)
-    return found
+    sea = _squares_of(squares, regions, water)
+    found = ~water & [not echoes.known[own[0]] for own in regions]
+    for number in np.flatnonzero(found).tolist():
+        own = regions[number]
+        around, deviation_m = beside(squares, own), float(np.median(waves.deviation_m[own]))
+        around = around[sea[around]] if sea[around].any() else around
+        apart = abs(np.median(squares.level_m[own]) - median_of(squares.level_m[around]))
+        at_level = apart <= (band_of(deviation_m) if deviation_m else SAME_LEVEL_M)
+        brighter = median_of(echoes.brightness[own]) - median_of(echoes.brightness[sea])
+        is_small = len(own) <= (_LARGE if brighter < _ALIKE else _SMALL) * len(squares.index)
+        found[number] = at_level and is_small and not median_of(echoes.variation[own]) <= CLEARLY_GROUND
+    land = _squares_of(squares, regions, ~(water | found))
+    return found & [is_amid(squares, own, sea, land) for own in regions]
 
 
 def _squares_of(squares: Squares, regions: Sequence[NDArray[np.int64]], chosen: Mask) -> Mask:
@@ -177,8 +184,11 @@ def _without_mirrors(
         same = _at_levels_of(squares, joined, large, waves, (level, band), signs)
         return _bodies(squares, joined, certain | (same & ~ground), waves)
     signs = signs_of(squares, echoes, regions, waves, has_mirrors=False)
-    clear = sum(len(own) for own, sign in zip(regions, signs, strict=True) if sign <= -2 and not deviation_m[own].any())
-    if clear < _CLEAR_SHARE * sum(map(len, regions)):
+    size = np.array([len(own) for own in regions], np.int64)
+    stays = np.array([has_relief(squares, echoes, own) for own in regions], np.bool_)
+    still = np.array([not deviation_m[own].any() for own in regions], np.bool_)
+    clear = stays | (still & (signs <= -2))
+    if size[stays].sum() <= LARGEST * size.sum() and size[clear].sum() < _CLEAR_SHARE * size.sum():
         return []
     water = signs >= 1
     level, band = _levels(squares, regions, deviation_m)

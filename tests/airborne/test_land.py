@@ -45,6 +45,26 @@ def test_a_beach_ends_where_waves_begin():
     assert other[~land].mean() < 0.03
 
 
+def test_surf_is_water_and_the_beach_above_it_is_not():
+    """Foam and sand reflect alike; the foam moves from strip to strip, on water that waves have raised."""
+    strips = []
+    for number in (1, 2):
+        rng = np.random.default_rng(number)
+        x, y = (rng.uniform(0, side, 120_000) for side in SIZE)
+        ground = (x - 280) / 40
+        surf = np.exp(-(((x - 240) / 40) ** 2))
+        water = waves(rng, x, y, 0.7, 40.0) + 0.3 * surf
+        land = ground > water
+        varied = rng.exponential(60, len(x)) * (1 - surf) + rng.normal(300, 90, len(x)) * surf
+        intensity = np.where(land, rng.normal(400, 50, len(x)), varied).clip(0)
+        strips.append((x, y, np.maximum(ground, water), land, intensity, np.full(len(x), number)))
+    x, y, z, land, intensity, strip = (np.concatenate(values) for values in zip(*strips, strict=True))
+    columns = {"intensity": intensity, "point_source_id": strip, "number_of_returns": np.ones(len(x), int)}
+    other = separate([np.stack((x, y, z))], SeparationParams(), columns.get).classification == OTHER
+    assert other[~land & (x > 190)].mean() < 0.35
+    assert other[land].mean() > 0.95
+
+
 WITHOUT_INTENSITIES = [
     ("cliff", 0.1, 15.0), ("cliff", 1.2, 40.0), ("cliff", 1.5, 80.0),
     ("beach 1 in 30", 0.1, 15.0), ("beach 1 in 30", 0.5, 60.0), ("beach 1 in 30", 1.2, 40.0),

@@ -111,17 +111,32 @@ def test_bright_water_beside_dark_ground_is_water():
     assert on_water < 0.02
 
 
+@pytest.mark.parametrize("bank", [0.25, 0.8])
+def test_water_of_recorded_logarithms_varies_more_than_its_banks(bank):
+    """Both are equally bright; squares along the edge of the creek contain both, and vary nearly like water."""
+
+    def creek(x, y, bumps):
+        across = np.abs(y - 150 - 40 * np.sin(x / 40)) - 25
+        return np.where(across < 0, -5.0, bank + 0.004 * across + 0.4 * bumps)
+
+    xyz, land, columns = tile(creek)
+    columns["intensity"] = 100 + np.where(land, 8, 50) * np.random.default_rng(1).normal(0, 1, len(land))
+    on_land, on_water = shares(xyz, land, columns)
+    assert on_land > 0.98
+    assert on_water < 0.02
+
+
 @pytest.mark.parametrize("kind", ["normal", "uniform"])
 def test_an_even_distribution_is_of_one_kind(kind):
     values = getattr(np.random.default_rng(2), kind)(size=5000)
-    assert _limit_between(values) == np.inf
+    assert _limit_between(values, 0.4) == np.inf
 
 
 def test_the_limit_lies_between_two_kinds():
     rng = np.random.default_rng(3)
     values = np.concatenate((rng.normal(3.4, 0.1, 300), rng.normal(4.8, 0.2, 900)))
-    assert values[:300].max() < _limit_between(values) < values[300:].min()
-    assert _limit_between(values[:1]) == np.inf
+    assert values[:300].max() < _limit_between(values, 0.4) < values[300:].min()
+    assert _limit_between(values[:1], 0.4) == np.inf
 
 
 @pytest.mark.parametrize("share", [0.25, 0.5])

@@ -7,7 +7,7 @@ import pytest
 
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.squares import SIDE, SquareWaves, squares_of
+from seaclutter_cli.airborne.squares import SIDE, SquareWaves, are_moving, squares_of
 from seaclutter_cli.airborne.water_bodies import find_bodies
 
 SQUARES = 20
@@ -25,7 +25,7 @@ def squares(level_m, spread_m=0.02):
 def echoes(variation):
     """Return echoes of single pulses from squares with this variation."""
     none, unknown = np.zeros(len(variation)), np.full(len(variation), np.nan)
-    return Echoes(variation, none, none, none, unknown, none.astype(np.int8))
+    return Echoes(variation, none, none, none, unknown, none > 0, none.astype(np.int8))
 
 
 def square_waves(level_m, deviation_m, measured):
@@ -93,6 +93,39 @@ def test_dark_water_amid_water_that_hardly_reflects_like_a_mirror(variation, dev
     assert sum(body.is_water for body in bodies) == are_water
 
 
+@pytest.mark.parametrize(("rise", "are_water"), [(0.25, True), (2.0, False)])
+def test_dark_crests_and_troughs_side_by_side_amid_water(rise, are_water):
+    """The one in the corner of the tile mostly touches the other, which may be a rock."""
+    x, y = np.indices((SQUARES, SQUARES))
+    inner, outer = ((x < 3) & (y // 2 == at) for at in (0, 1))
+    found = squares(-0.25 * inner + rise * outer, 0.05)
+    place = tuple(found.xy - found.xy.min(axis=1, keepdims=True))
+    own = (inner | outer)[place]
+    same = np.ones(len(own))
+    waves = square_waves(0.0 * same, 0.2 * same, same > 0)
+    bodies = find_bodies(found, echoes(np.where(own, 0.42, 0.8)), waves)
+    assert sorted(len(body.squares) for body in bodies) == [6, 6, SQUARES**2 - 12]
+    assert all(body.is_water for body in bodies) == are_water
+
+
+@pytest.mark.parametrize(
+    ("variation", "brightness", "are_water"),
+    [(0.4, 0.1, True), (0.4, 1.0, False), (0.2, -1.0, False)],
+)
+def test_weak_echoes_at_the_edge_of_a_strip(variation, brightness, are_water):
+    """They are 4 % of the tile, around six squares whose level the waves make another region."""
+    x, y = np.indices((SQUARES, SQUARES))
+    corner, inner = ((x < side) & (y < high) for side, high in ((4, 4), (2, 3)))
+    found = squares(0.2 + 0.3 * inner, 0.05)
+    own = corner[tuple(found.xy - found.xy.min(axis=1, keepdims=True))]
+    same = np.ones(len(own))
+    waves = square_waves(0.2 * same, 0.15 * same, same > 0)
+    seen = replace(echoes(np.where(own, variation, 0.8)), brightness=np.where(own, brightness, 0.0))
+    bodies = find_bodies(found, seen, waves)
+    assert sorted(len(body.squares) for body in bodies) == [6, 10, SQUARES**2 - 16]
+    assert all(body.is_water for body in bodies) == are_water
+
+
 def test_a_trough_has_the_level_of_the_waves_in_it():
     """It is a region of its own, as their level is another than that of the waves around."""
     x, y = np.indices((SQUARES, SQUARES))
@@ -116,6 +149,42 @@ def test_squares_that_vary_less_by_chance_are_no_ground_around_water(variation, 
     seen = echoes(np.where(less, variation, 0.65))
     bodies = find_bodies(found, seen, square_waves(found.level_m, still, still > 0))
     assert [body.is_water for body in bodies if len(body.squares) == 2 * SQUARES] == 6 * [are_water]
+
+
+@pytest.mark.parametrize(("move", "are_water"), [(True, True), (False, False)])
+def test_foam_reflects_like_ground_and_moves(move, are_water):
+    rng = np.random.default_rng(5)
+    one, other = rng.normal(0, 0.1, (2, SQUARES, SQUARES))
+    x, _ = np.indices((SQUARES, SQUARES))
+    found = squares(one, 0.05)
+    place = tuple(found.xy - found.xy.min(axis=1, keepdims=True))
+    foam, same = (x >= SQUARES // 2)[place], np.ones(len(found.index))
+    change = (one - other if move else 0.2 * other)[place]
+    moving = are_moving(found, change)
+    assert moving.mean() > 0.75 if move else not moving.any()
+    seen = replace(echoes(np.where(foam, 0.35, 0.8)), change_m=change, moving=moving)
+    bodies = find_bodies(found, seen, square_waves(0.0 * same, 0.1 * same, same > 0))
+    assert len(bodies) == 2
+    assert [body.is_water for body in bodies if foam[body.squares].all()] == [are_water]
+
+
+@pytest.mark.parametrize(("change_m", "bodies"), [(0.003, 1), (np.nan, 0)])
+def test_fields_whose_relief_two_strips_show_alike_are_land(change_m, bodies):
+    """They slope by less than a river, and a part of them looks like waves."""
+    rng = np.random.default_rng(5)
+    found = squares(rng.normal(0, 0.05, (SQUARES, SQUARES)))
+    same = np.ones(len(found.index))
+    waves = square_waves(0.0 * same, 0.03 * (found.xy[0] < 4), found.xy[0] < 4)
+    seen = replace(echoes(0.2 * same), change_m=change_m * rng.normal(0, 1, len(same)))
+    land = find_bodies(found, seen, waves)
+    assert len(land) == bodies
+    assert not any(body.is_water for body in land)
+
+
+def test_a_tile_without_regions_has_no_bodies():
+    found = squares(np.add.outer(np.arange(SQUARES), np.arange(SQUARES)))
+    same = np.ones(len(found.index))
+    assert not find_bodies(found, echoes(same), square_waves(found.level_m, 0 * same, same < 0))
 
 
 @pytest.mark.parametrize(("share", "are_water"), [(0.0, True), (0.1, False)])
