@@ -35,6 +35,8 @@ Mask = NDArray[np.bool_]
 _LARGE, _SMALL = 0.05, 0.02
 _CLEAR_SHARE = 0.8
 _UNEVEN, _HALF = 1.5, 0.5
+_NORMAL_HALF = 1.35
+"""Width that contains half of a normal distribution, in standard deviations."""
 _ALIKE = np.log(1.2)
 
 
@@ -97,8 +99,9 @@ def find_bodies(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequenc
     1.5 times as uneven is ground. Waves must have been measured in three tenths of a body; or a tenth if their
     significant height is 0.6 m, and squares deviate by a quarter of their deviation. Of these bodies, water must not
     run off along a tenth of the edge that is in the tile, or over more than a weir, unless they are half of it. Without
-    any such body, the tile remains undecided and no region is returned, unless most squares are in regions whose relief
-    two strips show alike, or nearly all in these and in others with two more signs of land and without waves.
+    any such body, the tile remains undecided and no region is returned, unless nearly all squares are in regions whose
+    relief two strips show alike, or with two more signs of land and without waves. Those do not count if the relief is
+    that of most squares. Half of a region with relief must not be twice as level as the whole: that may be water.
 
     Squares with trusted classes are regions of their own, which need no signs. Beside trusted water, another region
     needs two more signs of water.
@@ -185,10 +188,12 @@ def _without_mirrors(
         return _bodies(squares, joined, certain | (same & ~ground), waves)
     signs = signs_of(squares, echoes, regions, waves, has_mirrors=False)
     size = np.array([len(own) for own in regions], np.int64)
-    stays = np.array([has_relief(squares, echoes, own) for own in regions], np.bool_)
+    stays = np.array(
+        [has_relief(squares, echoes, own) and not _is_mostly_level(squares, own) for own in regions], np.bool_
+    )
     still = np.array([not deviation_m[own].any() for own in regions], np.bool_)
-    clear = stays | (still & (signs <= -2))
-    if size[stays].sum() <= LARGEST * size.sum() and size[clear].sum() < _CLEAR_SHARE * size.sum():
+    still |= size[stays].sum() > LARGEST * size.sum()  # what looks like waves elsewhere in such a tile is relief, too
+    if size[stays | (still & (signs <= -2))].sum() < _CLEAR_SHARE * size.sum():
         return []
     water = signs >= 1
     level, band = _levels(squares, regions, deviation_m)
@@ -197,6 +202,15 @@ def _without_mirrors(
             is_mirror = median_of(echoes.variation[regions[number]]) >= SPECULAR
             water[number] = is_mirror or is_basin(squares, regions[number], waves)
     return _bodies(squares, regions, water, waves)
+
+
+def _is_mostly_level(squares: Squares, own: NDArray[np.int64]) -> bool:
+    """Return whether half of a region is twice as level as its deviation: still water beside a flat, not a field."""
+    level = np.sort(squares.level_m[own])
+    half = len(level) // 2
+    low, high = np.quantile(level, (0.1587, 0.8413))
+    width, deviation = (level[half:] - level[: len(level) - half]).min(), (high - low) / 2
+    return bool(width < _NORMAL_HALF * deviation / 2)
 
 
 def _at_levels_of(

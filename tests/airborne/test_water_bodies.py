@@ -181,6 +181,17 @@ def test_fields_whose_relief_two_strips_show_alike_are_land(change_m, bodies):
     assert not any(body.is_water for body in land)
 
 
+def test_still_water_around_flats_is_no_field():
+    """One region in a hollow: two squares of five are 10 cm higher, and two strips show that alike."""
+    x, y = np.indices((SQUARES, SQUARES))
+    flat = (x // 2 + 2 * (y // 2)) % 5 < 2
+    edge = np.maximum(np.abs(x - 9.5), np.abs(y - 9.5)) > 9
+    found = squares(np.where(edge, 2.0, 0.1 * flat))
+    same = np.ones(len(found.index))
+    seen = replace(echoes(0.2 * same), change_m=0.001 * np.random.default_rng(5).normal(0, 1, len(same)))
+    assert not find_bodies(found, seen, square_waves(found.level_m, 0 * same, same < 0))
+
+
 def test_a_tile_without_regions_has_no_bodies():
     found = squares(np.add.outer(np.arange(SQUARES), np.arange(SQUARES)))
     same = np.ones(len(found.index))
