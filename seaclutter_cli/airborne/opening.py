@@ -119,9 +119,9 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
     opening confines such a cell to itself, but near the edge of a tile, where no window avoids it, it would lower the
     surface along its whole row.
 
-    In water that light penetrates, such echoes are many and from shallow depths. Amid seven or eight neighbours, most
-    of which are alike, a cell is a pit from a quarter of ``depth_m`` on, even if one neighbour is one, too; in a ditch,
-    two are as low.
+    In water that light penetrates, such echoes are many and from shallow depths. Amid eight neighbours, most of which
+    are alike, a cell is a pit from a quarter of ``depth_m`` on, even if one neighbour is one, too; in a ditch, two are
+    as low. Amid seven, it is one from ``depth_m`` on.
 
     If more than two in a thousand cells are pits amid level neighbours, pits touch by chance, and groups are left out,
     too (`_without_groups`).
@@ -145,7 +145,8 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
         highest = np.where(np.isfinite(beside), beside, -np.inf).max(axis=0, initial=-np.inf)
         level += int(np.count_nonzero(highest[pits] - beside.min(axis=0)[pits] < depth_m / 2))
         ordered = np.sort(np.stack([own[shallow] for own in around]), axis=0)
-        alike = np.isfinite(ordered[-2])
+        depth = ordered[1] - out[slot][shallow]
+        alike = np.isfinite(ordered[-1]) | (np.isfinite(ordered[-2]) & (depth > depth_m))
         lower, middle, upper = ordered[[1, 3, 6]][:, alike]
         at = np.argwhere(shallow)[alike].T
         pits = upper - lower < (lower - out[slot][tuple(at)]) / 2
