@@ -132,28 +132,37 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     doubt = [least == 1 and len(own) >= half and not (has_mirrors and is_diffuse(echoes, own)) for own in regions]
     certain = signs >= np.where(doubt, 0, least)
     water = certain if certain.any() else signs >= 0
-    while (amid := _amid_water(squares, echoes, regions, water, waves)).any():
-        water = water | amid
-    return _bodies(squares, regions, water, waves)
+    return _bodies(squares, regions, _with_amid(squares, echoes, regions, water, waves), waves)
 
 
-def _amid_water(
+def _with_amid(
     squares: Squares, echoes: Echoes, regions: Sequence[NDArray[np.int64]], water: Mask, waves: SquareWaves
 ) -> Mask:
-    """Return which small regions are a part of the water around them: at its level, and not clearly ground."""
-    sea = _squares_of(squares, regions, water)
-    found = ~water & [not echoes.known[own[0]] for own in regions]
-    for number in np.flatnonzero(found).tolist():
-        own = regions[number]
-        around, deviation_m = beside(squares, own), float(np.median(waves.deviation_m[own]))
-        around = around[sea[around]] if sea[around].any() else around
-        apart = abs(np.median(squares.level_m[own]) - median_of(squares.level_m[around]))
-        at_level = apart <= (band_of(deviation_m) if deviation_m else SAME_LEVEL_M)
-        brighter = median_of(echoes.brightness[own]) - median_of(echoes.brightness[sea])
-        is_small = len(own) <= (_LARGE if brighter < _ALIKE else _SMALL) * len(squares.index)
-        found[number] = at_level and is_small and not median_of(echoes.variation[own]) <= CLEARLY_GROUND
-    land = _squares_of(squares, regions, ~(water | found))
-    return found & [is_amid(squares, own, sea, land) for own in regions]
+    """Return which regions are water, also the small ones amid it: at its level, and not clearly ground."""
+    bright = median_of(echoes.brightness[_squares_of(squares, regions, water)]) + _ALIKE
+    may_be = np.zeros(len(regions), np.bool_)
+    for number, own in enumerate(regions):
+        largest = (_LARGE if median_of(echoes.brightness[own]) < bright else _SMALL) * len(squares.index)
+        is_ground = median_of(echoes.variation[own]) <= CLEARLY_GROUND
+        may_be[number] = len(own) <= largest and not is_ground and not echoes.known[own[0]]
+    while True:
+        sea, found = _squares_of(squares, regions, water), may_be & ~water
+        for number in np.flatnonzero(found).tolist():
+            found[number] = _is_at_level(squares, regions[number], sea, waves)
+        land = _squares_of(squares, regions, ~(water | found))
+        for number in np.flatnonzero(found).tolist():
+            found[number] = is_amid(squares, regions[number], sea, land)
+        if not found.any():
+            return water
+        water = water | found
+
+
+def _is_at_level(squares: Squares, own: NDArray[np.int64], sea: Mask, waves: SquareWaves) -> bool:
+    """Return whether a region is at the level of the water beside it or, without any, of all that is."""
+    around, deviation_m = beside(squares, own), float(np.median(waves.deviation_m[own]))
+    around = around[sea[around]] if sea[around].any() else around
+    apart = abs(np.median(squares.level_m[own]) - median_of(squares.level_m[around]))
+    return bool(apart <= (band_of(deviation_m) if deviation_m else SAME_LEVEL_M))
 
 
 def _squares_of(squares: Squares, regions: Sequence[NDArray[np.int64]], chosen: Mask) -> Mask:

@@ -192,10 +192,12 @@ def test_still_water_around_flats_is_no_field():
     assert not find_bodies(found, seen, square_waves(found.level_m, 0 * same, same < 0))
 
 
-def test_a_tile_without_regions_has_no_bodies():
+@pytest.mark.parametrize("trusted", [0, 1, -1])
+def test_a_tile_without_regions_has_no_bodies(trusted):
     found = squares(np.add.outer(np.arange(SQUARES), np.arange(SQUARES)))
     same = np.ones(len(found.index))
-    assert not find_bodies(found, echoes(same), square_waves(found.level_m, 0 * same, same < 0))
+    seen = replace(echoes(same), known=(trusted * (found.xy[0] + found.xy[1] < 2)).astype(np.int8))
+    assert not find_bodies(found, seen, square_waves(found.level_m, 0 * same, same < 0))
 
 
 @pytest.mark.parametrize(("share", "are_water"), [(0.0, True), (0.1, False)])
