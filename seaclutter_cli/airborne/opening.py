@@ -142,8 +142,7 @@ def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
         pits = np.isfinite(beside).sum(axis=0) >= _NEIGHBORS
         out[slot][tuple(np.argwhere(deep)[pits].T)] = beside.min(axis=0)[pits]
         level += _fill_lonely(out[slot], np.argwhere(deep)[~pits].T, wide, depth_m)
-        highest = np.where(np.isfinite(beside), beside, -np.inf).max(axis=0, initial=-np.inf)
-        level += int(np.count_nonzero(highest[pits] - beside.min(axis=0)[pits] < depth_m / 2))
+        level += _count_level(beside[:, pits], depth_m)
         ordered = np.sort(np.stack([own[shallow] for own in around]), axis=0)
         depth = ordered[1] - out[slot][shallow]
         alike = np.isfinite(ordered[-1]) | (np.isfinite(ordered[-2]) & (depth > depth_m))
@@ -168,8 +167,13 @@ def _fill_lonely(out: Cells, at: NDArray[np.int64], wide: Cells, depth_m: float)
     value = beside.min(axis=0, initial=np.inf)
     pits = (np.isfinite(beside).sum(axis=0) >= _NEIGHBORS) & (out[tuple(at)] < value - depth_m)
     out[tuple(at[:, pits])] = value[pits]
+    return _count_level(beside[:, pits], depth_m)
+
+
+def _count_level(beside: Cells, depth_m: float) -> int:
+    """Return of how many pits the cells beside, shape (K, P), are level; plus infinity in empty cells."""
     highest = np.where(np.isfinite(beside), beside, -np.inf).max(axis=0, initial=-np.inf)
-    return int(np.count_nonzero(highest[pits] - value[pits] < depth_m / 2))
+    return int(np.count_nonzero(highest - beside.min(axis=0, initial=np.inf) < depth_m / 2))
 
 
 def _without_groups(grid: ElevationGrid, lowest: Cells, depth_m: float) -> Cells:

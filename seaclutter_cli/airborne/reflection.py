@@ -94,7 +94,7 @@ def with_foam(echoes: Echoes) -> Echoes:
     The foam of breakers and surf scatters light in all directions, as sand does. It is brighter than most water.
     """
     mirrors = echoes.variation >= SPECULAR
-    if np.count_nonzero(mirrors) <= MIRROR_SHARE * len(mirrors):
+    if np.count_nonzero(mirrors) <= MIRROR_SHARE * np.count_nonzero(np.isfinite(echoes.variation)):
         return echoes
     foam = echoes.moving & (echoes.variation < SPECULAR) & (echoes.brightness > median_of(echoes.brightness[mirrors]))
     return replace(echoes, variation=np.where(foam, SPECULAR, echoes.variation))

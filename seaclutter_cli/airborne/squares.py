@@ -26,7 +26,7 @@ _FAR = 1 << 31
 _AT_LEVEL, _NEAR_LEVEL_M = 4.0, 0.2
 _LEAST_SHARED, _LEAST_RELIEF, _LEAST_RELIEF_M = 16, 0.5, 0.03
 _CLEAR_CHANGE = 0.05
-_LEAST_AROUND, _LEAST_CHANGE_M, _LEAST_DEVIATION_M = 6, 0.03, 0.05
+_LEAST_AROUND, _LEAST_MOVING_M = 6, 0.05
 
 
 @dataclass(frozen=True)
@@ -246,11 +246,13 @@ def is_relief(squares: Squares, change_m: Values, own: Mask | NDArray[np.int64],
 def are_moving(squares: Squares, change_m: Values) -> Mask:
     """Return which squares rise and fall from strip to strip, as waves do, shape (N,).
 
-    A square changes by 3 cm or more, and the changes of the three by three squares around it deviate by 5 cm, and more
-    than their levels: 1.4 times as much where waves are elsewhere in each strip, but less where relief is. Six of them
-    must be in two strips. These are few squares, so one is moving, too, if most of them are.
+    The changes of the three by three squares around one deviate by 5 cm, and more than their levels: 1.4 times as much
+    where waves are elsewhere in each strip, but less where relief is. Six of them must be in two strips. These are few
+    squares, so one is moving, too, if most of them are.
     """
     known = np.isfinite(change_m)
+    if not known.any():
+        return known
     number = _around(squares, known.astype(np.float64))
 
     def deviation(values: Values) -> Values:
@@ -258,11 +260,8 @@ def are_moving(squares: Squares, change_m: Values) -> Mask:
         mean, power = (_around(squares, part) / np.maximum(number, 1) for part in (own, own**2))
         return np.asarray(np.sqrt(np.maximum(power - mean**2, 0)))
 
-    if not known.any():
-        return known
     change = deviation(change_m)
-    moving = known & (number >= _LEAST_AROUND) & (np.abs(change_m) >= _LEAST_CHANGE_M)
-    moving &= (change >= _LEAST_DEVIATION_M) & (change > deviation(squares.level_m))
+    moving = known & (number >= _LEAST_AROUND) & (change >= _LEAST_MOVING_M) & (change > deviation(squares.level_m))
     return moving | (known & (2 * _around(squares, moving.astype(np.float64)) > number))
 
 

@@ -139,6 +139,19 @@ def test_two_pits_beside_an_empty_cell_and_an_object_are_filled():
     assert without_pits(grid, 1.0)[0, :40, :40][known].min() > -0.1
 
 
+def test_a_trough_beside_an_empty_cell_is_no_pit():
+    """Short waves have many; with eight neighbours, each is a pit."""
+    values = np.random.default_rng(3).normal(0, 0.02, (40, 40))
+    values[10, 10] = values[20, 20] = -0.6
+    values[21, 21] = np.inf
+    known = np.isfinite(values)
+    grid = ElevationGrid(1.0)
+    grid.add(np.stack((*np.nonzero(known), values[known])) + np.array([[0.5], [0.5], [0]]))
+    found = without_pits(grid, 1.0)[0, :40, :40]
+    assert found[10, 10] > -0.1
+    assert found[20, 20] == -0.6
+
+
 def test_a_pit_amid_empty_cells_is_filled_from_two_cells_away():
     values = np.full((40, 40), np.inf)
     values[::2, ::2] = np.random.default_rng(7).normal(0, 0.02, (20, 20))

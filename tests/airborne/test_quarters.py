@@ -84,6 +84,18 @@ def test_a_field_that_two_strips_show_alike_has_no_waves_in_a_part(seed):
     assert (found == OTHER).mean() > 0.95
 
 
+@pytest.mark.parametrize(("step_m", "is_mixed"), [(0.0, True), (3.0, False)])
+def test_terraces_with_bushes_are_no_mixed_moments(step_m, is_mixed):
+    """Two of five cells are skewed upwards, as of the lowest of many waves, in quarters that may differ in level."""
+    rng = np.random.default_rng(3)
+    x, y = (side.ravel() + 0.5 for side in np.mgrid[:256, :256])
+    high = np.where(rng.random(len(x)) < 0.4, rng.uniform(0, 1.5, len(x)), 0.0)
+    grid = ElevationGrid(1.0)
+    grid.add(np.stack((x, y, high + step_m * (x // 128 + 2 * (y // 128)) + rng.normal(0, 0.1, len(x)))))
+    found = local_waves([Look.of(grid, 20.0, None)])
+    assert found.is_mixed == is_mixed
+
+
 def test_smooth_swell_at_many_moments_is_rough_only_where_they_are_mixed():
     """Four strips in each cell; the opened surface follows the swell of each."""
     rng, parts = np.random.default_rng(3), []

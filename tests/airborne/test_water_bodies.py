@@ -7,8 +7,10 @@ import pytest
 
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.land import _beside_water
+from seaclutter_cli.airborne.reflection import SPECULAR, with_foam
 from seaclutter_cli.airborne.squares import SIDE, SquareWaves, are_moving, squares_of
-from seaclutter_cli.airborne.water_bodies import find_bodies
+from seaclutter_cli.airborne.water_bodies import WaterBody, find_bodies
 
 SQUARES = 20
 
@@ -168,6 +170,49 @@ def test_foam_reflects_like_ground_and_moves(move, are_water):
     assert [body.is_water for body in bodies if foam[body.squares].all()] == [are_water]
 
 
+@pytest.mark.parametrize("few", [True, False])
+def test_foam_is_bright_and_in_tiles_whose_water_reflects_like_a_mirror(few):
+    """Bright and dark squares that move amid mirrors, which a tile has few of; most squares have no intensities."""
+    kind = np.arange(400) % 25
+    mirror, bright, dark = (kind == number for number in (1, 2, 3))
+    mirror &= np.arange(400) < (25 if few else 400)
+    variation = np.select([mirror, bright | dark], [0.8, 0.3], np.nan)
+    still = echoes(variation)
+    seen = replace(still, moving=bright | dark, brightness=np.select([bright, dark], [1.0, -1.0], 0.0))
+    found = with_foam(seen).variation
+    np.testing.assert_array_equal(found, variation if few else np.where(bright, SPECULAR, variation))
+    np.testing.assert_array_equal(with_foam(still).variation, variation)
+
+
+def test_the_strip_of_a_beach_beside_the_sea_does_not_move():
+    """The sea moves as far as the beach, which both strips show alike, is steep from square to square."""
+    rng = np.random.default_rng(6)
+    one, other = rng.normal(0, 0.2, (2, SQUARES, SQUARES))
+    x, _ = np.indices((SQUARES, SQUARES))
+    sea = x < 12
+    found = squares(np.where(sea, one, 0.3 * (x - 11)))
+    place = tuple(found.xy - found.xy.min(axis=1, keepdims=True))
+    moving = are_moving(found, np.where(sea, one - other, 0.0)[place])
+    assert moving[(x < 10)[place]].mean() > 0.75
+    assert not moving[~sea[place]].any()
+    assert not are_moving(found, np.full(len(moving), np.nan)).any()
+    assert not are_moving(squares(0.05 * one), 0.05 * (one - other)[place]).any()
+
+
+@pytest.mark.parametrize(("variation", "is_sure"), [(0.2, True), (0.4, False)])
+def test_a_beach_that_is_clearly_ground_is_dry(variation, is_sure):
+    """Its lowest squares are no higher than the waves, and than the bank of rough water."""
+    x, _ = np.indices((SQUARES, SQUARES))
+    found = squares(np.where(x < 10, 0.0, 0.3 + 0.2 * (x - 10)))
+    place = (found.xy - found.xy.min(axis=1, keepdims=True))[0]
+    waves = square_waves(0.0 * place, 0.2 + 0.0 * place, place < 10)
+    sea, land = (np.flatnonzero(own) for own in (place < 10, place >= 14))
+    regions = WaterBody(sea, 0.0, 0.12, is_water=True), WaterBody(land, 1.7, 0.02, is_water=False)
+    shore = _beside_water(found, echoes(np.where(place < 10, 0.8, variation)), waves, regions)
+    np.testing.assert_array_equal(shore.land, place >= 10)
+    assert (shore.is_sure[place == 10] == is_sure).all()
+
+
 @pytest.mark.parametrize(("change_m", "bodies"), [(0.003, 1), (np.nan, 0)])
 def test_fields_whose_relief_two_strips_show_alike_are_land(change_m, bodies):
     """They slope by less than a river, and a part of them looks like waves."""
@@ -179,6 +224,21 @@ def test_fields_whose_relief_two_strips_show_alike_are_land(change_m, bodies):
     land = find_bodies(found, seen, waves)
     assert len(land) == bodies
     assert not any(body.is_water for body in land)
+
+
+@pytest.mark.parametrize(("share", "bodies"), [(0.7, 2), (0.3, 0)])
+def test_fields_beside_a_relief_that_most_of_the_tile_has_are_land(share, bodies):
+    """One strip shows the other fields, which look like waves and slope."""
+    rng = np.random.default_rng(5)
+    x, _ = np.indices((SQUARES, SQUARES))
+    seen_twice = x < share * SQUARES
+    found = squares(np.where(seen_twice, rng.normal(0, 0.05, x.shape), 1.0 + 0.015 * (x - share * SQUARES)))
+    twice = seen_twice[tuple(found.xy - found.xy.min(axis=1, keepdims=True))]
+    same = np.ones(len(twice))
+    waves = square_waves(found.level_m, np.where(twice, 0.0, 0.01), ~twice)
+    seen = replace(echoes(0.2 * same), change_m=np.where(twice, 0.003 * rng.normal(0, 1, len(same)), np.nan))
+    land = find_bodies(found, seen, waves)
+    assert [body.is_water for body in land] == bodies * [False]
 
 
 def test_still_water_around_flats_is_no_field():
