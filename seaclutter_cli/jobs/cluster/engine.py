@@ -33,6 +33,8 @@ Check = Task[str | None]
 _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
 _LOOK_S = 1.0
 _END_S = 10.0
+_STEPS_OF_RELEASE = 2
+"""Callbacks of the event loop until the scheduler is sent a release: one counts the references, one sends."""
 _DEAD = "its worker died, perhaps because memory ran out"
 
 
@@ -144,11 +146,16 @@ class _Crew:
         self._client.loop.add_callback(self._fetch, key, future)
 
     async def _fetch(self, key: str, future: "Future[Any]") -> None:
-        """Wait for a result, which a worker may keep until it is known to be dead."""
+        """Wait for a result, which a worker may keep until it is known to be dead, and release the task."""
+        kind, content = DONE, None
         try:
-            self._events.put((key, DONE, await self._client.gather(future, asynchronous=True)))
+            content = await self._client.gather(future, asynchronous=True)
         except (Exception, *_CANCELLED) as error:  # noqa: BLE001 - raised again in the main thread
-            self._events.put((key, ERROR, error))
+            kind, content = ERROR, error
+        future.release()
+        for _ in range(_STEPS_OF_RELEASE):  # the task that takes its place must not overtake the message
+            await asyncio.sleep(0)
+        self._events.put((key, kind, content))
 
     def _receive_check(self, address: str, found: bytes) -> None:
         kind, content = pickle.loads(found)  # noqa: S301 - of our worker
@@ -175,7 +182,6 @@ class _Crew:
                 yield job.number, SHARE, content
             return
         del self._jobs[key]
-        job.future.release()
         if kind == ERROR and type(content).__name__ == "KilledWorker":
             yield from self._died(job)
         elif kind == ERROR:

@@ -5,7 +5,7 @@ import threading
 import time
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from pathlib import Path
 
 import pytest
@@ -133,6 +133,26 @@ def test_the_scheduler_never_has_more_tasks_than_workers(certified):
     with certified.client() as client:
         results = engine(certified).run([Square(k) for k in range(40)], lambda *_: None)
         assert max(client.run_on_scheduler(count_tasks) for _ in results) <= 3
+
+
+def test_a_task_does_not_overtake_the_release_of_the_one_before(certified, monkeypatch):
+    """Even if the client is busy when it releases a task, and the next is submitted meanwhile."""
+    client = pytest.importorskip("distributed").Client
+    count, send, sent = client._dec_ref, client._send_to_scheduler_safe, []
+
+    def count_late(self, key):
+        time.sleep(0.02)
+        count(self, key)
+
+    def record(self, message):
+        sent.append({"update-graph": 1, "client-releases-keys": -1}.get(message["op"], 0))
+        send(self, message)
+
+    monkeypatch.setattr(client, "_dec_ref", count_late)
+    monkeypatch.setattr(client, "_send_to_scheduler_safe", record)
+    run(engine(certified), [Square(k) for k in range(20)])
+    assert sent.count(1) >= 20
+    assert max(accumulate(sent)) <= 3
 
 
 def count_tasks(dask_scheduler):
