@@ -11,6 +11,7 @@ from seaclutter_cli.airborne.decks import decks
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.prediction import predict_under
 from seaclutter_cli.airborne.reflection import DIFFUSE, SPECULAR
+from seaclutter_cli.airborne.steps import with_steps
 from seaclutter_cli.airborne.waves import Waves
 
 Cells = NDArray[np.float64]
@@ -26,6 +27,7 @@ _BRIGHT = 2.5
 _FEW, _HALF = 0.1, 0.5
 _UNEVEN = 1.5
 _PATCH_CELLS, _LEAST_ECHOES = 1.5, 20
+_CREST = 1.5
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,9 @@ class FollowedSurface:
         intensities vary less than those of water, by more of its standard deviations, that instead; 0 without
         intensities.
     decks : ndarray, shape (S, 256, 256), bool
-        Cells of even surfaces above the water.
+        Cells of even surfaces above the water, and of what has a step all around.
+    crests : ndarray, shape (S, 256, 256), bool
+        Cells where the surface is more than 1.5 standard deviations of the waves above their level.
     """
 
     surface: Cells
@@ -74,6 +78,7 @@ class FollowedSurface:
     brightness: Cells
     contrast: Cells
     decks: Mask
+    crests: Mask
 
 
 def follow_waves(
@@ -103,8 +108,8 @@ def follow_waves(
     to a metre. Each mean counts by the share of its weight that lies on water.
 
     It begins with the cells below the crests. Cells more than 3.5 standard deviations from the surface are left out,
-    and the mean is repeated. Bright cells, cells that reflect like ground amid water like a mirror, and decks do not
-    contribute. The deviation is computed from cells below the
+    and the mean is repeated. Bright cells, cells that reflect like ground amid water like a mirror, decks, and what has a
+    step all around (`with_steps`) do not contribute. The deviation is computed from cells below the
     surface, where no objects are, and locally, since waves come in groups. Where it is more than 1.5 times its median,
     an object is among the cells: they are left out from 3.5 times that on.
 
@@ -121,7 +126,7 @@ def follow_waves(
     if details.brightness is not None:
         diffuse = _diffuse(grid, details, water)
         brightness, contrast = (np.maximum(own, diffuse) for own in _contrast(grid, details.brightness, water))
-    even = decks(grid, lowest, usable, waves)
+    even = decks(grid, lowest, usable, waves) | with_steps(grid, lowest, usable, above)
     objects = excluded = (_patches(grid, contrast > _BRIGHT, known) & ~land) | even
     usable &= ~excluded
     water &= usable
@@ -145,7 +150,8 @@ def follow_waves(
         surface.reshape(-1)[cells] = under
         variance.reshape(-1)[cells] = error + np.median(variance[water])
     surface[land] = waves.level_m
-    return FollowedSurface(surface, np.sqrt(variance), brightness, contrast, even)
+    crests = surface - waves.level_m > _CREST * waves.deviation_m
+    return FollowedSurface(surface, np.sqrt(variance), brightness, contrast, even, crests)
 
 
 def _widths(length_m: float) -> Sequence[float]:

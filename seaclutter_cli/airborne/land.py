@@ -89,7 +89,8 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
     water, or anything where the water reflects like ground, may be waves up to twice as far from that level. Beside
     water, fewer than six connected squares are no land: the opening takes what is that small for an object. What is not
     connected to a body of water is land, too. In squares beside water that are in no region, or high above it, cells at
-    its level are water, unless the squares continue a beach and are clearly ground.
+    its level are water, unless the squares continue a beach and are clearly ground. Beside water that does not reflect like
+    ground, what is clearly ground and connected to land is land at any level.
     """
     lit = by_contrast(squares, seen)
     ground = None if lit is None else lit.variation <= DIFFUSE
@@ -153,7 +154,7 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
     own = np.flatnonzero(land)
     part = connected(squares, own)
     land[own] = (np.bincount(part) >= LEAST_SQUARES)[part]
-    beach = np.zeros_like(land)
+    beach, dry = np.zeros_like(land), np.zeros_like(land)
     if land.any():
         own = np.flatnonzero(~land)
         part = connected(squares, own)
@@ -161,6 +162,9 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
         is_free = (rise > _BANK_M) & (waves.deviation_m > 0) & ~(echoes.variation >= SPECULAR)
         beach = _beaches(squares, land, is_free)
         land |= beach
+        if not is_diffuse(echoes, water):
+            dry = _grown(squares, land, (echoes.variation <= CLEARLY_GROUND) & (echoes.known <= 0))
+            land |= dry
     is_high = rise > 2 * band
     is_inner = np.append(land, True)[squares.neighbor].all(axis=0)
     is_dry_beach = beach & (echoes.variation <= CLEARLY_GROUND)
@@ -168,7 +172,7 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
     bank = _bank(bodies)
     return _LandSquares(
         land,
-        (of_land & ~is_high) | is_inner | is_dry_beach | (echoes.known < 0),
+        (of_land & ~is_high) | is_inner | is_dry_beach | dry | (echoes.known < 0),
         level,
         np.where(is_high & land, max(bank, float(band[water].max())), bank),
     )
@@ -195,6 +199,16 @@ def _beaches(squares: Squares, land: Mask, is_free: Mask) -> Mask:
         if not new.any():
             return grown[:-1] & ~land
         grown[:-1] |= new
+
+
+def _grown(squares: Squares, land: Mask, may_be: Mask) -> Mask:
+    """Return the squares that may be land, and are connected to land through others that may be."""
+    own = np.flatnonzero(may_be & ~land)
+    touches = np.append(land, False)[squares.neighbor[:, own]].any(axis=0)
+    part = connected(squares, own)
+    grown = np.zeros_like(land)
+    grown[own] = (np.bincount(part, touches) > 0)[part] if len(own) else False
+    return grown
 
 
 def _is_dry(squares: Squares, echoes: Echoes, deviation_m: NDArray[np.float64]) -> bool:

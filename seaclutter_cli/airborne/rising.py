@@ -12,7 +12,7 @@ from seaclutter_cli.airborne.grid import ElevationGrid
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_SURE, _SURE_M = 6.0, 0.4
+_SURE, _SURE_M = 6.0, 0.3
 _SEEN, _SEEN_M = 4.0, 0.25
 _GROWN, _GROWN_M = 3.0, 0.2
 _BRIGHT, _BRIGHTEST, _BRIGHT_ECHO = 2.0, 4.0, 1.5
@@ -20,6 +20,7 @@ _OF_BRIGHT, _OF_BRIGHTEST = 1.0, 0.0
 _RISE, _EVIDENCE = 0.7, 4.0
 _INDEPENDENT_M = 2 * FINEST_M
 _MANY_ECHOES, _LEAST_CELLS = 30, 50
+_ON_CREST, _FOAM_SURE = 0.5, 0.1
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,9 @@ def height_limits(
       error. Deviations of the water are alike within about two metres, so every four square metres are one sample.
       Foam is as bright, but no higher than the water around it.
 
+    Waves break at their crests, where foam is higher than the surface, too: a bright group, half of which is on crests and
+    a tenth of which at most is that high, is no object.
+
     What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on. Decks are
     objects.
 
@@ -85,7 +89,8 @@ def height_limits(
     part, group = joined_cells((low > _GROWN) | (bright & (high > 0)) | land | sea.decks, grid.blocks)
     member, found = part > 0, group[part]
     certain = sure | land | sea.decks
-    inside = member & _are_objects(found, member, certain, sea.contrast, low, grid.cell_m)[found]
+    foam = _are_foam(found, member, certain, sea)
+    inside = member & (_are_objects(found, member, certain, sea.contrast, low, grid.cell_m) & ~foam)[found]
     alone = np.maximum(_SURE * sea.deviation, _SURE_M)
     limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
     echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
@@ -107,6 +112,16 @@ def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:
         alike = range_m[own == echoes]
         found[echoes] = np.median(alike) if len(alike) >= _LEAST_CELLS else found[echoes - 1]
     return found[number]
+
+
+def _are_foam(group: NDArray[np.int32], member: Mask, certain: Mask, sea: FollowedSurface) -> Mask:
+    """Return whether each group of cells is bright and on crests, and hardly any of its cells is certainly an object."""
+    own, groups = group[member], int(group.max(initial=0)) + 1
+    cells, sure, shine, crests = (
+        np.bincount(own, weights, groups)
+        for weights in (None, certain[member], sea.contrast[member], sea.crests[member])
+    )
+    return np.asarray((crests > _ON_CREST * cells) & (shine > _BRIGHT * cells) & (sure < _FOAM_SURE * cells))
 
 
 def _are_objects(

@@ -16,7 +16,14 @@ from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.land_cells import LandCells
 from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
-from seaclutter_cli.airborne.surface import CALM_M, RoughWater, SeaSurfaceModel, SeparationParams, SurfaceParams
+from seaclutter_cli.airborne.surface import (
+    CALM_M,
+    ROUGH_M,
+    RoughWater,
+    SeaSurfaceModel,
+    SeparationParams,
+    SurfaceParams,
+)
 from seaclutter_cli.airborne.tides import LeveledParts, strip_levels
 from seaclutter_cli.airborne.waves import Waves
 from seaclutter_cli.errors import InputError
@@ -184,7 +191,7 @@ def _has_crests(points: GriddedPoints, surface: SeaSurfaceModel) -> bool:
     if not len(above):
         return False
     low, middle = np.quantile(above, (0.1587, 0.5))
-    return bool(middle + _CREST_DEVIATIONS * (middle - low) > CALM_M)
+    return bool(middle + _CREST_DEVIATIONS * (middle - low) > ROUGH_M)
 
 
 def _leveled(points: GriddedPoints, cell_m: float, column: Column) -> tuple[GriddedPoints, NDArray[np.float64] | None]:

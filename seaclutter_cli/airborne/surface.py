@@ -28,6 +28,8 @@ EchoReader = Callable[[Squares, Cells], Echoes]
 MAX_WINDOW_CELLS = 1000
 CALM_M = 0.5
 """Height above the opened surface that separates objects from calm water."""
+ROUGH_M = 0.4
+"""Height of crests from which the surface follows the waves: groups of waves are higher than others."""
 _PIT = 2.0
 _LAND_DEVIATIONS, _ISLAND_DEVIATIONS = 4.0, 6.0
 
@@ -162,7 +164,7 @@ class SeaSurfaceModel:
     -----
     A point is a non-sea point if it is more than :math:`T_{\max}` above the opened surface of its cell.
 
-    * With ``height_m: auto``, `estimate_waves` tells whether crests reach more than half a metre above the opened
+    * With ``height_m: auto``, `estimate_waves` tells whether crests reach more than 0.4 m above the opened
       surface. If so, the surface follows the waves (`follow_waves`). Otherwise, nothing changes. Where most rough parts
       do not oscillate, cells may show several moments; waves are then those of single looks.
     * Waves and swell: the opened surface follows waves longer than about twice the window. For shorter waves, the
@@ -297,8 +299,8 @@ class SeaSurfaceModel:
 
     @property
     def is_rough(self) -> bool:
-        """Whether crests may rise more than half a metre above the opened surface."""
-        return self.waves is not None and self.waves.highest_m > CALM_M
+        """Whether crests may rise more than 0.4 m above the opened surface."""
+        return self.waves is not None and self.waves.highest_m > ROUGH_M
 
     @property
     def is_doubtful(self) -> bool:

@@ -33,7 +33,7 @@ Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _LARGE, _SMALL = 0.05, 0.02
-_CLEAR_SHARE = 0.8
+_CLEAR_SHARE, _KNOWN_SHARE = 0.8, 0.95
 _UNEVEN, _HALF = 1.5, 0.5
 _NORMAL_HALF = 1.35
 """Width that contains half of a normal distribution, in standard deviations."""
@@ -122,8 +122,7 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     # The level of waves beside it does not divide what reflects like ground, such as a beach.
     off_ground = replace(waves, level_m=np.where(ground, squares.level_m, waves.level_m))
     regions = level_regions(squares, off_ground, kinds)
-    mirrors = sum(len(own) for own in regions if median_of(echoes.variation[own]) >= SPECULAR)
-    has_mirrors = mirrors > MIRROR_SHARE * len(squares.index)
+    has_mirrors = _have_mirrors(echoes, regions)
     if free.all() and not has_mirrors:
         return _without_mirrors(squares, echoes, level_regions(squares, waves, kinds), waves)
     signs = signs_of(squares, echoes, regions, waves, has_mirrors=has_mirrors)
@@ -133,6 +132,15 @@ def _judged(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Sequence[Wa
     certain = signs >= np.where(doubt, 0, least)
     water = certain if certain.any() else signs >= 0
     return _bodies(squares, regions, _with_amid(squares, echoes, regions, water, waves), waves)
+
+
+def _have_mirrors(echoes: Echoes, regions: Sequence[NDArray[np.int64]]) -> bool:
+    """Return whether enough regions reflect like a mirror: fewer suffice if all others are clearly ground."""
+    size = np.array([len(own) for own in regions], np.int64)
+    variation = np.array([median_of(echoes.variation[own]) for own in regions])
+    mirrors, ground = (int(size[own].sum()) for own in (variation >= SPECULAR, variation <= CLEARLY_GROUND))
+    least = _SMALL if mirrors + ground >= _KNOWN_SHARE * size.sum() else MIRROR_SHARE
+    return mirrors > least * len(echoes.variation)
 
 
 def _with_amid(

@@ -512,3 +512,12 @@ def test_a_swell_that_fields_do_not_resemble_is_not_doubtful():
     x, y = np.random.default_rng(6).uniform(0, 300, (2, 300_000))
     swell = np.stack((x, y, 0.5 * np.sin(2 * np.pi * (x + y / 3) / 40)))
     assert not separate([swell], SeparationParams()).is_doubtful
+
+
+def test_clear_ground_grows_from_land():
+    beside = np.array([[1, 2, 3, -1, -1, -1], [-1, 0, 1, 2, -1, -1]])
+    squares = SimpleNamespace(neighbor=np.vstack((beside, np.full((2, 6), -1))), index=np.arange(6))
+    land = np.array([1, 0, 0, 0, 0, 0], np.bool_)
+    may_be = np.array([1, 1, 1, 0, 1, 1], np.bool_)
+    np.testing.assert_array_equal(_grown(squares, land, may_be), [0, 1, 1, 0, 0, 0])
+    np.testing.assert_array_equal(_grown(squares, land, np.zeros(6, np.bool_)), np.zeros(6))

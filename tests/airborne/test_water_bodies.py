@@ -290,3 +290,15 @@ def test_squares_have_a_sill_only_if_a_wall_crosses_them():
     row = found.xy[1] - found.xy[1].min()
     np.testing.assert_array_equal(found.sill_m, [np.zeros(len(row)), 2.0 * (row == 43 // SIDE)])
     np.testing.assert_array_equal(found.top_m, 2.0 * np.isin(row, (43 // SIDE, 100 // SIDE)))
+
+
+@pytest.mark.parametrize(
+    ("mirrors", "others", "expected"),
+    [(30, 0.16, True), (30, 0.5, False), (60, 0.5, True), (15, 0.16, False)],
+    ids=["a river amid clear ground", "amid other echoes", "many", "few"],
+)
+def test_few_mirrors_suffice_amid_clear_ground(mirrors, others, expected):
+    variation = np.where(np.arange(1000) < mirrors, 1.0, others)
+    unknown = np.full(1000, np.nan)
+    echoes = Echoes(variation, unknown, unknown, unknown, unknown, unknown > 0, np.zeros(1000, np.int8))
+    assert _have_mirrors(echoes, [np.arange(mirrors), np.arange(mirrors, 1000)]) is expected

@@ -96,7 +96,7 @@ def test_calm_water_is_separated_as_with_half_a_metre():
 
 @pytest.mark.parametrize(("echoes", "surface"), [(1, "opened"), (10, "followed")])
 def test_many_echoes_per_cell_show_crests_that_their_lowest_does_not(echoes, surface):
-    parts = [field(0.3, 15.0, seed=1) + np.random.default_rng(n).normal(0, [[0], [0], [0.05]]) for n in range(echoes)]
+    parts = [field(0.22, 15.0, seed=1) + np.random.default_rng(n).normal(0, [[0], [0], [0.05]]) for n in range(echoes)]
     found = separate([np.concatenate(parts, axis=1)], SeparationParams())
     assert found.sea.surface == surface
     assert (found.classification == OTHER).mean() < 1e-3
@@ -208,7 +208,7 @@ def test_the_highest_crests_of_swell_are_followed(height, length):
 
 
 def test_the_opened_surface_is_used_for_low_swell():
-    xyz = field(0.3, 100.0, seed=8)
+    xyz = field(0.25, 100.0, seed=8)
     auto, fixed = (separate([xyz], SeparationParams(height_m=height)) for height in ("auto", 0.5))
     np.testing.assert_array_equal(auto.height_m, fixed.height_m)
 
