@@ -89,8 +89,8 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
     water, or anything where the water reflects like ground, may be waves up to twice as far from that level. Beside
     water, fewer than six connected squares are no land: the opening takes what is that small for an object. What is not
     connected to a body of water is land, too. In squares beside water that are in no region, or high above it, cells at
-    its level are water, unless the squares continue a beach and are clearly ground. Beside water that does not reflect like
-    ground, what is clearly ground and connected to land is land at any level.
+    its level are water, unless the squares continue a beach and are clearly ground. Beside water that does not
+    reflect like ground, what is clearly ground and connected to land is land at any level.
     """
     lit = by_contrast(squares, seen)
     ground = None if lit is None else lit.variation <= DIFFUSE

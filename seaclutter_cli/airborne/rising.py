@@ -68,8 +68,8 @@ def height_limits(
       error. Deviations of the water are alike within about two metres, so every four square metres are one sample.
       Foam is as bright, but no higher than the water around it.
 
-    Waves break at their crests, where foam is higher than the surface, too: a bright group, half of which is on crests and
-    a tenth of which at most is that high, is no object.
+    Waves break at their crests, where foam is higher than the surface, too: a bright group, half of which is on crests
+    and a tenth of which at most is that high, is no object.
 
     What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on. Decks are
     objects.
@@ -115,7 +115,7 @@ def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:
 
 
 def _are_foam(group: NDArray[np.int32], member: Mask, certain: Mask, sea: FollowedSurface) -> Mask:
-    """Return whether each group of cells is bright and on crests, and hardly any of its cells is certainly an object."""
+    """Return whether each group of cells is bright and on crests, and hardly any of its cells certainly an object."""
     own, groups = group[member], int(group.max(initial=0)) + 1
     cells, sure, shine, crests = (
         np.bincount(own, weights, groups)

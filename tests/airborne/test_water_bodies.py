@@ -10,7 +10,7 @@ from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.land import _beside_water
 from seaclutter_cli.airborne.reflection import SPECULAR, with_foam
 from seaclutter_cli.airborne.squares import SIDE, SquareWaves, are_moving, squares_of
-from seaclutter_cli.airborne.water_bodies import WaterBody, find_bodies
+from seaclutter_cli.airborne.water_bodies import WaterBody, _have_mirrors, find_bodies
 
 SQUARES = 20
 
