@@ -108,9 +108,10 @@ def follow_waves(
     to a metre. Each mean counts by the share of its weight that lies on water.
 
     It begins with the cells below the crests. Cells more than 3.5 standard deviations from the surface are left out,
-    and the mean is repeated. Bright cells, cells that reflect like ground amid water like a mirror, decks, and what has a step
-    all around (`with_steps`) do not contribute. The deviation is computed from cells below the surface, where no objects are, and locally, since waves come in groups. Where it is more than 1.5 times its median,
-    an object is among the cells: they are left out from 3.5 times that on.
+    and the mean is repeated. Bright cells, cells that reflect like ground amid water like a mirror, decks, and what has
+    a step all around (`with_steps`) do not contribute. The deviation is computed from cells below the surface, where no
+    objects are, and locally, since waves come in groups. Where it is more than 1.5 times its median, an object is among
+    the cells: they are left out from 3.5 times that on.
 
     Under objects that are three cells wide, the surface is predicted from the water around them (`predict_under`).
     """
