@@ -164,7 +164,7 @@ class SeaSurfaceModel:
     -----
     A point is a non-sea point if it is more than :math:`T_{\max}` above the opened surface of its cell.
 
-    * With ``height_m: auto``, `estimate_waves` tells whether crests reach more than 0.4 m above the opened
+    * With ``height_m: auto``, `estimate_waves` finds whether crests reach more than 0.4 m above the opened
       surface. If so, the surface follows the waves (`follow_waves`). Otherwise, nothing changes. Where most rough parts
       do not oscillate, cells may show several moments; waves are then those of single looks.
     * Waves and swell: the opened surface follows waves longer than about twice the window. For shorter waves, the
