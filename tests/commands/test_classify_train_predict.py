@@ -101,7 +101,7 @@ def test_predict_writes_points_objects_and_a_picture(trained, tiles, tmp_path):
 
 
 def test_clusters_that_are_left_out_are_reported(trained, tiles, tmp_path):
-    predict = ("classify", "predict", tiles / "t4.laz", "--model", trained[0], "--force", "-o", tmp_path / "o.laz")
+    predict = ("classify", "predict", tiles / "t0.laz", "--model", trained[0], "--force", "-o", tmp_path / "o.laz")
     strict = (*predict, "--plot", tmp_path / "o.svg", "-s", "objects.min_probability=1")
     kept, none = (json.loads(run(*options, "--json").stdout)[0] for options in (predict, strict))
     assert none["objects"] == []
