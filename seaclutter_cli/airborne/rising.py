@@ -89,8 +89,7 @@ def height_limits(
     part, group = joined_cells((low > _GROWN) | (bright & (high > 0)) | land | sea.decks, grid.blocks)
     member, found = part > 0, group[part]
     certain = sure | land | sea.decks
-    foam = _are_foam(found, member, certain, sea)
-    inside = member & (_are_objects(found, member, certain, sea.contrast, low, grid.cell_m) & ~foam)[found]
+    inside = member & _are_objects(found, member, certain, sea, low, grid.cell_m)[found]
     alone = np.maximum(_SURE * sea.deviation, _SURE_M)
     limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
     echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
@@ -114,25 +113,18 @@ def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:
     return found[number]
 
 
-def _are_foam(group: NDArray[np.int32], member: Mask, certain: Mask, sea: FollowedSurface) -> Mask:
-    """Return whether each group of cells is bright and on crests, and hardly any of its cells certainly an object."""
-    own, groups = group[member], int(group.max(initial=0)) + 1
-    cells, sure, shine, crests = (
-        np.bincount(own, weights, groups)
-        for weights in (None, certain[member], sea.contrast[member], sea.crests[member])
-    )
-    return np.asarray((crests > _ON_CREST * cells) & (shine > _BRIGHT * cells) & (sure < _FOAM_SURE * cells))
-
-
 def _are_objects(
-    group: NDArray[np.int32], member: Mask, sure: Mask, contrast: Cells, rise: Cells, cell_m: float
+    group: NDArray[np.int32], member: Mask, sure: Mask, sea: FollowedSurface, rise: Cells, cell_m: float
 ) -> Mask:
     """Return whether each group of cells is an object."""
     own, groups = group[member], int(group.max(initial=0)) + 1
-    cells, certain, shine, height = (
-        np.bincount(own, weights, groups) for weights in (None, sure[member], contrast[member], rise[member])
+    cells, certain, shine, height, crests = (
+        np.bincount(own, weights, groups)
+        for weights in (None, *(values[member] for values in (sure, sea.contrast, rise, sea.crests)))
     )
     cells = np.maximum(cells, 1)
     error = 1 / np.sqrt(cells * (cell_m / _INDEPENDENT_M) ** 2)
-    bright = (shine > _BRIGHT * cells) & (height > np.maximum(_RISE, _EVIDENCE * error) * cells)
-    return np.asarray((certain > 0) | bright)
+    bright = shine > _BRIGHT * cells
+    foam = bright & (crests > _ON_CREST * cells) & (certain < _FOAM_SURE * cells)
+    risen = height > np.maximum(_RISE, _EVIDENCE * error) * cells
+    return np.asarray(((certain > 0) | (bright & risen)) & ~foam)

@@ -1,6 +1,6 @@
 """Objects in rough water by their edges: there is a step all around them, where waves only slope."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,6 @@ def with_steps(grid: ElevationGrid, lowest: Cells, used: Mask, above: Cells) -> 
     for least_m in _LEVELS_M:
         part, group = joined_cells(used & (above > least_m), grid.blocks)
         member = group[part]
-        member[part == 0] = 0
         found |= _are_steep(grid, lowest, used, member, step_m)[member]
     return found
 
@@ -62,23 +61,23 @@ def _are_steep(grid: ElevationGrid, lowest: Cells, used: Mask, member: NDArray[n
         pairs += np.bincount(own, minlength=groups)
         steep += np.bincount(own, lowest[slot][inside] - beside[inside] > step_m, groups)
     large = np.bincount(member.reshape(-1), minlength=groups) >= _LEAST_CELLS
-    found = large & (pairs >= _LEAST_PAIRS) & (steep >= _STEEP_SHARE * pairs)
-    found[0] = False
-    return np.asarray(found)
+    return np.asarray(large & (pairs >= _LEAST_PAIRS) & (steep >= _STEEP_SHARE * pairs))
 
 
 def _typical_step(grid: ElevationGrid, lowest: Cells) -> float:
     """Return the standard deviation of the steps between neighbouring cells, from their median; 0 without any."""
     steps = []
-    for slot, beside in _besides(grid, lowest):
+    for slot, beside in _besides(grid, lowest, _SIDES[::2]):  # the others are the same steps again
         known = np.isfinite(beside) & np.isfinite(lowest[slot])
         steps.append(np.abs(beside[known] - lowest[slot][known]))
     every = np.concatenate(steps)
     return float(np.median(every)) / _NORMAL_MEDIAN if len(every) else 0.0
 
 
-def _besides(grid: ElevationGrid, values: Cells) -> Iterator[tuple[int, Cells]]:
-    """Yield the index of each block, and the values beside its cells, on each of four sides."""
+def _besides(
+    grid: ElevationGrid, values: Cells, sides: Sequence[tuple[int, int]] = _SIDES
+) -> Iterator[tuple[int, Cells]]:
+    """Yield the index of each block, and the values beside its cells, on each side."""
     for slot, cells, _ in grid.padded(values, 1):
-        for row, column in _SIDES:
+        for row, column in sides:
             yield slot, cells[row : row + BLOCK, column : column + BLOCK]

@@ -58,7 +58,9 @@ def test_some_cells_are_empty():
     assert not inside[known & ~own].any()
 
 
-@pytest.mark.parametrize(("height", "length"), [(0.5, 12.0), (0.8, 20.0), (1.5, 36.0), (1.5, 60.0), (2.0, 100.0)])
+@pytest.mark.parametrize(
+    ("height", "length"), [(0.5, 12.0), (0.8, 20.0), (1.5, 36.0), (1.5, 60.0), (2.0, 100.0), (1.5, 8.0)]
+)
 def test_waves_have_no_steps(height, length):
     crossing = swell(height, length) + swell(height / 2, length / 2, seed=3)[::-1]
     assert not found(crossing).any()
@@ -69,8 +71,9 @@ def test_a_reef_that_slopes_is_left_to_its_height():
     assert not found(z).any()
 
 
-def test_what_is_smaller_than_eight_cells():
-    own = rectangle(2, 3)
+@pytest.mark.parametrize("size", [(2, 3), (7, 1)])
+def test_what_is_smaller_than_eight_cells(size):
+    own = rectangle(*size, center=(100.0, 80.5))
     assert not found(np.where(own, 1.5, swell())).any()
 
 
@@ -89,7 +92,7 @@ def test_a_barge_in_sparse_swell_is_an_object():
     rng = np.random.default_rng(4)
     own = rectangle(45, 11)
     z = swell(1.5, 90.0) + 0.15 * np.sin(X + rng.normal(0, 0.3, len(X)))
-    xyz = np.stack((X, Y, np.where(own, z[own].mean() + 1.4, z)))
+    xyz = np.stack((X, Y, np.where(own, z[own].mean() + 0.9, z)))
     known = rng.random(len(X)) < 0.6
     classes = separate([xyz[:, known]], SeparationParams(land="ignore")).classification
     assert (classes[own[known]] == OTHER).mean() > 0.98

@@ -213,6 +213,21 @@ def test_a_beach_that_is_clearly_ground_is_dry(variation, is_sure):
     assert (shore.is_sure[place == 10] == is_sure).all()
 
 
+@pytest.mark.parametrize(("variation", "water", "is_land"), [(0.2, 0.8, True), (0.4, 0.8, False), (0.2, 0.3, False)])
+def test_clear_ground_at_the_level_of_a_mirror_is_land(variation, water, is_land):
+    """A flat beside land, no higher than the waves, in no region; beside water like ground, it may be water."""
+    x, _ = np.indices((SQUARES, SQUARES))
+    found = squares(np.select([x < 10, x < 14], [0.0, 0.1], 1.7))
+    place = (found.xy - found.xy.min(axis=1, keepdims=True))[0]
+    waves = square_waves(0.0 * place, 0.2 + 0.0 * place, place < 10)
+    sea, land = (np.flatnonzero(own) for own in (place < 10, place >= 14))
+    regions = WaterBody(sea, 0.0, 0.12, is_water=True), WaterBody(land, 1.7, 0.02, is_water=False)
+    shore = _beside_water(found, echoes(np.where(place < 10, water, variation)), waves, regions)
+    flat = (place >= 10) & (place < 14)
+    assert (shore.land[flat] == is_land).all()
+    assert (shore.is_sure[flat] == is_land).all()
+
+
 @pytest.mark.parametrize(("change_m", "bodies"), [(0.003, 1), (np.nan, 0)])
 def test_fields_whose_relief_two_strips_show_alike_are_land(change_m, bodies):
     """They slope by less than a river, and a part of them looks like waves."""
