@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.reflection import DIFFUSE, LIKE_GROUND, SPECULAR, median_of
 from seaclutter_cli.airborne.regions import are_joined, band_of, edge_of, is_even, is_widely_even, relief_of, waves_in
-from seaclutter_cli.airborne.squares import LEAST_SQUARES, Squares, SquareWaves, is_relief
+from seaclutter_cli.airborne.squares import LEAST_SQUARES, RELIEF_M, Squares, SquareWaves, is_relief
 from seaclutter_cli.airborne.terrain import SEVERAL
 
 Values = NDArray[np.float64]
@@ -21,7 +21,7 @@ _GROUND_M, _GROUND_SHARE = 0.2, 0.5
 _SHORT_WAVES = 0.7
 _LEAST_MOVING, _MOVING_SHARE = 8, 0.5
 _MEASURED_SHARE, _SEEN_SHARE, _HIGH_M, _STEEP = 0.3, 0.1, 0.15, 0.25
-_STEP_M, _BUMPS_M, _TILT_M, _SLOPE, _RELIEF_M = 0.04, 0.05, 0.02, 0.001, 0.03
+_STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
 
 
 def signs_of(
@@ -101,7 +101,7 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
 
 def has_relief(squares: Squares, echoes: Echoes, own: NDArray[np.int64]) -> bool:
     """Return whether two strips show the elevations of a region alike."""
-    return is_relief(squares, echoes.change_m, own, _RELIEF_M) is True
+    return is_relief(squares, echoes.change_m, own, RELIEF_M) is True
 
 
 def _moves(echoes: Echoes, own: NDArray[np.int64]) -> bool:

@@ -19,12 +19,14 @@ SIDE = 8
 """Width of a square in cells."""
 LEAST_SQUARES = 6
 """Squares that make a region; the opening takes what is smaller for an object."""
+RELIEF_M = 0.03
+"""Deviation of levels from which they are relief if two strips show them alike."""
 _PER_BLOCK = BLOCK // SIDE
 _LEAST_CELLS = 6
 _STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _FAR = 1 << 31
 _AT_LEVEL, _NEAR_LEVEL_M = 4.0, 0.2
-_LEAST_SHARED, _LEAST_RELIEF, _LEAST_RELIEF_M = 16, 0.5, 0.03
+_LEAST_SHARED, _LEAST_RELIEF = 16, 0.5
 _CLEAR_CHANGE = 0.05
 _LEAST_AROUND, _LEAST_MOVING_M = 6, 0.05
 
@@ -224,7 +226,7 @@ def _stays(squares: Squares, change_m: Values, part: PartWaves, inside: Mask) ->
     if not part.is_sea:
         return None
     near = np.abs(squares.level_m - part.level_m) <= _AT_LEVEL * part.deviation_m
-    return is_relief(squares, change_m, inside & near, max(_LEAST_RELIEF * part.deviation_m, _LEAST_RELIEF_M))
+    return is_relief(squares, change_m, inside & near, max(_LEAST_RELIEF * part.deviation_m, RELIEF_M))
 
 
 def is_relief(squares: Squares, change_m: Values, own: Mask | NDArray[np.int64], least_m: float) -> bool | None:

@@ -12,9 +12,8 @@ from seaclutter_cli.airborne.cells import joined_cells
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.land import FIELD_LENGTH_M, Shores, shores_of
+from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.looks import Look, OpenedLooks, WithoutLand
-from seaclutter_cli.airborne.oscillation import LONG_WAVE_M
 from seaclutter_cli.airborne.quarters import LocalWaves, local_waves
 from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.squares import Squares, squares_of
@@ -304,14 +303,10 @@ class SeaSurfaceModel:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether land was looked for, and neither regions nor waves, which need room, distinguish it from water."""
+        """Whether land was looked for, and nothing tells it from water: no regions, or only the shape of the water."""
         params = self.params
         looked = isinstance(params, SeparationParams) and params.follows_waves and params.land != "ignore"
-        is_small = self.cells * params.cell_m**2 < LONG_WAVE_M**2
-        if self.shores is not None:
-            return looked and self.shores.is_doubtful
-        may_be_field = self.waves is None or self.waves.length_m > FIELD_LENGTH_M
-        return looked and (is_small or may_be_field or not self.is_rough)
+        return looked and (self.shores is None or self.shores.is_doubtful)
 
     @property
     def object_height_m(self) -> float:

@@ -11,7 +11,7 @@ from seaclutter_cli.airborne.part_waves import PART_CELLS
 from seaclutter_cli.airborne.quarters import LocalWaves
 from seaclutter_cli.airborne.reflection import CLEARLY_GROUND, SPECULAR
 from seaclutter_cli.airborne.regions import are_flat
-from seaclutter_cli.airborne.squares import LEAST_SQUARES, SIDE, Squares, SquareWaves
+from seaclutter_cli.airborne.squares import LEAST_SQUARES, RELIEF_M, SIDE, Squares, SquareWaves, is_relief
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -19,7 +19,7 @@ Mask = NDArray[np.bool_]
 SEVERAL = 0.05
 """Share of pulses with several echoes from which a square has leaves or roofs."""
 _WOODED_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 2.0, 0.1
-_WAVES_M, _HALF, _STEP = 3.0, 0.5, 0.5
+_WAVES_M, _HALF, _STEP, _MIRROR_SHARE = 3.0, 0.5, 0.5, 0.02
 _HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
 
 
@@ -40,15 +40,20 @@ def without_woods(squares: Squares, echoes: Echoes, waves: SquareWaves) -> Squar
 def without_banks(squares: Squares, echoes: Echoes, local: LocalWaves) -> LocalWaves:
     """Return waves without parts that are mostly ground, and higher than what reflects like a mirror: beside a canal.
 
-    Ground must be higher by half the deviation. Where it is waves that reflect so, both have one level.
+    Ground must be higher by half the deviation. Where it is waves that reflect so, both have one level. In a part with
+    next to no mirrors, those of the tile count, if they are a fiftieth of it.
     """
     ground, mirror = echoes.variation <= CLEARLY_GROUND, echoes.variation >= SPECULAR
     if not mirror.any():
         return local
+    many = np.count_nonzero(mirror) >= max(_MIRROR_SHARE * len(mirror), LEAST_SQUARES)
     kept = np.ones(len(local.parts), np.bool_)
     for number, (center, part) in enumerate(zip(local.centers.T, local.parts, strict=True)):
         own = np.abs(squares.xy + 0.5 - center[:, None] / SIDE).max(axis=0) < PART_CELLS / 2 / SIDE
-        high, low = squares.level_m[own & ground], squares.level_m[own & mirror]
+        beside = own & mirror
+        if np.count_nonzero(beside) < LEAST_SQUARES and many:
+            beside = mirror
+        high, low = squares.level_m[own & ground], squares.level_m[beside]
         if part.is_sea and len(high) > _HALF * np.count_nonzero(own) and len(low) >= LEAST_SQUARES:
             kept[number] = np.median(high) - np.median(low) <= _STEP * part.deviation_m
     parts = [part for part, keep in zip(local.parts, kept, strict=True) if keep]
@@ -69,16 +74,20 @@ def are_woods(squares: Squares, echoes: Echoes, own: Mask) -> bool:
 
 
 def may_be_waves(squares: Squares, echoes: Echoes) -> bool:
-    """Return whether a tile without water may be of waves that are too long for it, with next to no leaves or roofs.
+    """Return whether a tile without water may be of waves that are too long for it.
 
-    This holds for small tiles and, without intensities, for tiles that are mostly no higher than waves.
+    This holds for small tiles with next to no leaves and roofs and, without intensities, for tiles that are mostly no
+    higher than waves, and where next to nothing rises two metres either. Waves do not stay where they are from strip
+    to strip.
     """
-    if not len(squares.index):
+    every = np.ones(len(squares.index), np.bool_)
+    if not len(every) or is_relief(squares, echoes.change_m, every, RELIEF_M):
         return False
-    few = np.count_nonzero(echoes.several > SEVERAL) <= _LEAFY_SHARE * len(squares.index)
-    small = np.ptp(squares.xy, axis=1).max() * squares.side_m < LONG_WAVE_M
-    unknown = not np.isfinite(echoes.variation).any()
-    return bool(few and (small or (unknown and _most_within(squares, _WAVES_M) > _HALF)))
+    leafy, tall = echoes.several > SEVERAL, echoes.tall > SEVERAL
+    few, fewer = (np.count_nonzero(own) <= _LEAFY_SHARE * len(every) for own in (leafy, leafy | tall))
+    small = few and np.ptp(squares.xy, axis=1).max() * squares.side_m < LONG_WAVE_M
+    unknown = fewer and not np.isfinite(echoes.variation).any()
+    return bool(small or (unknown and _most_within(squares, _WAVES_M) > _HALF))
 
 
 def _most_within(squares: Squares, height_m: float) -> float:

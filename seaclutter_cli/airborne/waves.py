@@ -148,7 +148,8 @@ def _water_of(likely: Sequence[PartWaves], known: Sequence[PartWaves]) -> Waves:
     level, deviation = (_weighted_quantile(likely, name, 0.5) for name in ("level_m", "deviation_m"))
     near = [part for part in likely if abs(part.level_m - level) < _MAX_STEP_M]
     sea = near + [part for part in known if not part.is_sea and part.resembles(level, deviation)]
-    level, deviation, length = (_weighted_quantile(sea, name, 0.5) for name in ("level_m", "deviation_m", "length_m"))
+    level, deviation = (_weighted_quantile(sea, name, 0.5) for name in ("level_m", "deviation_m"))
+    length = _weighted_quantile(near, "length_m", 0.5)  # the others do not show any
     cells, crests = zip(*(crest for part in sea for crest in part.crests), strict=True)
     return Waves(sea, level, deviation, length, _quantile(cells, crests, _ROUGHEST_PARTS))
 

@@ -511,6 +511,14 @@ def test_fields_that_undulate_like_a_long_swell_are_doubtful(seed):
     assert separate([np.stack((x + 40, y + 20, field))], SeparationParams()).is_doubtful
 
 
+def test_undulating_fields_beside_a_canal_are_doubtful():
+    """They are no longer than waves, but water would run off into the canal, which is narrower than a square."""
+    x, y = np.random.default_rng(5).uniform(0, 300, (2, 300_000))
+    field = 0.35 * np.sin(2 * np.pi * x / 80) * np.sin(2 * np.pi * y / 90)
+    xyz = np.stack((x, y, np.where(np.abs(x - 150) < 3, -1.5, field)))
+    assert separate([xyz], SeparationParams()).is_doubtful
+
+
 def test_a_swell_that_fields_do_not_resemble_is_not_doubtful():
     x, y = np.random.default_rng(6).uniform(0, 300, (2, 300_000))
     swell = np.stack((x, y, 0.5 * np.sin(2 * np.pi * (x + y / 3) / 40)))

@@ -1,5 +1,7 @@
 """Terrain without water."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,8 +10,19 @@ from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.part_waves import PartWaves
 from seaclutter_cli.airborne.quarters import LocalWaves
 from seaclutter_cli.airborne.squares import squares_of
-from seaclutter_cli.airborne.terrain import without_banks
+from seaclutter_cli.airborne.terrain import may_be_waves, without_banks
 from tests.airborne.coasts import hummocks, shares
+
+
+def squares_and_echoes(level, **known):
+    """Return the squares of an elevation of each metre, shape (n, m), and echoes of which all else is unknown."""
+    x, y = (side.ravel() + 0.5 for side in np.mgrid[: level.shape[0], : level.shape[1]])
+    grid = ElevationGrid(1.0)
+    grid.add(np.stack((x, y, level.ravel())))
+    squares = squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
+    none, nothing = np.zeros(len(squares.index)), np.full(len(squares.index), np.nan)
+    echoes = {"variation": nothing, "brightness": nothing, "several": none, "tall": none, "change_m": nothing}
+    return squares, Echoes(**{**echoes, "moving": none > 0, "known": none.astype(np.int8), **known})
 
 
 def rising(share, rng, count=60_000):
@@ -37,21 +50,56 @@ def test_heights_above_the_ground_below_trees_are_no_lake():
     assert shares(np.stack((x, y, z)), np.ones(len(x), np.bool_), columns)[0] == 1
 
 
+def waves_at(*levels):
+    """Return waves in two halves of a block, of 128 m each, at these levels."""
+    waves = [
+        PartWaves((0, 0), 16384, level, 0.87, 1.0, [(16384, 1.0)], 85.0, is_sea=True, is_level=True) for level in levels
+    ]
+    return LocalWaves(np.array([[64.0, 192.0], [64.0, 64.0]]), waves, 0, 0, 32768)
+
+
 @pytest.mark.parametrize(("bank_m", "width", "parts"), [(3.3, 32, 1), (0.6, 32, 2), (3.3, 96, 2)])
 def test_the_banks_of_a_canal_are_no_crests(bank_m, width, parts):
     """Waves of another part, all of which reflects like a mirror, are not affected, nor are those in a wide canal."""
-    x, y = (side.ravel() + 0.5 for side in np.mgrid[:256, :128])
-    canal = (x >= 128) | (np.abs(y - 64) < width / 2)
-    grid = ElevationGrid(1.0)
-    grid.add(np.stack((x, y, np.where(canal, 0.4, bank_m))))
-    squares = squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
-    is_canal = squares.level_m < 0.5
-    none = np.zeros(len(is_canal))
-    seen = Echoes(np.where(is_canal, 0.9, 0.2), none, none, none, none, none > 0, none.astype(np.int8))
-    waves = [
-        PartWaves((0, 0), 16384, level, 0.87, 1.0, [(16384, 1.0)], 85.0, is_sea=True, is_level=True)
-        for level in (bank_m, 0.4)
-    ]
-    local = without_banks(squares, seen, LocalWaves(np.array([[64.0, 192.0], [64.0, 64.0]]), waves, 0, 0, 32768))
+    x, y = np.mgrid[:256, :128] + 0.5
+    squares, seen = squares_and_echoes(np.where((x >= 128) | (np.abs(y - 64) < width / 2), 0.4, bank_m))
+    waves = waves_at(bank_m, 0.4)
+    local = without_banks(squares, replace(seen, variation=np.where(squares.level_m < 0.5, 0.9, 0.2)), waves)
     assert local.centers.shape == (2, parts)
-    assert list(local.parts) == waves[-parts:]
+    assert list(local.parts) == waves.parts[-parts:]
+
+
+@pytest.mark.parametrize(("fields_m", "width", "kept"), [(3.3, 64, []), (0.6, 64, [0, 1]), (3.3, 16, [0])])
+def test_fields_far_above_the_water_of_a_tile_are_no_crests(fields_m, width, kept):
+    """The first part shows no water; that of the tile counts, unless it is a pond."""
+    x, y = np.mgrid[:256, :128] + 0.5
+    squares, seen = squares_and_echoes(np.where((x >= 256 - width) & (np.abs(y - 64) < 16), 0.4, fields_m))
+    waves = waves_at(fields_m, 0.4)
+    local = without_banks(squares, replace(seen, variation=np.where(squares.level_m < 0.5, 0.9, 0.2)), waves)
+    assert list(local.parts) == [waves.parts[number] for number in kept]
+
+
+@pytest.mark.parametrize(
+    ("known", "may_be"),
+    [({}, True), ({"tall": 0.1}, False), ({"several": 0.1}, False), ({"variation": 0.2}, False)],
+)
+def test_a_level_tile_may_be_one_long_wave_unless_roofs_rise_out_of_it(known, may_be):
+    squares, seen = squares_and_echoes(np.sin(np.arange(256) / 40)[:, None] + np.zeros(128))
+    some = np.arange(len(squares.index)) % 8 == 0  # of the squares
+    seen = replace(seen, **{name: np.where(some, value, seen.__dict__[name]) for name, value in known.items()})
+    assert may_be_waves(squares, seen) == may_be
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_what_stays_from_strip_to_strip_is_no_wave(moves):
+    squares, seen = squares_and_echoes(np.sin(np.arange(256) / 40)[:, None] + np.zeros(128))
+    change = np.roll(squares.level_m, 100) - squares.level_m if moves else np.full(len(squares.index), 0.004)
+    assert may_be_waves(squares, replace(seen, change_m=change)) == moves
+
+
+@pytest.mark.parametrize(("side", "may_be"), [(96, True), (112, False)])
+def test_ground_in_a_small_tile_may_be_part_of_a_wave(side, may_be):
+    """A ship may cover much of it."""
+    squares, seen = squares_and_echoes(np.sin(np.arange(side) / 40)[:, None] + np.zeros(side))
+    some = np.full(len(squares.index), 0.2)
+    assert may_be_waves(squares, replace(seen, variation=some, tall=some)) == may_be

@@ -241,7 +241,10 @@ def test_parts_that_do_not_oscillate_are_sea_at_its_level_and_deviation(level, d
     xyz = field(1.4, 40.0, sides=(768, 256))
     crossing = xyz[0] >= 256
     xyz[2, crossing] = level + np.random.default_rng(3).normal(0, deviation, np.count_nonzero(crossing))
-    assert (model(xyz).waves is not None) == is_sea
+    waves = model(xyz).waves
+    assert (waves is not None) == is_sea
+    if is_sea:
+        assert waves.length_m == pytest.approx(40.0, rel=0.25)
 
 
 @pytest.mark.parametrize(("length", "quarters"), [(80.0, 2), (30.0, 1)])
