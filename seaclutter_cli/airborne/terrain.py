@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 
 SEVERAL = 0.05
 """Share of pulses with several echoes from which a square has leaves or roofs."""
-_WOODED_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 2.0, 0.1
+_WOODED_SHARE, _BUILT_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 0.2, 2.0, 0.1
 _WAVES_M, _HALF, _STEP, _MIRROR_SHARE = 3.0, 0.5, 0.5, 0.02
 _HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
 
@@ -64,13 +64,14 @@ def are_woods(squares: Squares, echoes: Echoes, own: Mask) -> bool:
     """Return whether some squares are woods or a town.
 
     Pulses have several echoes in most of them, and in most of these, something rises more than two metres. Or more than
-    a twentieth of the echoes is as high in most of them, as crowns are that hide little of the ground.
+    a twentieth of the echoes is as high in a fifth of them, as crowns are that hide little of the ground, and roofs.
+    Ships are on fewer squares of a sea.
     """
-    most = _WOODED_SHARE * np.count_nonzero(own)
-    leafy = own & (echoes.several > SEVERAL)
-    if np.count_nonzero(leafy) > most and np.median(squares.top_m[leafy] - squares.level_m[leafy]) > _TREE_M:
+    number, leafy = np.count_nonzero(own), own & (echoes.several > SEVERAL)
+    many = np.count_nonzero(leafy) > _WOODED_SHARE * number
+    if many and np.median(squares.top_m[leafy] - squares.level_m[leafy]) > _TREE_M:
         return True
-    return bool(np.count_nonzero(own & (echoes.tall > SEVERAL)) > most)
+    return bool(np.count_nonzero(own & (echoes.tall > SEVERAL)) > _BUILT_SHARE * number)
 
 
 def may_be_waves(squares: Squares, echoes: Echoes) -> bool:

@@ -10,7 +10,7 @@ from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.part_waves import PartWaves
 from seaclutter_cli.airborne.quarters import LocalWaves
 from seaclutter_cli.airborne.squares import squares_of
-from seaclutter_cli.airborne.terrain import may_be_waves, without_banks
+from seaclutter_cli.airborne.terrain import are_woods, may_be_waves, without_banks
 from tests.airborne.coasts import hummocks, shares
 
 
@@ -103,3 +103,22 @@ def test_ground_in_a_small_tile_may_be_part_of_a_wave(side, may_be):
     squares, seen = squares_and_echoes(np.sin(np.arange(side) / 40)[:, None] + np.zeros(side))
     some = np.full(len(squares.index), 0.2)
     assert may_be_waves(squares, replace(seen, variation=some, tall=some)) == may_be
+
+
+@pytest.mark.parametrize(("share", "is_town"), [(0.25, True), (0.1, False)])
+def test_roofs_on_a_quarter_of_the_squares_are_a_town(share, is_town):
+    squares, seen = squares_and_echoes(np.zeros((160, 160)))
+    tall = np.where(np.arange(len(squares.index)) % 20 < 20 * share, 0.6, 0.0)
+    assert are_woods(squares, replace(seen, tall=tall), np.ones(len(tall), np.bool_)) == is_town
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_town_at_one_moment_is_land(seed):
+    """Its streets rise and fall, and nothing but the roofs distinguishes them from waves."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 300, (2, 250_000))
+    phase = rng.uniform(0, 7)
+    ground = 0.5 * np.sin(2 * np.pi * (x + y / 2) / 130 + phase) * np.cos(2 * np.pi * (y - x / 3) / 150)
+    house = (x % 40 > 14) & (y % 25 > 13)
+    xyz = np.stack((x, y, np.where(house, 7.0, 0) + ground + rng.normal(0, 0.03, len(x))))
+    assert shares(xyz, np.ones(len(x), np.bool_), {})[0] == 1
