@@ -115,7 +115,7 @@ class _Counts:
 def _counted(squares: Squares, points: GriddedPoints, top: Cells, column: Column, trusted: Collection[int]) -> _Counts:
     intensity, returns = column("intensity"), column("number_of_returns")
     classes = column("classification") if trusted else None
-    saturated = None if intensity is None else _saturated(intensity)
+    saturated = None if intensity is None else saturated_echoes(intensity)
     size = squares_in(points.grid)
     every, tall, surface, single, one, two, full = (np.zeros(size) for _ in range(7))
     right = {code: np.zeros(size) for code in (GROUND, WATER)}
@@ -161,7 +161,7 @@ def _is_whole(intensity: NDArray[Any] | None) -> bool:
     return intensity is not None and np.issubdtype(intensity.dtype, np.integer)
 
 
-def _saturated(intensity: NDArray[Any]) -> Mask | None:
+def saturated_echoes(intensity: NDArray[Any]) -> Mask | None:
     """Return which intensities are the highest; None if they are too rare to be a limit of the sensor."""
     highest = np.asarray(intensity == np.nanmax(intensity))
     return highest if np.count_nonzero(highest) > _LEAST_SATURATED * len(highest) else None

@@ -7,21 +7,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.echo_reader import EchoReader
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.looks import Look
 from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.quarters import LocalWaves
 from seaclutter_cli.airborne.reflection import (
     CLEARLY_GROUND,
     DIFFUSE,
     SPECULAR,
+    are_foam,
     by_contrast,
     comparable_echoes,
     is_diffuse,
     median_of,
-    with_foam,
 )
 from seaclutter_cli.airborne.regions import are_flat, bands_of, connected
+from seaclutter_cli.airborne.shoreline import with_ground
 from seaclutter_cli.airborne.signs import looks_like_water
 from seaclutter_cli.airborne.squares import (
     LEAST_SQUARES,
@@ -78,8 +81,21 @@ class Shores:
         return max(levels) - min(levels) if levels else 0.0
 
 
-def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes, local: LocalWaves) -> Shores | None:
+def shores_of(whole: Look, squares: Squares, reader: EchoReader, top: Cells, local: LocalWaves) -> Shores | None:
     """Return the land and water of a tile; None if no region tells, unless the tile is all hills or woods.
+
+    Parameters
+    ----------
+    whole : Look
+        Grid and opened surface of the tile.
+    squares : Squares
+        Its squares.
+    reader : EchoReader
+        Reads its echoes.
+    top : ndarray, shape (S, 256, 256), float64
+        Elevation up to which echoes of a cell count.
+    local : LocalWaves
+        Waves of its quarters.
 
     Notes
     -----
@@ -90,14 +106,16 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
     water, fewer than six connected squares are no land: the opening takes what is that small for an object. What is not
     connected to a body of water is land, too. In squares beside water that are in no region, or high above it, cells at
     its level are water, unless the squares continue a beach and are clearly ground. Beside water that does not
-    reflect like ground, what is clearly ground and connected to land is land at any level.
+    reflect like ground, cells that are clearly ground and connected to land are land at any level (`with_ground`).
     """
+    seen, lowest = reader.squares(squares, top), whole.lowest
     lit = by_contrast(squares, seen)
     ground = None if lit is None else lit.variation <= DIFFUSE
     local = without_banks(squares, seen, local)
     waves = without_woods(squares, seen, waves_of(squares, local.centers, local.parts, seen.change_m, ground))
     echoes = lit or comparable_echoes(squares, seen, are_flat(squares, waves.deviation_m), bands_of(waves.deviation_m))
-    echoes = with_foam(echoes)
+    foam = are_foam(echoes)
+    echoes = replace(echoes, variation=np.where(foam, SPECULAR, echoes.variation))
     regions = find_bodies(squares, echoes, waves)
     if not any(region.is_water for region in regions) and (lit := by_contrast(squares, echoes)):
         echoes, regions = lit, find_bodies(squares, lit, waves)  # what does not vary alike may still be dark
@@ -106,11 +124,16 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, seen: Echoes
     bodies = [region for region in regions if region.is_water]
     found = _beside_water(squares, echoes, waves, regions) if bodies else _without_water(echoes)
     values = (found.land, found.land & found.is_sure, found.level_m, found.bank_m)
-    land, sure, level, bank = _by_cell(grid, squares, values)
+    land, sure, level, bank = _by_cell(whole.grid, squares, values)
     if bodies and found.land.any():
         for slot, (cells, water) in enumerate(zip(lowest, level, strict=True)):
             at_level = np.abs(np.where(np.isfinite(cells), cells, water) - water) <= bank[slot]
             land[slot] &= sure[slot] | ~at_level
+        own = np.concatenate([body.squares for body in bodies])
+        is_known = median_of(echoes.variation[own]) > DIFFUSE
+        if is_known and (variation := reader.cell_variation(top)) is not None:
+            water, is_foam = (_cells_of(whole.grid, squares.index[some]) for some in (own, foam))
+            land = with_ground(whole.grid, land, water, np.where(is_foam, np.nan, variation))
     shown = sum(len(body.squares) for body in bodies if _shows_water(squares, seen, waves, body.squares))
     is_doubtful = shown < _SHOWN_SHARE * sum(len(body.squares) for body in bodies)
     return Shores(bodies, land, level, _bank(bodies), is_doubtful)
@@ -154,7 +177,7 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
     own = np.flatnonzero(land)
     part = connected(squares, own)
     land[own] = (np.bincount(part) >= LEAST_SQUARES)[part]
-    beach, dry = np.zeros_like(land), np.zeros_like(land)
+    beach = np.zeros_like(land)
     if land.any():
         own = np.flatnonzero(~land)
         part = connected(squares, own)
@@ -162,9 +185,6 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
         is_free = (rise > _BANK_M) & (waves.deviation_m > 0) & ~(echoes.variation >= SPECULAR)
         beach = _beaches(squares, land, is_free)
         land |= beach
-        if not is_diffuse(echoes, water):
-            dry = _grown(squares, land, (echoes.variation <= CLEARLY_GROUND) & (echoes.known <= 0))
-            land |= dry
     is_high = rise > 2 * band
     is_inner = np.append(land, True)[squares.neighbor].all(axis=0)
     is_dry_beach = beach & (echoes.variation <= CLEARLY_GROUND)
@@ -172,7 +192,7 @@ def _beside_water(squares: Squares, echoes: Echoes, waves: SquareWaves, regions:
     bank = _bank(bodies)
     return _LandSquares(
         land,
-        (of_land & ~is_high) | is_inner | is_dry_beach | dry | (echoes.known < 0),
+        (of_land & ~is_high) | is_inner | is_dry_beach | (echoes.known < 0),
         level,
         np.where(is_high & land, max(bank, float(band[water].max())), bank),
     )
@@ -201,16 +221,6 @@ def _beaches(squares: Squares, land: Mask, is_free: Mask) -> Mask:
         grown[:-1] |= new
 
 
-def _grown(squares: Squares, land: Mask, may_be: Mask) -> Mask:
-    """Return the squares that may be land, and are connected to land through others that may be."""
-    own = np.flatnonzero(may_be & ~land)
-    touches = np.append(land, False)[squares.neighbor[:, own]].any(axis=0)
-    part = connected(squares, own)
-    grown = np.zeros_like(land)
-    grown[own] = (np.bincount(part, touches) > 0)[part] if len(own) else False
-    return grown
-
-
 def _is_dry(squares: Squares, echoes: Echoes, deviation_m: NDArray[np.float64]) -> bool:
     """Return whether a tile without known regions is all land."""
     still = deviation_m == 0
@@ -223,6 +233,11 @@ def _by_cell(grid: ElevationGrid, squares: Squares, values: tuple[NDArray[Any], 
     own = None if all(same) else nearest(squares.xy, positions(grid, np.arange(squares_in(grid))))
     shape = grid.lowest.shape
     return [np.broadcast_to(value[0], shape) if own is None else by_cell(value[own]) for value in values]
+
+
+def _cells_of(grid: ElevationGrid, index: NDArray[np.int64]) -> Mask:
+    """Return a mask of the cells of some squares, shape (S, 256, 256)."""
+    return by_cell(np.isin(np.arange(squares_in(grid)), index))
 
 
 def _nearest_levels(squares: Squares, bodies: Sequence[WaterBody]) -> NDArray[np.float64]:

@@ -88,16 +88,16 @@ def comparable_echoes(squares: Squares, echoes: Echoes, flat: Mask, band_m: Valu
     return replace(echoes, variation=np.full(len(flat), np.nan)) if is_one else echoes
 
 
-def with_foam(echoes: Echoes) -> Echoes:
-    """Return echoes whose variation is that of a mirror where they move and are bright, if water does reflect like one.
+def are_foam(echoes: Echoes) -> Mask:
+    """Return which squares move, are bright, and do not reflect like a mirror, as most water does.
 
     The foam of breakers and surf scatters light in all directions, as sand does. It is brighter than most water.
     """
     mirrors = echoes.variation >= SPECULAR
     if np.count_nonzero(mirrors) <= MIRROR_SHARE * np.count_nonzero(np.isfinite(echoes.variation)):
-        return echoes
-    foam = echoes.moving & (echoes.variation < SPECULAR) & (echoes.brightness > median_of(echoes.brightness[mirrors]))
-    return replace(echoes, variation=np.where(foam, SPECULAR, echoes.variation))
+        return np.zeros_like(mirrors)
+    bright = echoes.brightness > median_of(echoes.brightness[mirrors])
+    return np.asarray(echoes.moving & (echoes.variation < SPECULAR) & bright)
 
 
 def by_contrast(squares: Squares, echoes: Echoes) -> Echoes | None:

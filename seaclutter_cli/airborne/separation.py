@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.bottom import Bottom, bottom_of
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
-from seaclutter_cli.airborne.echoes import echoes_of
+from seaclutter_cli.airborne.echo_reader import EchoReader
 from seaclutter_cli.airborne.following import CellDetails
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
@@ -160,12 +160,7 @@ def _separated(
 ) -> Separation:
     trusted = params.trust_classes if isinstance(params, SeparationParams) else ()
     looks = _LookGrids(points, params.cell_m, column)
-    surface = SeaSurfaceModel(
-        points.grid,
-        params,
-        lambda squares, top: echoes_of(squares, points, top, column, change_m, trusted),
-        looks=looks,
-    )
+    surface = SeaSurfaceModel(points.grid, params, EchoReader(points, column, change_m, trusted), looks=looks)
     if surface.waves is not None and (surface.is_rough or _has_crests(points, surface)):
         found = _rough(points, surface, surface.waves, column, looks.numbers)
     else:

@@ -1,6 +1,6 @@
 """Sea surface of tiles and frames by morphological opening."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -9,20 +9,19 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells
-from seaclutter_cli.airborne.echoes import Echoes
+from seaclutter_cli.airborne.echo_reader import EchoReader
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.looks import Look, OpenedLooks, WithoutLand
 from seaclutter_cli.airborne.quarters import LocalWaves, local_waves
 from seaclutter_cli.airborne.rising import height_limits
-from seaclutter_cli.airborne.squares import Squares, squares_of
+from seaclutter_cli.airborne.squares import squares_of
 from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_levels, other_levels
 from seaclutter_cli.errors import InputError
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-EchoReader = Callable[[Squares, Cells], Echoes]
 
 MAX_WINDOW_CELLS = 1000
 CALM_M = 0.5
@@ -144,8 +143,8 @@ class SeaSurfaceModel:
         Grid of all valid points.
     params : SurfaceParams
         Window and heights. With `SeparationParams`, islands are handled, too.
-    echoes : callable, optional
-        Returns the echoes of squares up to an elevation of each cell; without it, only islands are land.
+    echoes : EchoReader, optional
+        Reads the echoes of the tile; without it, only islands are land.
     rough : RoughWater, optional
         The surface follows these waves.
     looks : iterable of ElevationGrid, optional
@@ -224,7 +223,7 @@ class SeaSurfaceModel:
         views, local = _views(whole, looks)
         if params.land != "ignore" and echoes is not None:
             squares = squares_of(whole.grid, whole.lowest, whole.lowest <= top)
-            self.shores = shores_of(whole.grid, whole.lowest, squares, echoes(squares, top), local)
+            self.shores = shores_of(whole, squares, echoes, top, local)
         if params.follows_waves:
             land = self.land_by_block
             self.waves = estimate_waves(views if land is None else WithoutLand(views, land))

@@ -1,13 +1,10 @@
 """Land and water of tiles: level regions, their echoes, several water levels, real tiles."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from seaclutter_cli.airborne.echoes import _speckle
 from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.land import _grown
 from seaclutter_cli.airborne.part_waves import PartWaves
 from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
 from seaclutter_cli.airborne.squares import squares_of, waves_of
@@ -523,12 +520,3 @@ def test_a_swell_that_fields_do_not_resemble_is_not_doubtful():
     x, y = np.random.default_rng(6).uniform(0, 300, (2, 300_000))
     swell = np.stack((x, y, 0.5 * np.sin(2 * np.pi * (x + y / 3) / 40)))
     assert not separate([swell], SeparationParams()).is_doubtful
-
-
-def test_clear_ground_grows_from_land():
-    beside = np.array([[1, 2, 3, -1, -1, -1], [-1, 0, 1, 2, -1, -1]])
-    squares = SimpleNamespace(neighbor=np.vstack((beside, np.full((2, 6), -1))), index=np.arange(6))
-    land = np.array([1, 0, 0, 0, 0, 0], np.bool_)
-    may_be = np.array([1, 1, 1, 0, 1, 1], np.bool_)
-    np.testing.assert_array_equal(_grown(squares, land, may_be), [0, 1, 1, 0, 0, 0])
-    np.testing.assert_array_equal(_grown(squares, land, np.zeros(6, np.bool_)), np.zeros(6))

@@ -8,7 +8,7 @@ import pytest
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.land import _beside_water
-from seaclutter_cli.airborne.reflection import SPECULAR, with_foam
+from seaclutter_cli.airborne.reflection import are_foam
 from seaclutter_cli.airborne.squares import SIDE, SquareWaves, are_moving, squares_of
 from seaclutter_cli.airborne.water_bodies import WaterBody, _have_mirrors, find_bodies
 
@@ -179,9 +179,8 @@ def test_foam_is_bright_and_in_tiles_whose_water_reflects_like_a_mirror(few):
     variation = np.select([mirror, bright | dark], [0.8, 0.3], np.nan)
     still = echoes(variation)
     seen = replace(still, moving=bright | dark, brightness=np.select([bright, dark], [1.0, -1.0], 0.0))
-    found = with_foam(seen).variation
-    np.testing.assert_array_equal(found, variation if few else np.where(bright, SPECULAR, variation))
-    np.testing.assert_array_equal(with_foam(still).variation, variation)
+    np.testing.assert_array_equal(are_foam(seen), bright & (not few))
+    assert not are_foam(still).any()
 
 
 def test_the_strip_of_a_beach_beside_the_sea_does_not_move():
@@ -211,21 +210,6 @@ def test_a_beach_that_is_clearly_ground_is_dry(variation, is_sure):
     shore = _beside_water(found, echoes(np.where(place < 10, 0.8, variation)), waves, regions)
     np.testing.assert_array_equal(shore.land, place >= 10)
     assert (shore.is_sure[place == 10] == is_sure).all()
-
-
-@pytest.mark.parametrize(("variation", "water", "is_land"), [(0.2, 0.8, True), (0.4, 0.8, False), (0.2, 0.3, False)])
-def test_clear_ground_at_the_level_of_a_mirror_is_land(variation, water, is_land):
-    """A flat beside land, no higher than the waves, in no region; beside water like ground, it may be water."""
-    x, _ = np.indices((SQUARES, SQUARES))
-    found = squares(np.select([x < 10, x < 14], [0.0, 0.1], 1.7))
-    place = (found.xy - found.xy.min(axis=1, keepdims=True))[0]
-    waves = square_waves(0.0 * place, 0.2 + 0.0 * place, place < 10)
-    sea, land = (np.flatnonzero(own) for own in (place < 10, place >= 14))
-    regions = WaterBody(sea, 0.0, 0.12, is_water=True), WaterBody(land, 1.7, 0.02, is_water=False)
-    shore = _beside_water(found, echoes(np.where(place < 10, water, variation)), waves, regions)
-    flat = (place >= 10) & (place < 14)
-    assert (shore.land[flat] == is_land).all()
-    assert (shore.is_sure[flat] == is_land).all()
 
 
 @pytest.mark.parametrize(("change_m", "bodies"), [(0.003, 1), (np.nan, 0)])
