@@ -32,9 +32,10 @@ def cell_variation(points: GriddedPoints, top: Cells, column: Column) -> Cells |
 
     Notes
     -----
-    It is the standard deviation within cells, divided by the mean, of pulses with one echo in the three by three cells
-    around each, or in five by five if these have fewer than eight degrees of freedom. Differences between cells do not
-    count: sand is darker where it is wet. Where more than a tenth of the echoes are saturated, it is unknown.
+    It is that of pulses with one echo within cells, as the root of its mean square over the three by three cells around
+    each, or five by five if these have fewer than eight degrees of freedom. Differences between cells do not count:
+    sand is darker where it is wet, and a bright bank does not hide how the water beside it varies. Where more than a
+    tenth of the echoes are saturated, it is unknown.
     """
     shape = points.grid.lowest.shape
     intensity = column("intensity")
@@ -49,14 +50,15 @@ def cell_variation(points: GriddedPoints, top: Cells, column: Column) -> Cells |
         np.add.at(squared, cell, value**2)
         if saturated is not None:
             np.add.at(full, cell, saturated[used])
-    scatter = np.maximum(squared - total**2 / np.maximum(number, 1), 0)
-    sums = [values.reshape(shape) for values in (number, total, scatter, np.maximum(number - 1, 0), full)]
+    mean = total / np.maximum(number, 1)
+    scatter = np.maximum(squared - number * mean**2, 0)
+    relative = np.divide(scatter, mean**2, out=np.zeros(len(mean)), where=mean > 0)
+    sums = [values.reshape(shape) for values in (number, relative, np.where(mean > 0, number - 1, 0), full)]
     found = np.full(shape, np.nan)
     for width in _WIDTHS:
-        echoes, brightness, scatter, freedom, clipped = (_around(points.grid, values, width) for values in sums)
+        echoes, scatter, freedom, clipped = (_around(points.grid, values, width) for values in sums)
         known = np.isnan(found) & (freedom >= _LEAST_FREEDOM - 0.5) & (clipped <= _SATURATED_SHARE * echoes)
-        known &= brightness > 0
-        found[known] = np.sqrt(scatter[known] / freedom[known]) * echoes[known] / brightness[known]
+        found[known] = np.sqrt(scatter[known] / freedom[known])
     return found
 
 

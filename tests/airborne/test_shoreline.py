@@ -35,7 +35,7 @@ def test_variation_is_that_of_water_and_of_ground():
     assert (found[34:] < 0.33).all()
 
 
-def test_variation_is_the_standard_deviation_within_cells_over_the_mean():
+def test_variation_is_the_root_mean_square_of_that_within_cells():
     """By brute force over the three by three cells around one."""
     rng = np.random.default_rng(4)
     gridded, xyz = points(rng, count=3)
@@ -45,9 +45,16 @@ def test_variation_is_the_standard_deviation_within_cells_over_the_mean():
         for i in (9, 10, 11)
         for j in (19, 20, 21)
     ]
-    scatter = sum(((own - own.mean()) ** 2).sum() for own in around) / (27 - 9)
-    expected = np.sqrt(scatter) / np.concatenate(around).mean()
+    expected = np.sqrt(np.mean([(np.std(own, ddof=1) / own.mean()) ** 2 for own in around]))
     assert variation_of(intensity, gridded)[10, 20] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_bright_bank_does_not_hide_the_variation_of_the_water_beside_it():
+    rng = np.random.default_rng(3)
+    gridded, xyz = points(rng)
+    bank = xyz[0] < 32
+    found = variation_of(np.where(bank, rng.normal(9000, 900, len(bank)), rng.exponential(100, len(bank))), gridded)
+    assert (found[32] > 0.6).all()
 
 
 def test_a_gradient_is_no_variation():
