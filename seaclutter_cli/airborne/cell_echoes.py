@@ -1,6 +1,7 @@
 """How cells reflect: the variation of the intensities in and around each."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,29 +38,40 @@ def cell_variation(points: GriddedPoints, top: Cells, column: Column) -> Cells |
     sand is darker where it is wet, and a bright bank does not hide how the water beside it varies. Where more than a
     tenth of the echoes are saturated, it is unknown.
     """
-    shape = points.grid.lowest.shape
     intensity = column("intensity")
     if intensity is None:
         return None
-    saturated = saturated_echoes(intensity)
-    number, total, squared, full = (np.zeros(points.grid.lowest.size) for _ in range(4))
+    sums = _sums(points, top, column, intensity)
+    found = np.full(points.grid.lowest.shape, np.nan)
+    for width in _WIDTHS:
+        for slot, (echoes, freedom, scatter, clipped) in _around(points.grid, sums, width):
+            known = np.isnan(found[slot]) & (freedom >= _LEAST_FREEDOM - 0.5) & (clipped <= _SATURATED_SHARE * echoes)
+            found[slot][known] = np.sqrt(scatter[known] / freedom[known])
+    return found
+
+
+def _sums(points: GriddedPoints, top: Cells, column: Column, intensity: NDArray[Any]) -> Sequence[NDArray[np.float32]]:
+    """Return of each cell the number of echoes, that less one, as many times the relative variance, and the saturated.
+
+    Each has the shape (S, 256, 256). A cell without brightness has no degrees of freedom.
+    """
+    size, saturated = points.grid.lowest.size, saturated_echoes(intensity)
+    number, full = np.zeros((2, size), np.float32)
+    mean, scatter = np.zeros((2, size))  # first the sums of intensities, and of their squares
     for used, cell in _single_echoes(points, top, column):
         value = np.nan_to_num(intensity[used]).astype(np.float64)
         np.add.at(number, cell, 1)
-        np.add.at(total, cell, value)
-        np.add.at(squared, cell, value**2)
+        np.add.at(mean, cell, value)
+        np.add.at(scatter, cell, value**2)
         if saturated is not None:
             np.add.at(full, cell, saturated[used])
-    mean = total / np.maximum(number, 1)
-    scatter = np.maximum(squared - number * mean**2, 0)
-    relative = np.divide(scatter, mean**2, out=np.zeros(len(mean)), where=mean > 0)
-    sums = [values.reshape(shape) for values in (number, relative, np.where(mean > 0, number - 1, 0), full)]
-    found = np.full(shape, np.nan)
-    for width in _WIDTHS:
-        echoes, scatter, freedom, clipped = (_around(points.grid, values, width) for values in sums)
-        known = np.isnan(found) & (freedom >= _LEAST_FREEDOM - 0.5) & (clipped <= _SATURATED_SHARE * echoes)
-        found[known] = np.sqrt(scatter[known] / freedom[known])
-    return found
+    mean /= np.maximum(number, 1)
+    scatter -= number * mean**2
+    bright = mean > 0
+    np.divide(scatter, mean**2, out=scatter, where=bright)
+    freedom = np.where(bright, number - 1, np.float32(0))
+    relative = np.where(bright, np.maximum(scatter, 0), 0).astype(np.float32)
+    return [values.reshape(points.grid.lowest.shape) for values in (number, freedom, relative, full)]
 
 
 def _single_echoes(
@@ -77,13 +89,14 @@ def _single_echoes(
         start += len(cell)
 
 
-def _around(grid: ElevationGrid, values: Cells, width: int) -> Cells:
-    """Return the sum of values over the cells around each."""
+def _around(
+    grid: ElevationGrid, sums: Sequence[NDArray[np.float32]], width: int
+) -> Iterator[tuple[int, Sequence[Cells]]]:
+    """Yield the index of each block, and each of the sums over the cells around its cells."""
     from scipy import ndimage  # slow to import, not needed without land
 
-    out, halo = np.empty(values.shape), width // 2
+    halo = width // 2
     inner = (slice(halo, halo + BLOCK),) * 2
-    for slot, cells, _ in grid.padded(values, halo):
-        mean = ndimage.uniform_filter(np.where(np.isfinite(cells), cells, 0), width)
-        out[slot] = np.maximum(mean[inner], 0) * width**2
-    return out
+    for blocks in zip(*(grid.padded(values, halo) for values in sums), strict=True):
+        means = (ndimage.uniform_filter(np.where(np.isfinite(cells), cells, 0), width) for _, cells, _ in blocks)
+        yield blocks[0][0], [np.maximum(mean[inner], 0) * width**2 for mean in means]

@@ -1,6 +1,7 @@
 """Sparse grid with the lowest elevation of each cell."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,14 +85,14 @@ class ElevationGrid:
         """Return the cell of each position, shape (N,), as an index into ``lowest.ravel()``; its block must exist."""
         return self._flat(x, y, grow=False)
 
-    def padded(self, values: Cells, halo: int) -> Iterator[tuple[int, Cells, tuple[slice, slice]]]:
+    def padded(self, values: NDArray[np.floating[Any]], halo: int) -> Iterator[tuple[int, Cells, tuple[slice, slice]]]:
         """Yield the index of each block, its values padded by ``halo`` cells, and slices to the cells in use.
 
         Padding without a block is plus infinity. The slices select the cells in the bounding rectangle of all points.
 
         Parameters
         ----------
-        values : ndarray, shape (S, 256, 256), float64
+        values : ndarray, shape (S, 256, 256), float32 or float64
             A value for each cell.
         halo : int
             Number of cells on each side.
