@@ -132,8 +132,9 @@ def shores_of(whole: Look, squares: Squares, reader: EchoReader, top: Cells, loc
         own = np.concatenate([body.squares for body in bodies])
         is_known = median_of(echoes.variation[own]) > DIFFUSE
         if is_known and (variation := reader.cell_variation(top)) is not None:
-            water, is_foam = (_cells_of(whole.grid, squares.index[some]) for some in (own, foam))
-            land = with_ground(whole.grid, land, water, np.where(is_foam, np.nan, variation))
+            sure = foam | (echoes.known > 0)
+            water, is_sure = (_cells_of(whole.grid, squares.index[some]) for some in (own, sure))
+            land = with_ground(whole.grid, land, water, np.where(is_sure, np.nan, variation))
     shown = sum(len(body.squares) for body in bodies if _shows_water(squares, seen, waves, body.squares))
     is_doubtful = shown < _SHOWN_SHARE * sum(len(body.squares) for body in bodies)
     return Shores(bodies, land, level, _bank(bodies), is_doubtful)

@@ -302,7 +302,7 @@ class SeaSurfaceModel:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether land was looked for, and nothing tells it from water: no regions, or only the shape of the water."""
+        """Whether land was looked for, and nothing, or only the shape of the water, distinguishes it from water."""
         params = self.params
         looked = isinstance(params, SeparationParams) and params.follows_waves and params.land != "ignore"
         return looked and (self.shores is None or self.shores.is_doubtful)

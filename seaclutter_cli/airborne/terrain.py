@@ -19,7 +19,7 @@ Mask = NDArray[np.bool_]
 SEVERAL = 0.05
 """Share of pulses with several echoes from which a square has leaves or roofs."""
 _WOODED_SHARE, _BUILT_SHARE, _TREE_M, _LEAFY_SHARE = 0.5, 0.2, 2.0, 0.1
-_WAVES_M, _HALF, _STEP, _MIRROR_SHARE = 3.0, 0.5, 0.5, 0.02
+_WAVES_M, _HALF, _STEP, _FEW_MIRRORS = 3.0, 0.5, 0.5, 0.02
 _HILL_M, _FLAT_SHARE, _LEVEL_SHARE = 0.5, 0.05, 0.08
 
 
@@ -46,7 +46,7 @@ def without_banks(squares: Squares, echoes: Echoes, local: LocalWaves) -> LocalW
     ground, mirror = echoes.variation <= CLEARLY_GROUND, echoes.variation >= SPECULAR
     if not mirror.any():
         return local
-    many = np.count_nonzero(mirror) >= max(_MIRROR_SHARE * len(mirror), LEAST_SQUARES)
+    many = np.count_nonzero(mirror) >= max(_FEW_MIRRORS * len(mirror), LEAST_SQUARES)
     kept = np.ones(len(local.parts), np.bool_)
     for number, (center, part) in enumerate(zip(local.centers.T, local.parts, strict=True)):
         own = np.abs(squares.xy + 0.5 - center[:, None] / SIDE).max(axis=0) < PART_CELLS / 2 / SIDE

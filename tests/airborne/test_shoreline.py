@@ -125,7 +125,7 @@ def masks():
 
 
 def test_land_goes_on_as_ground():
-    """What is not connected to it is none: a raft reflects in all directions, too."""
+    """Ground that is not connected to land is left out: a raft reflects in all directions, too."""
     grid, land, water, variation = masks()
     found = with_ground(grid, land, water, variation)
     assert found[0, :26, : SIDES[1]].all()
@@ -167,3 +167,18 @@ def test_the_foot_of_a_beach_is_land_below_the_crests(speckle):
     on_foot, _ = shares(xyz, land & (sand < 0.3), columns)
     assert (on_foot > 0.8) == speckle
     assert shares(xyz, land, columns)[1] < 0.03
+
+
+def test_trusted_water_is_no_land_though_it_reflects_like_ground():
+    """A strip beside land; most of its points have class 9, and the others follow them."""
+    rng = np.random.default_rng(7)
+    x, y = rng.uniform(0, 300, 400_000), rng.uniform(0, 200, 400_000)
+    land, strip = x < 80, (x >= 80) & (x < 88) & (y < 120)
+    intensity = np.where(strip, rng.normal(60, 6, len(x)), rng.exponential(60, len(x))).clip(1)
+    intensity[land] = rng.normal(200, 20, np.count_nonzero(land))
+    z = np.where(land, 4.0 + 0.5 * np.sin(x / 3) * np.sin(y / 4), rng.normal(0, 0.02, len(x)))
+    own = strip & (rng.random(len(x)) < 0.3)
+    classes = np.where(land | own, 0, 9).astype(np.uint8)
+    columns = {"intensity": intensity, "number_of_returns": np.ones(len(x), int), "classification": classes}
+    _, on_strip = shares(np.stack((x, y, z)), ~own, columns, trust_classes=(9,))
+    assert on_strip < 0.02

@@ -14,7 +14,7 @@ from seaclutter_cli.airborne.terrain import are_woods, may_be_waves, without_ban
 from tests.airborne.coasts import hummocks, shares
 
 
-def squares_and_echoes(level, **known):
+def squares_and_echoes(level):
     """Return the squares of an elevation of each metre, shape (n, m), and echoes of which all else is unknown."""
     x, y = (side.ravel() + 0.5 for side in np.mgrid[: level.shape[0], : level.shape[1]])
     grid = ElevationGrid(1.0)
@@ -22,7 +22,7 @@ def squares_and_echoes(level, **known):
     squares = squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
     none, nothing = np.zeros(len(squares.index)), np.full(len(squares.index), np.nan)
     echoes = {"variation": nothing, "brightness": nothing, "several": none, "tall": none, "change_m": nothing}
-    return squares, Echoes(**{**echoes, "moving": none > 0, "known": none.astype(np.int8), **known})
+    return squares, Echoes(**{**echoes, "moving": none > 0, "known": none.astype(np.int8)})
 
 
 def rising(share, rng, count=60_000):
