@@ -21,6 +21,7 @@ _RISE, _EVIDENCE = 0.7, 4.0
 _INDEPENDENT_M = 2 * FINEST_M
 _MANY_ECHOES, _LEAST_CELLS = 30, 50
 _ON_CREST, _FOAM_SURE = 0.5, 0.1
+_LOW, _LOW_M, _LOW_CELLS, _LOW_ECHO_M = 4.0, 0.12, 8, 0.1
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,12 @@ def height_limits(
     What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on. Decks are
     objects.
 
+    Booms and the collars of fish cages are narrower than a cell, and lower than any of these heights: water is the
+    lowest echo of their cells. But waves do not raise the highest echoes of many cells side by side: groups of eight or
+    more cells, or any that touch an object, are objects if the highest echo of each is above 0.12 m and 4 standard
+    deviations of the highest echoes, and at most half of them are on crests. The highest echoes of steep water deviate
+    more from the surface than its lowest.
+
     The surface is that of the lowest echoes; the other echoes from the water of a cell are higher. The more there are,
     the higher is the highest: the median range of cells with as many echoes is subtracted from it. The median of all
     cells is added to the heights that make an object.
@@ -94,12 +101,31 @@ def height_limits(
     limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
     echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
     limit[echoes] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[echoes]
+    low_object = _low_objects(grid, high, high_m, known & ~land, touching(grid, inside & certain), sea)
+    limit[low_object] = np.minimum(limit, np.maximum(_GROWN * sea.deviation, _LOW_ECHO_M))[low_object]
     limit[sea.decks] = -np.inf
     used = known & ~land
     if not used.any():
         return HeightLimits(limit, 0.0)
     range_m = float(np.median(ranges[used]))
     return HeightLimits(limit + range_m, float(np.median(alone[used])) + range_m)
+
+
+def _low_objects(
+    grid: ElevationGrid, high: Cells, high_m: Cells, used: Mask, beside: Mask, sea: FollowedSurface
+) -> Mask:
+    """Return the cells of long groups whose highest echoes are above the water, and of those ``beside`` an object."""
+    if not used.any():
+        return used
+    middle, upper = np.quantile(high[used], (0.5, 0.8413))
+    risen = used & (high > middle + _LOW * max(float(upper - middle), 1.0)) & (high_m > _LOW_M)
+    part, group = joined_cells(risen, grid.blocks)
+    own = group[part[risen]]
+    cells, touched, crests = (
+        np.bincount(own, weights, len(group)) for weights in (None, beside[risen], sea.crests[risen])
+    )
+    objects = ((cells >= _LOW_CELLS) | (touched > 0)) & (crests <= _ON_CREST * cells)
+    return np.asarray(risen & objects[group[part]])
 
 
 def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:

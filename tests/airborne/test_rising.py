@@ -5,6 +5,8 @@ import pytest
 
 from seaclutter_cli.airborne.following import FollowedSurface
 from seaclutter_cli.airborne.rising import _are_objects
+from seaclutter_cli.airborne.separation import OTHER, separate
+from seaclutter_cli.airborne.surface import SeparationParams
 
 
 @pytest.mark.parametrize(
@@ -21,3 +23,18 @@ def test_bright_groups_on_crests_are_foam(crests, certain, contrast, expected):
     sea = FollowedSurface(none, none, none, np.full(shape, contrast), none > 0, first < crests)
     found = _are_objects(group, group > 0, first < certain, sea, np.full(shape, 3.0), 1.0)
     np.testing.assert_array_equal(found, [False, expected])
+
+
+@pytest.mark.parametrize(("length", "expected"), [(40, 0.8), (3, 0.0)], ids=["boom", "as short as a crest"])
+def test_low_objects_narrower_than_a_cell_are_found_by_their_length(length, expected):
+    rng = np.random.default_rng(5)
+    x, y = rng.uniform(0, 150, (2, 8 * 150**2))
+    z = sum(np.sin(2 * np.pi * (np.cos(a) * x + np.sin(a) * y) / 20 + rng.uniform(0, 7)) for a in rng.normal(0, 0.4, 9))
+    z = 0.8 / 4 * z / z.std()
+    boom = (np.abs(y - 75.5) < 0.2) & (np.abs(x - 70) < length / 2)
+    z += np.where(boom, 0.24, 0) + rng.normal(0, 0.02, len(z))
+    found = separate([np.stack((x, y, z))], SeparationParams())
+    other = found.classification == OTHER
+    assert found.sea.surface == "followed"
+    assert (other[boom].mean() >= expected) if expected else not other[boom].any()
+    assert other[~boom].mean() < 1e-4
