@@ -1,7 +1,8 @@
 """Strips of a tile: the passes of the aircraft, each of which shows the water at one moment."""
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +77,10 @@ def looks_of(
     A scanner on a cone (Palmer) sees a place ahead of the aircraft and again behind it, seconds later. In the time that
     an aircraft takes, such echoes are before or after those that a plane through the times of the strip expects. Others
     differ by less than a tenth of the period of the shortest waves that are followed, a quarter of a second.
+
+    Near the edge of the cone, both looks are nearly at the same time, and may be on one side of that plane where the
+    aircraft yaws. Squares of 8 m that are seen twice are divided midway between their first and last echo; others at a
+    plane through these middles.
     """
     times = column("gps_time")
     if times is None:
@@ -86,13 +91,13 @@ def looks_of(
     late = np.zeros(len(times), np.bool_)
     for number in np.unique(own[::step]).tolist():
         some = np.isfinite(place).all(axis=0) & np.isfinite(times[::step]) & (own[::step] == number)
-        plane = _plane(place[:, some], np.asarray(times[::step][some], np.float64))
-        if plane is None:
+        turns = _LookTimes.of(place[:, some], np.asarray(times[::step][some], np.float64))
+        if turns is None:
             continue
         start = 0
         for xyz in parts:
             part = slice(start, start + xyz.shape[1])
-            late[part] |= (own[part] == number) & (times[part] > plane[0] + plane[1:] @ xyz[:2])
+            late[part] |= (own[part] == number) & (times[part] > turns.between_s(xyz[:2]))
             start = part.stop
     return 2 * own + late if late.any() else strip
 
@@ -105,16 +110,75 @@ def _every(parts: Iterable[NDArray[np.float64]], step: int) -> Iterator[NDArray[
         start += xyz.shape[1]
 
 
-def _plane(place: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return the plane through times, shape (3,); None if nearly all places are seen once."""
-    if place.shape[1] < _LEAST_POINTS:
-        return None
+@dataclass(frozen=True)
+class _LookTimes:
+    """Times between both looks of a strip.
+
+    Parameters
+    ----------
+    plane : ndarray, shape (3,), float64
+        Level, and slopes along x and y, of the times of the strip.
+    middle : ndarray, shape (3,), float64
+        The same of the middles between both looks, relative to that plane.
+    corner, end : ndarray, shape (2,), float64
+        Lowest and highest square along x and y.
+    squares : ndarray, shape (S,), float64
+        Numbers of the squares that are seen twice, ascending.
+    middles_s : ndarray, shape (S,), float64
+        Their middles, relative to the plane.
+    """
+
+    plane: NDArray[np.float64]
+    middle: NDArray[np.float64]
+    corner: NDArray[np.float64]
+    end: NDArray[np.float64]
+    squares: NDArray[np.float64]
+    middles_s: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, place: NDArray[np.float64], times_s: NDArray[np.float64]) -> Self | None:
+        """Return the times between the looks of echoes at places, shape (2, N); None if nearly all are seen once."""
+        if place.shape[1] < _LEAST_POINTS:
+            return None
+        plane = _fitted(place, times_s)
+        late = times_s - _at(plane, place)
+        square = np.floor(place / _SIDE_M)
+        corner, end = square.min(axis=1), square.max(axis=1)
+        numbers, own = np.unique(_number(square, corner, end), return_inverse=True)
+        count = np.bincount(own)
+        mean, power = (np.bincount(own, values) / count for values in (late, late**2))
+        many = count >= _LEAST_POINTS
+        twice = many & (np.sqrt(np.maximum(power - mean**2, 0)) > _STILL_S)
+        if not np.count_nonzero(twice) > _TWICE_SHARE * np.count_nonzero(many):
+            return None
+        first, last = np.full(len(count), np.inf), np.full(len(count), -np.inf)
+        np.minimum.at(first, own, late)
+        np.maximum.at(last, own, late)
+        middles = ((first + last) / 2)[twice]
+        center = np.stack([np.bincount(own, axis) / count for axis in place])[:, twice]
+        return cls(plane, _fitted(center, middles), corner, end, numbers[twice], middles)
+
+    def between_s(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the time from which echoes at places, shape (2, N), are of the later look, shape (N,)."""
+        number = _number(np.floor(place / _SIDE_M), self.corner, self.end)
+        near = np.minimum(np.searchsorted(self.squares, number), len(self.squares) - 1)
+        middle = np.where(self.squares[near] == number, self.middles_s[near], _at(self.middle, place))
+        return np.asarray(_at(self.plane, place) + middle)
+
+
+def _number(square: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a number for each square, shape (N,); those outside have that of the nearest inside."""
+    column, row = np.clip(square, low[:, None], high[:, None]) - low[:, None]
+    return np.asarray(column * (high[1] - low[1] + 1) + row)
+
+
+def _fitted(place: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return level and slopes, shape (3,), of the plane through values at places, shape (2, N)."""
     middle = place.mean(axis=1, keepdims=True)
-    slope = np.linalg.lstsq((place - middle).T, times_s - times_s.mean(), rcond=None)[0]
-    level = times_s.mean() - slope @ middle[:, 0]
-    late = times_s - level - slope @ place
-    square = np.unique(np.floor(place / _SIDE_M), axis=1, return_inverse=True)[1].reshape(-1)
-    count = np.bincount(square)
-    mean, power = (np.bincount(square, values) / count for values in (late, late**2))
-    spread = np.sqrt(np.maximum(power - mean**2, 0))[count >= _LEAST_POINTS]
-    return np.array([level, *slope]) if np.mean(np.append(spread > _STILL_S, False)) > _TWICE_SHARE else None
+    slope = np.linalg.lstsq((place - middle).T, values - values.mean(), rcond=None)[0]
+    return np.array([values.mean() - slope @ middle[:, 0], *slope])
+
+
+def _at(plane: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the values of a plane at places, shape (2, N)."""
+    return np.asarray(plane[0] + plane[1:] @ place)

@@ -42,6 +42,14 @@ def test_looks_ahead_and_behind_are_strips():
     assert np.mean((found == 0) == (look > 0)) > 0.98
 
 
+def test_looks_of_an_aircraft_that_yaws():
+    place, time, look = cone(np.random.default_rng(1))
+    time = time + 1.2 * np.sin(2 * np.pi * place[0] / 150)  # at the edge, the looks are closer than that
+    late = looks_of(None, [np.vstack((place, np.zeros(len(time))))], {"gps_time": time}.get)
+    behind = late == late[np.argmax(look == -1)]
+    assert np.mean(behind == (look == -1)) > 0.995
+
+
 def test_a_scanner_in_lines_sees_places_once():
     rng = np.random.default_rng(1)
     x, y = rng.uniform(0, 300, (2, 100_000))
