@@ -86,7 +86,8 @@ def height_limits(
     cells is added to the heights that make an object.
     """
     known = np.isfinite(lowest)
-    ranges = _ranges(details, lowest, known & ~land)
+    used = known & ~land
+    ranges = _ranges(details, lowest, used)
     low_m, high_m = (np.where(known, values, -np.inf) - sea.surface for values in (lowest, details.highest - ranges))
     low, high = low_m / sea.deviation, high_m / sea.deviation
     bright = sea.contrast > _BRIGHT
@@ -101,30 +102,25 @@ def height_limits(
     limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
     echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
     limit[echoes] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[echoes]
-    low_object = _low_objects(grid, high, high_m, known & ~land, touching(grid, inside & certain), sea)
-    limit[low_object] = np.minimum(limit, np.maximum(_GROWN * sea.deviation, _LOW_ECHO_M))[low_object]
+    flat = _low_objects(grid, high, high_m, used, touching(grid, inside & certain), sea.crests)
+    limit[flat] = np.minimum(limit, np.maximum(_GROWN * sea.deviation, _LOW_ECHO_M))[flat]
     limit[sea.decks] = -np.inf
-    used = known & ~land
     if not used.any():
         return HeightLimits(limit, 0.0)
     range_m = float(np.median(ranges[used]))
     return HeightLimits(limit + range_m, float(np.median(alone[used])) + range_m)
 
 
-def _low_objects(
-    grid: ElevationGrid, high: Cells, high_m: Cells, used: Mask, beside: Mask, sea: FollowedSurface
-) -> Mask:
-    """Return the cells of long groups whose highest echoes are above the water, and of those ``beside`` an object."""
+def _low_objects(grid: ElevationGrid, high: Cells, high_m: Cells, used: Mask, beside: Mask, crests: Mask) -> Mask:
+    """Return the cells of groups whose highest echoes are above the water: large ones, and those beside an object."""
     if not used.any():
         return used
     middle, upper = np.quantile(high[used], (0.5, 0.8413))
     risen = used & (high > middle + _LOW * max(float(upper - middle), 1.0)) & (high_m > _LOW_M)
     part, group = joined_cells(risen, grid.blocks)
     own = group[part[risen]]
-    cells, touched, crests = (
-        np.bincount(own, weights, len(group)) for weights in (None, beside[risen], sea.crests[risen])
-    )
-    objects = ((cells >= _LOW_CELLS) | (touched > 0)) & (crests <= _ON_CREST * cells)
+    cells, near, on_crest = (np.bincount(own, weights, len(group)) for weights in (None, beside[risen], crests[risen]))
+    objects = ((cells >= _LOW_CELLS) | (near > 0)) & (on_crest <= _ON_CREST * cells)
     return np.asarray(risen & objects[group[part]])
 
 

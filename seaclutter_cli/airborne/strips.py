@@ -91,13 +91,13 @@ def looks_of(
     late = np.zeros(len(times), np.bool_)
     for number in np.unique(own[::step]).tolist():
         some = np.isfinite(place).all(axis=0) & np.isfinite(times[::step]) & (own[::step] == number)
-        turns = _LookTimes.of(place[:, some], np.asarray(times[::step][some], np.float64))
-        if turns is None:
+        look_times = _LookTimes.of(place[:, some], np.asarray(times[::step][some], np.float64))
+        if look_times is None:
             continue
         start = 0
         for xyz in parts:
             part = slice(start, start + xyz.shape[1])
-            late[part] |= (own[part] == number) & (times[part] > turns.between_s(xyz[:2]))
+            late[part] |= (own[part] == number) & (times[part] > look_times.between_s(xyz[:2]))
             start = part.stop
     return 2 * own + late if late.any() else strip
 
