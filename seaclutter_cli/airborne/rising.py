@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.cells import joined_cells, touching
+from seaclutter_cli.airborne.cells import joined_cells, smoothed, touching
 from seaclutter_cli.airborne.following import FINEST_M, CellDetails, FollowedSurface
 from seaclutter_cli.airborne.grid import ElevationGrid
 
@@ -22,6 +22,7 @@ _INDEPENDENT_M = 2 * FINEST_M
 _MANY_ECHOES, _LEAST_CELLS = 30, 50
 _ON_CREST, _FOAM_SURE = 0.5, 0.1
 _LOW, _LOW_M, _LOW_CELLS, _LOW_ECHO_M = 4.0, 0.12, 8, 0.1
+_AROUND_M = 10.0
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,9 @@ def height_limits(
     Booms and the collars of fish cages are narrower than a cell, and lower than any of these heights: water is the
     lowest echo of their cells. But waves do not raise the highest echoes of many cells side by side: groups of eight or
     more cells, or any that touch an object, are objects if the highest echo of each is above 0.12 m and 4 standard
-    deviations of the highest echoes, and at most half of them are on crests. The highest echoes of steep water deviate
-    more from the surface than its lowest.
+    deviations of the highest echoes, of the whole strip and of the ten metres around, and at most half of them are on
+    crests. The highest echoes of steep water deviate more from the surface than its lowest; those of cells that show
+    water at two moments deviate even more.
 
     The surface is that of the lowest echoes; the other echoes from the water of a cell are higher. The more there are,
     the higher is the highest: the median range of cells with as many echoes is subtracted from it. The median of all
@@ -116,7 +118,13 @@ def _low_objects(grid: ElevationGrid, high: Cells, high_m: Cells, used: Mask, be
     if not used.any():
         return used
     middle, upper = np.quantile(high[used], (0.5, 0.8413))
-    risen = used & (high > middle + _LOW * max(float(upper - middle), 1.0)) & (high_m > _LOW_M)
+    limit = middle + _LOW * max(float(upper - middle), 1.0)
+    water = used & (high <= limit)
+    mean, square = (
+        smoothed(grid, np.where(water, high, 0) ** power, water, _AROUND_M / grid.cell_m)[0] for power in (1, 2)
+    )
+    around = mean + _LOW * np.sqrt(np.maximum(square - mean**2, 0))
+    risen = used & (high > np.maximum(limit, around)) & (high_m > _LOW_M)
     part, group = joined_cells(risen, grid.blocks)
     own = group[part[risen]]
     cells, near, on_crest = (np.bincount(own, weights, len(group)) for weights in (None, beside[risen], crests[risen]))

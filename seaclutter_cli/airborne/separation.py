@@ -18,7 +18,6 @@ from seaclutter_cli.airborne.land_cells import LandCells
 from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
 from seaclutter_cli.airborne.surface import (
     CALM_M,
-    ROUGH_M,
     RoughWater,
     SeaSurfaceModel,
     SeparationParams,
@@ -31,7 +30,6 @@ from seaclutter_cli.errors import InputError
 __all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]
 
 _SAMPLE = 20_000
-_CREST_DEVIATIONS = 3.0
 
 
 def _no_column(_name: str) -> None:
@@ -161,7 +159,9 @@ def _separated(
     trusted = params.trust_classes if isinstance(params, SeparationParams) else ()
     looks = _LookGrids(points, params.cell_m, column)
     surface = SeaSurfaceModel(points.grid, params, EchoReader(points, column, change_m, trusted), looks=looks)
-    if surface.waves is not None and (surface.is_rough or _has_crests(points, surface)):
+    if surface.waves is not None and not surface.is_rough:
+        surface.measure_calm(*_water_heights(points, surface))
+    if surface.waves is not None and surface.is_rough:
         found = _rough(points, surface, surface.waves, column, looks.numbers)
     else:
         found = Separation(*_classes(points, surface), surface.cells, SeaState.of(surface), _land(surface))
@@ -172,8 +172,8 @@ def _separated(
     return found
 
 
-def _has_crests(points: GriddedPoints, surface: SeaSurfaceModel) -> bool:
-    """Return whether echoes from crests rise above calm water: where cells have many, their lowest does not show it."""
+def _water_heights(points: GriddedPoints, surface: SeaSurfaceModel) -> tuple[float, float]:
+    """Return the median height of the echoes of water above the opened surface, and their deviation below it."""
     step = points.size // _SAMPLE + 1
     sample, start = [], 0
     for z, cell in points:
@@ -183,10 +183,8 @@ def _has_crests(points: GriddedPoints, surface: SeaSurfaceModel) -> bool:
         above, limit = surface.heights(z[used], cell[used])
         sample.append(above[np.broadcast_to(limit, above.shape) > 0])  # no land
     above = np.concatenate(sample)
-    if not len(above):
-        return False
-    low, middle = np.quantile(above, (0.1587, 0.5))
-    return bool(middle + _CREST_DEVIATIONS * (middle - low) > ROUGH_M)
+    low, middle = np.quantile(above, (0.1587, 0.5)) if len(above) else (0.0, 0.0)
+    return float(middle), float(middle - low)
 
 
 def _leveled(points: GriddedPoints, cell_m: float, column: Column) -> tuple[GriddedPoints, NDArray[np.float64] | None]:

@@ -25,9 +25,11 @@ Mask = NDArray[np.bool_]
 
 MAX_WINDOW_CELLS = 1000
 CALM_M = 0.5
-"""Height above the opened surface that separates objects from calm water."""
+"""Greatest height above the opened surface that separates objects from calm water."""
 ROUGH_M = 0.4
 """Height of crests from which the surface follows the waves: groups of waves are higher than others."""
+_CREST_DEVIATIONS = 3.0
+_CALM_DEVIATIONS, _CALMEST_M = 6.0, 0.35
 _PIT = 2.0
 _LAND_DEVIATIONS, _ISLAND_DEVIATIONS = 4.0, 6.0
 
@@ -68,8 +70,8 @@ class SeparationParams(SurfaceParams):
     Parameters
     ----------
     height_m : float or "auto"
-        A point higher than this above the opened surface is a non-sea point, as in [Shi2022]; auto: half a metre on
-        calm water, otherwise a surface and a height that follow the waves.
+        A point higher than this above the opened surface is a non-sea point, as in [Shi2022]; auto: a height from the
+        waves, 0.35 to 0.5 m on calm water, and a surface that follows them on rough water.
     island_m : float or None
         The opened surface is land where it rises more than this above the sea level, down to ``height_m`` above that
         level; null: it is sea, as in [Shi2022].
@@ -92,7 +94,7 @@ class SeparationParams(SurfaceParams):
 
     @property
     def threshold_m(self) -> float:
-        """Height above the opened surface that separates objects from calm water."""
+        """Greatest height above the opened surface that separates objects from calm water."""
         return CALM_M if self.height_m == "auto" else self.height_m
 
     def __post_init__(self) -> None:
@@ -163,8 +165,9 @@ class SeaSurfaceModel:
     A point is a non-sea point if it is more than :math:`T_{\max}` above the opened surface of its cell.
 
     * With ``height_m: auto``, `estimate_waves` finds whether crests reach more than 0.4 m above the opened
-      surface. If so, the surface follows the waves (`follow_waves`). Otherwise, nothing changes. Where most rough parts
-      do not oscillate, cells may show several moments; waves are then those of single looks.
+      surface. If so, the surface follows the waves (`follow_waves`). Otherwise, objects are six standard deviations
+      above the median of the water, at least 0.35 and at most 0.5 m above the opened surface. Where most rough parts do
+      not oscillate, cells may show several moments; waves are then those of single looks.
     * Waves and swell: the opened surface follows waves longer than about twice the window. For shorter waves, the
       threshold has to exceed the height of their crests. A window much wider than the objects cuts off the crests of
       swell.
@@ -199,6 +202,8 @@ class SeaSurfaceModel:
         pit_m = _PIT * params.threshold_m if tile else None
         whole = Look.of(grid, params.window_m, pit_m)
         lowest, self._opened = whole.lowest, whole.opened
+        self._height_m = params.threshold_m
+        self._has_crests = False
         self.waves: Waves | None = None
         self.followed: FollowedSurface | None = None
         self.shores: Shores | None = None
@@ -286,7 +291,7 @@ class SeaSurfaceModel:
             limit: NDArray[np.float64] | float = self._limits.limit.reshape(-1)[cell]
         else:
             height = np.asarray(z - self._opened.reshape(-1)[cell])
-            limit = self.params.threshold_m
+            limit = self._height_m
         if self._land.any():
             limit = np.where(self._land.reshape(-1)[cell], -np.inf, limit)
         return height, limit
@@ -298,7 +303,18 @@ class SeaSurfaceModel:
     @property
     def is_rough(self) -> bool:
         """Whether crests may rise more than 0.4 m above the opened surface."""
-        return self.waves is not None and self.waves.highest_m > ROUGH_M
+        return self.waves is not None and (self.waves.highest_m > ROUGH_M or self._has_crests)
+
+    def measure_calm(self, median_m: float, deviation_m: float) -> None:
+        """Set the height that makes an object, or find crests that the lowest echoes of cells do not show.
+
+        Parameters
+        ----------
+        median_m, deviation_m : float
+            Median height of the echoes of water above the opened surface, and their standard deviation.
+        """
+        self._has_crests = median_m + _CREST_DEVIATIONS * deviation_m > ROUGH_M
+        self._height_m = float(np.clip(median_m + _CALM_DEVIATIONS * deviation_m, _CALMEST_M, CALM_M))
 
     @property
     def is_doubtful(self) -> bool:
@@ -310,7 +326,7 @@ class SeaSurfaceModel:
     @property
     def object_height_m(self) -> float:
         """Height above the surface from which an object stands out by height alone; on rough water, the median."""
-        return self._limits.alone_m if self.followed else self.params.threshold_m
+        return self._limits.alone_m if self.followed else self._height_m
 
     @property
     def land_by_block(self) -> Mapping[tuple[int, int], Mask] | None:

@@ -43,6 +43,21 @@ def test_low_groups_are_objects_by_size_or_beside_others(cells, beside, on_crest
     np.testing.assert_array_equal(found, (high > 0) & expected)
 
 
+def test_the_highest_echoes_of_cells_that_show_two_moments_are_no_low_objects():
+    rng = np.random.default_rng(3)
+    grid = ElevationGrid(1.0)
+    place = np.indices((120, 120)).reshape(2, -1) + 0.5
+    grid.add(np.stack((*place, np.zeros(place.shape[1]))))
+    used = np.isfinite(grid.lowest)
+    mixed = np.zeros(used.shape, np.bool_)
+    mixed[0, 108:118, :120] = True
+    high = np.where(mixed, rng.normal(3, 2, used.shape), rng.normal(0, 1, used.shape))
+    none = np.zeros(used.shape, np.bool_)
+    assert not (_low_objects(grid, high, 0.1 * high, used, none, none) & mixed).any()
+    high[0, 20:60, 50] = 6
+    assert _low_objects(grid, high, 0.1 * high, used, none, none)[0, 20:60, 50].mean() > 0.9
+
+
 @pytest.mark.parametrize(("length", "least", "most"), [(40, 0.8, 1), (3, 0, 0)], ids=["boom", "as short as a crest"])
 def test_low_objects_narrower_than_a_cell_are_found_by_their_length(length, least, most):
     rng = np.random.default_rng(5)

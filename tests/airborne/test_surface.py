@@ -179,3 +179,27 @@ def test_an_island_across_blocks_is_one():
     shore, peak = inside(flat, (200, 420), (0, 40)), inside(flat, (205, 240), (0, 40))
     found = other(raised(raised(flat, shore, 1.5), peak, 3.0), SeparationParams())
     np.testing.assert_array_equal(found, shore)
+
+
+def calm_water(deviation_m):
+    rng = np.random.default_rng(8)
+    x, y = rng.uniform(0, 256, (2, 6 * 256**2))
+    return np.stack((x, y, 0.05 * np.sin(2 * np.pi * x / 60) + rng.normal(0, deviation_m, len(x))))
+
+
+@pytest.mark.parametrize(
+    ("deviation_m", "height_m"), [(0.01, 0.35), (0.04, 0.38), (0.05, 0.47)], ids=["still", "ripples", "chop"]
+)
+def test_waves_decide_the_height_of_objects_on_calm_water(deviation_m, height_m):
+    found = separate([calm_water(deviation_m)], SeparationParams())
+    assert found.sea.surface == "opened"
+    assert found.sea.object_height_m == pytest.approx(height_m, abs=0.015)
+    assert (found.classification == WATER).all()
+
+
+def test_a_pontoon_on_still_water_is_an_object():
+    water = calm_water(0.01)
+    pontoon = inside(water, (100, 130), (100, 104))
+    water = raised(water, pontoon, 0.42)
+    np.testing.assert_array_equal(other(water, SeparationParams()), pontoon)
+    assert not other(water).any()
