@@ -44,6 +44,10 @@ class CellDetails:
         Sum of the intensities, and that of their squares.
     echoes : ndarray, shape (S, 256, 256), int64
         Number of echoes.
+    standing : ndarray, shape (S, 256, 256), bool
+        Cells of objects that other strips show, too (`standing_objects`).
+    may_mix : bool
+        Whether cells may show several moments: nothing tells strips apart.
     """
 
     highest: Cells
@@ -51,6 +55,8 @@ class CellDetails:
     intensity: Cells | None
     squared: Cells | None
     echoes: NDArray[np.int64]
+    standing: Mask
+    may_mix: bool
 
 
 @dataclass(frozen=True)
@@ -99,7 +105,7 @@ def follow_waves(
     above : ndarray, shape (S, 256, 256), float64
         Height of the lowest elevations above the opened surface.
     details : CellDetails
-        Highest elevations, intensities, and numbers of echoes.
+        Highest elevations, intensities, numbers of echoes, and what stands still.
 
     Notes
     -----
@@ -108,10 +114,10 @@ def follow_waves(
     to a metre. Each mean counts by the share of its weight that lies on water.
 
     It begins with the cells below the crests. Cells more than 3.5 standard deviations from the surface are left out,
-    and the mean is repeated. Bright cells, cells that reflect like ground amid water like a mirror, decks, and what has
-    a step all around (`with_steps`) do not contribute. The deviation is computed from cells below the surface, where no
-    objects are, and locally, since waves come in groups. Where it is more than 1.5 times its median, an object is among
-    the cells: they are left out from 3.5 times that on.
+    and the mean is repeated. Bright cells, cells that reflect like ground amid water like a mirror, decks, what has a
+    step all around (`with_steps`), and what stands still do not contribute. The deviation is computed from cells below
+    the surface, where no objects are, and locally, since waves come in groups. Where it is more than 1.5 times its
+    median, an object is among the cells: they are left out from 3.5 times that on.
 
     Under objects that are three cells wide, the surface is predicted from the water around them (`predict_under`).
     """
@@ -127,7 +133,7 @@ def follow_waves(
         diffuse = _diffuse(grid, details, water)
         brightness, contrast = (np.maximum(own, diffuse) for own in _contrast(grid, details.brightness, water))
     even = decks(grid, lowest, usable, waves) | with_steps(grid, lowest, usable, above)
-    objects = excluded = (_patches(grid, contrast > _BRIGHT, known) & ~land) | even
+    objects = excluded = (_patches(grid, contrast > _BRIGHT, known) & ~land) | even | touching(grid, details.standing)
     usable &= ~excluded
     water &= usable
     flat = np.full(lowest.shape, waves.level_m), np.full(lowest.shape, waves.deviation_m**2)

@@ -57,7 +57,7 @@ def height_limits(
     sea : FollowedSurface
         Surface, deviation of the water from it, and brightness.
     details : CellDetails
-        Highest elevations and numbers of echoes.
+        Highest elevations, numbers of echoes, and what stands still.
 
     Notes
     -----
@@ -74,14 +74,14 @@ def height_limits(
     and a tenth of which at most is that high, is no object.
 
     What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on. Decks are
-    objects.
+    objects, and what stands still is one from 0.1 m on.
 
     Booms and the collars of fish cages are narrower than a cell, and lower than any of these heights: water is the
     lowest echo of their cells. But waves do not raise the highest echoes of many cells side by side: groups of eight or
     more cells, or any that touch an object, are objects if the highest echo of each is above 0.12 m and 4 standard
-    deviations of the highest echoes, of the whole strip and of the ten metres around, and at most half of them are on
-    crests. The highest echoes of steep water deviate more from the surface than its lowest; those of cells that show
-    water at two moments deviate even more.
+    deviations of the highest echoes, and at most half of them are on crests. The highest echoes of steep water deviate
+    more from the surface than its lowest. Where strips are unknown, cells may show water at two moments, whose highest
+    echoes deviate even more: they must be above four standard deviations of the ten metres around, too.
 
     The surface is that of the lowest echoes; the other echoes from the water of a cell are higher. The more there are,
     the higher is the highest: the median range of cells with as many echoes is subtracted from it. The median of all
@@ -104,8 +104,11 @@ def height_limits(
     limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
     echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
     limit[echoes] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[echoes]
-    flat = _low_objects(grid, high, high_m, used, touching(grid, inside & certain), sea.crests)
+    water = _highest_of_water(grid, high, used, may_mix=details.may_mix)
+    risen = used & (high > water) & (high_m > _LOW_M)
+    flat = _low_objects(grid, risen, touching(grid, inside & certain), sea.crests)
     limit[flat] = np.minimum(limit, np.maximum(_GROWN * sea.deviation, _LOW_ECHO_M))[flat]
+    limit[details.standing] = np.minimum(limit, _LOW_ECHO_M)[details.standing]
     limit[sea.decks] = -np.inf
     if not used.any():
         return HeightLimits(limit, 0.0)
@@ -113,23 +116,25 @@ def height_limits(
     return HeightLimits(limit + range_m, float(np.median(alone[used])) + range_m)
 
 
-def _low_objects(grid: ElevationGrid, high: Cells, high_m: Cells, used: Mask, beside: Mask, crests: Mask) -> Mask:
-    """Return the cells of groups whose highest echoes are above the water: large ones, and those beside an object."""
-    if not used.any():
-        return used
-    middle, upper = np.quantile(high[used], (0.5, 0.8413))
-    limit = middle + _LOW * max(float(upper - middle), 1.0)
-    water = used & (high <= limit)
-    mean, square = (
-        smoothed(grid, np.where(water, high, 0) ** power, water, _AROUND_M / grid.cell_m)[0] for power in (1, 2)
-    )
-    around = mean + _LOW * np.sqrt(np.maximum(square - mean**2, 0))
-    risen = used & (high > np.maximum(limit, around)) & (high_m > _LOW_M)
+def _low_objects(grid: ElevationGrid, risen: Mask, beside: Mask, crests: Mask) -> Mask:
+    """Return the cells of groups of risen cells that are objects: large ones, and those beside an object."""
     part, group = joined_cells(risen, grid.blocks)
     own = group[part[risen]]
     cells, near, on_crest = (np.bincount(own, weights, len(group)) for weights in (None, beside[risen], crests[risen]))
     objects = ((cells >= _LOW_CELLS) | (near > 0)) & (on_crest <= _ON_CREST * cells)
     return np.asarray(risen & objects[group[part]])
+
+
+def _highest_of_water(grid: ElevationGrid, high: Cells, used: Mask, *, may_mix: bool) -> Cells | float:
+    """Return the height in deviations that the highest echoes of water reach, by cell if they may be of two moments."""
+    middle, upper = np.quantile(high[used], (0.5, 0.8413)) if used.any() else (0.0, 0.0)
+    limit = float(middle) + _LOW * max(float(upper - middle), 1.0)
+    if not may_mix:
+        return limit
+    water = used & (high <= limit)
+    height = np.where(water, high, 0)
+    mean, square = (smoothed(grid, values, water, _AROUND_M / grid.cell_m)[0] for values in (height, height**2))
+    return np.maximum(limit, mean + _LOW * np.sqrt(np.maximum(square - mean**2, 0)))
 
 
 def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:

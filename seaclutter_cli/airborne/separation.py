@@ -15,6 +15,7 @@ from seaclutter_cli.airborne.following import CellDetails
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.land_cells import LandCells
+from seaclutter_cli.airborne.standing import standing_elevations
 from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
 from seaclutter_cli.airborne.surface import (
     CALM_M,
@@ -214,15 +215,18 @@ def _rough(
     """Return the separation of rough water, strip by strip: where strips overlap, they show it at two moments."""
     intensity = column("intensity")
     classification, height = np.empty(whole_tile.size, np.uint8), np.empty(whole_tile.size, np.float32)
+    may_mix = strip is None and column("gps_time") is None
     surfaces = []
+    passes = strips_of(column)  # the looks of a cone are only seconds apart
+    standing = None if passes is None else standing_elevations(whole_tile, passes, waves)
     for number in [None] if strip is None else np.unique(strip).tolist():
         own = np.ones(whole_tile.size, np.bool_) if number is None else strip == number
         points = GriddedPoints.of(_Selected(whole_tile.parts, own), whole.params.cell_m)
         if not points.grid.blocks:
             classification[own], height[own] = NEVER, np.nan
             continue
-        details = _details(points, None if intensity is None else intensity[own])
-        rough = RoughWater(waves, whole.land_by_block, whole.levels_by_block, details)
+        details = _details(points, None if intensity is None else intensity[own], may_mix=may_mix)
+        rough = RoughWater(waves, whole.land_by_block, whole.levels_by_block, details, _by_block(whole_tile, standing))
         surface = SeaSurfaceModel(points.grid, whole.params, rough=rough)
         classification[own], height[own] = _classes(points, surface)
         surfaces.append(surface)
@@ -266,6 +270,10 @@ class _Selected:
             start += xyz.shape[1]
 
 
+def _by_block(points: GriddedPoints, cells: NDArray[np.float64] | None) -> dict[tuple[int, int], NDArray[np.float64]]:
+    return {} if cells is None else {block: cells[slot] for block, slot in points.grid.blocks.items()}
+
+
 def _classes(points: GriddedPoints, surface: SeaSurfaceModel) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     classification, height = np.empty(points.size, np.uint8), np.empty(points.size, np.float32)
     to_ground = isinstance(surface.params, SeparationParams) and surface.params.land == "class2"
@@ -283,7 +291,7 @@ def _classes(points: GriddedPoints, surface: SeaSurfaceModel) -> tuple[NDArray[n
     return classification, height
 
 
-def _details(points: GriddedPoints, intensity: NDArray[Any] | None) -> CellDetails:
+def _details(points: GriddedPoints, intensity: NDArray[Any] | None, *, may_mix: bool) -> CellDetails:
     """Return the highest elevation, the number of echoes, and the intensities of each cell."""
     shape = points.grid.lowest.shape
     highest, echoes = np.full(shape, -np.inf), np.zeros(shape, np.int64)
@@ -301,4 +309,4 @@ def _details(points: GriddedPoints, intensity: NDArray[Any] | None) -> CellDetai
             np.add.at(one.reshape(-1), cell[located], value)
             np.add.at(two.reshape(-1), cell[located], value**2)
         start += len(cell)
-    return CellDetails(highest, brightest, one, two, echoes)
+    return CellDetails(highest, brightest, one, two, echoes, np.zeros(shape, np.bool_), may_mix)

@@ -1,7 +1,7 @@
 """Sea surface of tiles and frames by morphological opening."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -17,6 +17,7 @@ from seaclutter_cli.airborne.looks import Look, OpenedLooks, WithoutLand
 from seaclutter_cli.airborne.quarters import LocalWaves, local_waves
 from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.squares import squares_of
+from seaclutter_cli.airborne.standing import standing_objects
 from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_levels, other_levels
 from seaclutter_cli.errors import InputError
 
@@ -118,12 +119,23 @@ class RoughWater:
         Level of the nearest body of water by block; None if none is known.
     details : CellDetails
         Highest elevations, intensities and numbers of echoes of the strip.
+    standing : mapping of (int, int) to ndarray, shape (256, 256), float64
+        Elevations that strips show alike by block (`standing_elevations`); empty if no others overlap.
     """
 
     waves: Waves
     land: Mapping[tuple[int, int], Mask] | None
     levels: Mapping[tuple[int, int], Cells] | None
     details: CellDetails
+    standing: Mapping[tuple[int, int], Cells] = field(default_factory=dict)
+
+
+def _on_grid(grid: ElevationGrid, by_block: Mapping[tuple[int, int], NDArray[Any]], missing: float) -> NDArray[Any]:
+    """Return cells by block on a grid of some of the blocks, shape (S, 256, 256)."""
+    cells = np.full(grid.lowest.shape, missing)
+    for block in grid.blocks.keys() & by_block.keys():
+        cells[grid.blocks[block]] = by_block[block]
+    return cells
 
 
 def _views(whole: Look, looks: Iterable[Look]) -> tuple[Iterable[Look], LocalWaves]:
@@ -251,23 +263,22 @@ class SeaSurfaceModel:
         """Set the surface of rough water; the crests of waves must not join islands, nor become some."""
         waves, params, lowest = rough.waves, self.params, whole.lowest
         self.waves = waves
-        own = np.zeros(lowest.shape, np.bool_)
+        own = _on_grid(self._grid, rough.land or {}, False)
         levels, deviations = local_levels(whole, waves)
-        if rough.land is not None:
-            for block, slot in self._grid.blocks.items():
-                own[slot] = rough.land[block]
         if rough.levels is not None:
-            for block, slot in self._grid.blocks.items():
-                levels[slot] = other_levels(rough.levels[block], waves)
+            levels = other_levels(_on_grid(self._grid, rough.levels, waves.level_m), waves)
         land = own.copy()
         if isinstance(params, SeparationParams) and params.island_m is not None:
             above = _LAND_DEVIATIONS * deviations
             high = np.maximum(params.island_m, _ISLAND_DEVIATIONS * deviations)
             land |= self._land_cells(levels, above, high, own)
         step = levels - waves.level_m
-        found = follow_waves(self._grid, lowest - step, land, waves, lowest - self._opened, rough.details)
+        standing = _on_grid(self._grid, rough.standing, -np.inf)
+        stands = standing_objects(self._grid, standing - levels, deviations) & ~land
+        details = replace(rough.details, standing=stands)
+        found = follow_waves(self._grid, lowest - step, land, waves, lowest - self._opened, details)
         self.followed = replace(found, surface=found.surface + step)
-        self._limits = height_limits(self._grid, lowest, land, self.followed, rough.details)
+        self._limits = height_limits(self._grid, lowest, land, self.followed, details)
         self._land, self._islands = own, land
 
     def height(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ import pytest
 
 from seaclutter_cli.airborne.following import FollowedSurface
 from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.rising import _are_objects, _low_objects
+from seaclutter_cli.airborne.rising import _are_objects, _highest_of_water, _low_objects
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
 
@@ -34,16 +34,14 @@ def test_bright_groups_on_crests_are_foam(crests, certain, contrast, expected):
 def test_low_groups_are_objects_by_size_or_beside_others(cells, beside, on_crest, expected):
     grid = ElevationGrid(1.0)
     grid.add(np.stack((*(np.indices((40, 40)).reshape(2, -1) + 0.5), np.zeros(1600))))
-    used = np.isfinite(grid.lowest)
-    high, (near, crests) = np.zeros(used.shape), np.zeros((2, *used.shape), np.bool_)
-    high[0, 10, 5 : 5 + cells] = 6
+    risen, near, crests = np.zeros((3, *grid.lowest.shape), np.bool_)
+    risen[0, 10, 5 : 5 + cells] = True
     near[0, 10, 5] = beside
     crests[0, 10, 5 : 5 + on_crest] = True
-    found = _low_objects(grid, high, 0.04 * high, used, near, crests)
-    np.testing.assert_array_equal(found, (high > 0) & expected)
+    np.testing.assert_array_equal(_low_objects(grid, risen, near, crests), risen & expected)
 
 
-def test_the_highest_echoes_of_cells_that_show_two_moments_are_no_low_objects():
+def test_the_highest_echoes_of_cells_that_show_two_moments_are_compared_with_those_around():
     rng = np.random.default_rng(3)
     grid = ElevationGrid(1.0)
     place = np.indices((120, 120)).reshape(2, -1) + 0.5
@@ -52,10 +50,11 @@ def test_the_highest_echoes_of_cells_that_show_two_moments_are_no_low_objects():
     mixed = np.zeros(used.shape, np.bool_)
     mixed[0, 108:118, :120] = True
     high = np.where(mixed, rng.normal(3, 2, used.shape), rng.normal(0, 1, used.shape))
-    none = np.zeros(used.shape, np.bool_)
-    assert not (_low_objects(grid, high, 0.1 * high, used, none, none) & mixed).any()
     high[0, 20:60, 50] = 6
-    assert _low_objects(grid, high, 0.1 * high, used, none, none)[0, 20:60, 50].mean() > 0.9
+    for may_mix in (True, False):
+        risen = used & (high > _highest_of_water(grid, high, used, may_mix=may_mix))
+        assert risen[0, 20:60, 50].all()
+        assert (risen & mixed).mean() < 0.001 if may_mix else (risen & mixed)[mixed].mean() > 0.1
 
 
 @pytest.mark.parametrize(("length", "least", "most"), [(40, 0.8, 1), (3, 0, 0)], ids=["boom", "as short as a crest"])
