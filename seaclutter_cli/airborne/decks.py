@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells, smoothed
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.steps import mean_edge
 from seaclutter_cli.airborne.waves import Waves
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_HIGH = 2.0
+_HIGH, _EDGE = 2.0, 1.0
 _EVEN, _STRAIGHT = 0.3, 0.7
 _LEAST_KNOWN, _LEAST_LINES, _LEAST_CELLS = 6, 3, 8
 _REACH_CELLS, _THICK_M = 3.0, 0.1
@@ -38,7 +39,9 @@ def decks(grid: ElevationGrid, lowest: Cells, used: Mask, waves: Waves) -> Mask:
     A deck as high as the crests looks like one, but is more even: eight or more connected cells are higher than two
     standard deviations of the waves, and the three by three cells around each deviate by less than 0.3 of the median.
     Crests of smooth swell are level, too, but they are curved more than the water beside them: second differences along
-    both axes must be less than 0.7 of their median. Cells around that are within 0.1 m of a deck are a part of it.
+    both axes must be less than 0.7 of their median. Cells around that are within 0.1 m of a deck are a part of it. Its
+    edge must be one standard deviation of the waves above the cells beside it, on average; beside the top of a crest is
+    the rest of the crest.
     """
     deviation, curvature = _unevenness(grid, np.where(used, lowest, np.inf))
     known = used & np.isfinite(deviation) & np.isfinite(curvature)
@@ -54,9 +57,11 @@ def decks(grid: ElevationGrid, lowest: Cells, used: Mask, waves: Waves) -> Mask:
     level, share = smoothed(grid, np.where(even, lowest, 0), even, _REACH_CELLS)
     beside = used & (share > 0) & (np.abs(np.where(used, lowest, np.inf) - level) <= _THICK_M)
     part, group = joined_cells(even | beside, grid.blocks)
-    deck = np.zeros(len(group), np.bool_)
-    deck[group[part[even]]] = True
-    return (even | beside) & deck[group[part]]
+    member = group[part]
+    deck = np.zeros(int(member.max()) + 1, np.bool_)
+    deck[member[even]] = True
+    deck &= mean_edge(grid, lowest, used, member) > _EDGE * waves.deviation_m
+    return np.asarray(deck[member])
 
 
 def _unevenness(grid: ElevationGrid, lowest: Cells) -> tuple[Cells, Cells]:

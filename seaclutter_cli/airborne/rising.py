@@ -74,7 +74,7 @@ def height_limits(
     and a tenth of which at most is that high, is no object.
 
     What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on. Decks are
-    objects, and what stands still is one from 0.1 m on.
+    objects, and what stands still is one from three deviations on.
 
     Booms and the collars of fish cages are narrower than a cell, and lower than any of these heights: water is the
     lowest echo of their cells. But waves do not raise the highest echoes of many cells side by side: groups of eight or
@@ -101,14 +101,13 @@ def height_limits(
     certain = sure | land | sea.decks
     inside = member & _are_objects(found, member, certain, sea, low, grid.cell_m)[found]
     alone = np.maximum(_SURE * sea.deviation, _SURE_M)
-    limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
+    limit = np.where(touching(grid, inside) | details.standing, np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
     echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
     limit[echoes] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[echoes]
     water = _highest_of_water(grid, high, used, may_mix=details.may_mix)
     risen = used & (high > water) & (high_m > _LOW_M)
     flat = _low_objects(grid, risen, touching(grid, inside & certain), sea.crests)
     limit[flat] = np.minimum(limit, np.maximum(_GROWN * sea.deviation, _LOW_ECHO_M))[flat]
-    limit[details.standing] = np.minimum(limit, _LOW_ECHO_M)[details.standing]
     limit[sea.decks] = -np.inf
     if not used.any():
         return HeightLimits(limit, 0.0)

@@ -14,7 +14,8 @@ Mask = NDArray[np.bool_]
 _WIDTH_M = 1.0
 _PIT = 4.0
 _ALIKE, _SAME_MOMENT = 0.7, 0.5
-_SURE, _GROWN = 3.5, 1.0
+_SURE, _GROWN = 3.5, 2.0
+_HIGH, _HIGH_M, _HIGH_GROWN, _HIGH_CELLS = 6.0, 0.5, 4.0, 4
 
 
 def standing_elevations(points: GriddedPoints, strip: NDArray[np.uint8], waves: Waves) -> Cells | None:
@@ -66,27 +67,32 @@ def _lowest(points: GriddedPoints, own: Mask) -> Cells:
     return lowest.reshape(points.grid.lowest.shape)
 
 
-def standing_objects(grid: ElevationGrid, above: Cells, deviation: Cells) -> Mask:
-    """Return the cells of objects among those that strips show alike, shape (S, 256, 256).
+def standing_objects(grid: ElevationGrid, above: Cells, alike: Cells, deviation: Cells) -> Mask:
+    """Return the cells of objects that are higher than waves, or that strips show alike, shape (S, 256, 256).
 
     Parameters
     ----------
     grid : ElevationGrid
         Grid of the points of one strip.
     above : ndarray, shape (S, 256, 256), float64
-        Height of what strips show alike above the level of the water; minus infinity elsewhere.
+        Height of the lowest elevations above the level of the water; plus infinity in empty cells.
+    alike : ndarray, shape (S, 256, 256), float64
+        The same of what strips show alike; minus infinity elsewhere.
     deviation : ndarray, shape (S, 256, 256), float64
         Standard deviation of the waves.
 
     Notes
     -----
-    Two strips show crests of 3.5 standard deviations at the same place once in ten thousand tiles. What touches cells
-    that are so high belongs to the object from one standard deviation on.
+    No wave is higher than six standard deviations: four connected cells that are, and 0.5 m, are of an object, to which
+    cells belong from four on. Two strips show crests of 3.5 standard deviations at the same place once in ten thousand
+    tiles. What they show alike belongs to such an object from two on; lower crests of long swell often meet.
     """
-    sure = above > _SURE * deviation
-    if not sure.any():
+    own = np.where(np.isfinite(above), above, -np.inf)
+    high = own > np.maximum(_HIGH * deviation, _HIGH_M)
+    sure = alike > _SURE * deviation
+    if not (high | sure).any():
         return sure
-    part, group = joined_cells(above > _GROWN * deviation, grid.blocks)
-    objects = np.zeros(len(group), np.bool_)
+    part, group = joined_cells((alike > _GROWN * deviation) | (own > _HIGH_GROWN * deviation), grid.blocks)
+    objects = np.bincount(group[part[high]], minlength=len(group)) >= _HIGH_CELLS
     objects[group[part[sure]]] = True
-    return np.asarray(objects[group[part]])
+    return np.asarray((part > 0) & objects[group[part]])

@@ -50,18 +50,38 @@ def with_steps(grid: ElevationGrid, lowest: Cells, used: Mask, above: Cells) -> 
     return found
 
 
+def mean_edge(grid: ElevationGrid, lowest: Cells, used: Mask, member: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the mean height of the edge of each group of cells above the cells beside it; those above it count as 0.
+
+    Infinite where nothing is known beside it; 0 is no group.
+    """
+    groups = int(member.max(initial=0)) + 1
+    pairs, total = np.zeros(groups), np.zeros(groups)
+    for own, height in _edges(grid, lowest, used, member):
+        pairs += np.bincount(own, minlength=groups)
+        total += np.bincount(own, np.maximum(height, 0), groups)
+    return np.asarray(np.divide(total, pairs, out=np.full(groups, np.inf), where=pairs > 0))
+
+
 def _are_steep(grid: ElevationGrid, lowest: Cells, used: Mask, member: NDArray[np.int32], step_m: float) -> Mask:
     """Return whether each group of cells is large, and has steps along its edge; 0 is no group."""
     groups = int(member.max(initial=0)) + 1
     pairs, steep = np.zeros(groups), np.zeros(groups)
+    for own, height in _edges(grid, lowest, used, member):
+        pairs += np.bincount(own, minlength=groups)
+        steep += np.bincount(own, height > step_m, groups)
+    large = np.bincount(member.reshape(-1), minlength=groups) >= _LEAST_CELLS
+    return np.asarray(large & (pairs >= _LEAST_PAIRS) & (steep >= _STEEP_SHARE * pairs))
+
+
+def _edges(
+    grid: ElevationGrid, lowest: Cells, used: Mask, member: NDArray[np.int32]
+) -> Iterator[tuple[NDArray[np.int32], NDArray[np.float64]]]:
+    """Yield the groups that known cells outside touch, and their heights above these, side by side."""
     outside = np.where(used & (member == 0), lowest, np.inf)
     for slot, beside in _besides(grid, outside):
         inside = (member[slot] > 0) & np.isfinite(beside)
-        own = member[slot][inside]
-        pairs += np.bincount(own, minlength=groups)
-        steep += np.bincount(own, lowest[slot][inside] - beside[inside] > step_m, groups)
-    large = np.bincount(member.reshape(-1), minlength=groups) >= _LEAST_CELLS
-    return np.asarray(large & (pairs >= _LEAST_PAIRS) & (steep >= _STEEP_SHARE * pairs))
+        yield member[slot][inside], lowest[slot][inside] - beside[inside]
 
 
 def _typical_step(grid: ElevationGrid, lowest: Cells) -> float:

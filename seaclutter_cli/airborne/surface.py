@@ -274,7 +274,7 @@ class SeaSurfaceModel:
             land |= self._land_cells(levels, above, high, own)
         step = levels - waves.level_m
         standing = _on_grid(self._grid, rough.standing, -np.inf)
-        stands = standing_objects(self._grid, standing - levels, deviations) & ~land
+        stands = standing_objects(self._grid, lowest - levels, standing - levels, deviations) & ~land
         details = replace(rough.details, standing=stands)
         found = follow_waves(self._grid, lowest - step, land, waves, lowest - self._opened, details)
         self.followed = replace(found, surface=found.surface + step)

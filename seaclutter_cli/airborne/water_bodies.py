@@ -267,13 +267,19 @@ def _are_apart(level_m: Values, band_m: Values) -> bool:
 def _bodies(
     squares: Squares, regions: Sequence[NDArray[np.int64]], water: Mask, waves: SquareWaves
 ) -> Sequence[WaterBody]:
-    """Return regions as bodies; a small one amid water, as a crest or trough, has the level of the waves in it."""
+    """Return regions as bodies; crests and troughs have the level of the waves in them.
+
+    They are small and amid water; a trough may be large if the waves were measured in most of it. What is higher may be
+    the foot of a beach.
+    """
     sea, land = (_squares_of(squares, regions, chosen) for chosen in (water, ~water))
     bodies = []
     for own, is_water in zip(regions, water, strict=True):
         level, spread = (float(np.median(values[own])) for values in (squares.level_m, squares.spread_m))
-        in_waves = np.median(waves.deviation_m[own]) > 0
-        if in_waves and len(own) <= _SMALL * len(squares.index) and is_amid(squares, own, sea, land):
-            level = float(np.median(waves.level_m[own]))
+        is_amid_water = len(own) <= _SMALL * len(squares.index) and is_amid(squares, own, sea, land)
+        of_waves = float(np.median(waves.level_m[own]))
+        is_trough = level < of_waves and waves.measured[own].mean() > _HALF
+        if np.median(waves.deviation_m[own]) > 0 and (is_amid_water or is_trough):
+            level = of_waves
         bodies.append(WaterBody(own, level, spread, bool(is_water)))
     return bodies

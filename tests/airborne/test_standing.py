@@ -1,4 +1,4 @@
-"""Objects in rough water that strips, minutes apart, show at the same height."""
+"""Objects in rough water that are higher than waves, or that strips, minutes apart, show at the same height."""
 
 import numpy as np
 import pytest
@@ -50,9 +50,10 @@ def test_strips_show_a_reef_at_the_same_height_and_waves_at_others():
     assert alike[dry & (xyz[2] > 0.5)].mean() > 0.9
     assert alike[~dry].mean() < 0.5
     deviation = np.full(found.shape, DEVIATION_M)
-    stands = standing_objects(points.grid, found, deviation).reshape(-1)[points.cells[0]]
+    unknown = np.full(found.shape, np.inf)
+    stands = standing_objects(points.grid, unknown, found, deviation).reshape(-1)[points.cells[0]]
     assert stands[dry & (xyz[2] > 0.5)].mean() > 0.95
-    assert stands[~dry].mean() < 0.005
+    assert stands[~dry].mean() < 0.001
 
 
 def test_echoes_far_below_the_water_do_not_hide_what_stands():
@@ -79,15 +80,32 @@ def test_one_moment_does_not_show_what_stands(moments):
     assert standing_elevations(GriddedPoints.of([xyz], 1.0), strip, WAVES) is None
 
 
-@pytest.mark.parametrize(("height", "expected"), [(0.75, True), (0.65, False)], ids=["high", "as crests"])
-def test_an_object_is_higher_than_crests_and_belongs_together_from_one_deviation_on(height, expected):
+def cells_in_a_row(values, empty):
+    """Return a grid, and some values in a row of its cells."""
     grid = ElevationGrid(1.0)
     grid.add(np.array([[0.5], [0.5], [0.0]]))
-    above = np.full(grid.lowest.shape, -np.inf)
-    above[0, 5, 5:8] = 0.25, height, 0.15
-    above[0, 5, 20] = 0.3
-    found = standing_objects(grid, above, np.full(above.shape, DEVIATION_M))
-    np.testing.assert_array_equal(found, (above > DEVIATION_M) & (np.indices(above.shape)[2] < 10) & expected)
+    cells = np.full(grid.lowest.shape, empty)
+    cells[0, 5, 5 : 5 + len(values)] = values
+    return grid, cells
+
+
+@pytest.mark.parametrize(("height", "expected"), [(0.75, True), (0.65, False)], ids=["high", "as crests"])
+def test_what_strips_show_alike_is_higher_than_crests_and_belongs_together_from_two_deviations_on(height, expected):
+    grid, alike = cells_in_a_row([0.45, height, 0.35, -np.inf, 0.6], -np.inf)
+    deviation = np.full(alike.shape, DEVIATION_M)
+    found = standing_objects(grid, np.full(alike.shape, np.inf), alike, deviation)
+    assert np.flatnonzero(found[0, 5]).tolist() == ([5, 6] if expected else [])
+
+
+@pytest.mark.parametrize(
+    ("high", "deviation", "expected"),
+    [([1.3] * 4, 0.2, 6), ([1.3] * 3, 0.2, 0), ([1.1] * 4, 0.2, 0), ([0.45] * 4, 0.05, 0)],
+    ids=["high", "three cells", "as the highest crests", "low, on calm water"],
+)
+def test_no_wave_is_higher_than_six_deviations(high, deviation, expected):
+    grid, above = cells_in_a_row([0.9, *high, 0.85, 0.7], np.inf)
+    found = standing_objects(grid, above, np.full(above.shape, -np.inf), np.full(above.shape, deviation))
+    assert np.count_nonzero(found) == expected
 
 
 def test_a_reef_that_two_strips_show_is_an_object_and_no_swell():
@@ -97,7 +115,17 @@ def test_a_reef_that_two_strips_show_is_an_object_and_no_swell():
     other = found.classification == OTHER
     assert found.sea.surface == "followed"
     assert other[dry & (xyz[2] > 0.3)].mean() > 0.95
-    assert other[~dry].mean() < 0.003
+    assert other[~dry].mean() < 2e-4
+
+
+def test_a_reef_higher_than_waves_is_an_object_in_one_strip():
+    xyz, _, dry = strips((1,))
+    xyz[2] *= np.where(dry, 1, 0.4)  # the waves are lower
+    found = separate([xyz], SeparationParams())
+    other = found.classification == OTHER
+    assert found.sea.surface == "followed"
+    assert other[dry & (xyz[2] > 0.5)].mean() > 0.95
+    assert other[~dry].mean() < 2e-4
 
 
 def test_the_looks_of_a_cone_are_too_close_in_time(monkeypatch):

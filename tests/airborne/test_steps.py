@@ -6,7 +6,7 @@ import pytest
 from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.looks import Look
 from seaclutter_cli.airborne.separation import OTHER, WATER, separate
-from seaclutter_cli.airborne.steps import with_steps
+from seaclutter_cli.airborne.steps import mean_edge, with_steps
 from seaclutter_cli.airborne.surface import SeparationParams
 
 X, Y = (side.ravel() + 0.5 for side in np.mgrid[:200, :160].astype(float))
@@ -34,6 +34,25 @@ def found(z, known=slice(None), shift=(0.0, 0.0), used=None):
         may_be.reshape(-1)[grid.locate(*xyz[:2, ~used])] = False
     above = np.where(np.isfinite(look.lowest), look.lowest - look.opened, -np.inf)
     return with_steps(grid, look.lowest, may_be, above).reshape(-1)[grid.locate(*xyz[:2])]
+
+
+def test_the_mean_edge_is_that_of_all_sides_beside_known_cells():
+    rng = np.random.default_rng(7)
+    z = rng.normal(0, 1, len(X))
+    grid = ElevationGrid(1.0)
+    grid.add(np.stack((X, Y, z))[:, rng.random(len(X)) < 0.8])
+    known = np.isfinite(grid.lowest)
+    member = np.zeros(known.shape, np.int32)
+    member[0, 50:60, 40:48], member[0, 100:104, 90:97] = 1, 2
+    member[~known] = 0
+    expected = [[], [], []]
+    for i, j in np.argwhere(member[0]).tolist():
+        for row, column in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)):
+            if known[0, row, column] and not member[0, row, column]:
+                expected[member[0, i, j]].append(max(grid.lowest[0, i, j] - grid.lowest[0, row, column], 0))
+    found = mean_edge(grid, grid.lowest, known, member)
+    assert found[0] == np.inf
+    assert found[1:] == pytest.approx([np.mean(own) for own in expected[1:]])
 
 
 @pytest.mark.parametrize("size", [(40, 11), (10, 7), (4, 3)])

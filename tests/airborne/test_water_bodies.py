@@ -141,6 +141,19 @@ def test_a_trough_has_the_level_of_the_waves_in_it():
     assert [body.level_m for body in bodies] == pytest.approx([0.0, -0.3], abs=0.05)
 
 
+@pytest.mark.parametrize(("measured", "expected"), [(True, -0.3), (False, -0.8)])
+def test_a_trough_at_the_edge_of_a_tile_is_no_basin_of_its_own(measured, expected):
+    """It is a twentieth of the tile; the waves were measured in it."""
+    x, y = np.indices((SQUARES, SQUARES))
+    trough = (x < 2) & (y < 10)
+    found = squares(-0.8 * trough)
+    own = trough[tuple(found.xy - found.xy.min(axis=1, keepdims=True))]
+    waves = square_waves(np.where(own, -0.3, 0.0), np.full(len(own), 0.25), measured | ~own)
+    bodies = find_bodies(found, echoes(np.ones(len(own))), waves)
+    assert [len(body.squares) for body in bodies] == [SQUARES**2 - 20, 20]
+    assert [body.level_m for body in bodies] == pytest.approx([0.0, expected], abs=0.05)
+
+
 @pytest.mark.parametrize(("variation", "are_water"), [(0.5, True), (0.2, False)])
 def test_squares_that_vary_less_by_chance_are_no_ground_around_water(variation, are_water):
     """Every third column of squares varies less than the others."""
