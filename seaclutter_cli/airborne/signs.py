@@ -21,6 +21,7 @@ _GROUND_M, _GROUND_SHARE = 0.2, 0.5
 _SHORT_WAVES = 0.7
 _LEAST_MOVING, _MOVING_SHARE = 8, 0.5
 _MEASURED_SHARE, _SEEN_SHARE, _HIGH_M, _STEEP = 0.3, 0.1, 0.15, 0.25
+_GROUPS = 1.5
 _STEP_M, _BUMPS_M, _TILT_M, _SLOPE = 0.04, 0.05, 0.02, 0.001
 
 
@@ -47,7 +48,8 @@ def signs_of(
     * Water lies in a hollow: something along its edge is higher (+1). Land is a region from which water would run off
       along a tenth of its edge (-2): a slope, a bank, a field above a ditch. What is higher holds it back, and if the
       region is flat, a wall in the lower square does, too. A region of 64 squares that is as even as still water may
-      lose it over one stretch of three tenths of its edge: a weir.
+      lose it over one stretch of three tenths of its edge: a weir. Waves come in groups: where they were measured in
+      three tenths of a region, troughs beside it may be 1.5 times as deep as theirs.
     * Still water is level. A plane through a slope or a river falls by more than one in a thousand (-2); for a
       region like a mirror, by more than chance makes of the differences between its squares, or the waves do. Wind
       and strips that do not match cause less. In waves, only squares count in which these were measured: the foot of a
@@ -85,7 +87,8 @@ def _signs(squares: Squares, echoes: Echoes, own: NDArray[np.int64], around: Squ
     is_mirror = variation >= SPECULAR
     band = band_of(waves)
     # What reflects like water around water may be its troughs.
-    trough = np.where(has_mirrors & is_mirror & (echoes.variation >= SPECULAR), 2 * band, band)
+    groups = _GROUPS if in_waves and len(measured) > _MEASURED_SHARE * len(own) else 1.0
+    trough = np.where(has_mirrors & is_mirror & (echoes.variation >= SPECULAR), 2 * band, groups * band)
     signs = _hollow(squares, own, level + band, level - trough, has_walls=is_flat) - (not is_flat)
     chance = 2 * relief.step_m * np.sqrt(2 / len(own)) if is_mirror else 0.0
     tilt_in_waves = max(np.hypot(_TILT_M, waves if is_mirror else waves / 2), chance)

@@ -53,6 +53,20 @@ def test_troughs_of_long_waves_do_not_drain_a_mirror():
     assert not is_water(3 * troughs, 0.05, 1.0)
 
 
+@pytest.mark.parametrize(
+    ("measured_share", "depth", "are_water"), [(0.5, 0.9, True), (0.2, 0.9, False), (0.5, 1.3, False)]
+)
+def test_troughs_beside_measured_waves_that_come_in_groups_do_not_drain_them(measured_share, depth, are_water):
+    x, y = np.indices((SQUARES, SQUARES))
+    found = squares(np.where((x % 6 == 2) & (y % 7 < 5), -depth, 0.0), 0.25)
+    number = len(found.index)
+    none, unknown = np.zeros(number), np.full(number, np.nan)
+    free = Echoes(unknown, none, none, none, unknown, none > 0, none.astype(np.int8))
+    measured = found.xy[0] - found.xy[0].min() < measured_share * SQUARES
+    bodies = find_bodies(found, free, square_waves(none, np.full(number, 0.25), measured))
+    assert any(body.is_water for body in bodies) == are_water
+
+
 def test_a_slope_where_waves_were_measured_in_a_corner_of_still_water_does_not_count():
     x, y = np.indices((SQUARES, SQUARES))
     corner = (x < 6) & (y < 6)
