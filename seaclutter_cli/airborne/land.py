@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.airborne.ditches import ditch_levels
 from seaclutter_cli.airborne.echo_reader import EchoReader
 from seaclutter_cli.airborne.echoes import Echoes
 from seaclutter_cli.airborne.grid import ElevationGrid
@@ -59,6 +61,8 @@ class Shores:
         Bodies of water.
     land : ndarray, shape (S, 256, 256), bool
         Cells of land squares.
+    ditch_m : ndarray, shape (S, 256, 256), float64
+        Level of the water in cells of ditches in that land; NaN elsewhere.
     level_m : ndarray, shape (S, 256, 256), float64
         Level of the nearest body of water; NaN without any.
     bank_m : float
@@ -70,6 +74,7 @@ class Shores:
 
     bodies: Sequence[WaterBody]
     land: Mask
+    ditch_m: Cells
     level_m: Cells
     bank_m: float
     is_doubtful: bool
@@ -107,6 +112,7 @@ def shores_of(whole: Look, squares: Squares, reader: EchoReader, top: Cells, loc
     connected to a body of water is land, too. In squares beside water that are in no region, or high above it, cells at
     its level are water, unless the squares continue a beach and are clearly ground. Beside water that does not
     reflect like ground, cells that are clearly ground and connected to land are land at any level (`with_ground`).
+    Ditches are narrower than squares; they are looked for last, in the land (`ditch_levels`).
     """
     seen, lowest = reader.squares(squares, top), whole.lowest
     lit = by_contrast(squares, seen)
@@ -122,22 +128,24 @@ def shores_of(whole: Look, squares: Squares, reader: EchoReader, top: Cells, loc
     if not regions and not _is_dry(squares, echoes, waves.deviation_m):
         return None
     bodies = [region for region in regions if region.is_water]
+    own = np.concatenate([body.squares for body in bodies]) if bodies else np.zeros(0, np.int64)
+    water = _cells_of(whole.grid, squares.index[own])
+    variation = cache(lambda: reader.cell_variation(top))
     found = _beside_water(squares, echoes, waves, regions) if bodies else _without_water(echoes)
     values = (found.land, found.land & found.is_sure, found.level_m, found.bank_m)
     land, sure, level, bank = _by_cell(whole.grid, squares, values)
     if bodies and found.land.any():
-        for slot, (cells, water) in enumerate(zip(lowest, level, strict=True)):
-            at_level = np.abs(np.where(np.isfinite(cells), cells, water) - water) <= bank[slot]
+        for slot, (cells, around) in enumerate(zip(lowest, level, strict=True)):
+            at_level = np.abs(np.where(np.isfinite(cells), cells, around) - around) <= bank[slot]
             land[slot] &= sure[slot] | ~at_level
-        own = np.concatenate([body.squares for body in bodies])
         is_known = median_of(echoes.variation[own]) > DIFFUSE
-        if is_known and (variation := reader.cell_variation(top)) is not None:
-            sure = foam | (echoes.known > 0)
-            water, is_sure = (_cells_of(whole.grid, squares.index[some]) for some in (own, sure))
-            land = with_ground(whole.grid, land, water, np.where(is_sure, np.nan, variation))
+        if is_known and (varies := variation()) is not None:
+            is_sure = _cells_of(whole.grid, squares.index[foam | (echoes.known > 0)])
+            land = with_ground(whole.grid, land, water, np.where(is_sure, np.nan, varies))
     shown = sum(len(body.squares) for body in bodies if _shows_water(squares, seen, waves, body.squares))
     is_doubtful = shown < _SHOWN_SHARE * sum(len(body.squares) for body in bodies)
-    return Shores(bodies, land, level, _bank(bodies), is_doubtful)
+    ditches = ditch_levels(whole.grid, lowest, land, water, variation)
+    return Shores(bodies, land, ditches, level, _bank(bodies), is_doubtful)
 
 
 def _shows_water(squares: Squares, echoes: Echoes, waves: SquareWaves, own: NDArray[np.int64]) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.echoes import Echoes
+from seaclutter_cli.airborne.quantiles import quantile_of_each
 from seaclutter_cli.airborne.regions import connected
 from seaclutter_cli.airborne.squares import LEAST_SQUARES, Squares
 
@@ -182,17 +183,9 @@ def _rise_around(squares: Squares, dark: Mask, pure: Mask) -> Values:
     number = int(region.max(initial=-1)) + 1
     edge, step = _steps(squares, pure, ~pure)
     inner, within = _steps(squares, pure, pure)
-    rise = _quantile_of_each(step, region[edge], number, 0.25, LEAST_SQUARES)
-    differ = np.nan_to_num(_quantile_of_each(np.abs(within), region[inner], number, 0.5))
+    rise = quantile_of_each(step, region[edge], number, 0.25, LEAST_SQUARES)
+    differ = np.nan_to_num(quantile_of_each(np.abs(within), region[inner], number, 0.5))
     return np.asarray(np.append(rise - _STEP_M - _STEPS * differ, np.nan)[region])
-
-
-def _quantile_of_each(values: Values, group: NDArray[np.int64], groups: int, share: float, least: int = 1) -> Values:
-    """Return a quantile of the values of each group, as one of them; NaN if it has fewer than ``least``."""
-    count = np.bincount(group, minlength=groups)
-    place = np.cumsum(count) - count + np.floor(share * np.maximum(count - 1, 0)).astype(np.int64)
-    ordered = np.append(values[np.lexsort((values, group))], np.nan)
-    return np.where(count >= least, ordered[np.minimum(place, len(values))], np.nan)
 
 
 def _steps(squares: Squares, own: Mask, beyond: Mask) -> tuple[NDArray[np.int64], Values]:

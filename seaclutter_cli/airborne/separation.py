@@ -226,7 +226,14 @@ def _rough(
             classification[own], height[own] = NEVER, np.nan
             continue
         details = _details(points, None if intensity is None else intensity[own], may_mix=may_mix)
-        rough = RoughWater(waves, whole.land_by_block, whole.levels_by_block, details, _by_block(whole_tile, standing))
+        rough = RoughWater(
+            waves,
+            whole.land_by_block,
+            whole.levels_by_block,
+            details,
+            _by_block(whole_tile, standing),
+            whole.ditches_by_block,
+        )
         surface = SeaSurfaceModel(points.grid, whole.params, rough=rough)
         classification[own], height[own] = _classes(points, surface)
         surfaces.append(surface)

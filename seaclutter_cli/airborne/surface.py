@@ -9,6 +9,7 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells
+from seaclutter_cli.airborne.ditches import DITCH_HEIGHT_M
 from seaclutter_cli.airborne.echo_reader import EchoReader
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
@@ -121,6 +122,8 @@ class RoughWater:
         Highest elevations, intensities and numbers of echoes of the strip.
     standing : mapping of (int, int) to ndarray, shape (256, 256), float64
         Elevations that strips show alike by block (`standing_elevations`); empty if no others overlap.
+    ditches : mapping of (int, int) to ndarray, shape (256, 256), float64
+        Levels of ditches in that land by block; NaN elsewhere.
     """
 
     waves: Waves
@@ -128,6 +131,7 @@ class RoughWater:
     levels: Mapping[tuple[int, int], Cells] | None
     details: CellDetails
     standing: Mapping[tuple[int, int], Cells] = field(default_factory=dict)
+    ditches: Mapping[tuple[int, int], Cells] = field(default_factory=dict)
 
 
 def _on_grid(grid: ElevationGrid, by_block: Mapping[tuple[int, int], NDArray[Any]], missing: float) -> NDArray[Any]:
@@ -219,7 +223,7 @@ class SeaSurfaceModel:
         self.waves: Waves | None = None
         self.followed: FollowedSurface | None = None
         self.shores: Shores | None = None
-        self._land = self._islands = np.zeros(lowest.shape, np.bool_)
+        self._land = self._islands = self._ditches = np.zeros(lowest.shape, np.bool_)
         if not isinstance(params, SeparationParams):
             return
         top = self._opened + params.threshold_m
@@ -258,6 +262,8 @@ class SeaSurfaceModel:
             sea_level = self._level(params.island_m / 4)
             self._islands = self._land_cells(sea_level, params.threshold_m, params.island_m)
             self._opened[self._islands] = sea_level
+        if shores is not None:
+            self._fill_ditches(shores.ditch_m, self._opened)
 
     def _follow(self, whole: Look, rough: "RoughWater") -> None:
         """Set the surface of rough water; the crests of waves must not join islands, nor become some."""
@@ -280,6 +286,13 @@ class SeaSurfaceModel:
         self.followed = replace(found, surface=found.surface + step)
         self._limits = height_limits(self._grid, lowest, land, self.followed, details)
         self._land, self._islands = own, land
+        self._fill_ditches(_on_grid(self._grid, rough.ditches, np.nan), self.followed.surface)
+
+    def _fill_ditches(self, level_m: Cells, surface: Cells) -> None:
+        """Set the water of ditches, which is no land, in the surface; levels are NaN elsewhere."""
+        self._ditches = np.isfinite(level_m)
+        surface[self._ditches] = level_m[self._ditches]
+        self._land, self._islands = self._land & ~self._ditches, self._islands & ~self._ditches
 
     def height(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the height above the surface in metres, shape (N,), of points from the grid, shape (3, N)."""
@@ -305,6 +318,8 @@ class SeaSurfaceModel:
             limit = self._height_m
         if self._land.any():
             limit = np.where(self._land.reshape(-1)[cell], -np.inf, limit)
+        if self._ditches.any():
+            limit = np.where(self._ditches.reshape(-1)[cell], DITCH_HEIGHT_M, limit)
         return height, limit
 
     def is_ground(self, z: NDArray[np.float64], cell: NDArray[np.integer[Any]]) -> Mask:
@@ -345,6 +360,13 @@ class SeaSurfaceModel:
         if self.shores is None:
             return None
         return {block: self.shores.land[slot] for block, slot in self._grid.blocks.items()}
+
+    @property
+    def ditches_by_block(self) -> Mapping[tuple[int, int], Cells]:
+        """Level of the water in ditches by block; NaN elsewhere."""
+        if self.shores is None:
+            return {}
+        return {block: self.shores.ditch_m[slot] for block, slot in self._grid.blocks.items()}
 
     @property
     def levels_by_block(self) -> Mapping[tuple[int, int], Cells] | None:

@@ -5,7 +5,7 @@ import pytest
 
 from seaclutter_cli.airborne.echoes import echoes_of
 from seaclutter_cli.airborne.gridded import GriddedPoints
-from seaclutter_cli.airborne.reflection import _limit_between, _quantile_of_each
+from seaclutter_cli.airborne.reflection import _limit_between
 from seaclutter_cli.airborne.squares import squares_of
 from tests.airborne.coasts import SIZE, relief, sea_only, shares, tile, waves
 
@@ -137,18 +137,6 @@ def test_the_limit_lies_between_two_kinds():
     values = np.concatenate((rng.normal(3.4, 0.1, 300), rng.normal(4.8, 0.2, 900)))
     assert values[:300].max() < _limit_between(values, 0.4) < values[300:].min()
     assert _limit_between(values[:1], 0.4) == np.inf
-
-
-@pytest.mark.parametrize("share", [0.25, 0.5])
-def test_quantiles_of_groups_are_those_of_numpy(share):
-    rng = np.random.default_rng(4)
-    group, values = rng.integers(0, 30, 200), rng.normal(size=200)
-    found = _quantile_of_each(values, group, 40, share, least=4)
-    for number, quantile in enumerate(found):
-        own = values[group == number]
-        expected = np.quantile(own, share, method="lower") if len(own) >= 4 else np.nan
-        np.testing.assert_array_equal(quantile, expected)
-    assert np.isnan(_quantile_of_each(values[:0], group[:0], 3, share)).all()
 
 
 def test_dark_water_whose_echoes_differ_by_chance_between_strips():
