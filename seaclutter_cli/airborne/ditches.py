@@ -18,6 +18,8 @@ Groups = NDArray[np.int64]
 
 DITCH_HEIGHT_M = 0.2
 """Height above the water of a ditch, which has no waves, that makes a point of its bank."""
+BANK_M = 0.5
+"""By how much more the ground in a cell of a ditch, its bank, may rise than elsewhere."""
 _WIDTH_M = 9.0
 _DEPTH_M, _FLAT_M = 0.25, 0.08
 _LENGTH_M, _AREA_M2, _SPREAD_M = 25.0, 40.0, 0.03
@@ -68,10 +70,12 @@ def _deep_cells(grid: ElevationGrid, lowest: Cells, land: Mask) -> Mask:
     if not land.any() or not half:
         return deep
     inner = (slice(2 * half, 2 * half + BLOCK),) * 2
-    for slot, cells, _ in grid.padded(lowest, 2 * half):
+    for slot, cells, inside in grid.padded(lowest, 2 * half):
         if not land[slot].any():
             continue
-        dilated = ndimage.maximum_filter(np.where(np.isfinite(cells), cells, -np.inf), width)
+        highest = np.full(cells.shape, np.inf)  # only windows inside the grid count, as in `opened`
+        highest[inside] = np.where(np.isfinite(cells[inside]), cells[inside], -np.inf)
+        dilated = ndimage.maximum_filter(highest, width)
         closed = ndimage.minimum_filter(np.where(np.isfinite(dilated), dilated, np.inf), width)[inner]
         bottom = ndimage.minimum_filter(cells, width)[inner]
         known = land[slot] & np.isfinite(lowest[slot])

@@ -292,7 +292,7 @@ def _classes(points: GriddedPoints, surface: SeaSurfaceModel) -> tuple[NDArray[n
         height[own] = np.where(located, above, np.nan)
         classification[own] = np.where(above > limit, np.uint8(OTHER), np.uint8(WATER))
         if to_ground:
-            classification[own][surface.is_ground(z, cell)] = GROUND
+            classification[own][surface.is_ground(z, cell) & (above > limit)] = GROUND
         classification[own][~located] = NEVER
         start = own.stop
     return classification, height

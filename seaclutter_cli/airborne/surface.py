@@ -9,7 +9,7 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells
-from seaclutter_cli.airborne.ditches import DITCH_HEIGHT_M
+from seaclutter_cli.airborne.ditches import BANK_M, DITCH_HEIGHT_M
 from seaclutter_cli.airborne.echo_reader import EchoReader
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
@@ -323,8 +323,9 @@ class SeaSurfaceModel:
         return height, limit
 
     def is_ground(self, z: NDArray[np.float64], cell: NDArray[np.integer[Any]]) -> Mask:
-        """Return whether points are on land, and no higher above the opened surface than calm water."""
-        return np.asarray(self._land.reshape(-1)[cell] & (z <= self._ground_top.reshape(-1)[cell]))
+        """Return whether points are on land or a bank, and no higher above the opened surface than calm water."""
+        top = np.where(self._ditches, self._ground_top + BANK_M, self._ground_top).reshape(-1)[cell]
+        return np.asarray((self._land | self._ditches).reshape(-1)[cell] & (z <= top))
 
     @property
     def is_rough(self) -> bool:
@@ -377,8 +378,9 @@ class SeaSurfaceModel:
 
     @property
     def all_land_by_block(self) -> Mapping[tuple[int, int], Mask]:
-        """Cells of land, also of islands, by the blocks that contain any."""
-        land = {block: self._land[slot] | self._islands[slot] for block, slot in self._grid.blocks.items()}
+        """Cells of land, also of islands and the banks of ditches, by the blocks that contain any."""
+        cells = self._land | self._islands | self._ditches
+        land = {block: cells[slot] for block, slot in self._grid.blocks.items()}
         return {block: own for block, own in land.items() if own.any()}
 
     @property

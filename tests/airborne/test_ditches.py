@@ -5,7 +5,9 @@ import pytest
 
 from seaclutter_cli.airborne.ditches import ditch_levels
 from seaclutter_cli.airborne.gridded import GriddedPoints
-from tests.airborne.coasts import shares, waves
+from seaclutter_cli.airborne.separation import GROUND, WATER, separate
+from seaclutter_cli.airborne.surface import SeparationParams
+from tests.airborne.coasts import waves
 
 SIZE = 360.0, 200.0
 WIDTH_M, DEPTH_M, LEVEL_M = 4.0, 0.5, 1.0
@@ -82,20 +84,37 @@ def test_ditches_are_looked_for_in_land_alone():
     assert not len(found_in(np.zeros((3, 0))))
 
 
-@pytest.mark.parametrize("height", [0.1, 1.0])
-def test_ditches_of_a_polder_are_water_and_its_fields_are_not(height):
-    """The sea beside it is calm or rough."""
+def test_a_ditch_ends_at_the_edge_of_a_tile():
+    xyz, _ = polder()
+    inner = across(*xyz[:2]) < WIDTH_M / 2 - 0.5
+    at_edge = inner & ((xyz[0] < 2) | (xyz[0] > SIZE[0] - 2))
+    assert np.isfinite(found_in(xyz)[at_edge]).mean() > 0.95
+
+
+def polder_by_the_sea(height_m):
+    """Return points, which are in a ditch, on land, and their attributes."""
     rng = np.random.default_rng(5)
     xyz, ditch = polder()
     x, y = rng.uniform(0, SIZE[0], 300_000), rng.uniform(SIZE[1], 2 * SIZE[1], 300_000)
     dike = y < SIZE[1] + 10
-    sea = np.stack((x, y, np.where(dike, 4.0 + rng.normal(0, 0.05, len(x)), waves(rng, x, y, height, 12.0))))
-    points = np.concatenate((xyz, sea), axis=1)
-    land = np.concatenate((~ditch, dike))
+    sea = np.stack((x, y, np.where(dike, 4.0 + rng.normal(0, 0.05, len(x)), waves(rng, x, y, height_m, 12.0))))
+    land, ditch = np.concatenate((~ditch, dike)), np.concatenate((ditch, np.zeros(len(x), bool)))
     light = np.where(land, rng.normal(200, 20, len(land)), rng.exponential(60, len(land))).clip(0)
     columns = {"intensity": light, "number_of_returns": np.ones(len(land), int)}
-    of_land, of_water = shares(points, land, columns)
-    assert of_land > 0.995
-    assert of_water < 0.01
-    of_ditch = shares(points, ~np.concatenate((ditch, np.zeros(len(x), bool))), columns)[1]
-    assert of_ditch < 0.1
+    return np.concatenate((xyz, sea), axis=1), ditch, land, columns
+
+
+@pytest.mark.parametrize("height", [0.1, 1.0])
+@pytest.mark.parametrize("land_class", ["keep", "class2"])
+def test_ditches_of_a_polder_are_water_and_its_fields_and_banks_are_land(height, land_class):
+    """The sea beside it is calm or rough."""
+    xyz, ditch, land, columns = polder_by_the_sea(height)
+    found = separate([xyz], SeparationParams(land=land_class), columns.get)
+    is_water = found.classification == WATER
+    assert is_water[ditch].mean() > 0.95
+    assert is_water[~land & ~ditch].mean() > 0.99
+    assert is_water[land].mean() < 0.005
+    near = across(*xyz[:2]) < 4
+    assert found.land.contain(xyz[:2, near & land]).mean() > 0.99
+    if land_class == "class2":
+        assert (found.classification[near & land & ~is_water] == GROUND).mean() > 0.9
