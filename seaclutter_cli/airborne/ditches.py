@@ -24,6 +24,7 @@ _WIDTH_M = 9.0
 _DEPTH_M, _FLAT_M = 0.25, 0.08
 _LENGTH_M, _AREA_M2, _SPREAD_M = 25.0, 40.0, 0.03
 _AROUND_M, _LOW_M, _LOW_SHARE = 31.0, 0.15, 0.05
+_HIGH_M, _HIGH_SHARE = 3.0, 0.5
 
 
 def ditch_levels(
@@ -46,15 +47,15 @@ def ditch_levels(
     -----
     A ditch is less than nine metres wide, a quarter of a metre deep, 25 m long and 40 m² large. Its lowest elevations
     deviate by at most 3 cm: a dry trench or a sunken road is uneven or slopes. Hardly anything within fifteen metres,
-    5 % at most, is as low, unlike around an alley or a yard. Where intensities distinguish water from land, a ditch
-    does not reflect like ground.
+    5 % at most, is as low, unlike around an alley or a yard, and half of it rises less than three metres, unlike
+    around a gap between crowns. Where intensities distinguish water from land, a ditch does not reflect like ground.
     """
     ditch = _deep_cells(grid, lowest, land)
     part, group = joined_cells(ditch, grid.blocks)
     member = np.where(ditch, group[part], -1)
     level, found = _level_groups(grid, member, lowest, len(group))
     if found.any():
-        found &= _are_lowest(grid, np.where(ditch & found[member], member, -1), lowest, land & ~ditch, level)
+        found &= _are_amid_banks(grid, np.where(ditch & found[member], member, -1), lowest, land & ~ditch, level)
     if found.any() and (varies := variation()) is not None and _tells(varies, water):
         own = ditch & found[member] & np.isfinite(varies)
         found &= ~(quantile_of_each(varies[own], member[own], len(group), 0.5) <= CLEARLY_GROUND)
@@ -104,23 +105,24 @@ def _level_groups(grid: ElevationGrid, member: Groups, lowest: Cells, groups: in
     return level, is_large & (upper - lower <= 2 * _SPREAD_M)
 
 
-def _are_lowest(grid: ElevationGrid, member: Groups, lowest: Cells, land: Mask, level: Values) -> Mask:
-    """Return which groups of cells have hardly any land around them that is as low."""
+def _are_amid_banks(grid: ElevationGrid, member: Groups, lowest: Cells, land: Mask, level: Values) -> Mask:
+    """Return which groups of cells have hardly any land around them that is as low, and not mostly crowns or walls."""
     from scipy import ndimage
 
     half = half_window(_AROUND_M, grid.cell_m)
     inner = (slice(half, half + BLOCK),) * 2
-    count, low = (np.zeros(len(level), np.int64) for _ in range(2))
+    count, low, high = (np.zeros(len(level), np.int64) for _ in range(3))
     for slot, cells, _ in grid.padded(np.where(member >= 0, member.astype(np.float64), np.inf), half):
         if not np.isfinite(cells).any():
             continue
         near = ndimage.minimum_filter(cells, 2 * half + 1)[inner]
         used = np.isfinite(near) & land[slot] & np.isfinite(lowest[slot])
         number = near[used].astype(np.int64)
-        is_low = lowest[slot][used] < level[number] + _LOW_M
+        rise = lowest[slot][used] - level[number]
         count += np.bincount(number, minlength=len(level))
-        low += np.bincount(number[is_low], minlength=len(level))
-    return (count > 0) & (low <= _LOW_SHARE * count)
+        low += np.bincount(number[rise < _LOW_M], minlength=len(level))
+        high += np.bincount(number[rise > _HIGH_M], minlength=len(level))
+    return (count > 0) & (low <= _LOW_SHARE * count) & (high <= _HIGH_SHARE * count)
 
 
 def _tells(variation: Cells, water: Mask) -> bool:
