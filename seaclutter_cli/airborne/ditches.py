@@ -51,6 +51,8 @@ def ditch_levels(
     around a gap between crowns. Where intensities distinguish water from land, a ditch does not reflect like ground.
     """
     ditch = _deep_cells(grid, lowest, land)
+    if not ditch.any():
+        return np.full(ditch.shape, np.nan)
     part, group = joined_cells(ditch, grid.blocks)
     member = np.where(ditch, group[part], -1)
     level, found = _level_groups(grid, member, lowest, len(group))
