@@ -58,7 +58,7 @@ def ditch_levels(
     level, found = _level_groups(grid, member, lowest, len(group))
     if found.any():
         found &= _are_amid_banks(grid, np.where(ditch & found[member], member, -1), lowest, land & ~ditch, level)
-    if found.any() and (varies := variation()) is not None and _tells(varies, water):
+    if found.any() and (varies := variation()) is not None and _distinguish(varies, water):
         own = ditch & found[member] & np.isfinite(varies)
         found &= ~(quantile_of_each(varies[own], member[own], len(group), 0.5) <= CLEARLY_GROUND)
     return np.where(ditch & found[member], level[member], np.nan)
@@ -127,6 +127,6 @@ def _are_amid_banks(grid: ElevationGrid, member: Groups, lowest: Cells, land: Ma
     return (count > 0) & (low <= _LOW_SHARE * count) & (high <= _HIGH_SHARE * count)
 
 
-def _tells(variation: Cells, water: Mask) -> bool:
+def _distinguish(variation: Cells, water: Mask) -> bool:
     """Return whether intensities distinguish water from land, as far as known water shows."""
     return not water.any() or bool(median_of(variation[water]) >= LIKE_GROUND)

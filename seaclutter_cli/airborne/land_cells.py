@@ -1,4 +1,4 @@
-"""Cells of a tile where what is no water is land, for maps."""
+"""Cells of land of a tile, for maps."""
 
 import bz2
 import json
@@ -18,7 +18,7 @@ _BLOCK_BYTES = BLOCK * BLOCK // 8
 
 @dataclass(frozen=True)
 class LandCells:
-    """Cells of the grid that are land, or water between the banks of a ditch: what is no water there is no object.
+    """Cells of the grid that are land or a ditch. Points there that are not water belong to the land, not to objects.
 
     Parameters
     ----------

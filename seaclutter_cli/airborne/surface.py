@@ -8,11 +8,11 @@ import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.cells import joined_cells
 from seaclutter_cli.airborne.ditches import BANK_M, DITCH_HEIGHT_M
 from seaclutter_cli.airborne.echo_reader import EchoReader
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
 from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.airborne.islands import commonest_level, island_cells
 from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.looks import Look, OpenedLooks, WithoutLand
 from seaclutter_cli.airborne.quarters import LocalWaves, local_waves
@@ -256,11 +256,12 @@ class SeaSurfaceModel:
             self._land = shores.land
         elif shores is not None and (shores.land.any() or shores.steps_m > params.threshold_m):
             island_m = params.island_m or np.inf
-            self._land = self._land_cells(shores.level_m, shores.bank_m, island_m, shores.land) | shores.land
+            grown = island_cells(self._grid, self._opened, shores.level_m, shores.bank_m, island_m, shores.land)
+            self._land = grown | shores.land
             self._opened[self._land] = shores.level_m[self._land]
         elif params.island_m is not None:
-            sea_level = self._level(params.island_m / 4)
-            self._islands = self._land_cells(sea_level, params.threshold_m, params.island_m)
+            sea_level = commonest_level(self._grid, self._opened, params.island_m / 4)
+            self._islands = island_cells(self._grid, self._opened, sea_level, params.threshold_m, params.island_m)
             self._opened[self._islands] = sea_level
         if shores is not None:
             self._fill_ditches(shores.ditch_m, self._opened)
@@ -277,7 +278,7 @@ class SeaSurfaceModel:
         if isinstance(params, SeparationParams) and params.island_m is not None:
             above = _LAND_DEVIATIONS * deviations
             high = np.maximum(params.island_m, _ISLAND_DEVIATIONS * deviations)
-            land |= self._land_cells(levels, above, high, own)
+            land |= island_cells(self._grid, self._opened, levels, above, high, own)
         step = levels - waves.level_m
         standing = _on_grid(self._grid, rough.standing, -np.inf)
         stands = standing_objects(self._grid, lowest - levels, standing - levels, deviations) & ~land
@@ -387,38 +388,6 @@ class SeaSurfaceModel:
     def cells(self) -> int:
         """Number of cells with points."""
         return int(np.isfinite(self._grid.lowest).sum())
-
-    def _level(self, step_m: float) -> float:
-        """Return the sea level: the median of the opened surface in its most frequent elevation step."""
-        known = self._opened[np.isfinite(self._grid.lowest)]
-        step = np.floor(known / step_m)
-        values, counts = np.unique(step, return_counts=True)
-        return float(np.median(known[step == values[np.argmax(counts)]]))
-
-    def _land_cells(
-        self, level: float | Cells, height_m: float | Cells, island_m: float | Cells, also: Mask | None = None
-    ) -> Mask:
-        """Return a mask of the land cells, shape (S, 256, 256); cells of ``also`` are seeds, too."""
-        levels, heights, islands_m = (
-            np.broadcast_to(value, self._opened.shape) for value in (level, height_m, island_m)
-        )
-        land, high = (np.zeros(self._opened.shape, np.bool_) for _ in range(2))
-        for slot, (lowest, opened) in enumerate(zip(self._grid.lowest, self._opened, strict=True)):
-            known, above = np.isfinite(lowest), levels[slot] + heights[slot]
-            land[slot] = (opened > above) | (known & (lowest > above))
-            highest = np.where(known, np.maximum(opened, lowest), opened)
-            high[slot] = (opened > above) & (highest > levels[slot] + islands_m[slot])
-            if also is not None:
-                land[slot] |= also[slot]
-                high[slot] |= also[slot]
-        if not high.any():
-            return high
-        number, group = joined_cells(land, self._grid.blocks)
-        islands = np.zeros(len(group), np.bool_)
-        islands[group[number[high]]] = True
-        for slot, inside in enumerate(number):
-            land[slot] = islands[group[inside]]
-        return land
 
 
 def surface_of(xyz: NDArray[np.float64], params: SurfaceParams) -> SeaSurfaceModel:
