@@ -325,8 +325,9 @@ class SeaSurfaceModel:
 
     def is_ground(self, z: NDArray[np.float64], cell: NDArray[np.integer[Any]]) -> Mask:
         """Return whether points are on land or a bank, and no higher above the opened surface than calm water."""
-        top = np.where(self._ditches, self._ground_top + BANK_M, self._ground_top).reshape(-1)[cell]
-        return np.asarray((self._land | self._ditches).reshape(-1)[cell] & (z <= top))
+        on_land, in_ditch = (cells.reshape(-1)[cell] for cells in (self._land, self._ditches))
+        top = self._ground_top.reshape(-1)[cell] + BANK_M * in_ditch
+        return np.asarray((on_land | in_ditch) & (z <= top))
 
     @property
     def is_rough(self) -> bool:
