@@ -1,4 +1,4 @@
-"""Make ``docs/guide/scenes.md``, the reference of scene keys: ``python -m tests.scene_keys``."""
+"""Make ``docs/scene-keys.md``, the reference of scene keys: ``python -m tests.scene_keys``."""
 
 from dataclasses import MISSING, fields
 
@@ -11,12 +11,12 @@ from seaclutter_cli.simulation.marine.terrain import TERRAINS
 from seaclutter_cli.validation import allowed_values, plain
 from tests.paths import ROOT
 
-PAGE = ROOT / "docs" / "guide" / "scenes.md"
+PAGE = ROOT / "docs" / "scene-keys.md"
 
 INTRODUCTION = """\
 # Keys of scenes
 
-[Simulated recordings](simulation.md) and [tiles](tiles.md) are made of scenes: YAML files with these sections and keys.
+[Simulated recordings](guide/simulation.md) and [tiles](guide/tiles.md) are made of scenes: YAML files with these sections and keys.
 Keys have defaults unless they are required. The quickest way to a scene of your own is a copy of another one, which has
 all keys with their values and comments:
 

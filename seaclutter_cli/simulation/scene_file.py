@@ -9,7 +9,7 @@ from seaclutter_cli.parameters import descriptions, name_choices, summary, yaml_
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.validation import plain
 
-KEYS = "docs/guide/scenes.md has all keys; so has a file that simulate --scene-file saves"
+KEYS = "docs/scene-keys.md has all keys; so has a file that simulate --scene-file saves"
 """Advice in errors of scenes."""
 
 _COLUMN = 40

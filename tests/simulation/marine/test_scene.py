@@ -99,7 +99,7 @@ def test_a_saved_scene_names_the_noise_of_its_lidar(tmp_path):
 
 @pytest.mark.parametrize("raw", [{"see": {}}, {"vessel": {"a": 1, "b": 2}}])
 def test_errors_point_to_the_reference(raw):
-    with pytest.raises(ConfigError, match=r"docs/guide/scenes\.md") as caught:
+    with pytest.raises(ConfigError, match=r"docs/scene-keys\.md") as caught:
         parse_scene(raw, "s.yaml")
     assert ("\n" in str(caught.value)) == (raw != {"see": {}})
 
