@@ -16,9 +16,9 @@ PAGE = ROOT / "docs" / "scene-keys.md"
 INTRODUCTION = """\
 # Keys of scenes
 
-[Simulated recordings](guide/simulation.md) and [tiles](guide/tiles.md) are made of scenes: YAML files with these sections and keys.
-Keys have defaults unless they are required. The quickest way to a scene of your own is a copy of another one, which has
-all keys with their values and comments:
+[Simulated recordings](guide/simulation.md) and [tiles](guide/tiles.md) are made of scenes: YAML files with these
+sections and keys. Keys have defaults unless they are required. The quickest way to a scene of your own is a copy
+of another one, which has all keys with their values and comments:
 
 ```sh
 seaclutter simulate calm -n 1 -o calm.mcap --scene-file my.yaml
