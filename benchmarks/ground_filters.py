@@ -32,8 +32,8 @@ from seas import SEAS, with_sea
 
 from seaclutter_cli.airborne.separation import NEVER, OTHER, WATER, separate
 from seaclutter_cli.airborne.settings import TileSettings
-from seaclutter_cli.airborne.surface import SurfaceParams
 from seaclutter_cli.evaluation.confusion import Confusion
+from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.simulation.airborne.recording import simulate_strips
 from seaclutter_cli.simulation.airborne.scene import TileScene, load_tile_scene
 

@@ -20,8 +20,9 @@ from seaclutter_cli.airborne.model import ObjectModel
 from seaclutter_cli.airborne.objects import FoundObject, find_objects
 from seaclutter_cli.airborne.separation import OTHER, WATER, Separation, separate
 from seaclutter_cli.airborne.settings import TileSettings
-from seaclutter_cli.airborne.surface import SeparationParams, SurfaceParams
+from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.evaluation.confusion import Confusion
+from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import COLORS, LEFT_OUT, draw_confusion, draw_tile
 from seaclutter_cli.runs.classify.train import fit

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells
-from seaclutter_cli.airborne.grid import BLOCK
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.squares import SIDE, positions, square_of, squares_in
 from seaclutter_cli.airborne.strips import Column
+from seaclutter_cli.grids.elevation import BLOCK
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.echoes import saturated_echoes
-from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.strips import Column
+from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
 
 Cells = NDArray[np.float64]
 

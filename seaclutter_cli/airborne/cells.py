@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
+from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
 
 Cells = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells, smoothed
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.steps import mean_edge
 from seaclutter_cli.airborne.waves import Waves
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells
-from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
-from seaclutter_cli.airborne.opening import half_window
 from seaclutter_cli.airborne.quantiles import quantile_of_each
 from seaclutter_cli.airborne.reflection import CLEARLY_GROUND, LIKE_GROUND, median_of
+from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
+from seaclutter_cli.grids.opening import half_window
 
 Cells = NDArray[np.float64]
 Values = NDArray[np.float64]

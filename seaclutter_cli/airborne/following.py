@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import smoothed, touching
 from seaclutter_cli.airborne.decks import decks
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.prediction import predict_under
 from seaclutter_cli.airborne.reflection import DIFFUSE, SPECULAR
 from seaclutter_cli.airborne.steps import with_steps
 from seaclutter_cli.airborne.waves import Waves
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]

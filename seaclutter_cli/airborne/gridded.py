@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 NOWHERE = -1
 """Cell of a point without usable coordinates."""

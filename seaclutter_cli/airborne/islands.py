@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells
-from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.ditches import ditch_levels
 from seaclutter_cli.airborne.echo_reader import EchoReader
 from seaclutter_cli.airborne.echoes import Echoes
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.looks import Look
 from seaclutter_cli.airborne.nearest import nearest
 from seaclutter_cli.airborne.quarters import LocalWaves
@@ -39,6 +38,7 @@ from seaclutter_cli.airborne.squares import (
 )
 from seaclutter_cli.airborne.terrain import are_hills, are_woods, without_banks, without_woods
 from seaclutter_cli.airborne.water_bodies import WaterBody, find_bodies
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 Cells = NDArray[np.float64]
 Values = NDArray[np.float64]

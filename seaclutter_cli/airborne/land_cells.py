@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import BLOCK
 from seaclutter_cli.documents import load_json
+from seaclutter_cli.grids.elevation import BLOCK
 
 _BLOCK_BYTES = BLOCK * BLOCK // 8
 

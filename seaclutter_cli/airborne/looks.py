@@ -7,9 +7,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.opening import open_grid, without_pits
 from seaclutter_cli.airborne.oscillation import LONG_WAVE_M
+from seaclutter_cli.airborne.pits import without_pits
+from seaclutter_cli.grids.elevation import ElevationGrid
+from seaclutter_cli.grids.opening import open_grid
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -7,9 +7,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import BLOCK
 from seaclutter_cli.airborne.looks import Look
 from seaclutter_cli.airborne.oscillation import are_sparse, oscillation
+from seaclutter_cli.grids.elevation import BLOCK
 
 Cells = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells, smoothed, touching
 from seaclutter_cli.airborne.following import FINEST_M, CellDetails, FollowedSurface
-from seaclutter_cli.airborne.grid import ElevationGrid
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -12,21 +12,16 @@ from seaclutter_cli.airborne.bottom import Bottom, bottom_of
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.airborne.echo_reader import EchoReader
 from seaclutter_cli.airborne.following import CellDetails
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.land_cells import LandCells
 from seaclutter_cli.airborne.standing import standing_elevations
 from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
-from seaclutter_cli.airborne.surface import (
-    CALM_M,
-    RoughWater,
-    SeaSurfaceModel,
-    SeparationParams,
-    SurfaceParams,
-)
+from seaclutter_cli.airborne.surface import CALM_M, RoughWater, SeaSurfaceModel, SeparationParams
 from seaclutter_cli.airborne.tides import LeveledParts, strip_levels
 from seaclutter_cli.airborne.waves import Waves
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.grids.elevation import ElevationGrid
+from seaclutter_cli.grids.opening import SurfaceParams
 
 __all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]
 

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.reflection import CLEARLY_GROUND, LIKE_GROUND, median_of
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]

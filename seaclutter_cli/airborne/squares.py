@@ -7,8 +7,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 from seaclutter_cli.airborne.part_waves import PART_CELLS, PartWaves
+from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
 
 Values = NDArray[np.float64]
 Cells = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.cells import joined_cells
-from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
+from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.ditches import BANK_M, DITCH_HEIGHT_M
 from seaclutter_cli.airborne.echo_reader import EchoReader
 from seaclutter_cli.airborne.following import CellDetails, FollowedSurface, follow_waves
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.islands import commonest_level, island_cells
 from seaclutter_cli.airborne.land import Shores, shores_of
 from seaclutter_cli.airborne.looks import Look, OpenedLooks, WithoutLand
@@ -20,12 +19,12 @@ from seaclutter_cli.airborne.rising import height_limits
 from seaclutter_cli.airborne.squares import squares_of
 from seaclutter_cli.airborne.standing import standing_objects
 from seaclutter_cli.airborne.waves import Waves, estimate_waves, local_levels, other_levels
-from seaclutter_cli.errors import InputError
+from seaclutter_cli.grids.elevation import ElevationGrid
+from seaclutter_cli.grids.opening import SurfaceParams
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MAX_WINDOW_CELLS = 1000
 CALM_M = 0.5
 """Greatest height above the opened surface that separates objects from calm water."""
 ROUGH_M = 0.4
@@ -34,35 +33,6 @@ _CREST_DEVIATIONS = 3.0
 _CALM_DEVIATIONS, _CALMEST_M = 6.0, 0.35
 _PIT = 2.0
 _LAND_DEVIATIONS, _ISLAND_DEVIATIONS = 4.0, 6.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class SurfaceParams:
-    """Parameters of the sea surface by morphological opening.
-
-    Parameters
-    ----------
-    cell_m : float
-        Width of a grid cell; each cell stores its lowest elevation.
-    window_m : float
-        Width of the square window of the opening, w; narrower objects rise above the opened surface.
-    height_m : float
-        A point higher than this above the opened surface is a non-sea point, T_max.
-    """
-
-    cell_m: Annotated[float, Gt(0)] = 1.0
-    window_m: Annotated[float, Gt(0)] = 20.0
-    height_m: Annotated[float, Gt(0)] = 0.5
-
-    @property
-    def threshold_m(self) -> float:
-        """Height above the opened surface that separates objects from water that needs no other surface."""
-        return self.height_m
-
-    def __post_init__(self) -> None:
-        """Check that the window can be computed."""
-        if self.window_m > MAX_WINDOW_CELLS * self.cell_m:
-            raise ValueError(f"window_m ({self.window_m:g}) must not exceed {MAX_WINDOW_CELLS} cells of cell_m")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -389,18 +359,3 @@ class SeaSurfaceModel:
     def cells(self) -> int:
         """Number of cells with points."""
         return int(np.isfinite(self._grid.lowest).sum())
-
-
-def surface_of(xyz: NDArray[np.float64], params: SurfaceParams) -> SeaSurfaceModel:
-    """Return the sea surface under points, shape (3, N), in metres and finite.
-
-    Raises
-    ------
-    InputError
-        If there are no points, or they are too scattered for a grid in memory.
-    """
-    if not xyz.shape[1]:
-        raise InputError("no points: the sea surface cannot be computed")
-    grid = ElevationGrid(params.cell_m)
-    grid.add(xyz)
-    return SeaSurfaceModel(grid, params)

@@ -6,10 +6,10 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.surface import SurfaceParams, surface_of
 from seaclutter_cli.errors import FieldError, InputError
 from seaclutter_cli.filters.base import WholeFrameFilter, valid_points
 from seaclutter_cli.frame import Frame
+from seaclutter_cli.grids.opening import SurfaceParams, heights_above_opening
 
 _AXES = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 
@@ -39,9 +39,9 @@ class SeaSurface(WholeFrameFilter):
 
     Notes
     -----
-    Points that are at most ``height_m`` above the opened surface are removed as outliers. `SeaSurfaceModel` describes
-    the treatment of waves, edges and empty cells. Islands wider than the window are removed with the sea, because the
-    sea level can rarely be estimated from a single frame.
+    Points that are at most ``height_m`` above the opened surface are removed as outliers. `heights_above_opening`
+    describes the treatment of waves, edges and empty cells. Islands wider than the window are removed with the sea,
+    because the sea level can rarely be estimated from a single frame.
 
     References
     ----------
@@ -63,7 +63,7 @@ class SeaSurface(WholeFrameFilter):
         if self.params.up.startswith("-"):
             xyz = np.stack((xyz[0], xyz[1], -xyz[2]))
         try:
-            height = surface_of(xyz, self.params).height(xyz)
+            height = heights_above_opening(xyz, self.params)
         except InputError as error:
             raise FieldError(str(error)) from error
         return valid[~(height > self.params.height_m)]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.airborne.decks import _unevenness, decks
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.airborne.waves import Waves
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 X, Y = (side.ravel() + 0.5 for side in np.mgrid[:200, :160].astype(float))
 DEVIATION_M = 0.35

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.islands import commonest_level, island_cells
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 
 def grid_of(elevation):

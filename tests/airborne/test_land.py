@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.airborne.echoes import _speckle
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.part_waves import PartWaves
 from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
 from seaclutter_cli.airborne.squares import squares_of, waves_of
 from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.grids.elevation import ElevationGrid
 from tests.airborne.coasts import SIZE, hummocks, relief, sea_only, shares, tile, waves
 from tests.paths import shared
 

@@ -6,11 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from seaclutter_cli.airborne import grid as grids
-from seaclutter_cli.airborne import opening as openings
-from seaclutter_cli.airborne.grid import ElevationGrid
-from seaclutter_cli.airborne.opening import filled, half_window, open_grid, opened, without_pits
+from seaclutter_cli.airborne.pits import without_pits
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.grids import elevation as grids
+from seaclutter_cli.grids import opening as openings
+from seaclutter_cli.grids.elevation import ElevationGrid
+from seaclutter_cli.grids.opening import filled, half_window, open_grid, opened
 from tests.filters.reference import Opening
 
 GRIDS = st.builds(

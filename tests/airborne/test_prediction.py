@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.grid import BLOCK, ElevationGrid
 from seaclutter_cli.airborne.prediction import predict_under
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
 
 
 def waves(x, y, seed=3):

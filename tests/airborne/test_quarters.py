@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.looks import Look
 from seaclutter_cli.airborne.quarters import local_waves
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 SIDE, COUNT = 300.0, 300_000
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.airborne.following import FollowedSurface
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.rising import _are_objects, _highest_of_water, _low_objects
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 
 @pytest.mark.parametrize(

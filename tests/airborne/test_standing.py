@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.gridded import GriddedPoints
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.standing import standing_elevations, standing_objects
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.airborne.waves import Waves
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 DEVIATION_M = 0.2
 WAVES = Waves((), 0.0, DEVIATION_M, 40.0, 0.5)

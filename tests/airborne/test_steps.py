@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.looks import Look
 from seaclutter_cli.airborne.separation import OTHER, WATER, separate
 from seaclutter_cli.airborne.steps import mean_edge, with_steps
 from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 X, Y = (side.ravel() + 0.5 for side in np.mgrid[:200, :160].astype(float))
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.airborne.echoes import Echoes
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.part_waves import PartWaves
 from seaclutter_cli.airborne.quarters import LocalWaves
 from seaclutter_cli.airborne.squares import squares_of
 from seaclutter_cli.airborne.terrain import are_woods, may_be_waves, without_banks
+from seaclutter_cli.grids.elevation import ElevationGrid
 from tests.airborne.coasts import hummocks, shares
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.airborne.echoes import Echoes
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.land import _beside_water
 from seaclutter_cli.airborne.reflection import are_foam
 from seaclutter_cli.airborne.squares import SIDE, SquareWaves, are_moving, squares_of
 from seaclutter_cli.airborne.water_bodies import WaterBody, _have_mirrors, find_bodies
+from seaclutter_cli.grids.elevation import ElevationGrid
 
 SQUARES = 20
 

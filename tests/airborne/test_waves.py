@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from seaclutter_cli.airborne.cells import smoothed, touching
-from seaclutter_cli.airborne.grid import ElevationGrid
 from seaclutter_cli.airborne.looks import Look
 from seaclutter_cli.airborne.part_waves import quantiles
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.surface import SeaSurfaceModel, SeparationParams
 from seaclutter_cli.airborne.waves import estimate_waves, local_levels
+from seaclutter_cli.grids.elevation import ElevationGrid
 from tests.paths import shared
 
 SIDES = (300, 200)

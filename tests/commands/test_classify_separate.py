@@ -288,8 +288,9 @@ def test_kappa_rises_to_20_m_and_falls(name):
     from dataclasses import replace
 
     from seaclutter_cli.airborne.separation import separate
-    from seaclutter_cli.airborne.surface import SeparationParams, SurfaceParams
+    from seaclutter_cli.airborne.surface import SeparationParams
     from seaclutter_cli.evaluation.confusion import Confusion
+    from seaclutter_cli.grids.opening import SurfaceParams
     from seaclutter_cli.simulation.airborne.recording import simulate_strips
     from seaclutter_cli.simulation.airborne.scene import load_tile_scene
 

@@ -1,0 +1,1 @@
+"""Grids of the elevations of points, and their morphological opening."""

@@ -1,0 +1,195 @@
+"""Morphological opening of a grid of elevations with empty cells ([Shi2022], section 1.1)."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+
+from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
+
+Cells = NDArray[np.float64]
+
+MAX_WINDOW_CELLS = 1000
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceParams:
+    """Parameters of the sea surface by morphological opening.
+
+    Parameters
+    ----------
+    cell_m : float
+        Width of a grid cell; each cell stores its lowest elevation.
+    window_m : float
+        Width of the square window of the opening, w; narrower objects rise above the opened surface.
+    height_m : float
+        A point higher than this above the opened surface is a non-sea point, T_max.
+    """
+
+    cell_m: Annotated[float, Gt(0)] = 1.0
+    window_m: Annotated[float, Gt(0)] = 20.0
+    height_m: Annotated[float, Gt(0)] = 0.5
+
+    @property
+    def threshold_m(self) -> float:
+        """Height above the opened surface that separates objects from water that needs no other surface."""
+        return self.height_m
+
+    def __post_init__(self) -> None:
+        """Check that the window can be computed."""
+        if self.window_m > MAX_WINDOW_CELLS * self.cell_m:
+            raise ValueError(f"window_m ({self.window_m:g}) must not exceed {MAX_WINDOW_CELLS} cells of cell_m")
+
+
+def half_window(window_m: float, cell_m: float) -> int:
+    """Return the half width h of a window in cells; the window is 2 h + 1 cells wide.
+
+    Examples
+    --------
+    >>> half_window(20.0, 1.0), half_window(0.5, 1.0)
+    (10, 0)
+    """
+    return int(window_m / (2 * cell_m) + 1e-9)
+
+
+def opened(lowest: Cells, half: int) -> Cells:
+    r"""Return the opening of a grid: its erosion, dilated ([Shi2022], Eq. 1 to 3).
+
+    .. math:: (f \ominus w)(i, j) = \min_{(s, t) \in w} f(s, t), \quad
+        (f \oplus w)(i, j) = \max_{(s, t) \in w} f(s, t), \quad f \circ w = (f \ominus w) \oplus w
+
+    Parameters
+    ----------
+    lowest : ndarray, shape (I, J), float64
+        Elevations in metres; plus infinity in empty cells.
+    half : int
+        Half width of the window in cells; less where the grid is narrower than the window.
+
+    Returns
+    -------
+    ndarray, shape (I, J), float64
+        Elevation of the opened surface, at most the value of the cell. Minus infinity where the windows around a cell
+        contain no value.
+
+    Notes
+    -----
+    Only windows inside the grid count, so an object cut by the edge is seen in whole windows, too. Empty cells are
+    neither low nor high. Without empty cells, the result equals ``scipy.ndimage.grey_opening`` with minus infinity
+    beyond the edge.
+
+    Examples
+    --------
+    >>> opened(np.array([[0.0, 5, 0.2, np.inf, 0.1]]), 1)
+    array([[0. , 0.2, 0.2, 0.2, 0.1]])
+    """
+    from scipy import ndimage  # slow to import, not needed by other filters
+
+    size = [2 * min(half, (cells - 1) // 2) + 1 for cells in lowest.shape]
+    eroded = ndimage.minimum_filter(lowest, size, mode="constant", cval=-np.inf)
+    eroded[np.isposinf(eroded)] = -np.inf
+    return np.asarray(ndimage.maximum_filter(eroded, size, mode="constant", cval=-np.inf))
+
+
+def filled(lowest: Cells, reach: int) -> Cells:
+    """Return a grid whose empty cells have the lowest of the nearest values in four directions.
+
+    Parameters
+    ----------
+    lowest : ndarray, shape (I, J), float64
+        Elevations in metres; plus infinity in empty cells.
+    reach : int
+        Distance in cells up to which a value counts; a cell without any remains empty.
+
+    Notes
+    -----
+    A ship hides the water behind it from an oblique beam, and calm water often returns nothing. With the lowest value,
+    such a gap is water if there is water on any side, and does not widen the ship.
+
+    Examples
+    --------
+    >>> filled(np.array([[7.0, np.inf, np.inf, 1, np.inf, np.inf, np.inf]]), 2)
+    array([[ 7.,  1.,  1.,  1.,  1.,  1., inf]])
+    """
+    empty = np.isposinf(lowest)
+    if not empty.any():
+        return lowest
+    out = lowest.copy()
+    for source, target in ((lowest, out), (lowest.T, out.T)):
+        gaps = np.isposinf(source)
+        target[gaps] = np.minimum(target[gaps], _nearest_in_row(source, gaps, reach))
+    return out
+
+
+def _nearest_in_row(values: Cells, gaps: NDArray[np.bool_], reach: int) -> Cells:
+    """Return the lower of the last value before and the first after each gap in its row, shape (gaps,).
+
+    Values more than ``reach`` cells away, or none, are plus infinity.
+    """
+    columns = values.shape[1]
+    flat = np.concatenate(([np.inf], values[~gaps], [np.inf]))
+    far = -columns - reach
+    place = np.concatenate(([far], np.flatnonzero(~gaps), [values.size - far]))
+    gap = np.flatnonzero(gaps)
+    before = gap - np.arange(len(gap))  # number of values before each gap
+    found = np.full(len(gap), np.inf)
+    for near in (before, before + 1):
+        inside = (np.abs(place[near] - gap) <= reach) & (place[near] // columns == gap // columns)
+        np.minimum(found, flat[near], out=found, where=inside)
+    return found
+
+
+def _around_values(cells: Cells, inside: tuple[slice, slice], reach: int) -> tuple[slice, ...]:
+    """Return the part of ``inside`` that is at most ``reach`` cells from the rectangle around all values."""
+    known = np.isfinite(cells[inside])
+    rows = (np.flatnonzero(known.any(axis=1 - axis)) + part.start for axis, part in enumerate(inside))
+    ends = ((int(row[0]) - reach, int(row[-1]) + reach + 1) for row in rows)
+    return tuple(slice(max(a, p.start), min(b, p.stop)) for (a, b), p in zip(ends, inside, strict=True))
+
+
+def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None) -> Cells:
+    """Return the opened surface of a grid, shape (S, 256, 256); minus infinity where unknown.
+
+    ``lowest`` replaces the elevations of the grid. The grid ends at its outermost points. Empty cells are `filled` from
+    up to a window's width away. The result does not depend on the division into blocks. Cells beyond the reach of any
+    value are not computed, so scattered points take little time.
+    """
+    half = half_window(window_m, grid.cell_m)
+    reach = 2 * half + 1
+    halo = 2 * half + reach
+    out = np.full(grid.lowest.shape, -np.inf)
+    for slot, cells, inside in grid.padded(grid.lowest if lowest is None else lowest, halo):
+        part = np.full(cells.shape, -np.inf)
+        near = _around_values(cells, inside, halo)
+        part[near] = opened(filled(cells[near], reach), half)
+        out[slot] = part[halo : halo + BLOCK, halo : halo + BLOCK]
+    return out
+
+
+def heights_above_opening(xyz: NDArray[np.float64], params: SurfaceParams) -> NDArray[np.float64]:
+    """Return the height of points, shape (3, N), in metres and finite, above the opened surface of their grid.
+
+    Raises
+    ------
+    InputError
+        If the points are too scattered for a grid in memory.
+
+    Notes
+    -----
+    * Waves and swell: the opened surface follows waves longer than about twice the window. For shorter waves, the
+      threshold has to exceed the height of their crests. A window much wider than the objects cuts off the crests of
+      swell.
+    * Edges: windows are inside the bounding rectangle of all points. An object cut by the edge is separated by the part
+      inside, as if there were nothing beyond.
+    * Empty cells are filled by `filled` from up to a window's width away.
+    * An object wider than the window leaves its inner part in the opened surface, as if it were sea.
+
+    References
+    ----------
+    .. [1] Shi Liang, Xing Junxin, Cai Yanjing (2022). "Classification of ship LIDAR point cloud data based on machine
+       learning algorithm". Ship Science and Technology 44(17), 140-143. doi:10.3404/j.issn.1672-7649.2022.17.028
+    """
+    grid = ElevationGrid(params.cell_m)
+    cell = grid.add(xyz)
+    return np.asarray(xyz[2] - open_grid(grid, params.window_m).reshape(-1)[cell])
