@@ -56,6 +56,6 @@ from .runs.simulation import SimulateOptions as SimulateOptions
 from .runs.view import ViewOptions as ViewOptions
 from .runs.view import view_logs as view_logs
 from .sinks.options import McapOptions as McapOptions
-from .sinks.split import Split as Split
+from .sinks.options import Split as Split
 
 __version__: str

@@ -1,14 +1,15 @@
 """Scores of single frames and of whole recordings: the rates of [Li2023], Table 4 (Eq. 9 and 10), and others."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import Alarms, finder_of, match, targets_of
-from seaclutter_cli.evaluation.times import Durations
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
@@ -23,6 +24,9 @@ ALARM_COLUMNS = (
     "points_out",
 )
 POINT_COLUMNS = ("target_points_in", "target_points_out", "clutter_points_in", "clutter_points_out")
+
+
+_MIN_S, _STEP, _BINS = 1e-7, 1.01, 2400
 
 
 @dataclass(frozen=True)
@@ -151,6 +155,52 @@ def _points(result: FilterResult, truth: Truth) -> PointCounts | None:
     target = (truth.points != CLUTTER) & (truth.points != IGNORED) & result.frame.valid
     masks = (target, target & result.keep, clutter, clutter & result.keep)
     return PointCounts(*(int(np.count_nonzero(mask)) for mask in masks))
+
+
+class Durations:
+    """Histogram of durations with bins of 1 %, from 0.1 µs to half an hour; one without durations takes no memory."""
+
+    def __init__(self) -> None:
+        self._counts: NDArray[np.int64] | None = None
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Number of durations in each bin."""
+        if self._counts is None:
+            self._counts = np.zeros(_BINS, np.int64)
+        return self._counts
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no duration."""
+        return self._counts is None
+
+    def add(self, seconds: float) -> None:
+        """Add a duration."""
+        index = math.log(max(seconds, _MIN_S) / _MIN_S) / math.log(_STEP)
+        self.counts[min(int(index), _BINS - 1)] += 1
+
+    def update(self, other: "Durations") -> None:
+        """Add the counts of another histogram."""
+        if not other.is_empty:
+            self.counts[:] += other.counts
+
+    def quantile(self, share: float) -> float | None:
+        """Return the quantile for a share from 0 to 1, in seconds; None for an empty histogram.
+
+        Examples
+        --------
+        >>> durations = Durations()
+        >>> for seconds in (0.001, 0.002, 0.1):
+        ...     durations.add(seconds)
+        >>> round(durations.quantile(0.5), 4)
+        0.002
+        """
+        if self.is_empty:
+            return None
+        below = np.cumsum(self.counts)
+        index = int(np.searchsorted(below, max(1, math.ceil(share * int(below[-1]) - 1e-9))))
+        return float(_MIN_S * _STEP ** (index + 0.5))
 
 
 @dataclass

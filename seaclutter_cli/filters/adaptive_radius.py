@@ -14,7 +14,7 @@ from seaclutter_cli.filters.radius import isolated
 from seaclutter_cli.filters.statistical import ROUNDING
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import SceneSource
-from seaclutter_cli.scenes.params import SceneParams
+from seaclutter_cli.scenes import SceneParams
 
 AUTO = "auto"
 """Value of ``scene`` that leaves the choice of the preset to the scene classifier."""

@@ -6,24 +6,18 @@ from pathlib import Path
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.interfaces import Labels
-from seaclutter_cli.labels import autoferry, csv, in_cloud, seepersea, semantickitti, sustechpoints
-from seaclutter_cli.labels.options import LabelOptions
+from seaclutter_cli.labels import autoferry, csv, in_cloud, semantickitti
+from seaclutter_cli.labels.boxes import LabelOptions
+from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS
 
 __all__ = ["LABELS", "LabelFormat", "LabelOptions", "open_labels"]
 
 
 @dataclass(frozen=True)
 class LabelFormat:
-    """Label format and its reader.
+    """Label format: its description, whether the content of an existing path has it, and its reader.
 
-    Parameters
-    ----------
-    title : str
-        Description for messages.
-    matches : callable
-        Returns whether the content of an existing path has this format.
-    open : callable
-        Opens a path that matches; raises `LabelError` if the labels cannot be read.
+    ``open`` takes a path that matches, and raises `LabelError` if the labels cannot be read.
     """
 
     title: str
@@ -33,12 +27,8 @@ class LabelFormat:
 
 LABELS: Mapping[str, LabelFormat] = {
     "csv": LabelFormat(f"a CSV file with the columns {','.join(csv.COLUMNS)}", csv.matches, csv.open_csv),
-    "seepersea": LabelFormat(
-        "a SeePerSea sequence with annotations/*.json", seepersea.matches, seepersea.open_seepersea
-    ),
-    "sustechpoints": LabelFormat(
-        "a SUSTechPOINTS scene with label/*.json", sustechpoints.matches, sustechpoints.open_sustechpoints
-    ),
+    "seepersea": LabelFormat("a SeePerSea sequence with annotations/*.json", SEEPERSEA.matches, SEEPERSEA.open),
+    "sustechpoints": LabelFormat("a SUSTechPOINTS scene with label/*.json", SUSTECHPOINTS.matches, SUSTECHPOINTS.open),
     "semantickitti": LabelFormat(
         "a SemanticKITTI folder of .label files", semantickitti.matches, semantickitti.open_semantickitti
     ),
@@ -48,7 +38,7 @@ LABELS: Mapping[str, LabelFormat] = {
         autoferry.open_autoferry,
     ),
     "cloud": LabelFormat(
-        "a log whose clouds have a field 'label' (.mcap, .bag, rosbag2)", in_cloud.matches, in_cloud.open_in_cloud
+        "a log whose clouds have a field 'label' (.mcap, .bag, rosbag2)", in_cloud.matches, in_cloud.CloudLabels
     ),
 }
 """Label formats by name. A new format takes one line here."""

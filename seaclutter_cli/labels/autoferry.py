@@ -10,9 +10,8 @@ from typing import Any
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.labels.boxes import Labelled
-from seaclutter_cli.labels.json_files import number, part, read_json, text, truth_from
-from seaclutter_cli.labels.options import LabelOptions
+from seaclutter_cli.labels.boxes import Labelled, LabelOptions
+from seaclutter_cli.labels.json_boxes import number, part, read_json, text, truth_from
 from seaclutter_cli.truth import Truth
 
 _TRUTH, _DETECTIONS = "_groundTruth.json", "_detections.json"

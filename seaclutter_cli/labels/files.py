@@ -1,28 +1,19 @@
 """Label folders with one file per frame, and the assignment of files to frames."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
-from typing import Protocol
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.labels.options import LabelOptions
+from seaclutter_cli.labels.boxes import LabelOptions
 from seaclutter_cli.text import count
 from seaclutter_cli.truth import Truth
 
 _CLOUDS = (".pcd", ".bin", ".ply", ".npy", ".las", ".laz")
 _SECONDS = re.compile(r"(?<![\d.])[1-9]\d{9}\.\d+(?![\d.])", re.ASCII)
-
-
-class ReadsFrame(Protocol):
-    """Reader of a label file; raises `LabelError` without the name of the file."""
-
-    def __call__(self, path: Path, frame: Frame) -> Truth | None:
-        """Return the truth of a frame; None if it is not labelled."""
-        ...
 
 
 def label_folder(path: Path, name: str, suffix: str) -> Path | None:
@@ -48,35 +39,38 @@ def _natural(file: Path) -> tuple[list[str | int], str]:
     return [int(part) if index % 2 else part for index, part in enumerate(parts)], file.name
 
 
-def clouds_beside(folder: Path, name: str) -> list[Path]:
+def _clouds_beside(folder: Path, name: str) -> list[Path]:
     """Return the cloud files of a label folder: in its sibling folder of this name, or in the folder itself."""
     return files_in(folder.parent / name, _CLOUDS) or files_in(folder, _CLOUDS)
 
 
 @dataclass(frozen=True)
 class FrameFiles:
-    """Assignment of label files to frames.
-
-    Parameters
-    ----------
-    files : mapping of int to Path
-        Label file by frame number, from 0.
-    complete : bool
-        Whether a frame without a file is an error; otherwise it is unlabelled.
-    """
+    """Label files by frame number, from 0; a frame without a file is unlabelled, or an error if all must be there."""
 
     files: Mapping[int, Path]
     complete: bool
 
 
-def by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -> FrameFiles:
-    """Return the assignment of label files to clouds of the same name, in the order of the clouds.
+def assigned(folder: Path, suffix: str, clouds: str, *, complete: bool) -> FrameFiles:
+    """Return the assignment of the label files in a folder to frames.
+
+    If there are clouds, label files belong to those of the same name. Otherwise they are assigned by order; unless the
+    labels must be ``complete``, file names may be frame numbers.
 
     Raises
     ------
     LabelError
         If a label file has no cloud; with ``complete``, also if a cloud has no label file.
     """
+    files, beside = files_in(folder, (suffix,)), _clouds_beside(folder, clouds)
+    if beside:
+        return _by_name(files, beside, complete=complete)
+    return _by_order(files) if complete else _by_number(files)
+
+
+def _by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -> FrameFiles:
+    """Return the assignment of label files to clouds of the same name, in the order of the clouds."""
     named = {label.stem: label for label in labels}
     stems = [cloud.stem for cloud in clouds]
     orphan = next((label for label in labels if label.stem not in set(stems)), None)
@@ -92,19 +86,19 @@ def _counts(labels: Sequence[Path], clouds: Sequence[Path]) -> str:
     return f"{count(len(labels), 'label file')}, {count(len(clouds), 'frame')}"
 
 
-def by_order(labels: Sequence[Path]) -> FrameFiles:
+def _by_order(labels: Sequence[Path]) -> FrameFiles:
     """Return the assignment of label files to frames by order."""
     return FrameFiles(dict(enumerate(labels)), complete=True)
 
 
-def by_number(labels: Sequence[Path]) -> FrameFiles:
+def _by_number(labels: Sequence[Path]) -> FrameFiles:
     """Return the assignment by numeric file names, from frame 0; by order if names cannot be frame numbers."""
     numbers = [int(label.stem) if re.fullmatch("[0-9]{1,18}", label.stem) else -1 for label in labels]
     first, count = min(numbers), len(set(numbers))
     # Consecutive numbers that start above 0 belong to a longer sequence, not to this log.
     consecutive = first > 0 and max(numbers) - first + 1 == count
     if first < 0 or count < len(labels) or consecutive:
-        return by_order(labels)
+        return _by_order(labels)
     return FrameFiles(dict(zip(numbers, labels, strict=True)), complete=False)
 
 
@@ -117,13 +111,15 @@ class FileLabels:
         Folder of the label files.
     assigned : FrameFiles
         Assignment of files to frames.
-    read : ReadsFrame
-        Reader of a label file.
+    read : callable
+        Reader of a label file; raises `LabelError` without the name of the file.
     options : LabelOptions
         Settings that define the number of a frame.
     """
 
-    def __init__(self, folder: Path, assigned: FrameFiles, read: ReadsFrame, options: LabelOptions) -> None:
+    def __init__(
+        self, folder: Path, assigned: FrameFiles, read: Callable[[Path, Frame], Truth | None], options: LabelOptions
+    ) -> None:
         self._folder = folder
         self._assigned = assigned
         self._read = read

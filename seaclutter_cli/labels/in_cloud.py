@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.labels.options import LabelOptions
+from seaclutter_cli.labels.boxes import LabelOptions
 from seaclutter_cli.text import printable
 from seaclutter_cli.truth import Truth
 
-FIELD = "label"
+_FIELD = "label"
 
 _MAGIC = (b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3\0")
 _SUFFIXES = (".mcap", ".bag", ".bag.active", ".db3", ".mcap.zstd", ".db3.zstd")
@@ -29,12 +29,6 @@ def _is_log(path: Path) -> bool:
     return path.name.lower().endswith(_SUFFIXES)
 
 
-def open_in_cloud(path: Path, options: LabelOptions) -> "CloudLabels":
-    """Return labels that are read from the frames; the log itself is not opened again."""
-    del options
-    return CloudLabels(path)
-
-
 def point_labels(frame: Frame) -> NDArray[np.int64] | None:
     """Return the ``label`` of each point, shape (N,).
 
@@ -42,9 +36,9 @@ def point_labels(frame: Frame) -> NDArray[np.int64] | None:
     files and NumPy arrays may contain floats only.
     """
     points = frame.cloud.points
-    if FIELD not in (points.dtype.names or ()) or points.dtype[FIELD].shape:
+    if _FIELD not in (points.dtype.names or ()) or points.dtype[_FIELD].shape:
         return None
-    values = points[FIELD]
+    values = points[_FIELD]
     with np.errstate(invalid="ignore"):
         labels: NDArray[np.int64] = values.astype(np.int64)
         whole = bool((labels == values).all() and (labels >= 0).all())
@@ -52,9 +46,12 @@ def point_labels(frame: Frame) -> NDArray[np.int64] | None:
 
 
 class CloudLabels:
-    """Labels inside the clouds of a log: 0 is clutter, 65535 is ignored or own ship, other values are track numbers."""
+    """Labels inside the clouds of a log: 0 is clutter, 65535 is ignored or own ship, other values are track numbers.
 
-    def __init__(self, path: Path) -> None:
+    They are read from the frames; the log itself is not opened again.
+    """
+
+    def __init__(self, path: Path, _: LabelOptions) -> None:
         self._path = path
 
     def truth(self, frame: Frame) -> Truth:
@@ -69,7 +66,7 @@ class CloudLabels:
         if points is None:
             names = printable(", ".join(frame.cloud.dtype.names or ())) or "no fields"
             raise LabelError(
-                f"{self._path}: frame {frame.index} of {printable(frame.topic)}: no field {FIELD!r} with a whole "
+                f"{self._path}: frame {frame.index} of {printable(frame.topic)}: no field {_FIELD!r} with a whole "
                 "number per point (0 for clutter, 65535 for ignored, otherwise the track of the target); "
                 f"the cloud has {names}"
             )

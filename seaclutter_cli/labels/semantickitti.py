@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.labels.files import FileLabels, by_name, by_order, clouds_beside, files_in, label_folder
-from seaclutter_cli.labels.options import LabelOptions
+from seaclutter_cli.labels.boxes import LabelOptions
+from seaclutter_cli.labels.files import FileLabels, assigned, label_folder
 from seaclutter_cli.text import count
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
@@ -37,9 +37,8 @@ def open_semantickitti(path: Path, options: LabelOptions) -> FileLabels:
     folder = label_folder(path, _NAME, _SUFFIX)
     if folder is None:
         raise LabelError(f"{path}: contains no {_SUFFIX} files")
-    files, clouds = files_in(folder, (_SUFFIX,)), clouds_beside(folder, "velodyne")
-    assigned = by_name(files, clouds, complete=True) if clouds else by_order(files)
-    return FileLabels(folder, assigned, partial(_read, options=options), options)
+    files = assigned(folder, _SUFFIX, "velodyne", complete=True)
+    return FileLabels(folder, files, partial(_read, options=options), options)
 
 
 def _read(path: Path, frame: Frame, options: LabelOptions) -> Truth:

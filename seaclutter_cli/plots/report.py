@@ -12,7 +12,7 @@ from seaclutter_cli.plots.clouds import Mask, draw_methods, draw_stages
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector
-from seaclutter_cli.reporting.data import mean_thresholds
+from seaclutter_cli.reporting.page import mean_thresholds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

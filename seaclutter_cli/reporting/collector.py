@@ -9,8 +9,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.reporting.choice import Choice, Chosen
-from seaclutter_cli.reporting.history import History, Numbers
-from seaclutter_cli.reporting.listener import ReplayListener
+from seaclutter_cli.reporting.history import History, Numbers, ReplayListener
 from seaclutter_cli.reporting.sample import Sample, take_sample
 from seaclutter_cli.truth import Truth
 

@@ -1,13 +1,197 @@
-"""Self-contained HTML page with style, code and data, which loads nothing and needs no network."""
+"""Self-contained HTML page: its data as JSON, with arrays as base64 of little-endian values, style and code."""
 
 import base64
 import hashlib
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli import __version__
+from seaclutter_cli.frame import WATER_COLUMNS, Reason, WaterState
+from seaclutter_cli.reporting import palette
+from seaclutter_cli.reporting.choice import Chosen
+from seaclutter_cli.reporting.collector import Collector, Method
+from seaclutter_cli.reporting.history import History
 from seaclutter_cli.reporting.palette import INK
+from seaclutter_cli.reporting.sample import Sample
+from seaclutter_cli.reporting.series import bin_starts, binned, density_of
+
+LABELLED, FALSE_ALARM, MISSED_TARGET = 1, 2, 4
+"""Bits that describe a frame in the timeline."""
+
+_STEPS = 32767
+
+
+def report_data(
+    collected: Collector, summaries: Mapping[str, Mapping[str, Any]], notes: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return the data of the page.
+
+    Parameters
+    ----------
+    collected : Collector
+        Statistics and samples.
+    summaries : mapping of str to mapping
+        Rates and counts of each method by its name, as returned by `Summary.as_dict`.
+    notes : sequence of str
+        Remarks for the reader, such as damage of the input.
+    """
+    timeline = collected.timeline
+    starts = bin_starts(len(timeline.frame))
+    chosen = collected.chosen
+    top = _intensity_top([one.item for one in chosen])
+    return {
+        "version": __version__,
+        "recordings": collected.recordings,
+        "labelled": collected.labelled,
+        "notes": list(notes),
+        "palette": _palette(collected.methods),
+        "frames": {
+            "count": len(timeline.frame),
+            "recording": _packed(np.asarray(timeline.recording), "<u2"),
+            "frame": _packed(np.asarray(timeline.frame), "<u4"),
+            "seconds": _packed(np.asarray(timeline.seconds), "<f4"),
+        },
+        "bins": starts.tolist(),
+        "methods": [
+            _method(method, history, dict(summaries.get(method.name, {})), starts)
+            | {"density": _density(collected, number, history)}
+            for number, (method, history) in enumerate(zip(collected.methods, collected.histories, strict=True))
+        ],
+        "samples": [_sample(one, top) for one in chosen],
+        "intensity_top": top,
+    }
+
+
+def _palette(methods: Sequence[Method]) -> dict[str, Any]:
+    edges = {tuple(method.edges) for method in methods if len(method.edges)}
+    names = palette.reason_names(edges.pop() if len(edges) == 1 else ())  # other limits have other names
+    return {
+        "reasons": [palette.REASONS[reason] for reason in Reason],
+        "order": [int(reason) for reason in palette.REASONS],
+        "names": [names[reason] for reason in Reason],
+        "truth": list(palette.TRUTH.values()),
+        "truth_names": list(palette.TRUTH),
+        "states": palette.STATES,
+        "lines": list(palette.LINES),
+        "ramp": list(palette.RAMP),
+        "heights": list(palette.HEIGHTS.items()),
+    }
+
+
+def _method(method: Method, history: History, summary: dict[str, Any], starts: NDArray[np.int64]) -> dict[str, Any]:
+    counts, _, _ = binned(history.counts, starts)
+    thresholds = binned(history.thresholds, starts)
+    corrections, _, _ = binned(history.corrections, starts)
+    return {
+        "name": method.name,
+        "edges": list(method.edges),
+        "config": method.config,
+        "summary": summary,
+        "totals": np.nansum(history.counts, axis=0, dtype=np.float64).astype(int).tolist(),
+        "mean_thresholds": mean_thresholds(history),
+        "counts": _packed(counts.T, "<f4"),
+        "thresholds": _packed(thresholds[0].T, "<f4"),
+        "thresholds_low": _packed(thresholds[1].T, "<f4"),
+        "thresholds_high": _packed(thresholds[2].T, "<f4"),
+        "corrections": _packed(corrections.T, "<f4"),
+        "water": _water(history, starts),
+        "scenes": {name: _packed(frames, "u1") for name, frames in history.scenes.items()},
+        "alarms": _packed(alarm_bits(history), "u1"),
+        "false_alarms": _packed(np.nan_to_num(history.false_alarms).clip(0, 255), "u1"),
+        "missed": _packed(np.nan_to_num(history.missed).clip(0, 255), "u1"),
+    }
+
+
+def _water(history: History, starts: NDArray[np.int64]) -> dict[str, list[str]] | None:
+    """Return mean, minimum and maximum of level and wave height by their names; None if no water is known."""
+    if not np.isfinite(history.water).any():
+        return None
+    series = binned(history.water, starts)
+    columns = {name: WATER_COLUMNS.index(name) for name in ("water_level_m", "significant_wave_height_m")}
+    return {name: [_packed(one[:, k], "<f4") for one in series] for name, k in columns.items()}
+
+
+def mean_thresholds(history: History) -> list[float]:
+    """Return the threshold of each range ring, averaged over the frames where it is known."""
+    values = history.thresholds
+    known = np.isfinite(values)
+    total = np.where(known, values, 0).sum(axis=0, dtype=np.float64)
+    return [float(mean) for mean in total / np.maximum(known.sum(axis=0), 1)]
+
+
+def alarm_bits(history: History) -> NDArray[np.uint8]:
+    """Return the bits `LABELLED`, `FALSE_ALARM` and `MISSED_TARGET` of each frame, shape (frames,), uint8."""
+    labelled = np.isfinite(history.false_alarms)
+    bits = LABELLED * labelled + FALSE_ALARM * (history.false_alarms > 0) + MISSED_TARGET * (history.missed > 0)
+    return np.asarray(bits, np.uint8)
+
+
+def _density(collected: Collector, number: int, history: History) -> dict[str, Any] | None:
+    method = collected.methods[number]
+    top = float(np.nanmax(history.thresholds, initial=0)) if len(method.edges) else 0.0
+    found = density_of(collected.spread, number, method.edges, top)
+    if found is None:
+        return None
+    return {
+        "reach": found.reach_m,
+        "low": found.low,
+        "high": found.high,
+        "rows": found.counts.shape[1],
+        "columns": found.counts.shape[2],
+        "counts": {
+            str(int(reason)): _packed(found.counts[reason], "<f4") for reason in Reason if found.counts[reason].any()
+        },
+        "frames": len(collected.spread),
+    }
+
+
+def _intensity_top(samples: Sequence[Sample]) -> float:
+    """Return the upper end of the intensity colour scale; 98 % of the points are below it."""
+    known = [sample.intensity[np.isfinite(sample.intensity)] for sample in samples]
+    values = np.concatenate([*known, np.empty(0, np.float32)])
+    return float(np.quantile(values, 0.98)) if len(values) else 0.0
+
+
+def _sample(one: Chosen[Sample], top: float) -> dict[str, Any]:
+    sample = one.item
+    reach = float(np.abs(sample.xyz).max(initial=0.01))
+    scale = reach / _STEPS
+    return {
+        "row": one.row,
+        "why": one.why,
+        "size": sample.size,
+        "valid": sample.valid,
+        "shown": len(sample.xyz),
+        "scale": scale,
+        "xyz": _packed(np.round(sample.xyz / scale), "<i2"),
+        "intensity": _packed(np.nan_to_num(sample.intensity / (top or 1.0) * 255).clip(0, 255), "u1"),
+        "truth": _packed(sample.truth, "u1"),
+        "reasons": [_packed(reasons, "u1") for reasons in sample.reasons],
+        "boxes": sample.boxes,
+        "clusters": sample.clusters,
+        "water": sample.water and _plane(sample.water),
+    }
+
+
+def _plane(water: WaterState) -> dict[str, float]:
+    """Return the mean plane of the water, :math:`z = level + slope_x x + slope_y y`, and the wave height."""
+    return {
+        "level": water.level_m,
+        "slope_x": math.tan(math.radians(water.pitch_deg)),
+        "slope_y": -math.tan(math.radians(water.roll_deg)),
+        "wave_height": water.significant_wave_height_m,
+    }
+
+
+def _packed(values: NDArray[Any], dtype: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, np.dtype(dtype)).tobytes()).decode()
+
 
 SCRIPTS = ("dom.js", "charts.js", "cloud.js", "page.js")
 """JavaScript files of the page, in order of execution."""

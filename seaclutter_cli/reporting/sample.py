@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
-from seaclutter_cli.reporting.objects import Described, Objects, deferred_objects, unconfirmed
+from seaclutter_cli.reporting.boxes import Described, Objects, deferred_objects, unconfirmed
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 UNKNOWN, IS_CLUTTER, IS_TARGET, IS_IGNORED = range(4)

@@ -15,9 +15,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.evaluation.parts import Parts
 from seaclutter_cli.evaluation.scores import Summary
-from seaclutter_cli.evaluation.tuning import best
+from seaclutter_cli.evaluation.tuning import Parts, best
 from seaclutter_cli.runs.observer import Observer, Silent, Step
 from seaclutter_cli.runs.score_table import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
 from seaclutter_cli.runs.tune import TuneWork

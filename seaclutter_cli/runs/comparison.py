@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from seaclutter_cli.evaluation.parts import Parts
 from seaclutter_cli.evaluation.scores import Summary
+from seaclutter_cli.evaluation.tuning import Parts
 from seaclutter_cli.runs.frame_table import PackedRows
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult

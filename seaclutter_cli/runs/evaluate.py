@@ -8,12 +8,12 @@ from functools import partial
 from typing import Literal
 
 from seaclutter_cli.errors import LabelError
-from seaclutter_cli.evaluation.labelling.check import LabelCheck
+from seaclutter_cli.evaluation.label_check import LabelCheck
 from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import run_each
-from seaclutter_cli.reporting.listener import FrameListener
+from seaclutter_cli.reporting.history import FrameListener
 from seaclutter_cli.runs.batch import BatchOptions, Work, inputs_of_work, run_batch
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.comparison import Comparison, Evaluated

@@ -345,6 +345,6 @@ class FilterWork(Work[FilterOutcome]):
         )
         if not self.options.with_scene:
             return written
-        from seaclutter_cli.reporting.scene import scene_maker
+        from seaclutter_cli.reporting.boxes import scene_maker
 
         return replace(written, scene=scene_maker(self.config.evaluation, labels))

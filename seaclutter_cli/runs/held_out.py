@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from seaclutter_cli.evaluation.parts import Parts
 from seaclutter_cli.evaluation.scores import FrameScore, Summary
+from seaclutter_cli.evaluation.tuning import Parts
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.runs.comparison import Evaluated
 from seaclutter_cli.text import count

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.config import load_config
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.labelling.check import Finding, LabelCheck
+from seaclutter_cli.evaluation.label_check import Finding, LabelCheck
 from seaclutter_cli.evaluation.matching import targets_of
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source

@@ -7,10 +7,10 @@ from typing import TypeVar
 
 from seaclutter_cli.config import parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
-from seaclutter_cli.evaluation.labelling.check import LabelCheck
+from seaclutter_cli.evaluation.label_check import LabelCheck
 from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.reporting.listener import ReplayListener
+from seaclutter_cli.reporting.history import ReplayListener
 from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.comparison import Comparison, Evaluated
 from seaclutter_cli.runs.evaluate import Evaluator

@@ -9,8 +9,7 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.plots.figure import check_target
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting.collector import Collector, Method
-from seaclutter_cli.reporting.data import report_data
-from seaclutter_cli.reporting.page import render_page
+from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.runs.comparison import Comparison
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import MethodOptions, Variant

@@ -10,8 +10,8 @@ from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.evaluation.tuning import ideal_threshold
 from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.plots.curves import draw_thresholds
 from seaclutter_cli.plots.figure import render
-from seaclutter_cli.plots.tuning import draw_thresholds
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.text import count
 from seaclutter_cli.truth import Truth

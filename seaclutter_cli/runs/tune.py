@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.evaluation.parts import Parts
+from seaclutter_cli.evaluation.tuning import Parts
 from seaclutter_cli.plots.figure import check_target
-from seaclutter_cli.reporting.listener import FrameListener
+from seaclutter_cli.reporting.history import FrameListener
 from seaclutter_cli.runs.batch import BatchOptions, run_batch
 from seaclutter_cli.runs.comparison import Evaluated
 from seaclutter_cli.runs.evaluate import EvaluateWork

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.evaluation.tuning import best
+from seaclutter_cli.plots.curves import draw_rates
 from seaclutter_cli.plots.figure import render
-from seaclutter_cli.plots.tuning import draw_rates
 from seaclutter_cli.runs.comparison import Evaluated
 from seaclutter_cli.runs.held_out import Split
 from seaclutter_cli.runs.recordings import RecordingsResult

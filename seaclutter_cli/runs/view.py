@@ -17,7 +17,7 @@ from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import printable
-from seaclutter_cli.viewing.stream import FrameStream, check_target, require_rerun, viewer
+from seaclutter_cli.viewing import FrameStream, check_target, require_rerun, viewer
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,18 +3,60 @@
 Importing this package is cheap; heavy dependencies are imported when a tracker is made.
 """
 
-from typing import TYPE_CHECKING
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
-from seaclutter_cli.scenes.params import SceneParams
+from annotated_types import Ge, Gt
+
+from seaclutter_cli.errors import ModelError
 
 if TYPE_CHECKING:
     from seaclutter_cli.scenes.tracker import SceneTracker
 
-__all__ = ["SceneParams", "make_scene_tracker"]
+DEFAULT_MODEL = "open_confined"
+"""Built-in model: open water, or water confined by quay walls, moored rows or the banks of a channel."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneParams:
+    """Parameters of the scene classification.
+
+    Parameters
+    ----------
+    scene_model : str
+        ONNX file of the scene classifier, or the name of a built-in one.
+    scene_extent_m : float or None
+        Half the side of the square in the top view, which must match the model; null: the extent of the model.
+    scene_every : int
+        Interval in frames at which the classifier runs.
+    scene_hold : int
+        Consecutive classifications that must agree on another scene before it changes.
+    """
+
+    scene_model: str = DEFAULT_MODEL
+    scene_extent_m: Annotated[float, Gt(0)] | None = None
+    scene_every: Annotated[int, Ge(1)] = 10
+    scene_hold: Annotated[int, Ge(1)] = 3
 
 
 def make_scene_tracker(params: SceneParams) -> "SceneTracker":
-    """Return a scene tracker; see `seaclutter_cli.scenes.tracker.make_scene_tracker`."""
-    from seaclutter_cli.scenes import tracker
+    """Return a scene tracker in its initial state.
 
-    return tracker.make_scene_tracker(params)
+    Raises
+    ------
+    MissingExtraError
+        If onnxruntime is not installed.
+    ModelError
+        If the model cannot be used, or its extent differs from the configured one.
+    """
+    from seaclutter_cli.scenes.model import SceneModel
+    from seaclutter_cli.scenes.tracker import SceneTracker
+
+    model = SceneModel(params.scene_model)
+    if params.scene_extent_m is not None and not math.isclose(params.scene_extent_m, model.extent_m, rel_tol=1e-6):
+        raise ModelError(
+            f"{params.scene_model}: the model covers {model.extent_m:g} m to each side, but scene_extent_m is "
+            f"{params.scene_extent_m:g}; leave it out to use the extent of the model"
+        )
+    return SceneTracker(model, every=params.scene_every, hold=params.scene_hold)

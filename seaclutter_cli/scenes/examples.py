@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.scenes.image import IMAGE_SIZE, mark_cells
+from seaclutter_cli.scenes.model import IMAGE_SIZE, mark_cells
 from seaclutter_cli.text import count
 
 _FINER = 4

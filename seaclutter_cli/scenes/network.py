@@ -1,7 +1,15 @@
 """Network of the scene classifier, a slim MobileNetV2 ([Bi], Fig. 2)."""
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli import __version__
+from seaclutter_cli.scenes.model import CLASSES_KEY, EXTENT_KEY, IMAGE_SIZE
 
 STEM_MAPS = 3
 
@@ -79,3 +87,96 @@ def _convolution(
 
     convolution = nn.Conv2d(maps_in, maps, size, stride, size // 2, groups=groups, bias=False)
     return nn.Sequential(convolution, nn.BatchNorm2d(maps), *([nn.ReLU6()] if activated else []))
+
+
+_OPSET, _IR_VERSION = 17, 8  # from 2022, to be readable by older runtimes
+
+
+def to_onnx(network: Any, classes: Sequence[str], extent_m: float) -> bytes:
+    """Return a network of `make_network` as the content of an ONNX file.
+
+    Its input is images as bytes, shape (N, 1, 224, 224), its output probabilities, shape (N, C), float32. The metadata
+    contains the class names and the extent. The same weights give the same bytes.
+    """
+    from onnx import TensorProto, checker, helper
+
+    writer = _Writer()
+    maps = writer.add("Cast", ["image"], to=TensorProto.FLOAT)
+    maps = writer.convolution(maps, network[0])
+    width = STEM_MAPS
+    for block, layer in zip(BLOCKS, network[1:], strict=False):
+        before = maps
+        for step in layer:
+            maps = writer.convolution(maps, step)
+        if block.is_residual(width):
+            maps = writer.add("Add", [before, maps])
+        width = block.maps
+    pooled = writer.add("Flatten", [writer.add("GlobalAveragePool", [maps])])
+    last = network[-1]
+    scores = writer.add(
+        "Gemm", [pooled, writer.weights(_array(last.weight)), writer.weights(_array(last.bias))], transB=1
+    )
+    writer.nodes.append(helper.make_node("Softmax", [scores], ["probability"], axis=1))
+    graph = helper.make_graph(
+        writer.nodes,
+        "scene",
+        [helper.make_tensor_value_info("image", TensorProto.UINT8, ["N", 1, IMAGE_SIZE, IMAGE_SIZE])],
+        [helper.make_tensor_value_info("probability", TensorProto.FLOAT, ["N", len(classes)])],
+        writer.initializers,
+    )
+    opset = helper.make_opsetid("", _OPSET)
+    model = helper.make_model(graph, producer_name="seaclutter", producer_version=__version__, opset_imports=[opset])
+    model.ir_version = _IR_VERSION
+    helper.set_model_props(model, {CLASSES_KEY: json.dumps(list(classes)), EXTENT_KEY: repr(float(extent_m))})
+    checker.check_model(model, full_check=True)
+    data: bytes = model.SerializeToString(deterministic=True)
+    return data
+
+
+class _Writer:
+    """Nodes and weights of a graph under construction."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Any] = []
+        self.initializers: list[Any] = []
+
+    def add(self, kind: str, inputs: Sequence[str], **attributes: Any) -> str:
+        """Add a node and return the name of its output."""
+        from onnx import helper
+
+        name = f"{kind.lower()}{len(self.nodes)}"
+        self.nodes.append(helper.make_node(kind, list(inputs), [name], **attributes))
+        return name
+
+    def weights(self, values: NDArray[np.float32]) -> str:
+        """Add weights and return their name."""
+        from onnx import numpy_helper
+
+        name = f"weights{len(self.initializers)}"
+        self.initializers.append(numpy_helper.from_array(values, name))
+        return name
+
+    def convolution(self, maps: str, step: Any) -> str:
+        """Add a convolution with its batch normalisation and, if present, ReLU6; return the name of its output."""
+        convolution, normal = step[0], step[1]
+        scale = _array(normal.weight) / np.sqrt(_array(normal.running_var) + np.float32(normal.eps))
+        kernel = _array(convolution.weight) * scale[:, None, None, None]
+        bias = _array(normal.bias) - _array(normal.running_mean) * scale
+        pad = convolution.padding[0]
+        out = self.add(
+            "Conv",
+            [maps, self.weights(kernel), self.weights(bias)],
+            kernel_shape=list(convolution.kernel_size),
+            strides=list(convolution.stride),
+            pads=[pad] * 4,
+            group=convolution.groups,
+        )
+        if len(step) < 3:
+            return out
+        limits = (self.weights(np.array(limit, np.float32)) for limit in (0, 6))
+        return self.add("Clip", [out, *limits])
+
+
+def _array(tensor: Any) -> NDArray[np.float32]:
+    values: NDArray[np.float32] = tensor.detach().cpu().numpy()
+    return values

@@ -1,14 +1,10 @@
 """Scene of each frame, classified at intervals and kept stable."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from seaclutter_cli.errors import ModelError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.scenes.image import top_view
-from seaclutter_cli.scenes.model import SceneModel
-from seaclutter_cli.scenes.params import SceneParams
+from seaclutter_cli.scenes.model import SceneModel, top_view
 
 
 @dataclass(frozen=True)
@@ -90,22 +86,3 @@ class SceneTracker:
         self._has_decided = True
         self._decision = SceneDecision(name, probabilities[name], True, probabilities)
         return self._decision
-
-
-def make_scene_tracker(params: SceneParams) -> SceneTracker:
-    """Return a scene tracker in its initial state.
-
-    Raises
-    ------
-    MissingExtraError
-        If onnxruntime is not installed.
-    ModelError
-        If the model cannot be used, or its extent differs from the configured one.
-    """
-    model = SceneModel(params.scene_model)
-    if params.scene_extent_m is not None and not math.isclose(params.scene_extent_m, model.extent_m, rel_tol=1e-6):
-        raise ModelError(
-            f"{params.scene_model}: the model covers {model.extent_m:g} m to each side, but scene_extent_m is "
-            f"{params.scene_extent_m:g}; leave it out to use the extent of the model"
-        )
-    return SceneTracker(model, every=params.scene_every, hold=params.scene_hold)

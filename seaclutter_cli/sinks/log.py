@@ -32,8 +32,7 @@ from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message,
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.log_output import LogOutput, McapOutput
 from seaclutter_cli.sinks.log_writer import LogWriter
-from seaclutter_cli.sinks.options import McapOptions
-from seaclutter_cli.sinks.split import Parts
+from seaclutter_cli.sinks.options import McapOptions, Parts
 from seaclutter_cli.storage.locations import Location
 
 _NEW = -1

@@ -15,9 +15,9 @@ from seaclutter_cli.sinks.bag_writer import BagWriter
 from seaclutter_cli.sinks.db3_writer import Db3Writer
 from seaclutter_cli.sinks.log_writer import LogWriter
 from seaclutter_cli.sinks.mcap_writer import McapWriter
+from seaclutter_cli.sinks.options import part_path, parts_after
 from seaclutter_cli.sinks.ros_writer import MessagesOnly, TranslatingWriter
 from seaclutter_cli.sinks.rosbag2_metadata import NAME, Contents, StoredFile
-from seaclutter_cli.sinks.split import part_path, parts_after
 from seaclutter_cli.storage.locations import Location
 
 _LIBRARY = f"seaclutter {__version__}"

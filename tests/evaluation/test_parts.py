@@ -3,8 +3,8 @@
 import pytest
 
 from seaclutter_cli.evaluation.matching import Alarms
-from seaclutter_cli.evaluation.parts import Parts
 from seaclutter_cli.evaluation.scores import FrameScore
+from seaclutter_cli.evaluation.tuning import Parts
 
 
 def parts_of(frames):

@@ -5,8 +5,7 @@ import pytest
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import Alarms
-from seaclutter_cli.evaluation.scores import FrameScore, PointCounts, Summary, score_frame
-from seaclutter_cli.evaluation.times import Durations
+from seaclutter_cli.evaluation.scores import Durations, FrameScore, PointCounts, Summary, score_frame
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 from tests.evaluation.scenes import frame_of, lump, result_of
 

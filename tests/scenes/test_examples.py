@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.scenes.examples import Examples
-from seaclutter_cli.scenes.image import top_view
+from seaclutter_cli.scenes.model import top_view
 
 
 def cloud(seed, size=300):

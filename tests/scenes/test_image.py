@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seaclutter_cli.scenes.image import IMAGE_SIZE, mark_cells, top_view
+from seaclutter_cli.scenes.model import IMAGE_SIZE, mark_cells, top_view
 
 ANY = st.one_of(
     st.floats(-80, 80),

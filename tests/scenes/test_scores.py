@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seaclutter_cli.scenes.scores import SceneScores
+from seaclutter_cli.scenes.training import SceneScores
 
 CLASSES = ("open", "confined", "ice")
 

@@ -54,8 +54,7 @@ def test_the_shape_of_the_network(torch):
 
 def test_the_exported_model_gives_the_results_of_the_network(torch, tmp_path):
     pytest.importorskip("onnxruntime", reason="needs the extra scene")
-    from seaclutter_cli.scenes.export import to_onnx
-    from seaclutter_cli.scenes.network import make_network
+    from seaclutter_cli.scenes.network import make_network, to_onnx
 
     torch.manual_seed(1)
     network = make_network(3)

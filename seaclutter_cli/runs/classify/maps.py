@@ -12,7 +12,7 @@ from seaclutter_cli.airborne.objects import ObjectFindingParams
 from seaclutter_cli.airborne.separation import SeaState, Separation
 from seaclutter_cli.airborne.unclassified import unclassified_objects
 from seaclutter_cli.plots.figure import check_target, render
-from seaclutter_cli.plots.maps import MapPart, aspect_of, draw_map
+from seaclutter_cli.plots.tiles import MapPart, aspect_of, draw_map
 from seaclutter_cli.runs.classify.geodata import TileGeodata, check_geodata, geojson_of, geopackage_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.sources.extents import TileHead

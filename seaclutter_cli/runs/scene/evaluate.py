@@ -15,8 +15,8 @@ from seaclutter_cli.runs.recordings import Outcome, ReadOptions, RecordingsResul
 from seaclutter_cli.runs.scene.logs import ClassifierOptions, LabelledLog, LabelledLogs, read_frames
 from seaclutter_cli.runs.scene.table import SceneTable, confusion_table
 from seaclutter_cli.scenes.model import SceneModel
-from seaclutter_cli.scenes.scores import SceneScores
 from seaclutter_cli.scenes.tracker import SceneTracker
+from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.text import count, table
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import TracebackType
 
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.scenes.scores import SceneScores
 from seaclutter_cli.scenes.tracker import SceneDecision
+from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import share, table
 

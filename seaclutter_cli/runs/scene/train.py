@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.plots.curves import draw_training
 from seaclutter_cli.plots.figure import check_target, render
-from seaclutter_cli.plots.training import draw_training
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
@@ -17,7 +17,7 @@ from seaclutter_cli.runs.recordings import ReadOptions, Result
 from seaclutter_cli.runs.scene.logs import LabelledLog, LabelledLogs, read_frames
 from seaclutter_cli.runs.scene.table import confusion_table
 from seaclutter_cli.scenes.examples import Examples
-from seaclutter_cli.scenes.export import to_onnx
+from seaclutter_cli.scenes.network import to_onnx
 from seaclutter_cli.scenes.training import Epoch, Trained, TrainingParams, check_torch, train
 from seaclutter_cli.text import count, printable
 

@@ -10,8 +10,7 @@ from rosbags.rosbag2 import Reader
 from seaclutter_cli.records import Channel, Schema
 from seaclutter_cli.runs.convert import ConvertOptions, convert_logs
 from seaclutter_cli.sinks.bag_writer import BagWriter
-from seaclutter_cli.sinks.options import McapOptions
-from seaclutter_cli.sinks.split import Split
+from seaclutter_cli.sinks.options import McapOptions, Split
 from seaclutter_cli.sources import open_source
 from tests.logs import Entry, Topic, cloud_messages, cloud_topic, write_log
 

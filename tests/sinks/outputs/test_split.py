@@ -2,7 +2,7 @@
 
 import pytest
 
-from seaclutter_cli.sinks.split import Parts, Split, parse_split
+from seaclutter_cli.sinks.options import Parts, Split, parse_split
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Streaming of frames, reasons, boxes, clusters and curves to the Rerun viewer, on one timeline."""
+"""The Rerun viewer: streaming of frames, reasons, boxes, clusters and curves to the Rerun viewer, on one timeline."""
 
 import os
 import subprocess
@@ -17,9 +17,8 @@ from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.messages.scene import SceneBox
 from seaclutter_cli.reporting import palette
-from seaclutter_cli.reporting.history import Numbers
-from seaclutter_cli.reporting.listener import ReplayListener
-from seaclutter_cli.reporting.scene import boxes_of
+from seaclutter_cli.reporting.boxes import boxes_of
+from seaclutter_cli.reporting.history import Numbers, ReplayListener
 from seaclutter_cli.truth import Truth
 
 LOOPBACK = "127.0.0.1"

@@ -1,4 +1,4 @@
-"""Training curves of any values."""
+"""Curves of tuning and training, by their axes and of any values."""
 
 import io
 
@@ -6,8 +6,26 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from seaclutter_cli.plots.curves import draw_rates, draw_training
 from seaclutter_cli.plots.figure import render
-from seaclutter_cli.plots.training import draw_training
+
+figures = pytest.importorskip("matplotlib.figure")
+RATES = np.array([[0.5, 0.1, 0.2], [0.0, 0.3, np.nan]])
+
+
+@pytest.mark.parametrize("held_out", [np.empty((2, 0)), RATES / 2])
+def test_tuned_and_held_out_rates(held_out):
+    figure = figures.Figure()
+    draw_rates(figure, "update_weight", ["0.2", "0.4", "0.6"], RATES, held_out, 1)
+    curves = {line.get_label(): line.get_ydata() for line in figure.axes[0].get_lines() if "$" in line.get_label()}
+    names = ["false alarms, $R_{FP}$", "missed targets, $R_{FN}$"]
+    expected = dict(zip(names, RATES, strict=True))
+    if held_out.size:
+        expected |= {f"{name}, held out": rates for name, rates in zip(names, held_out, strict=True)}
+    assert list(curves) == list(expected)
+    for name, rates in expected.items():
+        np.testing.assert_allclose(curves[name], 100 * rates)
+
 
 EPOCHS = np.arange(30)
 CURVES = {
@@ -27,9 +45,7 @@ def test_any_values_can_be_drawn(name):
 
 
 def test_axes_and_curves():
-    from matplotlib.figure import Figure
-
-    figure = Figure()
+    figure = figures.Figure()
     loss, precision, best = CURVES["usual"]
     draw_training(figure, loss, precision, best)
     upper, lower = figure.axes

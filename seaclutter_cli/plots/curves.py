@@ -1,4 +1,4 @@
-"""Results of tuning: rates over a parameter, and the threshold of a range ring over frames ([Li2023], Fig. 7)."""
+"""Curves of tuning ([Li2023], Fig. 7) and of the training of a classifier ([Bi], Fig. 10)."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ Series = NDArray[np.float64]
 
 # Okabe and Ito's colours, distinguishable by colour-blind readers.
 _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
+_PARTS = (("training", "-"), ("validation", "--"))
 
 
 def draw_rates(
@@ -83,3 +84,30 @@ def draw_thresholds(
     axes.set_ylabel(f"Threshold, {ring}")
     longest = max(len(name) for name in curves)
     figure.legend(loc="outside upper center", ncols=max(1, min(len(curves) + 1, 50 // (longest + 6))), title=title)
+
+
+def draw_training(figure: "Figure", loss: Series, precision: Series, best: int) -> None:
+    """Draw loss and precision over the epochs, one above the other.
+
+    Parameters
+    ----------
+    figure : Figure
+        Empty figure.
+    loss, precision : ndarray, shape (2, E), float64
+        Mean loss, and mean precision of the classes from 0 to 1, on training and validation data.
+    best : int
+        Index of the best epoch, from 0.
+    """
+    upper, lower = figure.subplots(2, sharex=True)
+    epochs = np.arange(1, loss.shape[1] + 1)
+    for axes, curves, name in ((upper, loss, "Loss"), (lower, precision, "Precision")):
+        for curve, (part, line), color in zip(curves, _PARTS, _COLORS, strict=False):
+            axes.plot(epochs, curve, line, color=color, label=part, marker="." if len(epochs) == 1 else None)
+        axes.axvline(best + 1, color="0.7", linewidth=0.8, zorder=0)
+        axes.set_ylabel(name)
+    # The loss of a single early epoch can be larger by orders of magnitude.
+    upper.set_ylim(0, max(1.2 * float(np.nanquantile(loss, 0.95)), 1e-3))
+    lower.set_ylim(min(0.9, float(np.nanquantile(precision, 0.05))) - 0.02, 1.01)
+    lower.annotate("best", (best + 1, 0), xycoords=("data", "axes fraction"), xytext=(2, 3), textcoords="offset points")
+    lower.set_xlabel("Epoch")
+    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)

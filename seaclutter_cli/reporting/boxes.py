@@ -1,4 +1,4 @@
-"""Labelled boxes and clusters of a frame, with the outcome of matching."""
+"""Labelled boxes and clusters of a frame, with the outcome of matching, for reports and for players."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import Finder, FrameTargets, Matches, finder_of, match_clusters, targets_of
 from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.interfaces import Labels
+from seaclutter_cli.messages.scene import SceneBox, SceneUpdate
+from seaclutter_cli.reporting import palette
 from seaclutter_cli.truth import Boxes, Truth
 
 _MAX_CLUSTERS = 400
@@ -130,3 +133,48 @@ def _described(boxes: Boxes) -> list[Described]:
 
 def _rounded(values: NDArray[np.float64]) -> list[float]:
     return [round(float(value), 3) for value in values]
+
+
+_CLUSTERS = {
+    "target": palette.STATES["detected"],
+    "false": palette.STATES["false alarm"],
+    "unknown": palette.TRUTH["clutter"],
+    "unconfirmed": palette.REASONS[Reason.UNCONFIRMED],
+}
+_TEXTS = {"false": "false alarm", "unconfirmed": "unconfirmed"}
+_BOXES = {
+    "detected": palette.STATES["detected"],
+    "missed": palette.STATES["missed target"],
+    "hidden": palette.TRUTH["unknown"],
+    "ignored": palette.TRUTH["unknown"],
+}
+
+
+def scene_maker(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], SceneUpdate]:
+    """Return a function that makes the scene update of a filtered frame: clusters and, with labels, boxes."""
+
+    def make(result: FilterResult) -> SceneUpdate:
+        frame = result.frame
+        found = boxes_of(result, labels.truth(frame) if labels else None, params)
+        groups = {f"{frame.topic} {name}": boxes for name, boxes in found.items() if labels or name != "labels"}
+        return SceneUpdate(frame.stamp_ns, frame.cloud.frame_id, groups)
+
+    return make
+
+
+def boxes_of(result: FilterResult, truth: Truth | None, params: EvaluationParams) -> dict[str, list[SceneBox]]:
+    """Return the boxes of a filtered frame, those of its ``clusters`` and those of its ``labels``."""
+    boxes, clusters = find_objects(result.frame, [result], truth, params)
+    return {"clusters": [_cluster(one) for one in clusters[0]], "labels": [_box(one) for one in boxes]}
+
+
+def _cluster(one: Described) -> SceneBox:
+    sides = list(zip(one["low"], one["high"], strict=True))
+    center, size = [(low + high) / 2 for low, high in sides], [high - low for low, high in sides]
+    return SceneBox(center, size, 0.0, _CLUSTERS[one["kind"]], _TEXTS.get(one["kind"], ""))
+
+
+def _box(one: Described) -> SceneBox:
+    state = one["state"][0] if isinstance(one["state"], list) else one["state"]
+    text = {"detected": one["class"], "missed": f"{one['class']} (missed)", "hidden": f"{one['class']} (not visible)"}
+    return SceneBox(one["center"], one["size"], one["yaw"], _BOXES[state], text.get(state, ""))

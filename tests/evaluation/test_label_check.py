@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.labelling.check import LabelCheck
+from seaclutter_cli.evaluation.label_check import LabelCheck
 from seaclutter_cli.evaluation.matching import targets_of
 from seaclutter_cli.frame import Frame
-from tests.evaluation.labelling.harbours import BOATS, CLASSES, harbour
+from tests.evaluation.harbours import BOATS, CLASSES, harbour
 
 PARAMS = EvaluationParams()
 

@@ -1,0 +1,217 @@
+"""Labels as JSON files with the boxes of a frame each: SeePerSea and SUSTechPOINTS."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
+from seaclutter_cli.errors import LabelError
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.labels.boxes import Labelled, LabelOptions, checked, truth_of
+from seaclutter_cli.labels.files import FileLabels, assigned, files_in, label_folder
+from seaclutter_cli.truth import Truth
+
+_HEAD_BYTES = 1024
+_BOM = b"\xef\xbb\xbf"
+
+
+@dataclass(frozen=True)
+class JsonForm:
+    """Form of labels: a folder with a JSON file for each frame, in a scene that may also have a folder of clouds.
+
+    Every JSON file starts with ``mark``, and contains ``key`` near its start. In a ``complete`` form, every frame must
+    have a file; in others, frames without a file are unlabelled. ``objects`` returns the objects in the content of a
+    file, or None if the frame is not labelled.
+    """
+
+    title: str
+    folder: str
+    clouds: str
+    mark: bytes
+    key: bytes
+    complete: bool
+    objects: Callable[[Any], list[Any] | None]
+    parse: Callable[[Any], Labelled]
+
+    def matches(self, path: Path) -> bool:
+        """Return whether a path is a scene or its label folder, with files of this form."""
+        return self._find(path) is not None
+
+    def open(self, path: Path, options: LabelOptions) -> FileLabels:
+        """Return the labels of a scene or its label folder.
+
+        Raises
+        ------
+        LabelError
+            If the path has no labels, or clouds and labels do not match.
+        """
+        folder = self._find(path)
+        if folder is None:
+            raise LabelError(f"{path}: contains no {self.title}")
+        return FileLabels(folder, assigned(folder, ".json", self.clouds, complete=self.complete), self._read, options)
+
+    def _find(self, path: Path) -> Path | None:
+        """Return the folder of label files: the subfolder of this name or the path itself; None if neither fits.
+
+        A folder of the right name needs no typical file, because all files may be empty or broken, but no file may
+        start with the mark of the other form.
+        """
+        folder = label_folder(path, self.folder, ".json")
+        if folder is None:
+            return None
+        heads = [_head(file) for file in files_in(folder, (".json",))]
+        typical = any(head.startswith(self.mark) and self.key in head for head in heads)
+        foreign = any(head.startswith(b"[" if self.mark == b"{" else b"{") for head in heads)
+        return folder if typical or (folder.resolve().name == self.folder and not foreign) else None
+
+    def _read(self, path: Path, _: Frame) -> Truth | None:
+        objects = self.objects(read_json(path))
+        return None if objects is None else truth_from(objects, self.parse)
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_HEAD_BYTES).removeprefix(_BOM).lstrip()
+
+
+def read_json(path: Path) -> Any:
+    """Return the content of a JSON file; None if the file is empty.
+
+    Raises
+    ------
+    LabelError
+        If the file is not valid JSON.
+    """
+    with path.open("rb") as file:
+        content = file.read(MAX_JSON_BYTES + 1).removeprefix(_BOM)
+    if not content.strip():
+        return None
+    try:
+        return load_json(content)
+    except DocumentError as error:
+        raise LabelError(str(error)) from error
+
+
+def truth_from(items: Iterable[Any], parse: Callable[[Any], Labelled]) -> Truth:
+    """Return the truth of a frame from the JSON of its objects.
+
+    Raises
+    ------
+    LabelError
+        If an object is invalid; the message names its number.
+    """
+    objects = []
+    for number, item in enumerate(items):
+        try:
+            objects.append(checked(parse(item)))
+        except LabelError as error:
+            raise LabelError(f"object {number}: {error}") from error
+    return truth_of(objects)
+
+
+def part(item: Any, key: str) -> Any:
+    """Return the value of a key.
+
+    Raises
+    ------
+    LabelError
+        If the key is missing or the item is not a JSON object.
+    """
+    if not isinstance(item, Mapping) or key not in item:
+        raise LabelError(f"missing key {key!r}")
+    return item[key]
+
+
+def number(item: Any, key: str) -> float:
+    """Return the finite number at a key.
+
+    Raises
+    ------
+    LabelError
+        If the key is missing or its value is not a finite number.
+    """
+    value = part(item, key)
+    try:
+        result = math.nan if isinstance(value, str | bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        result = math.nan
+    if not math.isfinite(result):
+        raise LabelError(f"{key!r} is not a finite number")
+    return result
+
+
+def _numbers(item: Any, keys: tuple[str, str, str]) -> tuple[float, float, float]:
+    """Return the finite numbers at three keys."""
+    first, second, third = (number(item, key) for key in keys)
+    return first, second, third
+
+
+def text(item: Any, key: str) -> str:
+    """Return the text or whole number at a key as text; empty if there is neither."""
+    value = item.get(key) if isinstance(item, Mapping) else None
+    return str(value) if isinstance(value, str | int) and not isinstance(value, bool) else ""
+
+
+def _seepersea_objects(content: Any) -> list[Any] | None:
+    if not content:
+        return None
+    labels = part(content, "labels")
+    if not isinstance(labels, list):
+        raise LabelError("'labels' is not a list")
+    return labels
+
+
+def _seepersea_object(item: Any) -> Labelled:
+    box = part(item, "box3d")
+    return Labelled(
+        text(item, "trackId") or text(item, "id"),
+        text(item, "category"),
+        _numbers(part(box, "location"), ("x", "y", "z")),
+        _numbers(part(box, "dimension"), ("width", "length", "height")),  # in 3D BAT, the width is along x
+        number(part(box, "orientation"), "rotationYaw"),
+    )
+
+
+SEEPERSEA = JsonForm(
+    title="SeePerSea annotations",
+    folder="annotations",
+    clouds="point_clouds",
+    mark=b"{",
+    key=b'"labels"',
+    complete=True,
+    objects=_seepersea_objects,
+    parse=_seepersea_object,
+)
+"""Sequences of https://github.com/dartmouthrobotics/SeePerSea, in the format of 3D BAT."""
+
+
+def _sustechpoints_objects(content: Any) -> list[Any] | None:
+    if content is not None and not isinstance(content, list):
+        raise LabelError("not a list of boxes")
+    return content
+
+
+def _sustechpoints_object(item: Any) -> Labelled:
+    psr = part(item, "psr")
+    return Labelled(
+        text(item, "obj_id"),
+        text(item, "obj_type"),
+        _numbers(part(psr, "position"), ("x", "y", "z")),
+        _numbers(part(psr, "scale"), ("x", "y", "z")),
+        number(part(psr, "rotation"), "z"),  # boxes are upright here; the tool can also tilt them by a few degrees
+    )
+
+
+SUSTECHPOINTS = JsonForm(
+    title="SUSTechPOINTS labels",
+    folder="label",
+    clouds="lidar",
+    mark=b"[",
+    key=b'"psr"',
+    complete=False,  # the tool writes a file once a frame has been edited
+    objects=_sustechpoints_objects,
+    parse=_sustechpoints_object,
+)
+"""Scenes of https://github.com/naurril/SUSTechPOINTS."""

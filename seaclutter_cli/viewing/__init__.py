@@ -1,1 +1,0 @@
-"""Output for the Rerun viewer; the only part that imports rerun."""
