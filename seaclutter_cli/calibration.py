@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.filters.histogram import IntensityHistogram
-from seaclutter_cli.filters.ring_params import RingIntensityParams
+from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS, Zones
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels

@@ -19,7 +19,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.adaptive_radius import PresetParams
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
-from seaclutter_cli.filters.ring_params import RingIntensityParams
+from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.sea_surface import SeaSurfaceParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter

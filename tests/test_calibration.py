@@ -12,7 +12,7 @@ from seaclutter_cli.calibration import Calibration, ClutterSelector, FarLimit, f
 from seaclutter_cli.errors import FieldError, InputError
 from seaclutter_cli.filters import histogram as module
 from seaclutter_cli.filters.histogram import IntensityHistogram, QuantileSketch
-from seaclutter_cli.filters.ring_params import JointParams
+from seaclutter_cli.filters.joint import JointParams
 from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 from tests.filters.frames import make_frame, on_axis, sea_frame
 
@@ -439,8 +439,7 @@ class TestClutterSelector:
 
     def test_a_sea_in_two_passes(self):
         """The ring filter removes as many points as the calibration predicts."""
-        from seaclutter_cli.filters.joint import RingIntensity
-        from seaclutter_cli.filters.ring_params import RingIntensityParams
+        from seaclutter_cli.filters.joint import RingIntensity, RingIntensityParams
 
         frames = [sea_frame(5, index=index) for index in range(6)]
         calibration = Calibration(params())

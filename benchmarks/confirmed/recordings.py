@@ -10,7 +10,7 @@ from seaclutter_cli.calibration import Calibration, ClutterSelector
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.filters.ring_params import RingIntensityParams
+from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene
 from seaclutter_cli.simulation.lidar.models import LIDARS

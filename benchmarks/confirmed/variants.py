@@ -15,7 +15,7 @@ from seaclutter_cli.filters.adaptive_radius import PresetParams
 from seaclutter_cli.filters.confirmation.heights import Heights, measure
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
-from seaclutter_cli.filters.ring_params import RingIntensityParams
+from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.water import WaterSurface
 from seaclutter_cli.water.surface import GridCells

@@ -3,19 +3,20 @@
 from collections.abc import Mapping
 
 from seaclutter_cli.filters.adaptive_radius import AdaptiveRadius
+from seaclutter_cli.filters.baselines import GlobalIntensity, Naive, Nothing
 from seaclutter_cli.filters.confirmed import Confirmed
-from seaclutter_cli.filters.dynamic_radius import DynamicRadiusOutlierRemoval
-from seaclutter_cli.filters.dynamic_statistical import (
+from seaclutter_cli.filters.joint import Joint, RingIntensity, RingIntensityOutlier
+from seaclutter_cli.filters.radius import (
+    DynamicRadiusOutlierRemoval,
+    LowIntensityOutlierRemoval,
+    RadiusOutlierRemoval,
+)
+from seaclutter_cli.filters.sea_surface import SeaSurface
+from seaclutter_cli.filters.statistical import (
     DynamicStatisticalOutlierRemoval,
     LowIntensityDynamicStatisticalOutlierRemoval,
+    StatisticalOutlierRemoval,
 )
-from seaclutter_cli.filters.global_intensity import GlobalIntensity
-from seaclutter_cli.filters.joint import Joint, RingIntensity, RingIntensityOutlier
-from seaclutter_cli.filters.low_intensity import LowIntensityOutlierRemoval, Naive
-from seaclutter_cli.filters.nothing import Nothing
-from seaclutter_cli.filters.radius import RadiusOutlierRemoval
-from seaclutter_cli.filters.sea_surface import SeaSurface
-from seaclutter_cli.filters.statistical import StatisticalOutlierRemoval
 from seaclutter_cli.interfaces import Filter
 
 FILTERS: Mapping[str, type[Filter]] = {

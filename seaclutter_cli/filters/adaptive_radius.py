@@ -9,12 +9,11 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.filters.base import SpatialFilter
+from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
 from seaclutter_cli.filters.radius import isolated
-from seaclutter_cli.filters.statistical import ROUNDING
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import SceneSource
-from seaclutter_cli.scenes import SceneParams
+from seaclutter_cli.scenes import SceneParams, make_scene_tracker
 
 AUTO = "auto"
 """Value of ``scene`` that leaves the choice of the preset to the scene classifier."""
@@ -78,38 +77,13 @@ class AdaptiveRadiusParams(SceneParams, PresetParams):
     """Parameters of the adaptive radius filter: presets, and the scene classifier for ``scene: auto``."""
 
 
-@dataclass(frozen=True)
-class FixedScene:
-    """Scene source that returns the class of scene of the configuration for every frame."""
-
-    name: str
-
-    def scene(self, frame: Frame) -> "FixedScene":  # noqa: ARG002
-        """Return the configured class of scene."""
-        return self
-
-    def reset(self) -> None:
-        """Do nothing: there is no state."""
-
-
 def isolated_by_range(points: NDArray[np.float64], radius_ratio: float, min_neighbors: int) -> NDArray[np.bool_]:
     r"""Return a mask of the points with too few others within a radius proportional to range ([Bi], Eq. 5 and 6).
 
     .. math:: r_i = K d_i, \quad d_i = \sqrt{x_i^2 + y_i^2 + z_i^2}
 
-    Parameters
-    ----------
-    points : ndarray, shape (N, 3), float64
-        Finite coordinates in metres, the lidar at the origin.
-    radius_ratio : float
-        Radius divided by range, K.
-    min_neighbors : int
-        Minimum number of other points within the radius, bound included; at least 1.
-
-    Returns
-    -------
-    ndarray, shape (N,), bool
-        True where there are fewer; True everywhere if N is ``min_neighbors`` or less.
+    The lidar is at the origin of the points, shape (N, 3); K is ``radius_ratio``. The bound is included. If N is
+    ``min_neighbors`` or less, all are isolated.
 
     Examples
     --------
@@ -121,7 +95,7 @@ def isolated_by_range(points: NDArray[np.float64], radius_ratio: float, min_neig
         return isolated(points, radius_ratio * range_m * (1 + ROUNDING), min_neighbors)
 
 
-class AdaptiveRadius(SpatialFilter):
+class AdaptiveRadius(WholeFrameFilter[AdaptiveRadiusParams]):
     r"""Radius outlier removal, radius proportional to range [Bi].
 
     Parameters
@@ -129,8 +103,8 @@ class AdaptiveRadius(SpatialFilter):
     params : AdaptiveRadiusParams
         Config keys of the method.
     scenes : SceneSource, optional
-        Source of the class of scene of each frame; by default the one that ``scene`` selects. For ``auto`` that is the
-        classifier, which needs the extra ``scene``.
+        Source of the class of scene of each frame; by default the configuration or, for ``auto``, the classifier, which
+        needs the extra ``scene``.
 
     Notes
     -----
@@ -158,13 +132,13 @@ class AdaptiveRadius(SpatialFilter):
     Params: ClassVar[type[AdaptiveRadiusParams]] = AdaptiveRadiusParams
 
     def __init__(self, params: AdaptiveRadiusParams, scenes: SceneSource | None = None) -> None:
-        self.params = params
-        self._scenes = scenes or _scene_source(params)
-        self._preset = Preset(radius_ratio=1.0, min_neighbors=1)
+        super().__init__(params)
+        self._scenes = scenes or (make_scene_tracker(params) if params.scene == AUTO else None)
 
     def reset(self) -> None:
         """Forget the scene."""
-        self._scenes.reset()
+        if self._scenes is not None:
+            self._scenes.reset()
 
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame, and its class of scene.
@@ -174,7 +148,7 @@ class AdaptiveRadius(SpatialFilter):
         ConfigError
             If there is no preset for the class of scene that the classifier returns.
         """
-        scene = self._scenes.scene(frame).name
+        scene = self.params.scene if self._scenes is None else self._scenes.scene(frame).name
         if scene not in self.params.presets:
             known, model = ", ".join(self.params.presets), self.params.scene_model
             of = f"the scene {scene!r} of the classifier{f' {model}' if model else ''}"
@@ -182,15 +156,7 @@ class AdaptiveRadius(SpatialFilter):
         self._preset = self.params.presets[scene]
         return replace(super().step(frame), scene=scene)
 
-    def outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return a mask of the outliers among points of shape (N, 3), by the preset of the frame."""
-        return isolated_by_range(points, self._preset.radius_ratio, self._preset.min_neighbors)
-
-
-def _scene_source(params: AdaptiveRadiusParams) -> SceneSource:
-    """Return the source of classes of scene that ``scene`` selects."""
-    if params.scene != AUTO:
-        return FixedScene(params.scene)
-    from seaclutter_cli.scenes import make_scene_tracker
-
-    return make_scene_tracker(params)
+    def removed(self, frame: Frame) -> NDArray[np.intp]:
+        """Return the indices of the outliers by the preset of the frame."""
+        valid, points = valid_points(frame)
+        return valid[isolated_by_range(points, self._preset.radius_ratio, self._preset.min_neighbors)]

@@ -2,12 +2,17 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.frame import FilterResult, Frame, Reason
+
+P = TypeVar("P")
+
+ROUNDING = 1e-9
+"""Relative difference below which distances are equal; prevents outliers by rounding error in even spacing."""
 
 
 class BaseFilter(ABC):
@@ -35,10 +40,13 @@ class BaseFilter(ABC):
         """Do nothing: there is no state."""
 
 
-class WholeFrameFilter(BaseFilter):
+class WholeFrameFilter(BaseFilter, Generic[P]):
     """Base of filters that remove valid points of a frame for a single reason."""
 
     reason: ClassVar[Reason] = Reason.OUTLIER
+
+    def __init__(self, params: P) -> None:
+        self.params = params
 
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame."""
@@ -49,19 +57,6 @@ class WholeFrameFilter(BaseFilter):
     @abstractmethod
     def removed(self, frame: Frame) -> NDArray[np.intp]:
         """Return the indices of the valid points to remove."""
-
-
-class SpatialFilter(WholeFrameFilter):
-    """Base of filters that use only the coordinates of the valid points of a frame, not their intensity."""
-
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
-        """Return the indices of the outliers."""
-        valid, points = valid_points(frame)
-        return valid[self.outlying(points)]
-
-    @abstractmethod
-    def outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return a mask of the outliers among points of shape (N, 3)."""
 
 
 def valid_points(frame: Frame) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

@@ -1,66 +1,192 @@
 """Joint intensity-space filter [Li2023], and the two of its stages that are also separate methods."""
 
-from typing import ClassVar
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from annotated_types import Ge, Gt, Interval, Len
 from numpy.typing import NDArray
 
+from seaclutter_cli.filters.adaptive_radius import Preset, isolated_by_range
 from seaclutter_cli.filters.base import BaseFilter
-from seaclutter_cli.filters.ring_params import JointParams, RingIntensityOutlierParams, RingIntensityParams
-from seaclutter_cli.filters.ring_stages import OutlierStage, RingStage
-from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.filters.statistical import outliers
+from seaclutter_cli.filters.zones import ZoneParams, Zones, ring_edges
+from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RingIntensityParams(ZoneParams):
+    """Parameters of the thresholds of the range rings.
+
+    Parameters
+    ----------
+    ring_width_m : float
+        Width of a range ring, :math:`d`, in metres.
+    initial_thresholds : tuple of float
+        Initial intensity threshold of each range ring, :math:`I_0`, in the sensor's unit; the default is for the
+        RS-LiDAR-32 (Table 2 of [Li2023]).
+    """
+
+    ring_width_m: Annotated[float, Gt(0)] = 15.0
+    initial_thresholds: Annotated[tuple[float, ...], Len(1)] = (30, 16, 7, 4)
+
+    @property
+    def edges(self) -> NDArray[np.float64]:
+        """Edges of the range rings in metres, shape (K + 1,)."""
+        return ring_edges(self.start_m, self.end_m, self.ring_width_m)
+
+    def __post_init__(self) -> None:
+        """Check that there is one threshold for each range ring."""
+        super().__post_init__()
+        rings = len(self.edges) - 1
+        if len(self.initial_thresholds) != rings:
+            span = f"{self.start_m:g} to {self.end_m:g} m in range rings of {self.ring_width_m:g} m"
+            raise ValueError(f"initial_thresholds: expected {rings} ({span}), got {len(self.initial_thresholds)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RingIntensityOutlierParams(RingIntensityParams):
+    """Parameters of the thresholds of the range rings and of the outlier stage.
+
+    Parameters
+    ----------
+    max_neighbors : int
+        Maximum number of neighbours in a point's mean distance, n; for outlier_stage sor.
+    neighbor_fraction : float
+        Share of a range ring's remaining points that count as neighbours, up to max_neighbors; for outlier_stage sor.
+    std_ratio : float
+        Standard deviations above the mean distance beyond which a point is an outlier; for outlier_stage sor.
+    outlier_stage : {"sor", "adaptive_radius"}
+        Outlier rule: sor (mean distance to neighbours) or adaptive_radius (neighbours within a share of the range).
+    outlier_radius_ratio : float or None
+        Search radius divided by range, K; 0.025 if null; for outlier_stage adaptive_radius.
+    outlier_min_neighbors : int or None
+        Minimum number of other points within the search radius, N; 7 if null; for outlier_stage adaptive_radius.
+    """
+
+    max_neighbors: Annotated[int, Ge(1)] = 30
+    neighbor_fraction: Annotated[float, Interval(gt=0, le=1)] = 0.1
+    std_ratio: Annotated[float, Ge(0)] = 1.0
+    outlier_stage: Literal["sor", "adaptive_radius"] = "sor"
+    outlier_radius_ratio: Annotated[float, Gt(0)] | None = None
+    outlier_min_neighbors: Annotated[int, Ge(1)] | None = None
+
+    def __post_init__(self) -> None:
+        """Reject keys that belong to the other outlier rule, and set the defaults of this one."""
+        super().__post_init__()
+        if self.outlier_preset is not None:
+            for name, value in vars(self.outlier_preset).items():
+                object.__setattr__(self, f"outlier_{name}", value)
+            return
+        for name in ("outlier_radius_ratio", "outlier_min_neighbors"):
+            if getattr(self, name) is not None:
+                raise ValueError(f"{name}: valid only with outlier_stage adaptive_radius")
+
+    @property
+    def outlier_preset(self) -> Preset | None:
+        """K and N for outlier_stage ``adaptive_radius``; None for ``sor``."""
+        if self.outlier_stage == "sor":
+            return None
+        # More permissive than the adaptive radius filter, because the thresholds have already thinned out the points.
+        ratio, needed = self.outlier_radius_ratio, self.outlier_min_neighbors
+        return Preset(radius_ratio=0.025 if ratio is None else ratio, min_neighbors=7 if needed is None else needed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointParams(RingIntensityOutlierParams):
+    """Parameters of the joint filter.
+
+    Parameters
+    ----------
+    update_weight : float
+        Weight of the initial threshold against the correction, u, from 0 to 1; 1 disables the correction.
+    """
+
+    update_weight: Annotated[float, Interval(ge=0, le=1)] = 0.6
+
+
+class _Thresholded:
+    """A frame after the threshold stage of the range rings ([Li2023], Eq. 3 and 5), with N points and K range rings.
+
+    ``low`` is whether each point is below its threshold, shape (N,).
+    """
+
+    def __init__(self, frame: Frame, zones: Zones, thresholds: Floats) -> None:
+        intensity = frame.intensity
+        self._frame, self._zones, self._thresholds = frame, zones, thresholds
+        self._zone, self._reason = zones.divide(frame)
+        self._low = intensity < zones.per_point(thresholds, self._zone)
+        self._reason[self._low] = Reason.LOW_INTENSITY
+
+    def outliers(self, params: RingIntensityOutlierParams) -> list[Indices]:
+        """Return the indices of the outliers among the points of each range ring that passed (Eq. 6 and 7)."""
+        xyz, members = self._frame.coordinates, self._zones.members(self._zone, ~self._low)
+        preset = params.outlier_preset
+        if preset is None:
+            return [points[_outlying(xyz[:, points].T, params)] for points in members]
+        together = np.concatenate(members)
+        outlying = isolated_by_range(xyz[:, together].T, preset.radius_ratio, preset.min_neighbors)
+        ends = np.cumsum([len(points) for points in members])
+        return [points[found] for points, found in zip(members, np.split(outlying, ends[:-1]), strict=True)]
+
+    def result(self, outliers: Sequence[Indices] = (), corrections: Floats | None = None) -> FilterResult:
+        """Return the reasons of all points, and thresholds and counts of the range rings."""
+        found = np.zeros(self._zones.count, np.int64)
+        for k, points in enumerate(outliers):
+            self._reason[points] = Reason.OUTLIER
+            found[k] = len(points)
+        used = np.zeros(self._zones.count) if corrections is None else corrections
+        tally, beyond = self._zones.tally, self._zones.beyond(self._zone, self._reason)
+        counts = tally(self._zone), tally(self._zone[self._low]), found
+        return FilterResult(self._frame, self._reason, Rings(self._thresholds.copy(), used, *counts, beyond))
+
+
+def _outlying(points: Floats, params: RingIntensityOutlierParams) -> NDArray[np.bool_]:
+    """Return a mask of the outliers by mean distance among the points of a range ring, shape (n_k, 3)."""
+    share = int(params.neighbor_fraction * len(points) + 1e-9)  # 0.29 of 100 is 29, slightly less in floats
+    return outliers(points, max(1, min(params.max_neighbors, share)), params.std_ratio)
 
 
 class RingIntensity(BaseFilter):
     """Intensity threshold for each range ring.
 
     This is step 2 of the joint filter [Li2023].
-
-    Parameters
-    ----------
-    params : RingIntensityParams
-        Config keys of the method.
     """
 
     Params: ClassVar[type[RingIntensityParams]] = RingIntensityParams
 
     def __init__(self, params: RingIntensityParams) -> None:
-        self._rings = RingStage(params)
+        self._zones, self._initial = Zones(params), np.asarray(params.initial_thresholds, np.float64)
 
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame, and thresholds and counts of the range rings."""
-        return self._rings.result(self._rings.threshold(frame, self._rings.initial))
+        return _Thresholded(frame, self._zones, self._initial).result()
 
 
-class RingIntensityOutlier(BaseFilter):
+class RingIntensityOutlier(RingIntensity):
     """Range-ring thresholds and outlier removal, no feedback.
 
     These are steps 2 and 3 of the joint filter [Li2023].
-
-    Parameters
-    ----------
-    params : RingIntensityOutlierParams
-        Config keys of the method.
     """
 
-    Params: ClassVar[type[RingIntensityParams]] = RingIntensityOutlierParams
+    Params: ClassVar[type[RingIntensityOutlierParams]] = RingIntensityOutlierParams
 
     def __init__(self, params: RingIntensityOutlierParams) -> None:
-        self._rings, self._outliers = RingStage(params), OutlierStage(params)
+        super().__init__(params)
+        self._params = params
 
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame, and thresholds and counts of the range rings."""
-        passed = self._rings.threshold(frame, self._rings.initial)
-        return self._rings.result(passed, self._outliers.find(passed))
+        passed = _Thresholded(frame, self._zones, self._initial)
+        return passed.result(passed.outliers(self._params))
 
 
-class Joint(BaseFilter):
+class Joint(RingIntensityOutlier):
     r"""Joint intensity-space filter with feedback [Li2023].
-
-    Parameters
-    ----------
-    params : JointParams
-        Config keys of the method.
 
     Notes
     -----
@@ -91,30 +217,27 @@ class Joint(BaseFilter):
        Combined Filtering Method". Chinese Journal of Lasers. doi:10.3788/CJL221207
     """
 
-    Params: ClassVar[type[RingIntensityParams]] = JointParams
+    Params: ClassVar[type[JointParams]] = JointParams
 
     def __init__(self, params: JointParams) -> None:
+        super().__init__(params)
         self._weight = params.update_weight
-        self._rings, self._outliers = RingStage(params), OutlierStage(params)
         self.reset()
 
     def reset(self) -> None:
         """Set the corrections to 0."""
-        self._correction = np.zeros(self._rings.zones.count)
+        self._correction = np.zeros(self._zones.count)
 
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame, and thresholds, corrections and counts of the range rings."""
         # 1. Range rings and 2. Threshold
-        passed = self._rings.threshold(frame, self._thresholds())
+        u, initial, correction = self._weight, self._initial, self._correction
+        thresholds = np.where(correction != 0, u * initial + (1 - u) * correction, initial)
+        passed = _Thresholded(frame, self._zones, thresholds)
         # 3. Outliers
-        outliers = self._outliers.find(passed)
-        result = self._rings.result(passed, outliers, self._correction)
+        outliers = passed.outliers(self._params)
+        result = passed.result(outliers, correction)
         # 4. Correction
         sums = [frame.intensity[points].sum() / (len(points) + 1) for points in outliers]
         self._correction = np.array(sums, np.float64)
         return result
-
-    def _thresholds(self) -> NDArray[np.float64]:
-        """Return the thresholds of the next frame (Eq. 4)."""
-        u, initial, correction = self._weight, self._rings.initial, self._correction
-        return np.where(correction != 0, u * initial + (1 - u) * correction, initial)

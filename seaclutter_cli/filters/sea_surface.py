@@ -27,15 +27,10 @@ class SeaSurfaceParams(SurfaceParams):
     up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
 
 
-class SeaSurface(WholeFrameFilter):
+class SeaSurface(WholeFrameFilter[SeaSurfaceParams]):
     """Sea surface removal by morphological opening [Shi2022].
 
     This filter is for downward-looking lidars.
-
-    Parameters
-    ----------
-    params : SeaSurfaceParams
-        Config keys of the method.
 
     Notes
     -----
@@ -50,9 +45,6 @@ class SeaSurface(WholeFrameFilter):
     """
 
     Params: ClassVar[type[SeaSurfaceParams]] = SeaSurfaceParams
-
-    def __init__(self, params: SeaSurfaceParams) -> None:
-        self.params = params
 
     def removed(self, frame: Frame) -> NDArray[np.intp]:
         """Return the indices of the sea surface points."""

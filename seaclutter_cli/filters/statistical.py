@@ -1,22 +1,20 @@
-"""Statistical outlier removal (SOR), as a method and as the spatial stage of other methods."""
+"""Statistical outlier removal (SOR); with limits that grow with range for all points (DSOR) or weak ones (LIDSOR)."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.base import SpatialFilter
+from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
 from seaclutter_cli.filters.neighbors import mean_neighbor_distance
+from seaclutter_cli.frame import Frame
 
-ROUNDING = 1e-9
-"""Relative difference below which distances are equal; prevents outliers by rounding error in even spacing."""
+Floats = NDArray[np.float64]
 
 
-def distances_and_limit(
-    points: NDArray[np.float64], neighbors: int, std_ratio: float
-) -> tuple[NDArray[np.float64], float]:
+def distances_and_limit(points: Floats, neighbors: int, std_ratio: float) -> tuple[Floats, float]:
     r"""Return each point's mean distance to its neighbours, and the limit :math:`\mathrm{mean}(d) + m\,\sigma(d)`.
 
     Parameters
@@ -28,13 +26,6 @@ def distances_and_limit(
     std_ratio : float
         Number m of sample standard deviations.
 
-    Returns
-    -------
-    distance : ndarray, shape (N,), float64
-        Mean distance :math:`d_i` in metres.
-    limit : float
-        Limit in metres.
-
     Examples
     --------
     >>> distances_and_limit(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), 2, 0.0)
@@ -44,24 +35,12 @@ def distances_and_limit(
     return distance, float(distance.mean() + std_ratio * distance.std(ddof=1))
 
 
-def outliers(points: NDArray[np.float64], neighbors: int, std_ratio: float) -> NDArray[np.bool_]:
+def outliers(points: Floats, neighbors: int, std_ratio: float) -> NDArray[np.bool_]:
     r"""Return a mask of the statistical outliers: points far from their neighbours ([Li2023], Eq. 6 and 7).
 
     .. math:: d_i > \lambda = \mathrm{mean}(d) + m\,\sigma(d)
 
-    Parameters
-    ----------
-    points : ndarray, shape (N, 3), float64
-        Finite coordinates in metres.
-    neighbors : int
-        Number of nearest other points in the mean distance :math:`d_i`; N - 1 if there are fewer.
-    std_ratio : float
-        Number m of sample standard deviations.
-
-    Returns
-    -------
-    ndarray, shape (N,), bool
-        True for outliers; a single point is not an outlier.
+    The arguments are those of `distances_and_limit`; a single point is not an outlier.
 
     Examples
     --------
@@ -90,20 +69,121 @@ class SorParams:
     std_ratio: Annotated[float, Ge(0)] = 1.0
 
 
-class StatisticalOutlierRemoval(SpatialFilter):
-    """Statistical outlier removal (SOR) over all valid points.
-
-    Parameters
-    ----------
-    params : SorParams
-        Config keys of the method.
-    """
+class StatisticalOutlierRemoval(WholeFrameFilter[SorParams]):
+    """Statistical outlier removal (SOR) over all valid points."""
 
     Params: ClassVar[type[SorParams]] = SorParams
 
-    def __init__(self, params: SorParams) -> None:
-        self.params = params
+    def removed(self, frame: Frame) -> NDArray[np.intp]:
+        """Return the indices of the outliers."""
+        valid, points = valid_points(frame)
+        return valid[outliers(points, self.params.neighbors, self.params.std_ratio)]
 
-    def outlying(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return a mask of the outliers among points of shape (N, 3)."""
-        return outliers(points, self.params.neighbors, self.params.std_ratio)
+
+@dataclass(frozen=True, kw_only=True)
+class DsorParams:
+    """Parameters of dynamic statistical outlier removal.
+
+    Parameters
+    ----------
+    neighbors : int
+        Number of nearest other points in a point's mean distance, k.
+    std_ratio : float
+        Standard deviations added to the frame's mean distance for the limit, s.
+    range_multiplier_per_m : float
+        Factor of the distance limit per metre of range, :math:`rho`, in 1/m.
+    """
+
+    neighbors: Annotated[int, Ge(1)] = 4
+    std_ratio: Annotated[float, Ge(0)] = 0.01
+    range_multiplier_per_m: Annotated[float, Gt(0)] = 0.05
+
+    def distances_and_limits(self, points: Floats, range_m: Floats) -> tuple[Floats, Floats]:
+        """Return each point's mean distance to its neighbours and its limit, both of shape (N,)."""
+        distance, limit = distances_and_limit(points, self.neighbors, self.std_ratio)
+        return distance, limit * self.range_multiplier_per_m * range_m
+
+
+class DynamicStatisticalOutlierRemoval(WholeFrameFilter[DsorParams]):
+    r"""Statistical outlier removal, limit grows with range (DSOR).
+
+    Notes
+    -----
+    Let :math:`d_i` be the mean distance of a point to its k nearest other valid points, and :math:`\mu` and
+    :math:`\sigma` the mean and sample standard deviation of :math:`d_i` over the frame. A point at range :math:`r_i` is
+    removed if [1]_
+
+    .. math:: d_i \ge (\mu + s\,\sigma)\,\rho\,r_i
+
+    As in the authors' program, a distance equal to the limit is an outlier; if all distances are 0, all points are
+    removed. Distances that differ only by rounding error are equal. If a frame has k valid points or fewer, all others
+    are neighbours; a single point is kept. The defaults are those of the authors' launch file, where k = 5 includes the
+    point itself.
+
+    References
+    ----------
+    .. [1] Kurup Akhil, Bos Jeremy (2021). "DSOR: A Scalable Statistical Filter for Removing Falling Snow from LiDAR
+       Point Clouds in Severe Winter Weather". arXiv:2109.07078
+    """
+
+    Params: ClassVar[type[DsorParams]] = DsorParams
+
+    def removed(self, frame: Frame) -> NDArray[np.intp]:
+        """Return the indices of the outliers."""
+        valid, points = valid_points(frame)
+        if len(valid) < 2:
+            return valid[:0]
+        distance, limit = self.params.distances_and_limits(points, frame.range_m[valid])
+        return valid[distance >= limit * (1 - ROUNDING)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidsorParams(DsorParams):
+    """Parameters of low-intensity dynamic statistical outlier removal.
+
+    Parameters
+    ----------
+    intensity_threshold : float
+        Intensity below which points may be removed, in the sensor's unit.
+    max_range_m : float
+        Range below which points may be removed, in metres.
+    """
+
+    neighbors: Annotated[int, Ge(1)] = 50
+    std_ratio: Annotated[float, Ge(0)] = 0.15
+    intensity_threshold: float = 5.0
+    max_range_m: Annotated[float, Gt(0)] = 20.0
+
+
+class LowIntensityDynamicStatisticalOutlierRemoval(WholeFrameFilter[LidsorParams]):
+    r"""DSOR restricted to weak, near points (LIDSOR).
+
+    Notes
+    -----
+    :math:`d_i`, :math:`\mu` and :math:`\sigma` are computed over all valid points, as in DSOR. A point at range
+    :math:`r_i` is removed if its intensity is below the threshold, its range below the maximum, and [1]_
+
+    .. math:: d_i > (\mu + s\,\sigma)\,\rho\,r_i
+
+    Unlike in DSOR, a distance equal to the limit is not an outlier; distances that differ only by rounding error are
+    equal. If a frame has k valid points or fewer, all others are neighbours; a single point is kept. The defaults are
+    those of the authors' program, where k = 50 includes the point itself; here k counts other points only.
+
+    References
+    ----------
+    .. [1] Huang He, Yan Xinyuan, Yang Junxing, Cao Yuming, Zhang Xin (2023). "LIDSOR: A Filter for Removing Rain and
+       Snow Noise Points from LiDAR Point Clouds in Rainy and Snowy Weather". The International Archives of the
+       Photogrammetry, Remote Sensing and Spatial Information Sciences, XLVIII-1/W2-2023, 733-740.
+    """
+
+    Params: ClassVar[type[LidsorParams]] = LidsorParams
+
+    def removed(self, frame: Frame) -> NDArray[np.intp]:
+        """Return the indices of the outliers."""
+        valid, points = valid_points(frame)
+        intensity, range_m = frame.intensity[valid], frame.range_m[valid]
+        candidates = (intensity < self.params.intensity_threshold) & (range_m < self.params.max_range_m)
+        if len(valid) < 2 or not candidates.any():
+            return valid[:0]
+        distance, limit = self.params.distances_and_limits(points, range_m)
+        return valid[candidates & (distance > limit * (1 + ROUNDING))]

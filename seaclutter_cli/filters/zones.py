@@ -1,19 +1,44 @@
 """Division of a frame into zones: near, range rings, far, excluded, invalid. Shared by all intensity methods."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Len
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.exclusion import Box, ExcludedPolygon, Exclusion
 from seaclutter_cli.frame import Frame, Reason
+from seaclutter_cli.structure.mask import StructureMask
 
 Rule = Literal["drop", "keep"]
+Box = tuple[float, float, float, float, float, float]
 
 MAX_RINGS = 250
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExcludedPolygon:
+    """An upright prism of own structure.
+
+    Parameters
+    ----------
+    vertices : tuple of (x, y)
+        Corners of its outline in metres in the cloud's frame, in order, at least three.
+    z_min_m, z_max_m : float or None
+        Limits of its height, included; null for no limit.
+    """
+
+    vertices: Annotated[tuple[tuple[float, float], ...], Len(3)]
+    z_min_m: float | None = None
+    z_max_m: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the limits of the height."""
+        if self.z_min_m is not None and self.z_max_m is not None and self.z_min_m > self.z_max_m:
+            raise ValueError(f"z_min_m ({self.z_min_m:g}) must not be greater than z_max_m ({self.z_max_m:g})")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +74,6 @@ class ZoneParams:
     mask: str = ""
 
     @property
-    def exclusion(self) -> Exclusion:
-        """Boxes, polygons and mask together; raises `ConfigError` if the mask cannot be read."""
-        return Exclusion(self.exclude_boxes, self.exclude_polygons, self.mask)
-
-    @property
     def edges(self) -> NDArray[np.float64]:
         """Edges of the range rings in metres, shape (K + 1,); here a single one from ``start_m`` to ``end_m``."""
         return np.array([self.start_m, self.end_m], np.float64)
@@ -86,18 +106,12 @@ def ring_edges(start_m: float, end_m: float, width_m: float) -> NDArray[np.float
 
 
 class Zones:
-    """Zone numbers of points: 0 near, 1 to K the range rings, then far, excluded, invalid.
-
-    Parameters
-    ----------
-    params : ZoneParams
-        Range limits, range rings and rules for near and far points.
-    """
+    """Zone numbers of points: 0 near, 1 to K the range rings, then far, excluded, invalid."""
 
     def __init__(self, params: ZoneParams) -> None:
         self.edges = params.edges
         self.count = len(self.edges) - 1
-        self._exclusion = params.exclusion
+        self._exclusion = Exclusion(params.exclude_boxes, params.exclude_polygons, params.mask)
         near = Reason.NEAR if params.near == "drop" else Reason.KEPT
         far = Reason.FAR if params.far == "drop" else Reason.KEPT
         reasons = [near, *[Reason.KEPT] * self.count, far, Reason.EXCLUDED, Reason.INVALID]
@@ -138,3 +152,51 @@ class Zones:
         """Return the number of points at ``end_m`` and beyond, before and after filtering, shape (2,)."""
         reasons = reason[zone == self.count + 1]
         return np.array([len(reasons), np.count_nonzero(reasons == Reason.KEPT)], np.int64)
+
+
+class Exclusion:
+    """The union of boxes, polygons and the sectors of the mask in a file, if it is named.
+
+    The bounds of boxes are included; whether points on an edge of a polygon are inside depends on rounding. Raises
+    `ConfigError` if the mask cannot be read.
+    """
+
+    def __init__(self, boxes: Sequence[Box] = (), polygons: Sequence[ExcludedPolygon] = (), mask: str = "") -> None:
+        self._boxes, self._polygons = boxes, polygons
+        self._mask = StructureMask.load(Path(mask)) if mask else None
+
+    def __bool__(self) -> bool:
+        """Return whether anything is excluded."""
+        return bool(self._boxes or self._polygons or self._mask)
+
+    def contains(self, frame: Frame) -> NDArray[np.bool_]:
+        """Return whether each point of a frame is own structure, shape (N,)."""
+        xyz = frame.coordinates
+        inside = np.zeros(frame.size, np.bool_)
+        for box in self._boxes:
+            low, high = np.array(box[::2])[:, None], np.array(box[1::2])[:, None]
+            inside |= ((xyz >= low) & (xyz <= high)).all(axis=0)
+        for polygon in self._polygons:
+            inside |= _in_polygon(xyz, polygon)
+        if self._mask is not None:
+            inside |= self._mask.contains(xyz, frame.range_m)
+        return inside
+
+
+def _in_polygon(xyz: NDArray[np.float64], polygon: ExcludedPolygon) -> NDArray[np.bool_]:
+    """Return whether points are inside: whether a ray from them crosses the outline an odd number of times."""
+    corners = np.array(polygon.vertices, np.float64)
+    low, high = corners.min(axis=0)[:, None], corners.max(axis=0)[:, None]
+    inside = ((xyz[:2] >= low) & (xyz[:2] <= high)).all(axis=0)
+    if polygon.z_min_m is not None:
+        inside &= xyz[2] >= polygon.z_min_m
+    if polygon.z_max_m is not None:
+        inside &= xyz[2] <= polygon.z_max_m
+    near = np.flatnonzero(inside)
+    x, y = xyz[:2, near]
+    odd = np.zeros(len(near), np.bool_)
+    for (x1, y1), (x2, y2) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if y1 != y2:
+            odd ^= ((y1 > y) != (y2 > y)) & (x < (x2 - x1) * (y - y1) / (y2 - y1) + x1)
+    inside[near] = odd
+    return np.asarray(inside)

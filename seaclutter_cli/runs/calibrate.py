@@ -16,7 +16,7 @@ from seaclutter_cli.config import Config
 from seaclutter_cli.errors import LabelError, UsageError
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
-from seaclutter_cli.filters.ring_params import RingIntensityParams
+from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source

@@ -8,7 +8,7 @@ import numpy as np
 
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmed import Confirmed
-from seaclutter_cli.filters.ring_params import RingIntensityParams
+from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.text import count
 from seaclutter_cli.water import Mounting

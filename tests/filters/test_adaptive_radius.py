@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import seaclutter_cli.scenes
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.filters import FILTERS, adaptive_radius
 from seaclutter_cli.filters.adaptive_radius import (
     PRESETS,
     AdaptiveRadius,
@@ -168,7 +167,7 @@ class TestScenes:
             requested.append(params)
             return SceneSequence("confined")
 
-        monkeypatch.setattr(seaclutter_cli.scenes, "make_scene_tracker", make_scene_tracker)
+        monkeypatch.setattr(adaptive_radius, "make_scene_tracker", make_scene_tracker)
         params = AdaptiveRadiusParams(scene="auto", scene_every=3)
         assert AdaptiveRadius(params).step(self.FRAME).scene == "confined"
         assert [one.scene_every for one in requested] == [3]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import seaclutter
 from seaclutter_cli.config import load_config
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.filters.exclusion import ExcludedPolygon, Exclusion
+from seaclutter_cli.filters.zones import ExcludedPolygon, Exclusion
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.structure.mask import Sector, StructureMask
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Interval
 
-from seaclutter_cli.filters.ring_params import RingIntensityParams
+from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.water import Mounting
 
 

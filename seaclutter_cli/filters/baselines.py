@@ -1,12 +1,13 @@
-"""Filter with one intensity threshold for all ranges: the baseline of [Li2023]."""
+"""Baselines: one intensity threshold for all ranges, one up to a maximum range, and no filtering."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from annotated_types import Interval
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
 
-from seaclutter_cli.filters.base import BaseFilter
+from seaclutter_cli.filters.base import BaseFilter, WholeFrameFilter
 from seaclutter_cli.filters.histogram import IntensityHistogram
 from seaclutter_cli.filters.zones import ZoneParams, Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
@@ -31,21 +32,17 @@ class GlobalIntensityParams(ZoneParams):
 class GlobalIntensity(BaseFilter):
     """One intensity threshold for all ranges.
 
+    This is the baseline of [Li2023].
+
     **State**: if ``threshold`` is None, a histogram of the recording's intensities (at most 5 MB), filled by
     `observe` in a first pass.
-
-    Parameters
-    ----------
-    params : GlobalIntensityParams
-        Config keys of the method.
     """
 
     Params: ClassVar[type[GlobalIntensityParams]] = GlobalIntensityParams
 
     def __init__(self, params: GlobalIntensityParams) -> None:
-        self.params = params
+        self._params, self._zones = params, Zones(params)
         self.needs_first_pass = params.threshold is None
-        self._zones = Zones(params)
         self.reset()
 
     def reset(self) -> None:
@@ -60,21 +57,70 @@ class GlobalIntensity(BaseFilter):
         self._found = None
 
     @property
-    def threshold(self) -> float:
-        """Intensity threshold in use."""
-        if self.params.threshold is not None:
-            return self.params.threshold
+    def _threshold(self) -> float:
+        if self._params.threshold is not None:
+            return self._params.threshold
         if self._found is None:
-            self._found = self._histogram.threshold(self.params.filter_rate)
+            self._found = self._histogram.threshold(self._params.filter_rate)
         return self._found
 
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame; its single range ring spans ``start_m`` to ``end_m``."""
         zone, reason = self._zones.divide(frame)
-        threshold = np.array([self.threshold])
+        threshold = np.array([self._threshold])
         low = frame.intensity < self._zones.per_point(threshold, zone)
         reason[low] = Reason.LOW_INTENSITY
         tally = self._zones.tally
         counts = tally(zone), tally(zone[low]), np.zeros(1, np.int64)
         rings = Rings(threshold, np.zeros(1), *counts, self._zones.beyond(zone, reason))
         return FilterResult(frame, reason, rings)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NaiveParams:
+    """Parameters of the naive filter.
+
+    Parameters
+    ----------
+    intensity_threshold : float
+        Intensity below which near points are removed, in the sensor's unit.
+    max_range_m : float
+        Range below which weak points are removed, in metres.
+    """
+
+    intensity_threshold: float = 1.0
+    max_range_m: Annotated[float, Gt(0)] = 20.0
+
+
+class Naive(WholeFrameFilter[NaiveParams]):
+    """One intensity threshold up to a maximum range.
+
+    A point is removed if its intensity is below the threshold and its range below the maximum; a point at either limit
+    is kept. Other points have no influence.
+    """
+
+    Params: ClassVar[type[NaiveParams]] = NaiveParams
+    reason = Reason.LOW_INTENSITY
+
+    def removed(self, frame: Frame) -> NDArray[np.intp]:
+        """Return the indices of the weak, near points."""
+        weak = frame.intensity < self.params.intensity_threshold
+        return np.flatnonzero(frame.valid & weak & (frame.range_m < self.params.max_range_m))
+
+
+@dataclass(frozen=True, kw_only=True)
+class NothingParams:
+    """Empty parameters: the method has no config keys."""
+
+
+class Nothing(BaseFilter):
+    """No filtering: every point is kept, invalid ones too."""
+
+    Params: ClassVar[type[NothingParams]] = NothingParams
+
+    def __init__(self, params: NothingParams) -> None:
+        del params
+
+    def step(self, frame: Frame) -> FilterResult:
+        """Return `Reason.KEPT` for every point of a frame."""
+        return FilterResult(frame, np.zeros(frame.size, np.uint8))
