@@ -51,8 +51,8 @@ from .runs.scene.logs import LabelledLogs as LabelledLogs
 from .runs.scene.predict import predict_scenes as predict_scenes
 from .runs.scene.train import TrainSceneOptions as TrainSceneOptions
 from .runs.scene.train import train_scenes as train_scenes
+from .runs.simulate import SimulateOptions as SimulateOptions
 from .runs.simulate_seeds import simulate_seeds as simulate_seeds
-from .runs.simulation import SimulateOptions as SimulateOptions
 from .runs.view import ViewOptions as ViewOptions
 from .runs.view import view_logs as view_logs
 from .sinks.options import McapOptions as McapOptions

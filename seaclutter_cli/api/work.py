@@ -28,8 +28,7 @@ from seaclutter_cli.runs.plan import plan_conversion
 from seaclutter_cli.runs.plan import plan_filter as run_plan
 from seaclutter_cli.runs.plan_result import RunPlan
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
-from seaclutter_cli.runs.simulate import simulate_scene
-from seaclutter_cli.runs.simulation import SimulateOptions, SimulationResult, TileSimulationResult
+from seaclutter_cli.runs.simulate import SimulateOptions, SimulationResult, TileSimulationResult, simulate_scene
 from seaclutter_cli.sinks.options import McapOptions
 
 

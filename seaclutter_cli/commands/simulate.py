@@ -18,7 +18,7 @@ from seaclutter_cli.text import named_folder
 
 if TYPE_CHECKING:
     from seaclutter_cli.runs.batch import BatchOptions
-    from seaclutter_cli.runs.simulation import SimulateOptions
+    from seaclutter_cli.runs.simulate import SimulateOptions
 
 
 def _seeds(_: click.Context, __: click.Parameter, text: str | None) -> tuple[int, ...] | None:
@@ -54,7 +54,7 @@ _OPTIONS = (
 @click.command(name="simulate", short_help="Simulate a labelled lidar recording of a scene.")
 @click.argument("scene")
 @output_or_folder_option("Recording to write; .las or .laz for a tile; with --seeds, a folder.")
-@grouped("options", "runs.simulation:SimulateOptions", _OPTIONS)
+@grouped("options", "runs.simulate:SimulateOptions", _OPTIONS)
 @click.option(
     "--seeds", metavar="SEEDS", callback=_seeds, help="Simulate a recording for each seed, such as 1..5 or 1,2,7."
 )

@@ -1,17 +1,66 @@
-"""Simulation of a lidar recording or of an airborne tile, by the suffix of the output."""
+"""Simulation of a labelled lidar recording, or of an airborne tile if the output is a LAS or LAZ file."""
 
+from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import UsageError
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.recordings import PathLike
-from seaclutter_cli.runs.simulation import SimulateOptions, SimulationResult, TileSimulationResult
+from seaclutter_cli.runs.outputs import prepare_outputs
+from seaclutter_cli.runs.recordings import PathLike, Result
+from seaclutter_cli.simulation.airborne.scene import TileScene, is_tile_scene, load_tile_scene, save_tile_scene
+from seaclutter_cli.simulation.marine.render import SimulatedFrame
+from seaclutter_cli.simulation.marine.scene import Scene, save_scene
+from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.text import count, indented, printable, table
+from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
 
 TILE_SUFFIXES = (".las", ".laz")
+_MAX_TARGETS = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateOptions:
+    """Options of a simulation: values that replace those of the scene, and additional output.
+
+    Parameters
+    ----------
+    frames : int or None
+        Number of frames; None: that of the scene.
+    seed : int or None
+        Seed of all random numbers; None: that of the scene, 1 for a layout.
+    lidar : str or None
+        Lidar; None: that of the scene.
+    form : str or None
+        Key of `FORMATS`; None: from the suffix of the recording.
+    scene_file : Path or None
+        File for an editable copy of the scene.
+    force : bool
+        Replace existing files.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.SimulateOptions(frames=10, lidar="RS-LiDAR-16").seed is None
+    True
+    """
+
+    frames: int | None = None
+    seed: int | None = None
+    lidar: str | None = None
+    form: str | None = None
+    scene_file: Path | None = None
+    force: bool = False
 
 
 def simulate_scene(
     scene: PathLike, output: Path, options: SimulateOptions | None = None, observer: Observer = SILENT
-) -> SimulationResult | TileSimulationResult:
+) -> "SimulationResult | TileSimulationResult":
     """Simulate a labelled recording of a scene, or a tile if the output is a LAS or LAZ file.
 
     Parameters
@@ -19,7 +68,7 @@ def simulate_scene(
     scene : path or str
         Scene file (YAML), or the name of a built-in scene, layout or tile scene.
     output : Path
-        File of the recording or tile.
+        File of the recording or tile; the labels of a recording are beside it, with the suffix ``.labels.csv``.
     options : SimulateOptions, optional
         Values that replace those of the scene, and output options.
     observer : Observer, optional
@@ -30,12 +79,152 @@ def simulate_scene(
     ConfigError
         If the scene is not valid.
     UsageError
-        If the name of an output does not fit its format, or the file may not be written.
+        If an option is not for this output, its name does not fit its format, or the file may not be written.
     """
-    if output.suffix.lower() in TILE_SUFFIXES:
-        from seaclutter_cli.runs.simulate_tile import simulate_tile
+    simulate = _simulate_tile if output.suffix.lower() in TILE_SUFFIXES else _simulate_recording
+    return simulate(str(scene), output, options or SimulateOptions(), observer)
 
-        return simulate_tile(scene, output, options, observer)
-    from seaclutter_cli.runs.simulate_recording import simulate_recording
 
-    return simulate_recording(scene, output, options, observer)
+def _simulate_recording(name: str, output: Path, options: SimulateOptions, observer: Observer) -> "SimulationResult":
+    from seaclutter_cli.simulation.layouts import find_scene
+    from seaclutter_cli.simulation.marine.recording import record
+
+    if is_tile_scene(name):
+        raise UsageError(f"{output}: {name} is an airborne tile; the name of its file must end in .las or .laz")
+    scene = find_scene(name, options.seed).with_recording(frames=options.frames, lidar=options.lidar)
+    _check_name(output, options.form)
+    labels = output.with_suffix(".labels.csv")
+    targets = {"-o": output, "the labels of -o": labels, "--scene-file": options.scene_file}
+    prepare_outputs(targets, {"SCENE": Path(name)}, force=options.force, observer=observer)
+    tally, started = PointTally(), perf_counter()
+    with OutputGroup(replace=options.force) as files, observer.progress(output.stem, scene.recording.frames) as step:
+        if options.scene_file:
+            save_scene(scene, options.scene_file, files)
+
+        def on_frame(frame: SimulatedFrame) -> None:
+            tally.add(frame)
+            step()
+
+        record(scene, output, labels, on_frame, files)
+    return SimulationResult(scene, tally, output, labels, perf_counter() - started)
+
+
+def _check_name(output: Path, chosen: str | None) -> None:
+    from seaclutter_cli.simulation.marine.formats import FORMATS
+
+    form = chosen or output.suffix.removeprefix(".")
+    if form not in FORMATS or output.suffix != f".{form}":
+        endings = " or ".join(f".{name}" for name in ([form] if chosen else FORMATS))
+        raise UsageError(f"{output}: the name of the recording must end in {endings}")
+
+
+def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: Observer) -> "TileSimulationResult":
+    from seaclutter_cli.simulation.airborne.coast import LAND_CODES
+    from seaclutter_cli.simulation.airborne.recording import record_tile
+
+    for option, value in (("frames", options.frames), ("lidar", options.lidar), ("format", options.form)):
+        if value is not None:
+            raise UsageError(
+                f"--{option}: not available for tiles; set height, density and returns in the scene's section lidar"
+            )
+    scene = load_tile_scene(name).with_tile(seed=options.seed)
+    targets = {"-o": output, "--scene-file": options.scene_file}
+    prepare_outputs(targets, {"SCENE": Path(name)}, force=options.force, observer=observer)
+    land, points = 0, Counter[int]()
+    started = perf_counter()
+
+    def on_strip(echoes: NDArray[np.void]) -> None:
+        nonlocal land
+        on_land = np.isin(echoes["classification"], LAND_CODES)
+        land += int(on_land.sum())
+        points.update(dict(enumerate(np.bincount(echoes["object_class"][~on_land]).tolist())))
+
+    with OutputGroup(replace=options.force) as files:
+        if options.scene_file:
+            save_tile_scene(scene, options.scene_file, files)
+        record_tile(scene, output, on_strip, files)
+    return TileSimulationResult(scene, points, land, output, perf_counter() - started)
+
+
+class PointTally:
+    """Numbers of frames of a recording, and of points by label."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.points: Counter[int] = Counter()
+
+    def add(self, frame: SimulatedFrame) -> None:
+        """Add a frame."""
+        self.frames += 1
+        labels, counts = np.unique(frame.points["label"], return_counts=True)
+        self.points.update(dict(zip(labels.tolist(), counts.tolist(), strict=True)))
+
+
+@dataclass(frozen=True)
+class SimulationResult(Result):
+    """A simulated recording: its scene, numbers of frames and points, and files."""
+
+    is_summary = True
+
+    scene: Scene
+    tally: PointTally
+    log: Path
+    labels: Path
+    seconds: float
+
+    def _rows(self) -> list[tuple[str, int]]:
+        """Return the points by label; those of many targets by class."""
+        targets = [item for item in self.scene.objects if not item.ignore]
+        names = [item.class_name or item.shape for item in targets]
+        shown = [(f"{name}, track {item.track_id}", item.track_id) for name, item in zip(names, targets, strict=True)]
+        rows = [(name, self.tally.points[track_id]) for name, track_id in shown]
+        if len(rows) > _MAX_TARGETS:
+            points, objects = Counter[str](), Counter(names)
+            for name, item in zip(names, targets, strict=True):
+                points[name] += self.tally.points[item.track_id]
+            rows = [(f"{name} ({count(number, 'object')})", points[name]) for name, number in sorted(objects.items())]
+        return [("clutter", self.tally.points[CLUTTER]), *rows, ("own ship or ignored", self.tally.points[IGNORED])]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as JSON-compatible data."""
+        rows = [{"label": name, "points": points} for name, points in self._rows()]
+        return {"output": str(self.log), "labels": str(self.labels), "frames": self.tally.frames, "points": rows}
+
+    def as_text(self) -> str:
+        """Return the result as human-readable text."""
+        frames = self.tally.frames
+        rows = [(name, f"{points / frames:,.0f}") for name, points in self._rows()]
+        pace = f"{count(frames, 'frame')} in {self.seconds:.1f} s ({frames / self.seconds:.0f} frames/s)"
+        files = printable(f"{self.log}, {self.labels}")
+        return f"{files}\n{indented(table(('label', 'points per frame'), rows))}\n{pace}"
+
+
+@dataclass(frozen=True)
+class TileSimulationResult(Result):
+    """A simulated tile: its scene, points by class code (0 is the sea) and on land, and file."""
+
+    is_summary = True
+
+    scene: TileScene
+    points: Counter[int]
+    land: int
+    output: Path
+    seconds: float
+
+    def _rows(self) -> list[tuple[str, int, int]]:
+        objects = Counter(item.kind for item in self.scene.objects)
+        named = enumerate(OBJECT_CLASSES, 1)
+        return [(name, objects[name], self.points[code]) for code, name in named if objects[name]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as JSON-compatible data."""
+        listed = [{"class": name, "objects": objects, "points": points} for name, objects, points in self._rows()]
+        return {"output": str(self.output), "sea": self.points[0], "land": self.land, "objects": listed}
+
+    def as_text(self) -> str:
+        """Return the result as human-readable text."""
+        rows = [(name, objects, f"{points:,}") for name, objects, points in self._rows()]
+        land = [("land", "", f"{self.land:,}")] if self.scene.land else []
+        shown = table(("class", "objects", "points"), [("sea", "", f"{self.points[0]:,}"), *land, *rows])
+        output, total = printable(str(self.output)), self.points.total() + self.land
+        return f"{output}\n{indented(shown)}\n{count(total, 'point')} in {self.seconds:.1f} s"

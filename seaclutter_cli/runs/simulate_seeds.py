@@ -11,8 +11,13 @@ from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, PathLike, RecordingsResult, statuses, storing_errors
-from seaclutter_cli.runs.simulate import TILE_SUFFIXES, simulate_scene
-from seaclutter_cli.runs.simulation import SimulateOptions, SimulationResult, TileSimulationResult
+from seaclutter_cli.runs.simulate import (
+    TILE_SUFFIXES,
+    SimulateOptions,
+    SimulationResult,
+    TileSimulationResult,
+    simulate_scene,
+)
 from seaclutter_cli.simulation.airborne.scene import is_tile_scene
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
@@ -96,21 +101,13 @@ def simulate_seeds(
     labels = [] if suffix in TILE_SUFFIXES else [log.with_suffix(".labels.csv") for log in logs]
     targets = {"-o": logs, "the labels of -o": labels}
     prepare_outputs(targets, {"SCENE": Path(scene)}, force=options.force, observer=observer)
-    works = [SimulateWork(str(scene), log, replace(options, seed=seed)) for seed, log in zip(seeds, logs, strict=True)]
+    works = [_SimulateWork(str(scene), log, replace(options, seed=seed)) for seed, log in zip(seeds, logs, strict=True)]
     return SeedsResult(run_batch(works, batch or BatchOptions(), observer))
 
 
 @dataclass(kw_only=True)
-class Simulated(Outcome):
-    """Outcome of a simulation.
-
-    Parameters
-    ----------
-    seed : int
-        The seed.
-    result : SimulationResult, TileSimulationResult or None
-        Its result; None after an error.
-    """
+class _Simulated(Outcome):
+    """Outcome of a simulation; without a result after an error."""
 
     seed: int
     result: SimulationResult | TileSimulationResult | None = None
@@ -127,18 +124,8 @@ class Simulated(Outcome):
 
 
 @dataclass(frozen=True)
-class SimulateWork(Work[Simulated]):
-    """Simulation with one seed.
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, or the name of a built-in scene, layout or tile scene.
-    output : Path
-        File of the recording or tile.
-    options : SimulateOptions
-        Options, with the seed.
-    """
+class _SimulateWork(Work[_Simulated]):
+    """Simulation with the seed of the options."""
 
     scene: str
     output: Path
@@ -159,31 +146,25 @@ class SimulateWork(Work[Simulated]):
         """The recording or tile."""
         return (self.output,)
 
-    def run(self, observer: Observer) -> Simulated:
+    def run(self, observer: Observer) -> _Simulated:
         """Simulate; store an error in the outcome."""
         outcome = self.without_result(None)
         with storing_errors(outcome, observer):
             outcome.result = simulate_scene(self.scene, self.output, self.options, observer)
         return outcome
 
-    def without_result(self, reason: str | None) -> Simulated:
+    def without_result(self, reason: str | None) -> _Simulated:
         """Return an outcome without a result."""
-        return Simulated(recording=self.output.stem, seed=self.options.seed or 0, error=reason)
+        return _Simulated(recording=self.output.stem, seed=self.options.seed or 0, error=reason)
 
 
 @dataclass(frozen=True)
 class SeedsResult(RecordingsResult):
-    """Outcomes of simulations with several seeds.
-
-    Parameters
-    ----------
-    outcomes : sequence of Simulated
-        Outcome for each seed.
-    """
+    """Outcomes of simulations, one for each seed."""
 
     is_summary = True
 
-    outcomes: Sequence[Simulated]
+    outcomes: Sequence[_Simulated]
 
     def as_dict(self) -> list[dict[str, Any]]:
         """Return the outcomes as JSON-compatible data."""
