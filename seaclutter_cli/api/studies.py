@@ -20,9 +20,8 @@ from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
 from seaclutter_cli.runs.report import ReportOptions, ReportResult, report_on
 from seaclutter_cli.runs.survey import SurveyResult, survey_logs
 from seaclutter_cli.runs.sweep import Sweep
-from seaclutter_cli.runs.tune import TuneOptions
+from seaclutter_cli.runs.tune import TuneOptions, TuningResult
 from seaclutter_cli.runs.tune import tune as tune_logs
-from seaclutter_cli.runs.tune_result import TuningResult
 from seaclutter_cli.storage.locations import location
 
 

@@ -16,10 +16,9 @@ from seaclutter_cli.calibration import FILTER_RATE
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.calibrate import CalibrateOptions, calibrate_logs
 from seaclutter_cli.runs.calibrate_result import CalibrationResult
-from seaclutter_cli.runs.comparison import Comparison
 from seaclutter_cli.runs.convert import ConvertOptions, convert_logs
 from seaclutter_cli.runs.convert_result import ConvertSummary
-from seaclutter_cli.runs.evaluate import EvaluateOptions, evaluate_logs
+from seaclutter_cli.runs.evaluate import Comparison, EvaluateOptions, evaluate_logs
 from seaclutter_cli.runs.filter import FilterOptions, filter_logs
 from seaclutter_cli.runs.filter_result import FilterSummary
 from seaclutter_cli.runs.methods import MethodOptions

@@ -35,6 +35,7 @@ from seaclutter_cli.runs.calibrate_choice import (
 )
 from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
 from seaclutter_cli.runs.calibrate_targets import TargetSearch
+from seaclutter_cli.runs.evaluate import EvaluateWork
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -50,7 +51,6 @@ from seaclutter_cli.runs.recordings import (
     require_selected,
     warnings_of,
 )
-from seaclutter_cli.runs.tune import TuneWork
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
@@ -183,7 +183,7 @@ def _trade_off(works: Sequence["CalibrateWork"], found: "_Pass", observer: Obser
         for work, number in zip(works, frames, strict=True):
             training += replace(work, labelled_frames=training_frames(number)[half]).read(OnlyProgress(observer))
         variants += [Variant(f"{one.name} ({half})", training.config(one)) for one in compared]
-    judged = [TuneWork(variants, options.reading, work.recording, work.labels) for work in works]
+    judged = [EvaluateWork(options.reading, work.recording, work.labels, variants, in_parts=True) for work in works]
     trade_off = TradeOff(dict(zip(compared, held_out_scores(judged, observer), strict=True)), used)
     if not options.choose:
         return trade_off

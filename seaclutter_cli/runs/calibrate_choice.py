@@ -17,9 +17,9 @@ from typing import Any
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.evaluation.tuning import Parts, best
+from seaclutter_cli.runs.evaluate import EvaluateWork
 from seaclutter_cli.runs.observer import Observer, Silent, Step
-from seaclutter_cli.runs.score_table import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
-from seaclutter_cli.runs.tune import TuneWork
+from seaclutter_cli.runs.score_tables import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
 from seaclutter_cli.text import count, table
 
 _RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
@@ -124,12 +124,12 @@ def is_enough(frames: Sequence[int]) -> bool:
     return sum(frames) >= _MIN_FRAMES
 
 
-def held_out_scores(works: Sequence[TuneWork], observer: Observer) -> list[Summary]:
+def held_out_scores(works: Sequence[EvaluateWork], observer: Observer) -> list[Summary]:
     """Return the scores of candidates on the frames that gave no thresholds.
 
     Parameters
     ----------
-    works : sequence of TuneWork
+    works : sequence of EvaluateWork
         Evaluation of each recording. The first half of the variants are the candidates with thresholds from the first
         frames, the second half those with thresholds from the last frames.
     observer : Observer

@@ -1,45 +1,46 @@
 """Evaluation of several methods against labels, in one pass over the recordings."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.evaluation.label_check import LabelCheck
 from seaclutter_cli.evaluation.scores import Summary, score_frame
+from seaclutter_cli.evaluation.tuning import Parts
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.history import FrameListener
-from seaclutter_cli.runs.batch import BatchOptions, Work, inputs_of_work, run_batch
+from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.checks import Checks
-from seaclutter_cli.runs.comparison import Comparison, Evaluated
-from seaclutter_cli.runs.frame_table import FrameRows, FrameTable
-from seaclutter_cli.runs.labels import LabelFile, LabelSources
+from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import (
-    Logs,
-    ReadOptions,
-    expand,
-    expected_frames,
-    finish_labels,
-    opened,
-    require_frames,
-    require_selected,
-    storing_errors,
+from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand
+from seaclutter_cli.runs.score_tables import (
+    ALARMS,
+    OBJECTS,
+    POINTS,
+    R_FN,
+    R_FP,
+    TIMES,
+    FrameRows,
+    PackedRows,
+    frame_table,
+    score_legend,
+    score_table,
 )
+from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
 from seaclutter_cli.selection import cloud_channels, filtered_by, first_frame, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.scratch import copies_removed
-from seaclutter_cli.text import printable
+from seaclutter_cli.text import count, printable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +78,7 @@ class EvaluateOptions:
 
 
 @copies_removed()
-def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SILENT) -> Comparison:
+def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SILENT) -> "Comparison":
     """Filter recordings, cluster the points that are left, and count false alarms and missed targets against labels.
 
     Parameters
@@ -102,177 +103,136 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
     inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in variants])
     outputs = {**targets, "--manifest": manifest}
     prepare_outputs(outputs, inputs, options.labels.paths, force=options.force, observer=observer)
-    labels = options.labels.assign(recordings)
+    pairs = zip(recordings, options.labels.assign(recordings), strict=True)
     tabulated = options.frames_file is not None
-    pairs = zip(recordings, labels, strict=True)
-    works = [EvaluateWork(variants, options.reading, *each, tabulated=tabulated) for each in pairs]
+    works = [EvaluateWork(options.reading, *each, variants, tabulated=tabulated) for each in pairs]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
-            table = stack.enter_context(FrameTable(options.frames_file, files)) if options.frames_file else None
-            summary = stack.enter_context(AtomicFile(options.summary_file, files)) if options.summary_file else None
-            if options.batch.runs_here(len(works)):
-                outcomes = [works[0].run(observer, [table] if table else [])]
-            else:
-                outcomes = run_batch(works, options.batch, observer, partial(_append, table))
-            require_selected(outcomes)
+            table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
+            outcomes = study_all(works, options.batch, observer)
             comparison = Comparison(variants, outcomes)
+            if table:
+                table.stream.writelines(frame_table([one.rows for one in outcomes if one.rows and not one.error]))
             if summary:
                 summary.stream.write(json.dumps(comparison.as_dict(), indent=2).encode() + b"\n")
-        if not may_appear(targets.values(), comparison.outcomes, observer):
+        if not may_appear(targets.values(), outcomes, observer):
             files.discard()
     if manifest:
         write_files(manifest_of(manifest, recordings, outcomes), replace=options.force)
     return comparison
 
 
-def _append(table: FrameRows | None, outcome: Evaluated) -> None:
-    """Append the rows of a recording to the table."""
-    if table and outcome.rows and not outcome.error:
-        table.append(outcome.rows)
-    outcome.rows = None
+@dataclass(kw_only=True)
+class Evaluated(Outcome):
+    """Outcome of the evaluation of one recording.
+
+    Parameters
+    ----------
+    methods : mapping of str to Summary
+        Sums over the frames for each variant.
+    rows : PackedRows or None
+        Rows of the table of frames.
+    parts : Parts or None
+        Scores of consecutive parts of the recording, where some may be held out.
+    """
+
+    methods: Mapping[str, Summary]
+    rows: PackedRows | None = field(default=None, repr=False)
+    parts: Parts | None = field(default=None, repr=False)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames that at least one method could use, labelled or not."""
+        return max((summary.frames + summary.unlabelled for summary in self.methods.values()), default=0)
+
+    def figures(self) -> str:
+        """Return frames and rates of the first method, for a line about the outcome."""
+        name, summary = next(iter(self.methods.items()))
+        rates = ", ".join(column.figure(summary) for column in (R_FP, R_FN))
+        return f"{count(summary.frames, 'labelled frame')}, {name}: {rates}, {self.seconds:.1f} s"
+
+    def counts(self) -> dict[str, Any]:
+        """Return further columns of the manifest of a run, with the alarms of the first method."""
+        first = next(iter(self.methods.values()))
+        return {
+            "frames": first.frames,
+            "false_alarms": first.false_alarms,
+            "missed_targets": first.visible - first.detected,
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the outcome as JSON-compatible data."""
+        return {
+            "recording": self.recording,
+            "error": self.error,
+            "damage": [str(item) for item in self.damage],
+            "seconds": round(self.seconds, 3),
+            "methods": {} if self.error else {name: summary.as_dict() for name, summary in self.methods.items()},
+        }
 
 
 @dataclass(frozen=True)
-class EvaluateWork(Work[Evaluated]):
-    """Evaluation of one recording.
+class EvaluateWork(StudyWork[Evaluated]):
+    """Evaluation of one recording; without labels, clusters are only counted.
 
     Parameters
     ----------
     variants : sequence of Variant
         Methods to compare.
-    reading : ReadOptions
-        Part of the recording to read, and how.
-    recording : Recording
-        The recording.
-    labels : LabelFile or None
-        Its labels.
-    tabulated : bool
-        Whether there is a table with a row for each frame and method.
+    listeners : sequence of FrameListener
+        Receive every frame, in this process.
+    tabulated, in_parts : bool
+        Whether the outcome has a row for each frame and method, and the scores of consecutive parts.
     """
 
     variants: Sequence[Variant]
-    reading: ReadOptions
-    recording: Recording
-    labels: LabelFile | None
+    listeners: Sequence[FrameListener] = ()
     tabulated: bool = False
-
-    @property
-    def reads(self) -> Sequence[Location]:
-        """Files and folders that the work reads."""
-        return inputs_of_work(self.recording, self.reading, self.labels)
-
-    def run(
-        self, observer: Observer, tables: Sequence[FrameRows] = (), listeners: Sequence[FrameListener] = ()
-    ) -> Evaluated:
-        """Evaluate the recording; store an error in the outcome.
-
-        Parameters
-        ----------
-        observer : Observer
-            Receives progress and warnings.
-        tables : sequence of FrameRows, optional
-            Tables for the rows of the frames; by default they are stored in the outcome if they are needed.
-        listeners : sequence of FrameListener, optional
-            Receive every frame.
-        """
-        outcome = self.without_result(None)
-        evaluator = Evaluator(self.variants, self.reading, observer)
-        with storing_errors(outcome, observer):
-            labels = self.labels.open() if self.labels else None
-            if tables or not self.tabulated:
-                return evaluator.run(self.recording, labels, tables, listeners)
-            with FrameRows() as own:
-                outcome = evaluator.run(self.recording, labels, [own], listeners)
-                outcome.rows = own.packed()
-        return outcome
+    in_parts: bool = False
 
     def without_result(self, reason: str | None) -> Evaluated:
         """Return an outcome without frames."""
         methods = {variant.name: Summary() for variant in self.variants}
-        return Evaluated(recording=self.recording.name, methods=methods, error=reason)
+        parts = Parts(len(methods)) if self.in_parts else None
+        return Evaluated(recording=self.recording.name, methods=methods, parts=parts, error=reason)
 
+    def run(self, observer: Observer) -> Evaluated:
+        """Evaluate the recording, also for the listeners; store an error in the outcome."""
+        for listener in self.listeners:
+            listener.begin(self.recording.name)
+        return super().run(observer)
 
-@dataclass(frozen=True)
-class Evaluator:
-    """Evaluation of several methods, recording by recording.
-
-    Parameters
-    ----------
-    variants : sequence of Variant
-        Methods to compare.
-    reading : ReadOptions
-        Part of each recording to read, and how.
-    observer : Observer
-        Receives progress and warnings.
-    """
-
-    variants: Sequence[Variant]
-    reading: ReadOptions
-    observer: Observer
-
-    def compare(
-        self,
-        recordings: Sequence[Recording],
-        labels: Sequence[Labels | None],
-        *,
-        tables: Sequence[FrameRows] = (),
-        listeners: Sequence[FrameListener] = (),
-    ) -> Comparison:
-        """Evaluate the recordings one after another."""
-        pairs = zip(recordings, labels, strict=True)
-        return Comparison(self.variants, [self.run(one, own, tables, listeners) for one, own in pairs])
-
-    def run(
-        self,
-        recording: Recording,
-        labels: Labels | None,
-        tables: Sequence[FrameRows] = (),
-        listeners: Sequence[FrameListener] = (),
-    ) -> Evaluated:
-        """Evaluate one recording; without labels, only count clusters."""
-        methods = {variant.name: Summary() for variant in self.variants}
-        outcome = Evaluated(recording=recording.name, methods=methods)
-        for listener in listeners:
-            listener.begin(recording.name)
-        with storing_errors(outcome, self.observer), opened(recording, self.reading, self.observer, outcome) as source:
-            begun = [table.begin(recording.name) for table in tables]
-            scorer = _FrameScorer(self, source, labels, outcome, begun, listeners)
-            self._stream(source, scorer)
-            self._check(source, labels, outcome)
-            scorer.finish()
-            for table in tables:
-                table.end()
-        return outcome
-
-    def _stream(self, source: Source, scorer: "_FrameScorer") -> None:
+    def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
+        """Filter the recording with every method, and score each frame."""
         selection = self.reading.selection
-        clouds = cloud_channels(source, selection.topics)
-        filtering = any(variant.config.method != "none" for variant in self.variants)
-        if filtering and was_filtered(source, selection.topics):
+        topic = cloud_channels(source, selection.topics)[0].topic
+        filtered = was_filtered(source, selection.topics)
+        if filtered and any(variant.config.method != "none" for variant in self.variants):
             by = filtered_by(source, selection.topics)
             text = "this run only filters the remaining points, and lost targets count as not visible"
-            self.observer.warn(f"{source.name}: already filtered{by}; {text}")
+            observer.warn(f"{source.name}: already filtered{by}; {text}")
         methods = ", ".join(variant.name for variant in self.variants)
-        self.observer.note(f"{source.name}: {source.format}, {methods} on {printable(clouds[0].topic)}", detail=True)
+        observer.note(f"{source.name}: {source.format}, {methods} on {printable(topic)}", detail=True)
         filters = [variant.config.make_filter() for variant in self.variants]
-        with self.observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+        # The threshold of a method that derives it from the log itself always fits.
+        pairs = zip(self.variants, filters, strict=True)
+        given = [variant for variant, method in pairs if not method.needs_first_pass]
+        checks = {variant.name: Checks(variant.config, source.facts, filtered=filtered) for variant in given}
+        scorer = _FrameScorer(self, labels, outcome, checks, observer)
+        with frame_progress(source, selection, observer) as step:
 
             def on_frame(frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
                 scorer.add(frame, results, seconds)
                 step()
 
             run_each(source, filters, selection, on_frame)
-
-    def _check(self, source: Source, labels: Labels | None, outcome: Evaluated) -> None:
-        """Check that frames could be read, and that they match the labels."""
-        require_frames(source, outcome.frames, self.reading.selection)
-        finish_labels(labels, source, self.reading.selection)
+        self.finish(source, labels, outcome.frames)
         if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
-            first = first_frame(source, self.reading.topics)
-            if first:
+            if first := first_frame(source, self.reading.topics):
                 text = f"it is a part of a recording, with frames from {first} on"
                 raise LabelError(f"{source.name}: no frame is labelled; {text}")
-            self.observer.warn(f"{source.name}: no frame is labelled; check that the labels belong to this recording")
+            observer.warn(f"{source.name}: no frame is labelled; check that the labels belong to this recording")
+        scorer.finish()
 
 
 class _FrameScorer:
@@ -280,50 +240,110 @@ class _FrameScorer:
 
     def __init__(
         self,
-        evaluator: Evaluator,
-        source: Source,
+        work: EvaluateWork,
         labels: Labels | None,
         outcome: Evaluated,
-        tables: Sequence[FrameRows],
-        listeners: Sequence[FrameListener],
+        checks: Mapping[str, Checks],
+        observer: Observer,
     ) -> None:
-        self._variants, self._observer = evaluator.variants, evaluator.observer
-        self._labels, self._outcome = labels, outcome
-        self._tables, self._listeners = tables, listeners
-        # The threshold of a method that derives it from the log itself always fits.
-        given = [variant for variant in self._variants if not variant.config.make_filter().needs_first_pass]
-        filtered = was_filtered(source, evaluator.reading.selection.topics)
-        self._checks = {variant.name: Checks(variant.config, source.facts, filtered=filtered) for variant in given}
-        self._label_check = LabelCheck(self._variants[0].config.evaluation)
+        self._work, self._labels, self._outcome = work, labels, outcome
+        self._checks, self._observer = checks, observer
+        self._rows = FrameRows(outcome.recording) if work.tabulated else None
+        self._evaluation = work.variants[0].config.evaluation
+        self._label_check = LabelCheck(self._evaluation)
         self._warned: set[str] = set()
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
         """Score a frame for every method that could use it."""
         truth = self._labels.truth(frame) if self._labels else None
-        scores = score_frame(frame, results, truth, self._variants[0].config.evaluation)
+        scores = score_frame(frame, results, truth, self._evaluation)
         if truth:
             self._label_check.add(frame, truth)
-        for listener in self._listeners:
+        if truth is not None and self._outcome.parts:
+            self._outcome.parts.add(scores)
+        for listener in self._work.listeners:
             listener.add_frame(frame, results, truth, scores)
-        for variant, result, found, spent in zip(self._variants, results, scores, seconds, strict=True):
+        for variant, result, found, spent in zip(self._work.variants, results, scores, seconds, strict=True):
             if result is None or found is None:
                 continue
             self._outcome.methods[variant.name].add(found, spent)
-            for table in self._tables:
-                table.write(variant.name, frame, found)
+            if self._rows:
+                self._rows.write(variant.name, frame, found)
             if variant.name in self._checks:
                 self._warn(self._checks[variant.name].add(result))
 
     def finish(self) -> None:
-        """Warn about settings and labels that do not fit, even after only a few frames."""
+        """Warn about settings and labels that do not fit, even after only a few frames; complete the rows."""
         for checks in self._checks.values():
             self._warn(checks.finish())
         found = max(self._outcome.methods.values(), key=lambda summary: summary.frames)
         findings = self._label_check.findings(found.targets, found.visible)
         self._warn(f"labels: {finding.text}" for finding in findings)
+        self._outcome.rows = self._rows.packed() if self._rows else None
 
     def _warn(self, texts: Iterable[str]) -> None:
         for text in texts:
             if text not in self._warned:
                 self._warned.add(text)
                 self._observer.warn(f"{self._outcome.recording}: {text}")
+
+
+@dataclass(frozen=True)
+class Comparison(RecordingsResult):
+    """Result of the evaluation of several recordings.
+
+    Parameters
+    ----------
+    variants : sequence of Variant
+        Methods that were compared.
+    outcomes : sequence of Evaluated
+        Outcome of each recording.
+    """
+
+    variants: Sequence[Variant]
+    outcomes: Sequence[Evaluated]
+
+    def totals(self) -> dict[str, Summary]:
+        """Return the sums over all recordings without an error."""
+        totals = {variant.name: Summary() for variant in self.variants}
+        for outcome in self.outcomes:
+            for name, summary in outcome.methods.items() if not outcome.error else ():
+                totals[name].update(summary)
+        return totals
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the comparison as JSON-compatible data."""
+        return {
+            "methods": {name: summary.as_dict() for name, summary in self.totals().items()},
+            "recordings": [outcome.as_dict() for outcome in self.outcomes],
+            "configs": {variant.name: variant.config.as_dict() for variant in self.variants},
+        }
+
+    def as_text(self) -> str:
+        """Return the comparison as human-readable text; for DBSCAN clusters, include the measures of [Bi]."""
+        if all(outcome.error for outcome in self.outcomes):
+            return ""
+        totals = self.totals()
+        points_known = any(summary.points for summary in totals.values())
+        groups = [ALARMS, (*(POINTS if points_known else ()), *TIMES)]
+        if self.variants[0].config.evaluation.clustering == "dbscan":
+            groups.insert(1, OBJECTS)
+        tables = "\n\n".join(score_table(totals, columns) for columns in groups)
+        foot = score_legend(tables, (column for columns in groups for column in columns))
+        return f"{self._title(totals)}\n\n{tables}\n\n{foot}"
+
+    def _title(self, totals: Mapping[str, Summary]) -> str:
+        """Return what was compared: recordings, frames, targets and, where they are labelled, points."""
+        done = sum(not outcome.error for outcome in self.outcomes)
+        first = max(totals.values(), key=lambda summary: summary.frames)
+        least = self.variants[0].config.evaluation.min_visible_points
+        frames = f"{count(first.frames, 'labelled frame')}, {first.unlabelled:,} unlabelled"
+        visible = f"{first.visible:,} visible (at least {count(least, 'point')})"
+        part = "" if done == len(self.outcomes) else f"{done:,} of "
+        lines = [
+            f"{part}{count(len(self.outcomes), 'recording')}; {frames}",
+            f"{count(first.targets, 'target')}, {visible}",
+        ]
+        if points := first.points:
+            lines.append(f"{count(points.target_in, 'target point')}, {count(points.clutter_in, 'clutter point')}")
+        return "\n".join(lines)

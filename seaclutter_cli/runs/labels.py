@@ -63,18 +63,6 @@ class LabelSources:
         with finder.naming():
             return finder.places(find_labels(recordings, finder.paths))
 
-    def open(self, recordings: Sequence[Recording]) -> list[Labels | None]:
-        """Return the labels of each recording; None for all recordings if there are no paths.
-
-        Raises
-        ------
-        UsageError
-            If labels cannot be assigned to the recordings, or some do not exist.
-        LabelError
-            If labels cannot be read.
-        """
-        return [None if file is None else file.open() for file in self.assign(recordings)]
-
 
 @dataclass(frozen=True)
 class LabelFile:

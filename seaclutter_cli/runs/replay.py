@@ -12,11 +12,12 @@ from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.reporting.history import ReplayListener
 from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay
-from seaclutter_cli.runs.comparison import Comparison, Evaluated
-from seaclutter_cli.runs.evaluate import Evaluator
+from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork
+from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.recordings import ReadOptions, finish_labels, opened, require_frames, storing_errors
+from seaclutter_cli.runs.recordings import ReadOptions, require_frames
+from seaclutter_cli.runs.studies import StudyWork
 from seaclutter_cli.selection import was_filtered
 from seaclutter_cli.sources import Recording
 
@@ -25,7 +26,7 @@ L = TypeVar("L", bound=ReplayListener)
 
 def filter_or_replay(
     recordings: Sequence[Recording],
-    labels: Sequence[Labels | None],
+    labels: LabelSources,
     methods: MethodOptions,
     reading: ReadOptions,
     observer: Observer,
@@ -37,8 +38,8 @@ def filter_or_replay(
     ----------
     recordings : sequence of Recording
         Raw logs, or logs filtered with the same configuration.
-    labels : sequence of Labels or None
-        Labels of each recording.
+    labels : LabelSources
+        Labels of the recordings.
     methods : MethodOptions
         Methods that filter the logs.
     reading : ReadOptions
@@ -55,48 +56,24 @@ def filter_or_replay(
     InputError
         If the recorded configuration is not valid, or a filtered log lacks the removed points.
     """
-    recorded = recorded_run(recordings, reading) if methods.is_default else None
-    if recorded is None:
-        variants = methods.variants(configured_first=True)
-        listener = make_listener(variants)
-        comparison = Evaluator(variants, reading, observer).compare(recordings, labels, listeners=[listener])
-        return comparison, listener
-    listener = make_listener([recorded.variant])
-    reader = ReplayReader(recorded.variant, reading, observer, listener)
-    chosen = zip(recordings, recorded.topics, labels, strict=True)
-    return Comparison([recorded.variant], [reader.run(*one) for one in chosen]), listener
+    pairs = list(zip(recordings, labels.assign(recordings), strict=True))
+    variant, topics = _recorded_run(recordings, reading) if methods.is_default else (None, ())
+    variants = [variant] if variant else methods.variants(configured_first=True)
+    listener = make_listener(variants)
+    works: list[StudyWork[Evaluated]] = (
+        [_ReplayWork(reading, *pair, variant, topic, listener) for pair, topic in zip(pairs, topics, strict=True)]
+        if variant
+        else [EvaluateWork(reading, *pair, variants, [listener]) for pair in pairs]
+    )
+    return Comparison(variants, [work.run(observer) for work in works]), listener
 
 
-@dataclass(frozen=True)
-class RecordedRun:
-    """Method and topics of logs that were filtered with the same configuration.
-
-    Parameters
-    ----------
-    variant : Variant
-        Method and configuration recorded in the logs.
-    topics : sequence of str
-        Raw topic of each log.
-    """
-
-    variant: Variant
-    topics: Sequence[str]
-
-
-def recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> RecordedRun | None:
-    """Return the method and topics of filtered logs; None for raw logs.
-
-    Raises
-    ------
-    UsageError
-        If the logs differ in their configuration, or a topic has to be chosen.
-    InputError
-        If the recorded configuration is not valid, or a filtered log lacks the removed points.
-    """
+def _recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> tuple[Variant | None, Sequence[str]]:
+    """Return the method of filtered logs, and the raw topic of each; None for raw logs."""
     runs = [_recorded(recording, reading) for recording in recordings]
     known = [run for run in runs if run]
     if not known:
-        return None
+        return None, ()
     for recording, run in zip(recordings, runs, strict=True):
         if run is None or run[1] != known[0][1]:
             raise UsageError(
@@ -106,7 +83,7 @@ def recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> Recor
         config = parse_config(known[0][1], f"{recordings[0].name}, recorded configuration")
     except ConfigError as error:
         raise InputError(str(error)) from error
-    return RecordedRun(Variant(config.method, config), [topic for topic, _ in known])
+    return Variant(config.method, config), [topic for topic, _ in known]
 
 
 def _recorded(recording: Recording, reading: ReadOptions) -> tuple[str, str] | None:
@@ -126,53 +103,43 @@ def _recorded(recording: Recording, reading: ReadOptions) -> tuple[str, str] | N
 
 
 @dataclass(frozen=True)
-class ReplayReader:
-    """Reader of filtered logs, which also compares them with labels if there are any.
-
-    Parameters
-    ----------
-    variant : Variant
-        Method and configuration recorded in the logs.
-    reading : ReadOptions
-        Part of each recording to read, and how.
-    observer : Observer
-        Receives progress and warnings.
-    listener : ReplayListener
-        Receives every frame.
-    """
+class _ReplayWork(StudyWork[Evaluated]):
+    """Reading of a filtered log for a listener, and comparison with its labels if there are any."""
 
     variant: Variant
-    reading: ReadOptions
-    observer: Observer
+    topic: str
     listener: ReplayListener
 
-    def run(self, recording: Recording, topic: str, labels: Labels | None) -> Evaluated:
-        """Read one recording; store an error in the outcome."""
-        summary = Summary()
-        outcome = Evaluated(recording=recording.name, methods={self.variant.name: summary})
-        self.listener.begin(recording.name)
-        with storing_errors(outcome, self.observer), opened(recording, self.reading, self.observer, outcome) as source:
-            self._stream(source, topic, labels, summary)
-        return outcome
+    def without_result(self, reason: str | None) -> Evaluated:
+        """Return an outcome without frames."""
+        return Evaluated(recording=self.recording.name, methods={self.variant.name: Summary()}, error=reason)
 
-    def _stream(self, source: Source, topic: str, labels: Labels | None, summary: Summary) -> None:
-        selection = self.reading.selection
-        total = sum(source.counts.get(channel.id, 0) for channel in source.channels if channel.topic == topic)
+    def run(self, observer: Observer) -> Evaluated:
+        """Read the recording, also for the listener; store an error in the outcome."""
+        self.listener.begin(self.recording.name)
+        return super().run(observer)
+
+    def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
+        """Read all frames."""
+        selection, (summary,) = self.reading.selection, outcome.methods.values()
+        total = sum(source.counts.get(channel.id, 0) for channel in source.channels if channel.topic == self.topic)
         if (selection.start_s, selection.end_s) == (None, None):
             self.listener.expect(min(selection.frames or total, total))
         found, check = False, LabelCheck(self.variant.config.evaluation)
-        with self.observer.progress(source.name, selection.frames or total or None) as step:
-            for one in replay(source, topic, selection):
+        with observer.progress(source.name, selection.frames or total or None) as step:
+            for one in replay(source, self.topic, selection):
                 self._add(one, labels, summary, check)
                 step()
                 found = True
         if not found:
             require_frames(source, 0, selection)
-            reason = source.damage[0] if source.damage else f"no frame of {topic} has removed points and diagnostics"
+            reason = (
+                source.damage[0] if source.damage else f"no frame of {self.topic} has removed points and diagnostics"
+            )
             raise InputError(f"{source.name}: nothing to show; {reason}")
-        finish_labels(labels, source, selection)
+        self.finish(source, labels, 1)
         for finding in check.findings(summary.targets, summary.visible):
-            self.observer.warn(f"{source.name}: labels: {finding.text}")
+            observer.warn(f"{source.name}: labels: {finding.text}")
 
     def _add(self, one: Replayed, labels: Labels | None, summary: Summary, check: LabelCheck) -> None:
         truth = labels.truth(one.frame) if labels else None

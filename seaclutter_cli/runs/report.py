@@ -10,7 +10,7 @@ from seaclutter_cli.plots.figure import check_target
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting.collector import Collector, Method
 from seaclutter_cli.reporting.page import render_page, report_data
-from seaclutter_cli.runs.comparison import Comparison
+from seaclutter_cli.runs.evaluate import Comparison
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -95,9 +95,10 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
     targets: Paths = {"-o": options.output, "--figures": options.figures}
     inputs = inputs_of(recordings, options.reading, options.methods.file)
     prepare_outputs(targets, inputs, options.labels.paths, force=options.force, observer=observer)
-    labels = options.labels.open(recordings)
     make = partial(_collector, options=options)
-    comparison, collected = filter_or_replay(recordings, labels, options.methods, options.reading, observer, make)
+    comparison, collected = filter_or_replay(
+        recordings, options.labels, options.methods, options.reading, observer, make
+    )
     if missing := _missing(collected, options.picks):
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
     files: dict[Location, bytes] = {}

@@ -1,27 +1,42 @@
 """Tuning: every combination of methods and parameter values over labelled recordings, in one pass."""
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.evaluation.tuning import Parts
-from seaclutter_cli.plots.figure import check_target
-from seaclutter_cli.reporting.history import FrameListener
-from seaclutter_cli.runs.batch import BatchOptions, run_batch
-from seaclutter_cli.runs.comparison import Evaluated
-from seaclutter_cli.runs.evaluate import EvaluateWork
-from seaclutter_cli.runs.frame_table import FrameRows
-from seaclutter_cli.runs.held_out import PartsOfRecordings, split_scores
+from seaclutter_cli.evaluation.matching import point_truth
+from seaclutter_cli.evaluation.scores import FrameScore, Summary
+from seaclutter_cli.evaluation.tuning import Parts, best, ideal_threshold
+from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
+from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.runs.batch import BatchOptions
+from seaclutter_cli.runs.evaluate import Evaluated, EvaluateWork
 from seaclutter_cli.runs.labels import LabelSources
-from seaclutter_cli.runs.methods import MethodOptions
+from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Logs, ReadOptions, expand, require_selected
+from seaclutter_cli.runs.recordings import Logs, ReadOptions, RecordingsResult, expand
+from seaclutter_cli.runs.score_tables import FRAME_ERRORS, FRAMES, score_cells, score_legend
+from seaclutter_cli.runs.studies import study_all
 from seaclutter_cli.runs.sweep import Combination, Sweep, grid
-from seaclutter_cli.runs.threshold_history import ThresholdHistory
-from seaclutter_cli.runs.tune_result import TuningResult
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.scratch import copies_removed
+from seaclutter_cli.text import count, printable, table
+from seaclutter_cli.truth import Truth
+
+_RATES = ("frames", "N_FP", "N_FN", "R_FP", "R_FN", "precision", "recall", "f1", "false_alarms", "omitted_alarms")
+_BEST = "<"
+_JUDGED = (FRAMES, *FRAME_ERRORS)
+_MIN_RECORDINGS = 4
+"""Minimum number of recordings of which whole ones are held out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +96,7 @@ class TuneOptions:
 
 
 @copies_removed()
-def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> TuningResult:
+def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> "TuningResult":
     """Evaluate every combination of methods and parameter values, and find the one with the fewest bad frames.
 
     Parameters
@@ -106,36 +121,19 @@ def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> Tunin
     inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in variants])
     prepare_outputs(options.targets, inputs, options.labels.paths, force=options.force, observer=observer)
     _check_plots(options, combinations, len(recordings))
-    history = ThresholdHistory(variants, options.ring) if options.thresholds_file else None
-    labels = options.labels.assign(recordings)
-    works = [TuneWork(variants, options.reading, *each) for each in zip(recordings, labels, strict=True)]
-    if history or options.batch.runs_here(len(works)):
-        outcomes = [works[0].run(observer, listeners=[history] if history else [])]
-    else:
-        outcomes = run_batch(works, options.batch, observer)
-    require_selected(outcomes)
-    parts = [outcome.parts or Parts(len(variants)) for outcome in outcomes]
-    split = split_scores(outcomes, parts, [one.name for one in variants], options.hold_out)
+    history = _ThresholdHistory(variants, options.ring) if options.thresholds_file else None
+    listeners = [history] if history else []
+    pairs = zip(recordings, options.labels.assign(recordings), strict=True)
+    works = [EvaluateWork(options.reading, *each, variants, listeners, in_parts=True) for each in pairs]
+    batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
+    outcomes = study_all(works, batch, observer)
+    split = split_scores(outcomes, [one.name for one in variants], options.hold_out)
     result = TuningResult(options.sweeps, combinations, outcomes, split)
     if may_appear(options.targets.values(), result.outcomes, observer):
         write_files(_files(result, history, options), replace=options.force)
         if options.output and not result.best:
             observer.warn(f"{options.output}: not written, because no frame is labelled")
     return result
-
-
-@dataclass(frozen=True)
-class TuneWork(EvaluateWork):
-    """Evaluation of one recording, with the scores of its parts, some of which may be held out."""
-
-    def run(
-        self, observer: Observer, tables: Sequence[FrameRows] = (), listeners: Sequence[FrameListener] = ()
-    ) -> Evaluated:
-        """Evaluate the recording; see `EvaluateWork.run`."""
-        parts = PartsOfRecordings(len(self.variants))
-        outcome = super().run(observer, tables, [parts, *listeners])
-        outcome.parts = next(iter(parts.recordings), None)
-        return outcome
 
 
 def _check_plots(options: TuneOptions, combinations: Sequence[Combination], recordings: int) -> None:
@@ -151,7 +149,7 @@ def _check_plots(options: TuneOptions, combinations: Sequence[Combination], reco
         raise UsageError("--plot-thresholds: needs a single recording")
 
 
-def _files(result: TuningResult, history: ThresholdHistory | None, options: TuneOptions) -> dict[Location, bytes]:
+def _files(result: "TuningResult", history: "_ThresholdHistory | None", options: TuneOptions) -> dict[Location, bytes]:
     files: dict[Location, bytes] = {}
     if options.output and result.best:
         files[options.output] = result.best_config().encode()
@@ -162,3 +160,214 @@ def _files(result: TuningResult, history: ThresholdHistory | None, options: Tune
     if options.thresholds_file and history:
         files[options.thresholds_file] = history.plot(options.thresholds_file.suffix)
     return files
+
+
+class _ThresholdHistory:
+    """Listener that stores the threshold of a range ring for each frame and variant ([Li2023], Fig. 7)."""
+
+    def __init__(self, variants: Sequence[Variant], ring: int) -> None:
+        for variant in variants:
+            rings = max(len(variant.config.ring_edges) - 1, 0)
+            if ring > rings:
+                raise UsageError(f"--ring {ring}: {variant.name} has {count(rings, 'range ring')}")
+        self._names, self._ring = [variant.name for variant in variants], ring - 1
+        self._evaluation = variants[0].config.evaluation
+        self._start_m, self._end_m = variants[0].config.ring_edges[ring - 1 : ring + 1]
+        self._rows: list[list[float]] = []
+
+    def begin(self, recording: str) -> None:
+        """Start the only recording."""
+
+    def add_frame(
+        self,
+        frame: Frame,
+        results: Sequence[FilterResult | None],
+        truth: Truth | None,
+        scores: Sequence[FrameScore | None],  # noqa: ARG002 - scores are not needed
+    ) -> None:
+        """Store the ideal threshold of a frame and those of the variants; NaN if there is none."""
+        ideal = None
+        if truth is not None:
+            inside = frame.valid & (frame.range_m >= self._start_m) & (frame.range_m < self._end_m)
+            points = point_truth(frame, truth, self._evaluation)
+            ideal = ideal_threshold(frame.intensity[inside], points[inside])
+        rings = [None if result is None else result.rings for result in results]
+        used = [np.nan if one is None else float(one.thresholds[self._ring]) for one in rings]
+        self._rows.append([np.nan if ideal is None else ideal, *used])
+
+    def plot(self, suffix: str) -> bytes:
+        """Return the content of the plot file; ``suffix`` is ``.png`` or ``.svg``."""
+        ideal, *curves = np.array(self._rows, np.float64).reshape(-1, 1 + len(self._names)).T
+        keys = {name.partition("=")[0] for name in self._names}
+        title = keys.pop() if len(keys) == 1 and not any(" " in name for name in self._names) else None
+        named = dict(zip((name.removeprefix(f"{title}=") for name in self._names), curves, strict=True))
+        ring = f"{self._start_m:g} to {self._end_m:g} m"
+        return render(lambda figure: draw_thresholds(figure, ring, named, ideal, title=title), suffix)
+
+
+@dataclass(frozen=True)
+class Split:
+    """Sums for each combination over the frames used for tuning, and over those held out, if any, with their title."""
+
+    tuned: Mapping[str, Summary]
+    held_out: Mapping[str, Summary] = field(default_factory=dict)
+    title: str = ""
+
+
+def split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: float) -> Split:
+    """Return the scores of recordings without an error, divided into those for tuning and those held out.
+
+    Of four or more recordings, a share of whole ones is held out, evenly spaced; of fewer, the last frames of each.
+    Neighbouring frames are alike, so single frames would tell nothing new.
+    """
+    used = [outcome for outcome in outcomes if not outcome.error]
+    held: list[Evaluated] = []
+    if share and len(used) >= _MIN_RECORDINGS:
+        number = min(max(round(share * len(used)), 1), len(used) - 1)
+        held = [used[(k + 1) * len(used) // number - 1] for k in range(number)]
+    tuned, held_out = ({name: Summary() for name in names} for _ in range(2))
+    for outcome in used:
+        parts = outcome.parts or Parts(len(names))
+        before, end = parts.split(float(any(outcome is one for one in held)) if held else share)
+        for name, first, last in zip(names, before, end, strict=True):
+            tuned[name].update(first)
+            held_out[name].update(last)
+    frames = max((summary.frames for summary in held_out.values()), default=0)
+    if not frames:
+        return Split(tuned)
+    title = count(frames, "frame")
+    if held:
+        title += f" ({count(len(held), 'recording')}: {', '.join(outcome.recording for outcome in held)})"
+    else:
+        title += " at the end of the recording" if len(used) == 1 else " at the ends of the recordings"
+    return Split(tuned, held_out, title)
+
+
+@dataclass(frozen=True)
+class TuningResult(RecordingsResult):
+    """Result of a sweep over methods and parameter values.
+
+    Parameters
+    ----------
+    sweeps : sequence of Sweep
+        Parameters and values that were tried.
+    combinations : sequence of Combination
+        All combinations.
+    outcomes : sequence of Evaluated
+        Outcome of each recording.
+    split : Split
+        Scores of the frames used for tuning, and of those held out.
+    """
+
+    sweeps: Sequence[Sweep]
+    combinations: Sequence[Combination]
+    outcomes: Sequence[Evaluated]
+    split: Split
+
+    @cached_property
+    def best(self) -> str | None:
+        """Name of the best combination; None if no frame is labelled."""
+        return best(self.split.tuned)
+
+    @cached_property
+    def best_of_methods(self) -> list[str]:
+        """Name of the best combination of each method, in the order of the methods."""
+        methods = dict.fromkeys(one.method for one in self.combinations)
+        own = [[one.variant.name for one in self.combinations if one.method == method] for method in methods]
+        found = [best({name: self.split.tuned[name] for name in names}) for names in own]
+        return [name for name in found if name]
+
+    def best_config(self) -> str:
+        """Return the best configuration as a commented file."""
+        chosen = next(one.variant for one in self.combinations if one.variant.name == self.best)
+        recordings = ", ".join(printable(outcome.recording) for outcome in self.outcomes if not outcome.error)
+        lines = [f"# Best of {count(len(self.combinations), 'combination')} on {recordings}: {chosen.name}"]
+        for part, summaries in self._parts() if self.split.held_out else ():
+            found = summaries[chosen.name]
+            figures = ", ".join(column.figure(found) for column in FRAME_ERRORS)
+            lines.append(f"# {part}: {count(found.frames, 'frame')}, {figures}")
+        return "\n".join([*lines, chosen.config.to_yaml(comments=True)])
+
+    def curve(self, suffix: str) -> bytes:
+        """Return the content of a plot of the rates over a single parameter."""
+        (sweep,) = self.sweeps
+        chosen = list(self.split.tuned).index(self.best) if self.best else None
+        tuned, held_out = (_rates(summaries) for summaries in (self.split.tuned, self.split.held_out))
+        return render(lambda figure: draw_rates(figure, sweep.key, sweep.shown, tuned, held_out, chosen), suffix)
+
+    def _parts(self) -> list[tuple[str, Mapping[str, Summary]]]:
+        """Return the scores of the frames used for tuning and, if there are any, of those held out."""
+        parts = [("tuned", self.split.tuned), ("held out", self.split.held_out)]
+        return [(name, summaries) for name, summaries in parts if summaries]
+
+    def _rows(self) -> list[dict[str, Any]]:
+        rows = []
+        several = len({one.method for one in self.combinations}) > 1
+        for one in self.combinations:
+            name = one.variant.name
+            row: dict[str, Any] = {"method": one.method} if several else {}
+            row |= {sweep.key: one.values.get(sweep.key) for sweep in self.sweeps}
+            found = self.split.tuned[name].as_dict()
+            row |= {key: found[key] for key in _RATES}
+            if self.split.held_out:
+                found = self.split.held_out[name].as_dict()
+                row |= {f"held_out_{key}": found[key] for key in _RATES}
+            rows.append({**row, "best": name == self.best})
+        return rows
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as JSON-compatible data."""
+        return {
+            "combinations": self._rows(),
+            "best": self.best,
+            "held_out": self.split.title or None,
+            "recordings": [
+                {"recording": outcome.recording, "error": outcome.error, "damage": [str(d) for d in outcome.damage]}
+                for outcome in self.outcomes
+            ],
+        }
+
+    def as_csv(self) -> str:
+        """Return the result as CSV, with a row for each combination."""
+        rows, text = self._rows(), io.StringIO()
+        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        return text.getvalue()
+
+    def as_text(self) -> str:
+        """Return the result as human-readable text: all combinations, then tuned and held-out figures of the best."""
+        if not self.best:
+            return f"{self._table()}\n\nno best combination: no frame is labelled"
+        frames = max(summary.frames for summary in self.split.tuned.values())
+        title = f"best on {count(frames, 'frame')}: {self.best}"
+        if self.split.held_out:
+            title += f"\nheld out: {printable(self.split.title)}"
+        tables = f"{self._table()}\n\n{title}\n\n{self._judgement()}"
+        legend = score_legend(tables, _JUDGED, {_BEST: "fewest frames with an error, then fewest errors, when tuned"})
+        return f"{tables}\n\n{legend}"
+
+    def _table(self) -> str:
+        """Return a table of all combinations on the frames used for tuning."""
+        cells = score_cells(self.split.tuned, FRAME_ERRORS)
+        several = len({one.method for one in self.combinations}) > 1
+        keys = [sweep.key for sweep in self.sweeps]
+        rows = []
+        for one in self.combinations:
+            name = one.variant.name
+            first = ([one.method] if several else []) + [str(one.values.get(key, "")) for key in keys]
+            rows.append((*first, *cells[name], _BEST if name == self.best else ""))
+        return table((*(["method"] if several else []), *keys, *(one.head for one in FRAME_ERRORS), ""), rows)
+
+    def _judgement(self) -> str:
+        """Return a table of the best combination of each method, on the frames for tuning and on those held out."""
+        rows = []
+        for part, summaries in self._parts():
+            cells = score_cells({name: summaries[name] for name in self.best_of_methods}, _JUDGED)
+            rows += [(name, part, *cells[name]) for name in self.best_of_methods]
+        return table(("best combination", "", *(one.head for one in _JUDGED)), rows)
+
+
+def _rates(summaries: Mapping[str, Summary]) -> NDArray[np.float64]:
+    """Return the rates of frames with a false alarm and with a missed target, shape (2, K); NaN where unknown."""
+    return np.array([(summary.r_fp, summary.r_fn) for summary in summaries.values()], np.float64).reshape(-1, 2).T

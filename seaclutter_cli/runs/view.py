@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.runs.comparison import Comparison
+from seaclutter_cli.runs.evaluate import Comparison
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -87,7 +87,7 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
         check_target(options.target)
     inputs = inputs_of(recordings, options.reading, options.config.file)
     prepare_outputs({"--save": options.target}, inputs, options.labels.paths, force=options.force, observer=observer)
-    labels, methods = options.labels.open(recordings), options.config.as_methods()
+    methods = options.config.as_methods()
     with OutputGroup(replace=options.force) as files, ExitStack() as stack:
 
         def open_stream(variants: Sequence[Variant]) -> FrameStream:
@@ -95,7 +95,9 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
             sink = stack.enter_context(target)
             return FrameStream(variants[0].config.evaluation, sink)
 
-        comparison, stream = filter_or_replay(recordings, labels, methods, options.reading, observer, open_stream)
+        comparison, stream = filter_or_replay(
+            recordings, options.labels, methods, options.reading, observer, open_stream
+        )
         stream.finish()
         if all(outcome.error for outcome in comparison.outcomes):
             raise InputError("nothing to show: no recording could be read")

@@ -12,7 +12,9 @@ from click.testing import CliRunner
 from seaclutter_cli.commands import cli
 from seaclutter_cli.evaluation.matching import Alarms
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, PointCounts
-from seaclutter_cli.runs.frame_table import FrameTable
+from seaclutter_cli.runs.evaluate import EvaluateOptions, EvaluateWork, evaluate_logs
+from seaclutter_cli.runs.labels import LabelSources
+from seaclutter_cli.runs.score_tables import FrameRows, frame_table
 from tests.evaluation.scenes import frame_of
 from tests.evaluation.scenes import lump as lump_at
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
@@ -361,29 +363,37 @@ def test_a_single_warning_about_thresholds_that_cannot_fit(tmp_path, labels):
     assert "Warning" not in invoke(log, "--labels", labels, "--compare", "paper", "-q").stderr
 
 
-def test_an_interrupted_run_leaves_no_table(tmp_path):
-    def interrupt():
-        with FrameTable(tmp_path / "frames.csv") as table:
-            table.begin("a").end()
-            raise KeyboardInterrupt
+def test_an_interrupted_run_leaves_no_table(log, labels, tmp_path, monkeypatch):
+    def interrupted(work, source, labels, outcome, observer):
+        raise KeyboardInterrupt
 
+    monkeypatch.setattr(EvaluateWork, "study", interrupted)
+    before = set(tmp_path.iterdir())
+    options = EvaluateOptions(labels=LabelSources(paths=(labels,)), frames_file=tmp_path / "frames.csv")
     with pytest.raises(KeyboardInterrupt):
-        interrupt()
-    assert list(tmp_path.iterdir()) == []
+        evaluate_logs(log, options)
+    assert set(tmp_path.iterdir()) == before
 
 
-def test_a_recording_that_fails_midway_leaves_no_rows_and_no_columns(tmp_path):
-    frame = frame_of(lump_at(20))
+def test_a_recording_that_fails_at_its_end_leaves_no_rows(log, labels, tmp_path):
+    failing, out = make_log(tmp_path / "failing.mcap"), tmp_path / "frames.csv"
+    too_long = make_labels(tmp_path / "too_long.csv", frames=range(FRAMES + 1))
+    assert invoke(failing, log, "--labels", too_long, "--labels", labels, "-m", "none", "-o", out).exit_code == 1
+    assert {row["recording"] for row in rows(out)} == {"log"}
+
+
+def test_columns_for_points_only_if_any_frame_has_labels_of_points():
     plain = FrameScore(10, 5, 1, 0, Alarms(1, 1, 1, 1, 0), None)
-    with FrameTable(tmp_path / "frames.csv") as table:
-        table.begin("a, b").write("none", frame, plain)
-        table.end()
-        table.begin("c").write("none", frame, replace(plain, points=PointCounts(1, 1, 1, 1)))
-        table.begin("d").write("none", frame, plain)
-        table.end()
-    (first, second) = rows(tmp_path / "frames.csv")
-    assert (first["recording"], second["recording"], first["points_out"]) == ("a, b", "d", "5")
-    assert tuple(first)[4:] == ALARM_COLUMNS
+    packed = []
+    for name, score in (("a, b", plain), ("c", replace(plain, points=PointCounts(1, 1, 1, 1)))):
+        written = FrameRows(name)
+        written.write("none", frame_of(lump_at(20)), score)
+        packed.append(written.packed())
+    for chosen, columns in ((packed, (*ALARM_COLUMNS, *POINT_COLUMNS)), (packed[:1], ALARM_COLUMNS)):
+        table = list(csv.DictReader(b"".join(frame_table(chosen)).decode().splitlines()))
+        assert [row["recording"] for row in table] == ["a, b", "c"][: len(chosen)]
+        assert tuple(table[0])[4:] == columns
+        assert table[0]["points_out"] == "5"
 
 
 @pytest.mark.parametrize(

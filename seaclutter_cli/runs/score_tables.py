@@ -1,37 +1,27 @@
-"""Tables of scores: columns, what they mean, and which method is best in each."""
+"""Tables of scores: of methods as text, with what the columns mean and the best values; of frames as CSV."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import csv
+import io
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from seaclutter_cli.evaluation.scores import Summary
+from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Summary
+from seaclutter_cli.frame import Frame
 from seaclutter_cli.text import UNKNOWN, legend, table
 
 BASELINE = "none"
 """Method that is never marked as the best: it loses no target and takes no time, because it does not filter."""
 
 _MARK = "*"
+_FRAME_COLUMNS = ("recording", "method", "frame", "stamp_ns", *ALARM_COLUMNS)
+_UNKNOWN_POINTS = b"," * len(POINT_COLUMNS) + b"\n"
 
 
 @dataclass(frozen=True)
 class Column:
-    """Column of a table of scores.
-
-    Parameters
-    ----------
-    head : str
-        Head of the column.
-    meaning : str
-        What it shows.
-    value : callable
-        Returns the value for a method; None if there is nothing to count.
-    digits : int
-        Digits after the decimal point.
-    unit : str
-        What follows the number.
-    best : {"low", "high"} or None
-        Which values are good; None for columns that say nothing about quality.
-    """
+    """Column of a table of scores: its value is None if there is nothing to count, and ``best`` if none is good."""
 
     head: str
     meaning: str
@@ -125,3 +115,44 @@ def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str]
     if UNKNOWN in text:
         lines[UNKNOWN] = "nothing to count"
     return legend(lines)
+
+
+@dataclass(frozen=True)
+class PackedRows:
+    """Rows of the frames of a recording, compressed, and whether the labels of points are known for any of them."""
+
+    lines: bytes
+    points_known: bool
+
+
+class FrameRows:
+    """Rows of the frames of one recording, one for each method."""
+
+    def __init__(self, recording: str) -> None:
+        self._recording, self._points_known = recording, False
+        self._compressor, self._lines = zlib.compressobj(), bytearray()
+
+    def write(self, method: str, frame: Frame, score: FrameScore) -> None:
+        """Write a row; cells are empty for what the labels of the frame do not tell."""
+        self._points_known |= score.points is not None
+        line = _csv_line((self._recording, method, frame.index, frame.stamp_ns, *score.cells()))
+        self._lines += self._compressor.compress(line)
+
+    def packed(self) -> PackedRows:
+        """Return all rows."""
+        return PackedRows(bytes(self._lines + self._compressor.flush()), self._points_known)
+
+
+def frame_table(recordings: Sequence[PackedRows]) -> Iterator[bytes]:
+    """Yield the parts of a table (CSV); it has columns for points if their labels are known for any frame."""
+    points_known = any(rows.points_known for rows in recordings)
+    yield _csv_line((*_FRAME_COLUMNS, *(POINT_COLUMNS if points_known else ())))
+    for rows in recordings:
+        lines = zlib.decompress(rows.lines)
+        yield lines if points_known else lines.replace(_UNKNOWN_POINTS, b"\n")
+
+
+def _csv_line(values: Iterable[object]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(values)
+    return text.getvalue().encode(errors="surrogateescape")  # file names need not be UTF-8

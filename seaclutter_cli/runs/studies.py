@@ -1,0 +1,84 @@
+"""What all studies of recordings share: work on each with its labels, and the outcomes of all of them."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TypeVar
+
+from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.runs.batch import BatchOptions, Work, inputs_of_work, run_batch
+from seaclutter_cli.runs.labels import LabelFile
+from seaclutter_cli.runs.observer import Observer, Step
+from seaclutter_cli.runs.recordings import (
+    Outcome,
+    ReadOptions,
+    expected_frames,
+    finish_labels,
+    opened,
+    require_frames,
+    require_selected,
+    storing_errors,
+)
+from seaclutter_cli.selection import Selection, cloud_channels
+from seaclutter_cli.sources import Recording
+from seaclutter_cli.storage.locations import Location
+
+O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
+
+
+@dataclass(frozen=True)
+class StudyWork(Work[O]):
+    """Study of a part of one recording, with its labels if there are any."""
+
+    reading: ReadOptions
+    recording: Recording
+    labels: LabelFile | None
+
+    @property
+    def reads(self) -> Sequence[Location]:
+        """Files and folders that the work reads."""
+        return inputs_of_work(self.recording, self.reading, self.labels)
+
+    def run(self, observer: Observer) -> O:
+        """Study the recording; store an error in the outcome."""
+        outcome = self.without_result(None)
+        with storing_errors(outcome, observer):
+            labels = self.labels.open() if self.labels else None
+            with opened(self.recording, self.reading, observer, outcome) as source:
+                self.study(source, labels, outcome, observer)
+        return outcome
+
+    @abstractmethod
+    def study(self, source: Source, labels: Labels | None, outcome: O, observer: Observer) -> None:
+        """Read the recording, and store what is found in the outcome."""
+
+    @abstractmethod
+    def without_result(self, reason: str | None) -> O:
+        """Return an outcome without frames."""
+
+    def finish(self, source: Source, labels: Labels | None, frames: int) -> None:
+        """Raise an error if no frame was read, or if a complete recording lacks a frame that is labelled."""
+        require_frames(source, frames, self.reading.selection)
+        finish_labels(labels, source, self.reading.selection)
+
+
+def study_all(
+    works: Sequence[Work[O]], batch: BatchOptions, observer: Observer, in_order: Callable[[O], object] = lambda _: None
+) -> list[O]:
+    """Return the outcome of each recording; raise `SelectionError` if none has a frame in the selected time.
+
+    The only recording of a run is studied in this process, with its progress and messages as they come; `run_batch`
+    describes several, and ``in_order``.
+    """
+    outcomes = [works[0].run(observer)] if batch.runs_here(len(works)) else run_batch(works, batch, observer, in_order)
+    require_selected(outcomes)
+    return outcomes
+
+
+@contextmanager
+def frame_progress(source: Source, selection: Selection, observer: Observer) -> Iterator[Step]:
+    """Show the progress over the selected frames of a recording; yield the function to call for each."""
+    clouds = cloud_channels(source, selection.topics)
+    with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+        yield step
