@@ -31,14 +31,8 @@ ToLongitudeLatitude = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 class Crs:
     """Coordinate reference system of a tile, as far as its file states it.
 
-    Parameters
-    ----------
-    definition : str
-        WKT or ``EPSG:NUMBER``; empty if unknown.
-    unit_m, height_unit_m : float
-        Units of positions and of heights in metres; metres if unknown.
-    is_geographic : bool
-        Whether positions are degrees.
+    ``definition`` is WKT or ``EPSG:NUMBER``; empty if unknown. Units of positions and heights are in metres; metres if
+    unknown. Positions of a geographic system are degrees.
     """
 
     definition: str = ""
@@ -53,13 +47,7 @@ class Crs:
         return replace(self, definition=f"EPSG:{found[1]}") if found else self
 
     def to_wgs84(self) -> ToLongitudeLatitude | None:
-        """Return the conversion to longitude and latitude; None if the system is not known.
-
-        Raises
-        ------
-        MissingExtraError
-            If pyproj is not installed.
-        """
+        """Return the conversion to longitude and latitude, which needs pyproj; None if the system is not known."""
         if not self.definition:
             return None
         try:

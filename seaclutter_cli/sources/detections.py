@@ -4,7 +4,7 @@ See https://github.com/Autoferry/sensor_fusion_dataset. Positions are relative t
 east and down. Here x points north, y west and z up, as clouds have it.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,11 @@ from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message, Metadata
-from seaclutter_cli.sources.frame_files.poses import Pose, pose_message
-from seaclutter_cli.sources.shared.facts import NO_FACTS
+from seaclutter_cli.records import Channel, Damage, Message
+from seaclutter_cli.sources.frame_files.sidecars import Pose, pose_message
+from seaclutter_cli.sources.shared.base import SourceBase
 
-SUFFIX = "_detections.json"
+_SUFFIX = "_detections.json"
 _CLOUD, _POSE = "sensor_msgs/msg/PointCloud2", "geometry_msgs/msg/PoseStamped"
 _TOPICS = {1: "/lidar/detections", 2: "/radar/detections"}
 """Topics by ``sensorID``; cameras (3 and 4) give bearings only."""
@@ -37,30 +37,17 @@ class _Detections:
     places: NDArray[np.float64]
 
 
-class DetectionSource:
+class DetectionSource(SourceBase):
     """A file of detections, as ROS 2 point clouds on a topic for each sensor, and own ship's positions on ``/pose``.
 
-    Parameters
-    ----------
-    path : Path
-        File whose name ends in ``_detections.json``.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or is not a list of detections.
+    `InputError` if the file cannot be read, or is not a list of detections.
     """
 
     format = "Autoferry detections"
-    profile = "ros2"
-    compression: str | None = None
-    facts = NO_FACTS
-    metadata: Sequence[Metadata] = ()
 
     def __init__(self, path: Path) -> None:
-        self.name = path.name.removesuffix(SUFFIX) or path.stem
-        self.damage: list[Damage] = []
-        self.warnings: list[str] = []
+        super().__init__()
+        self.name = path.name.removesuffix(_SUFFIX) or path.stem
         self._found, bearings = [], 0
         for number, item in enumerate(_items(path)):
             try:
@@ -108,13 +95,6 @@ class DetectionSource:
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the number of messages by channel id before a time."""
         return self._counted([one for one in self._found if one.stamp_ns < start_ns])
-
-    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:  # noqa: ARG002
-        """Return an empty list: no topic is latched."""
-        return []
-
-    def close(self) -> None:
-        """Do nothing: no file is kept open."""
 
     def _message(self, topic: str, one: _Detections, index: int, data: bytes) -> Message:
         return Message(self._channels[topic], one.stamp_ns, one.stamp_ns, index, data)

@@ -18,12 +18,7 @@ LEAST_M = 600.0
 
 @dataclass(frozen=True)
 class Extent:
-    """Rectangle along the axes of a tile's coordinates, in metres.
-
-    Parameters
-    ----------
-    low, high : (float, float)
-        The corners with the lowest and the highest coordinates.
+    """Rectangle along the axes of a tile's coordinates, in metres, by its lowest and highest corner.
 
     Examples
     --------
@@ -65,20 +60,10 @@ class Extent:
 
 @dataclass(frozen=True)
 class TileHead:
-    """Where a tile is, as its header says.
+    """Where a tile is, as far as its header says.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    crs : Crs
-        Its coordinate reference system.
-    extent : Extent or None
-        Its extent; None if the header does not tell.
-    window : Extent or None
-        Part of the file that is the tile; None: all of it.
-    size : int
-        Size in bytes if it is less than that of the file, otherwise 0.
+    The tile is a ``window`` of the file if there is one; ``size`` is its size in bytes if it is less than that of the
+    file, otherwise 0.
     """
 
     path: Path
@@ -130,8 +115,6 @@ def region_of(tile: TileHead, margin_m: float) -> Extent | None:
 def neighbors_of(tiles: Sequence[TileHead], margin_m: float) -> list[list[TileHead]]:
     """Return the neighbours of each tile: those with points in its `region_of`, from west to east.
 
-    Notes
-    -----
     Neighbours have the same coordinate reference system. Of two tiles that share more than half of the smaller one,
     neither is a neighbour of the other: they show the same place at different times, or are alternatives.
     """

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from seaclutter_cli.errors import InputError, SeaclutterError
-from seaclutter_cli.sources.tile_paths import find_tiles
+from seaclutter_cli.sources.tiles import find_tiles
 
 
 def test_tiles_of_folders_and_globs_are_found_once_in_order(tmp_path):

@@ -35,8 +35,7 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Logs, PathLike
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sources.tile_paths import find_tiles
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, open_tile
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,10 +36,8 @@ from seaclutter_cli.runs.resume import earlier_outcomes, same_output_accepted
 from seaclutter_cli.runs.run_record import RunIdentity, digest_of, digest_of_paths
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import TextRecord
-from seaclutter_cli.sources.margins import Margin
-from seaclutter_cli.sources.tile_paths import find_tiles
-from seaclutter_cli.sources.tiles import CloudTile, LasTile
-from seaclutter_cli.sources.windows import open_tile_or_window
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles
+from seaclutter_cli.sources.windows import Margin, open_tile_or_window
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.validation import plain
 

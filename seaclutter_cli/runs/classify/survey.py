@@ -8,9 +8,8 @@ from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.extents import TileHead, neighbors_of, read_head, region_of
-from seaclutter_cli.sources.margins import Margin, PointsWithMargin, read_margin
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader
-from seaclutter_cli.sources.windows import is_indexed, windows_of
+from seaclutter_cli.sources.windows import Margin, PointsWithMargin, is_indexed, read_margin, windows_of
 from seaclutter_cli.text import count
 
 MARGIN_M = 100.0

@@ -25,8 +25,7 @@ from seaclutter_cli.runs.classify.train_result import TrainingReport
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Logs
-from seaclutter_cli.sources.tile_paths import find_tiles
-from seaclutter_cli.sources.tiles import TilePointReader, open_tile, read_columns
+from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile, read_columns
 from seaclutter_cli.truth import OBJECT_CLASSES
 
 

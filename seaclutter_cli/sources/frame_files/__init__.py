@@ -1,25 +1,30 @@
 """Files that contain one frame each."""
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 
 from seaclutter_cli.cloud import Cloud
-from seaclutter_cli.sources.frame_files.binary import read_bin
-from seaclutter_cli.sources.frame_files.csv import read_csv
-from seaclutter_cli.sources.frame_files.las import read_las
-from seaclutter_cli.sources.frame_files.npy import read_npy
-from seaclutter_cli.sources.frame_files.npz import read_npz
-from seaclutter_cli.sources.frame_files.pcd import read_pcd
-from seaclutter_cli.sources.frame_files.ply import read_ply
+
+
+def _reader(module: str, function: str) -> Callable[[Path], Cloud]:
+    """Return a reader that is imported when it reads its first file, so that the start of a run is fast."""
+
+    def read(path: Path) -> Cloud:
+        cloud: Cloud = getattr(import_module(f"{__name__}.{module}"), function)(path)
+        return cloud
+
+    return read
+
 
 FRAME_READERS: Mapping[str, Callable[[Path], Cloud]] = {
-    ".pcd": read_pcd,
-    ".ply": read_ply,
-    ".las": read_las,
-    ".laz": read_las,
-    ".bin": read_bin,
-    ".npy": read_npy,
-    ".npz": read_npz,
-    ".csv": read_csv,
+    ".pcd": _reader("pcd", "read_pcd"),
+    ".ply": _reader("ply", "read_ply"),
+    ".las": _reader("las", "read_las"),
+    ".laz": _reader("las", "read_las"),
+    ".bin": _reader("arrays", "read_bin"),
+    ".npy": _reader("arrays", "read_npy"),
+    ".npz": _reader("arrays", "read_npz"),
+    ".csv": _reader("csv", "read_csv"),
 }
 """Readers by file suffix in lower case; they raise `CloudError` for a damaged file. Add a new format here."""

@@ -13,27 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.sources.frame_files.guard import reading
 from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las
 from seaclutter_cli.sources.frame_files.laz import LazBackend
+from seaclutter_cli.sources.frame_files.reading import reading
 
 _INFO = struct.Struct("<5dQQ")
 _ENTRY = np.dtype([("level", "<i4"), ("key", "<i4", 3), ("offset", "<u8"), ("bytes", "<i4"), ("points", "<i4")])
 _PAGE = -1
 _DEEPEST = 30
-USER = "copc"
+_USER = "copc"
 
 
 @dataclass(frozen=True)
 class CopcIndex:
     """Where the points of a COPC file are: a row for each of N chunks, in the order of the file.
 
-    Parameters
-    ----------
-    low, high : ndarray, shape (N, 2), float64
-        Corners of the area of each chunk, in the unit of the file.
-    chunks : ndarray, shape (N, 3), int64
-        Offset, size in bytes, and number of points.
+    ``low`` and ``high``, shape (N, 2), are the corners of a chunk's area in the unit of the file; ``chunks``, shape
+    (N, 3), its offset, size in bytes, and number of points.
     """
 
     low: NDArray[np.float64]
@@ -52,18 +48,12 @@ def is_copc(header: Any) -> bool:
 
 
 def _info(header: Any) -> bytes | None:
-    found = [one.record_data for one in header.vlrs if (one.user_id, one.record_id) == (USER, 1)]
+    found = [one.record_data for one in header.vlrs if (one.user_id, one.record_id) == (_USER, 1)]
     return bytes(found[0]) if found and len(found[0]) >= _INFO.size else None
 
 
 def read_index(path: Path, header: Any) -> CopcIndex:
-    """Return the index of a COPC file, given its header with unchanged records.
-
-    Raises
-    ------
-    CloudError
-        If the index does not fit the file.
-    """
+    """Return the index of a COPC file, given its header with unchanged records; `CloudError` if it does not fit."""
     info = _info(header)
     if info is None:
         raise CloudError("not a COPC file")
@@ -108,13 +98,7 @@ def _check(chunks: NDArray[np.int64], header: Any, total: int) -> None:
 
 
 def read_chunks(path: Path, chunks: list[tuple[int, int, int]]) -> Iterator[Any]:
-    """Yield the points of chunks in parts, as laspy point records.
-
-    Raises
-    ------
-    CloudError
-        If they cannot be decompressed.
-    """
+    """Yield the points of chunks in parts, as laspy point records; `CloudError` if they cannot be decompressed."""
     import laspy  # an extra
 
     with reading("COPC"), open_las(path) as reader, LazBackend(path) as laz:

@@ -9,8 +9,14 @@ import numpy as np
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.sources.frame_files.guard import reading
-from seaclutter_cli.sources.frame_files.tables import MAX_LINE_BYTES, check_lines, column_names, is_number, parse_rows
+from seaclutter_cli.sources.frame_files.reading import (
+    MAX_LINE_BYTES,
+    check_lines,
+    column_names,
+    is_number,
+    parse_rows,
+    reading,
+)
 
 _BOM = b"\xef\xbb\xbf"
 _MAX_HEAD_LINES = 1000
@@ -20,12 +26,8 @@ def read_csv(path: Path) -> Cloud:
     """Return the points of a text file, every column float64.
 
     The first line contains the column names, among them x, y and z in upper or lower case; a leading ``#`` is ignored.
-    Columns without names are x, y, z, intensity, ring, field_5 and so on. An empty cell is NaN.
-
-    Raises
-    ------
-    CloudError
-        If the file has no points and no column names, or a line is not valid; the message gives the line.
+    Columns without names are x, y, z, intensity, ring, field_5 and so on. An empty cell is NaN. `CloudError` if the
+    file has no points and no column names, or a line is not valid; the message gives the line.
     """
     with reading("CSV"):
         content = path.read_bytes().removeprefix(_BOM)

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -15,9 +15,14 @@ from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.csv import is_point_table
-from seaclutter_cli.sources.frame_files.poses import Pose, pose_message, poses_beside
-from seaclutter_cli.sources.frame_files.stamps import from_names, from_time_files
-from seaclutter_cli.sources.shared.facts import NO_FACTS
+from seaclutter_cli.sources.frame_files.sidecars import (
+    Pose,
+    from_names,
+    from_time_files,
+    pose_message,
+    poses_beside,
+)
+from seaclutter_cli.sources.shared.base import SourceBase
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "points", "")
@@ -25,7 +30,7 @@ _POSE = "geometry_msgs/msg/PoseStamped"
 _MAX_MESSAGE_BYTES = 2**32 - 2**16
 
 
-class FolderSource:
+class FolderSource(SourceBase):
     """A folder of frames of one format, or a single frame file, as ROS 2 point clouds on ``/points``.
 
     Known layouts are SeePerSea (``point_clouds/*.pcd`` with ``timestamp/*.txt``), KITTI (``velodyne/*.bin`` or
@@ -35,28 +40,14 @@ class FolderSource:
     ``times.txt`` if this program wrote it. Stamps come from the file names if all contain a time, otherwise from the
     time files of these layouts, otherwise from the rate, starting at 0.
 
-    Parameters
-    ----------
-    path : Path
-        The folder or file.
-    rate_hz : float, optional
-        Frames per second if the frames have no times.
-
-    Raises
-    ------
-    InputError
-        If the path contains no frames or frames of several formats, or cannot be read.
-    UsageError
-        If the rate is not positive.
+    `InputError` if the path contains no frames or frames of several formats, or cannot be read.
     """
 
-    profile = "ros2"
-    compression: str | None = None
-    facts = NO_FACTS
     _pose_channel: Channel | None = None
 
     def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
         """List the frames without reading them."""
+        super().__init__()
         if not 0 < rate_hz < float("inf"):
             raise UsageError(f"the rate must be positive and finite, got {rate_hz} frames per second")
         try:
@@ -64,9 +55,6 @@ class FolderSource:
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}") from error
         self.metadata = _read_metadata(files[0].parent) if path.is_dir() else ()
-        """Metadata records in the file ``seaclutter.json``, which this program writes."""
-        self.damage: list[Damage] = []
-        self.warnings: list[str] = []
         self._frames = self._stamped(files, rate_hz)
         self._read = FRAME_READERS[files[0].suffix.lower()]
         self._channel = Channel(1, "/points", "cdr", ros2_schema(_TYPE))
@@ -112,10 +100,8 @@ class FolderSource:
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield metadata, then a message for each readable frame, one at a time; add the others to the damage.
 
-        The pose of a frame comes before it.
-
-        Reading starts at the first frame with a stamp of at least ``start_ns``, and stops before the first one with a
-        stamp of at least ``end_ns``.
+        The pose of a frame comes before it. Reading starts at the first frame with a stamp of at least ``start_ns``,
+        and stops before the first one with a stamp of at least ``end_ns``.
         """
         yield from self.metadata
         first = 0 if start_ns is None else self._index_at(start_ns)
@@ -142,10 +128,6 @@ class FolderSource:
         """Stamps of the first and the last frame."""
         return self._frames[0][0], self._frames[-1][0]
 
-    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:  # noqa: ARG002
-        """Return an empty list: there are frames only."""
-        return []
-
     def _index_at(self, time_ns: int) -> int:
         """Return the index of the first frame with a stamp of at least ``time_ns``."""
         return next((index for index, (stamp, _) in enumerate(self._frames) if stamp >= time_ns), len(self._frames))
@@ -162,15 +144,11 @@ class FolderSource:
             size = file.stat().st_size
         except OSError:
             size = 0
-        damage = Damage(file, None, problem, lost_bytes=size, lost_messages=1)
-        if damage not in self.damage:
-            self.damage.append(damage)
-
-    def close(self) -> None:
-        """Do nothing: no file is kept open."""
+        self.add_damage(Damage(file, None, problem, lost_bytes=size, lost_messages=1))
 
 
 def _read_metadata(folder: Path) -> Sequence[Metadata]:
+    """Return the metadata records in the file ``seaclutter.json``, which this program writes."""
     try:
         with (folder / SIDECAR).open("rb") as file:
             return from_text(file.read(MAX_JSON_BYTES))

@@ -18,18 +18,17 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError, MissingExtraError
 from seaclutter_cli.limits import above, limits
-from seaclutter_cli.sources.frame_files.guard import check_size, reading
-from seaclutter_cli.sources.frame_files.las_records import read_records
 from seaclutter_cli.sources.frame_files.laz import LazBackend
+from seaclutter_cli.sources.frame_files.reading import check_size, reading
 from seaclutter_cli.text import count
 
 CHUNK_POINTS = 500_000
 """Number of points that are decompressed at a time."""
 
 _HEAD_BYTES = 104
+_VERSION_AT, _HEADER_BYTES_AT, _VLRS_AT, _EVLRS_AT = 24, 94, 100, 235
 _VLR_BYTES = 54
-_EVLR_BYTES = 60
-_EVLRS_AT = 235
+_LASZIP = ("laszip encoded", 22204)
 _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # Point14, RGB14, RGBNIR14, WavePacket14
 _BYTE14 = 14
 _LASZIP_ITEMS_AT = 34
@@ -42,12 +41,8 @@ logging.getLogger("laspy").addHandler(logging.NullHandler())
 def read_las(path: Path) -> Cloud:
     """Return the points of a LAS or LAZ file: scaled x, y, z as float64, all other dimensions unchanged.
 
-    Raises
-    ------
-    CloudError
-        If the file is not a LAS file, or does not contain the number of points in its header.
-    MissingExtraError
-        If laspy, or its LAZ backend, is not installed.
+    `CloudError` if the file is not a LAS file, or does not contain the number of points in its header;
+    `MissingExtraError` if laspy, or its LAZ backend, is not installed.
     """
     with reading("LAS"), open_las(path) as reader:
         declared = reader.header.point_count
@@ -60,31 +55,17 @@ def read_las(path: Path) -> Cloud:
 
 
 @contextmanager
-def open_las(path: Path, *, evlrs: bool = False) -> Iterator[Any]:
+def open_las(path: Path) -> Iterator[Any]:
     """Open a LAS or LAZ file as a ``laspy.LasReader`` after checking its sizes.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    evlrs : bool, optional
-        Whether to read the extended records after the points too.
-
-    Raises
-    ------
-    CloudError
-        If the file is not a LAS file, or declares more data than it contains. Call this function inside ``reading``,
-        which converts laspy's own errors to this one.
-    MissingExtraError
-        If laspy, or its LAZ backend, is not installed.
+    Call it inside ``reading``, which converts laspy's own errors to `CloudError`. `MissingExtraError` if laspy, or its
+    LAZ backend, is not installed.
     """
     laspy = _laspy()
     with path.open("rb") as file, LazBackend(path) as laz:
         size = file.seek(0, os.SEEK_END)
         _check_head(file, size)
-        if evlrs:
-            _check_evlrs(file, size)
-        with laspy.open(file, read_evlrs=evlrs, laz_backend=laz, closefd=False) as reader:
+        with laspy.open(file, read_evlrs=False, laz_backend=laz, closefd=False) as reader:
             count = reader.header.point_count
             if count and not reader.header.are_points_compressed:
                 check_size(reader.header.offset_to_point_data + count * reader.header.point_format.size, size)
@@ -95,16 +76,6 @@ def open_las(path: Path, *, evlrs: bool = False) -> Iterator[Any]:
             yield reader
 
 
-def with_records(header: Any, path: Path) -> Any:
-    """Return the header of a file opened by `open_las`, with its variable length records unchanged."""
-    laspy = _laspy()
-    with path.open("rb") as file:
-        vlrs, evlrs = read_records(laspy, file)
-    header.vlrs[:] = vlrs  # the setter would rewrite some of them
-    header.evlrs = laspy.vlrs.vlrlist.VLRList(evlrs)
-    return header
-
-
 def _laspy() -> Any:
     try:
         import laspy  # an extra
@@ -113,17 +84,35 @@ def _laspy() -> Any:
     return laspy
 
 
-def _check_evlrs(file: BinaryIO, size: int) -> None:
-    """Check that the extended records of LAS 1.4 end within the file."""
-    major, minor = _unpack(file, 24, "<BB")
-    if (major, minor) >= (1, 4):
-        (at,) = _unpack(file, _EVLRS_AT, "<Q")
-        (count,) = _unpack(file, _EVLRS_AT + 8, "<I")
-        for _ in range(count):
-            (length,) = _unpack(file, at + 20, "<Q")
-            at += _EVLR_BYTES + length
-            check_size(at, size)
-    file.seek(0)
+def with_records(header: Any, path: Path) -> Any:
+    """Return the header of a file opened by `open_las`, with its variable length records, all of them unchanged.
+
+    laspy rewrites those it knows, not always correctly. The record that describes the compression is left out.
+    """
+    laspy = _laspy()
+    with path.open("rb") as file:
+        (at,), (number,) = _unpack(file, _HEADER_BYTES_AT, "<H"), _unpack(file, _VLRS_AT, "<I")
+        vlrs, evlrs = _records(file, at, number, "H"), list[Any]()
+        if _unpack(file, _VERSION_AT, "<BB") >= (1, 4):
+            at, number = _unpack(file, _EVLRS_AT, "<QI")
+            evlrs = _records(file, at, number, "Q")
+    header.vlrs[:] = [vlr for vlr in vlrs if (vlr.user_id, vlr.record_id) != _LASZIP]  # the setter would rewrite some
+    header.evlrs = laspy.vlrs.vlrlist.VLRList(evlrs)
+    return header
+
+
+def _records(file: BinaryIO, at: int, number: int, length: str) -> list[Any]:
+    """Return variable length records from an offset on as ``laspy.VLR``; ``length`` is the type of their size."""
+    layout, found, size = f"<2x16sH{length}32s", [], os.fstat(file.fileno()).st_size
+    for _ in range(number):
+        user, kind, content, described = _unpack(file, at, layout)
+        at += struct.calcsize(layout)
+        check_size(at + content, size)
+        (data,) = _unpack(file, at, f"<{content}s")
+        at += content
+        user, described = user.split(b"\0")[0], described.split(b"\0")[0]
+        found.append(_laspy().VLR(user.decode("ascii"), kind, described, data))
+    return found
 
 
 def _check_head(file: BinaryIO, size: int) -> None:
@@ -131,7 +120,7 @@ def _check_head(file: BinaryIO, size: int) -> None:
     head = file.read(_HEAD_BYTES)
     if len(head) < _HEAD_BYTES or not head.startswith(b"LASF"):
         raise CloudError("no LAS header")
-    (vlrs,) = struct.unpack_from("<I", head, _HEAD_BYTES - 4)
+    (vlrs,) = struct.unpack_from("<I", head, _VLRS_AT)
     check_size(vlrs * _VLR_BYTES, size)
     file.seek(0)
 
@@ -178,7 +167,7 @@ def _check_layers(file: BinaryIO, at: int, end: int, point_size: int, layers: in
         raise CloudError("the sizes of the compressed layers do not fit the chunk table")
 
 
-def _unpack(file: BinaryIO, at: int, layout: str) -> tuple[int, ...]:
+def _unpack(file: BinaryIO, at: int, layout: str) -> tuple[Any, ...]:
     file.seek(at)
     data = file.read(struct.calcsize(layout))
     if len(data) < struct.calcsize(layout):

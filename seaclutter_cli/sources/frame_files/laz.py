@@ -24,13 +24,7 @@ _Request = tuple[str, int | _Chunks, bytes, int, int]
 
 
 class LazBackend(AbstractContextManager["LazBackend"]):
-    """Backend of laspy that reads one LAZ file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    """
+    """Backend of laspy that reads one LAZ file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -43,16 +37,15 @@ class LazBackend(AbstractContextManager["LazBackend"]):
     def create_reader(self, source: BinaryIO, header: Any, decompression_selection: Any = None) -> "_Reader":
         """Start to decompress all points of a file that is open at the first one."""
         del decompression_selection  # all dimensions
-        described = header.vlrs.get("LasZipVlr")[0].record_data
-        path, sizes = str(self._path.absolute()), (header.point_format.size, header.point_count)
-        self._reader = _Reader((path, source.tell(), described, *sizes))
-        return self._reader
+        return self._start(header, source.tell(), header.point_count)
 
     def read_chunks(self, header: Any, chunks: _Chunks) -> "_Reader":
         """Start to decompress some chunks."""
+        return self._start(header, chunks, sum(number for *_, number in chunks))
+
+    def _start(self, header: Any, place: int | _Chunks, points: int) -> "_Reader":
         described = header.vlrs.get("LasZipVlr")[0].record_data
-        points = sum(number for *_, number in chunks)
-        self._reader = _Reader((str(self._path.absolute()), chunks, described, header.point_format.size, points))
+        self._reader = _Reader((str(self._path.absolute()), place, described, header.point_format.size, points))
         return self._reader
 
     def __exit__(self, *_: object) -> None:

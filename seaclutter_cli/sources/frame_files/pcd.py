@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.limits import above, limits
-from seaclutter_cli.sources.frame_files.guard import check_size, reading
-from seaclutter_cli.sources.frame_files.tables import parse_rows
+from seaclutter_cli.sources.frame_files.reading import check_size, parse_rows, reading
 from seaclutter_cli.text import count
 
 _SIZES = {"F": ("4", "8"), "U": ("1", "2", "4", "8"), "I": ("1", "2", "4", "8")}
@@ -30,10 +29,7 @@ _BYTES_HEADER = (
 def read_pcd(path: Path) -> Cloud:
     """Return the points of a PCD file with all their fields; an organised cloud keeps its height and width.
 
-    Raises
-    ------
-    CloudError
-        If the file is not a PCD file, or does not contain the number of points in its header.
+    `CloudError` if the file is not a PCD file, or does not contain the number of points in its header.
     """
     with reading("PCD"):
         content = path.read_bytes()

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.sources.frame_files.guard import check_size, reading
-from seaclutter_cli.sources.frame_files.tables import parse_rows
+from seaclutter_cli.sources.frame_files.reading import check_size, parse_rows, reading
 
 _SHORT = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"}
 _SIZED = {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"}
@@ -41,11 +40,8 @@ class _Element:
 def read_ply(path: Path) -> Cloud:
     """Return the vertices of a PLY file with all their properties; other elements are skipped.
 
-    Raises
-    ------
-    CloudError
-        If the file is not a PLY file, or is truncated; also for a list property of the vertices or, in a binary file,
-        of an element before the vertices.
+    `CloudError` if the file is not a PLY file, or is truncated; also for a list property of the vertices or, in a
+    binary file, of an element before the vertices.
     """
     with reading("PLY"):
         content = path.read_bytes()

@@ -10,8 +10,8 @@ from mcap import records as mcap_records
 from mcap.opcode import Opcode
 
 from seaclutter_cli.messages import find_codec
+from seaclutter_cli.sources.mcap.contents import Declarations, Trust
 from seaclutter_cli.sources.mcap.records import MAGIC, RECORD, BrokenRecordError, Span, parse, walk
-from seaclutter_cli.sources.mcap.survey import Declarations, Trust
 
 _FOOTER = struct.Struct("<QQI")
 _END = RECORD.size + _FOOTER.size + len(MAGIC)

@@ -1,20 +1,22 @@
 """MCAP files: indexed or not, chunked or not, every compression, intact or damaged."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import islice
-from pathlib import Path
+from types import MappingProxyType
 from typing import TypeVar
 
 from mcap import records as mcap_records
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
+from seaclutter_cli.documents import DocumentError, load_json
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.limits import above, above_in_file, limits
-from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record
+from seaclutter_cli.limits import above, limits
+from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata, Record, SensorFacts
+from seaclutter_cli.sensors.catalog import SENSORS
+from seaclutter_cli.sources.mcap.contents import Declarations, McapChunk, McapContents, Trust, index_counts
 from seaclutter_cli.sources.mcap.records import (
     COMPRESSIONS,
     MAGIC,
@@ -27,18 +29,8 @@ from seaclutter_cli.sources.mcap.records import (
     unpack,
     walk,
 )
-from seaclutter_cli.sources.mcap.survey import Declarations, McapChunk, McapSurvey, Trust, index_counts
-from seaclutter_cli.sources.shared.chunked import (
-    before,
-    fitting_messages,
-    in_time_order,
-    latest_of,
-    most_waiting,
-    span_of,
-    within,
-)
-from seaclutter_cli.sources.shared.facts import simulated_facts
-from seaclutter_cli.sources.shared.log_file import FilePart, LogFile, LostDataError
+from seaclutter_cli.sources.shared.chunked import ChunkedSource
+from seaclutter_cli.sources.shared.log_file import FilePart
 from seaclutter_cli.text import count
 
 R = TypeVar("R")
@@ -47,52 +39,26 @@ _SMALL = 4 * 2**20
 _MAX_SALVAGED = 20_000
 
 
-class McapSource:
-    """An MCAP file as a `Source`.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If the file is not an MCAP file, or contains no readable record.
-
-    Notes
-    -----
-    A few unpacked chunks are in memory, and a few numbers for each chunk of the file.
-    """
+class McapSource(ChunkedSource[McapChunk, Buffer]):
+    """An MCAP file; `InputError` if it is something else, or contains no readable record."""
 
     format = "MCAP"
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.name = path.stem
-        self.damage: list[Damage] = []
-        self.warnings: list[str] = []
-        self._reported: set[Damage] = set()
-        self._file = LogFile(path)
-        self._declared = Declarations(self._report)
-        try:
-            self._open()
-        except BaseException:
-            self.close()
-            raise
-
     def _open(self) -> None:
+        self.name = self._path.stem
+        self._declared = Declarations(self._report)
         if self._file[: len(MAGIC)] != MAGIC:
-            if self.path.suffix.lower() != ".mcap":
-                raise InputError(f"{self.path}: not an MCAP file")
+            if self._path.suffix.lower() != ".mcap":
+                raise InputError(f"{self._path}: not an MCAP file")
             self._report(0, "the file does not begin with the MCAP magic bytes", 0)
-        found = McapSurvey(self._file, self._declared, self._report)
+        found = McapContents(self._file, self._declared, self._report)
         self.profile = found.profile
         self._chunks, self._extras, self._tail = found.chunks, found.extras, found.tail
         self._counts, self._first = found.counts, found.first
-        self.facts = simulated_facts(found.extras)
+        self.metadata = [record for record in found.extras if isinstance(record, Metadata)]
+        self.facts = _simulated_facts(self.metadata)
         if not (self._chunks or self._extras or self._tail or self._declared.all()):
-            raise InputError(f"{self.path}: no readable record in this MCAP file")
+            raise InputError(f"{self._path}: no readable record in this MCAP file")
         used = (chunk.header.compression for chunk in self._chunks if chunk.header)
         self.compression = next((name for name in used if name in COMPRESSIONS), None)
         trust, has_valid_offset = self._trust_in_tail(found.end)
@@ -105,11 +71,6 @@ class McapSource:
             self._statistics = next(iter(self._summary(Opcode.STATISTICS, mcap_records.Statistics.read)), None)
         self._inspect_chunks()
         self._declared.report_missing_schemas()
-
-    @property
-    def metadata(self) -> Sequence[Metadata]:
-        """All metadata records."""
-        return [record for record in self._extras if isinstance(record, Metadata)]
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -126,41 +87,18 @@ class McapSource:
 
         Chunks outside ``[start_ns, end_ns)`` are left out.
         """
-        self._reported = set(self.damage)
         yield from map(_in_memory, self._extras)
         found = 0
-        chunks = within(self._chunks, start_ns, end_ns, self._is_counted)
-        for message in in_time_order(chunks, self._unpack, self._load, most_waiting(len(self._file))):
+        messages, is_all = self._in_time_order(start_ns, end_ns)
+        for message in messages:
             yield message
             found += 1
-        if len(chunks) == len(self._chunks):
+        if is_all:
             self._check_statistics(found)
 
-    def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return the number of messages per channel number that `records` leaves out before ``start_ns``."""
-        left_out = before(self._chunks, start_ns, self._is_counted)
-        return sum((index_counts(self._file, chunk.offset + chunk.size) for chunk in left_out), Counter())
-
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """Log times of the first and the last message."""
-        return span_of(chunk for chunk in self._chunks if chunk.messages or chunk.end_ns)  # empty ones have no times
-
-    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
-        """Return the last message before a time of each of some channels; only chunks that may have it are read."""
-        return latest_of(self._chunks, self._read, self._channels_in, channels, before_ns)
-
-    def _channels_in(self, chunk: McapChunk) -> Collection[int] | None:
-        return index_counts(self._file, chunk.offset + chunk.size) if self._is_counted(chunk) else None
-
-    def _is_counted(self, chunk: McapChunk) -> bool:
-        """Return whether the message indexes of a chunk count all of its messages."""
+    def _indexed(self, chunk: McapChunk) -> Counter[int] | None:
         counts = index_counts(self._file, chunk.offset + chunk.size)
-        return chunk.header is not None and 0 < chunk.messages == counts.total()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        return counts if chunk.header is not None and 0 < chunk.messages == counts.total() else None
 
     @property
     def _is_closed(self) -> bool:
@@ -266,15 +204,10 @@ class McapSource:
         count = max(chunk.messages, len(messages))
         self._chunks[number] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=count, suspect=False)
 
-    def _read(self, chunk: McapChunk) -> list[Message]:
-        return self._load(chunk, partial(self._unpack, chunk))
-
-    def _load(self, chunk: McapChunk, unpacked: Callable[[], Buffer]) -> list[Message]:
+    def _messages(self, chunk: McapChunk, unpacked: Callable[[], Buffer]) -> list[Message]:
         """Return the messages of a chunk in file order, and report its damage."""
         try:
             return self._loaded(chunk, unpacked())
-        except LostDataError as error:
-            self._report(chunk.offset, error.problem, chunk.size, chunk.messages or None)
         except BrokenRecordError as error:
             self._report(chunk.offset, f"the chunk {error}", chunk.size, chunk.messages or None)
             self._salvage_declarations(chunk)
@@ -284,11 +217,11 @@ class McapSource:
         gaps: list[int] = []
         undeclared = Counter[int]()
         most = limits().chunk_messages
-        messages = list(islice(self._messages(chunk, records, gaps, undeclared), most + 1))
+        messages = list(islice(self._each_message(chunk, records, gaps, undeclared), most + 1))
         if len(messages) > most:
             lost = max(chunk.messages - most, 0)
             self._report(chunk.offset, f"the chunk has {above('more messages', 'chunk_messages')}", 0, lost or None)
-            return self._fitting(chunk, messages[:most])
+            return messages[:most]
         lost = max(chunk.messages - len(messages) - undeclared.total(), 0)
         if self._is_cut(chunk):
             missing = max(chunk.header.size - len(records), 0) if chunk.header else 0
@@ -300,15 +233,7 @@ class McapSource:
             self._report(chunk.offset, problem, 0)
         if not chunk.suspect:
             self._check_messages(chunk, messages, undeclared)
-        return self._fitting(chunk, messages)
-
-    def _fitting(self, chunk: McapChunk, messages: list[Message]) -> list[Message]:
-        """Return the messages within the limit of a message, and report the others."""
-        fitting, large_bytes = fitting_messages(messages, len(self._file))
-        if large_bytes:
-            problem = f"messages of {above_in_file('more bytes', 'message', len(self._file))}"
-            self._report(chunk.offset, problem, large_bytes, len(messages) - len(fitting))
-        return fitting
+        return messages
 
     def _check_messages(self, chunk: McapChunk, messages: Sequence[Message], undeclared: Counter[int]) -> None:
         """Report messages of undeclared channels or wrong times, once all channels and times are known."""
@@ -339,7 +264,7 @@ class McapSource:
         """Return whether a checksum has verified the content of an unpacked chunk."""
         return chunk.header is not None and chunk.header.crc != 0 and not self._is_cut(chunk)
 
-    def _messages(
+    def _each_message(
         self, chunk: McapChunk, unpacked: Buffer, gaps: list[int], undeclared: Counter[int]
     ) -> Iterator[Message]:
         """Yield the messages among unpacked records, and add the channels."""
@@ -358,11 +283,18 @@ class McapSource:
             else:
                 self._declared.add(op, view[start:end], chunk.offset, trust)
 
-    def _report(self, offset: int, problem: str, lost_bytes: int, lost_messages: int | None = None) -> None:
-        damage = Damage(self.path, offset, problem, lost_bytes, lost_messages)
-        if damage not in self._reported:  # a chunk may be read more than once
-            self._reported.add(damage)
-            self.damage.append(damage)
+
+def _simulated_facts(records: Sequence[Metadata]) -> Mapping[str, SensorFacts]:
+    """Return the lidar that a log by `simulate` names in its metadata record ``scene``; empty for other logs."""
+    for record in records:
+        if record.name == "scene":
+            try:
+                model = load_json(record.entries["scene"])["recording"]["lidar"]
+            except (DocumentError, KeyError, TypeError):
+                continue
+            if isinstance(model, str) and model in SENSORS:
+                return {"/points": SensorFacts(model, {"origin": "simulated"}, from_packets=False)}
+    return MappingProxyType({})
 
 
 def _in_memory(extra: Attachment | Metadata) -> Attachment | Metadata:

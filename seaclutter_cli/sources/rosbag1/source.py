@@ -1,29 +1,15 @@
 """ROS 1 bags (format 2.0): intact, unindexed, truncated or damaged."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import partial
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
+from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
 from seaclutter_cli.messages.carried import from_message, is_carrier
-from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
-from seaclutter_cli.sources.rosbag1.chunks import read_index, unpack
+from seaclutter_cli.records import Channel, Message, Metadata, Record
+from seaclutter_cli.sources.rosbag1.contents import BagContents, channel_of, read_index, unpack
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
-from seaclutter_cli.sources.rosbag1.survey import BagSurvey, channel_of
-from seaclutter_cli.sources.shared.chunked import (
-    Chunk,
-    before,
-    fitting_messages,
-    in_time_order,
-    latest_of,
-    most_waiting,
-    span_of,
-    within,
-)
-from seaclutter_cli.sources.shared.facts import NO_FACTS
-from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
+from seaclutter_cli.sources.shared.chunked import Chunk, ChunkedSource
 from seaclutter_cli.text import count
 
 _COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
@@ -32,60 +18,36 @@ _ANY_TIME = (0, 2**63)
 Content = tuple[memoryview, int, str | None]
 
 
-class BagSource:
-    """A ROS 1 bag as a `Source`.
+class BagSource(ChunkedSource[Chunk, Content]):
+    """A ROS 1 bag, or the ``.bag.active`` file that a crashed recorder leaves.
 
-    A few unpacked chunks are in memory, and a few numbers for each chunk of the file. Messages are views of their
-    chunk, or of the file if it is not compressed.
-
-    Parameters
-    ----------
-    path : Path
-        The bag, or the ``.bag.active`` file that a crashed recorder leaves.
-
-    Raises
-    ------
-    InputError
-        If the file is not a bag of format 2.0, or is encrypted.
+    Messages are views of their chunk, or of the file if it is not compressed. `InputError` if the file is not a bag of
+    format 2.0, or is encrypted.
     """
 
     format = "ROS 1 bag"
     profile = "ros1"
-    facts = NO_FACTS
 
-    def __init__(self, path: Path) -> None:
-        self.name = path.name.removesuffix(".active").removesuffix(".bag")
-        self.damage: list[Damage] = []
-        self.warnings: list[str] = []
-        self._reported: set[Damage] = set()
-        self._path = path
+    def _open(self) -> None:
+        self.name = self._path.name.removesuffix(".active").removesuffix(".bag")
         self._declared_bytes = 0
-        self._file = LogFile(path)
-        try:
-            self._read_survey()
-        except BaseException:
-            self.close()
-            raise
-
-    def _read_survey(self) -> None:
         start = bytes(self._file[: len(MAGIC)])
         if start != MAGIC:
             raise InputError(f"{self._path}: {_describe(start)}")
-        survey = BagSurvey(self._file)
-        if survey.header is not None and survey.header.fields.get(b"encryptor"):
+        found = BagContents(self._file)
+        if found.header is not None and found.header.fields.get(b"encryptor"):
             raise InputError(f"{self._path}: the bag is encrypted; decrypt it first (rosbag decrypt)")
-        self.compression = _COMPRESSIONS.get(survey.compression) if survey.compression else None
-        self.damage += survey.damage(self._path)
-        self._channels = survey.channels
-        self._counts = survey.counts
-        self._indexed = survey.indexed
-        self._chunks = list(survey.chunks.values())
-        self._unpack_untimed(survey)
+        self.compression = _COMPRESSIONS.get(found.compression) if found.compression else None
+        self.damage += found.damage(self._path)
+        self._channels = found.channels
+        self._counts = found.counts
+        self._listed = found.indexed
+        self._chunks = list(found.chunks.values())
+        self._unpack_untimed(found)
         self.metadata = self._read_metadata()
-        """Metadata records, which this program writes to a bag as a message."""
 
     def _read_metadata(self) -> Sequence[Metadata]:
-        """Return the metadata records in a message about them, whose channels are then hidden."""
+        """Return the records that this program writes to a bag as a message, whose channels are then hidden."""
         self._hidden: set[int] = set()
         carriers = {number for number, channel in self._channels.items() if is_carrier(channel)}
         found = [from_message(message.data) for message in self.latest(carriers, _ANY_TIME[1])] if carriers else []
@@ -111,70 +73,36 @@ class BagSource:
         """
         yield from self.metadata
         read = 0
-        chunks = within(self._chunks, start_ns, end_ns, self._is_counted)
-        for message in in_time_order(chunks, self._unpack, self._load, most_waiting(len(self._file))):
+        messages, is_all = self._in_time_order(start_ns, end_ns)
+        for message in messages:
             read += 1
             if message.channel.id not in self._hidden:
                 yield message
-        if len(chunks) == len(self._chunks):
+        if is_all:
             self._compare(read)
 
-    def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return the number of messages per connection that `records` leaves out before ``start_ns``."""
-        counts = Counter[int]()
-        for chunk in before(self._chunks, start_ns, self._is_counted):
-            index = read_index(self._file, chunk.offset + chunk.size)
-            counts += index.counts if index else Counter()
-        return counts
-
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """Log times of the first and the last message."""
-        return span_of(self._chunks)
-
-    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
-        """Return the last message before a time of each of some channels; only chunks that may have it are read."""
-        return latest_of(self._chunks, self._read, self._channels_in, channels, before_ns)
-
-    def _channels_in(self, chunk: Chunk) -> Collection[int] | None:
+    def _indexed(self, chunk: Chunk) -> Counter[int] | None:
         index = read_index(self._file, chunk.offset + chunk.size)
         return index.counts if index else None
 
-    def _is_counted(self, chunk: Chunk) -> bool:
-        """Return whether an index counts the messages of a chunk."""
-        return read_index(self._file, chunk.offset + chunk.size) is not None
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-    def _unpack_untimed(self, survey: BagSurvey) -> None:
+    def _unpack_untimed(self, found: BagContents) -> None:
         """Unpack the chunks where unknown channels first occur, and those with unknown times."""
-        for connection, offset in survey.first_use.items():
-            if connection not in self._channels and offset in survey.chunks:
-                self._read(survey.chunks[offset])
-        for offset, size in survey.untimed.items():
+        for connection, offset in found.first_use.items():
+            if connection not in self._channels and offset in found.chunks:
+                self._read(found.chunks[offset])
+        for offset, size in found.untimed.items():
             messages = self._read(Chunk(offset, size, *_ANY_TIME))
             if messages:
-                times = [message.log_time_ns for message in messages]
-                unpacked = survey.unpacked.get(offset, 0)
-                self._chunks.append(Chunk(offset, size, min(times), max(times), unpacked=unpacked))
+                times, unpacked = [message.log_time_ns for message in messages], found.unpacked.get(offset, 0)
+                chunk = Chunk(offset, size, min(times), max(times), unpacked=unpacked, messages=len(messages))
+                self._chunks.append(chunk)
                 self._counts.update(message.channel.id for message in messages)
 
-    def _read(self, chunk: Chunk) -> list[Message]:
-        return self._load(chunk, partial(self._unpack, chunk))
-
-    def _load(self, chunk: Chunk, unpacked: Callable[[], Content]) -> list[Message]:
+    def _messages(self, chunk: Chunk, unpacked: Callable[[], Content]) -> list[Message]:
         """Return the messages of a chunk, and report its damage."""
-        try:
-            return self._loaded(chunk, *unpacked())
-        except LostDataError as error:
-            self._report(chunk.offset, error.problem, chunk.size, None)
-            return []
-
-    def _loaded(self, chunk: Chunk, content: memoryview, size: int, problem: str | None) -> list[Message]:
+        content, size, problem = unpacked()
         gaps: list[tuple[int, int]] = []
-        messages, unknown = self._messages(content, gaps)
+        messages, unknown = self._parse(content, gaps)
         most = limits().chunk_messages
         if len(messages) > most:
             del messages[most:]
@@ -184,17 +112,13 @@ class BagSource:
         elif problem is None and unknown:
             problem = "messages of an unknown connection"
         if problem is not None:
-            index = read_index(self._file, chunk.offset + chunk.size)
+            indexed = self._indexed(chunk)
             lost_bytes = max(size - len(content), 0) + sum(stop - start for start, stop in gaps)
-            lost = index.counts.total() - len(messages) if index else unknown
+            lost = indexed.total() - len(messages) if indexed is not None else unknown
             self._report(chunk.offset, problem, lost_bytes, lost if lost > 0 else None)
         elif any(not chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
             self._report(chunk.offset, "messages of this chunk are outside the times in its index", 0, None)
-        fitting, large_bytes = fitting_messages(messages, len(self._file))
-        if large_bytes:
-            problem = f"messages of {above_in_file('more bytes', 'message', len(self._file))}"
-            self._report(chunk.offset, problem, large_bytes, len(messages) - len(fitting))
-        return fitting
+        return messages
 
     def _unpack(self, chunk: Chunk) -> Content:
         """Return the records of a chunk, their expected size, and a description of their damage, if any."""
@@ -213,7 +137,7 @@ class BagSource:
         content, problem = unpack(data, whole, ends_bag=end == len(self._file), bag_bytes=len(self._file))
         return content, op.number(b"size"), problem
 
-    def _messages(self, content: memoryview, gaps: list[tuple[int, int]]) -> tuple[list[Message], int]:
+    def _parse(self, content: memoryview, gaps: list[tuple[int, int]]) -> tuple[list[Message], int]:
         """Return the messages of a chunk, at most one above the limit, and the number of unknown messages."""
         messages: list[Message] = []
         most = limits().chunk_messages
@@ -239,15 +163,9 @@ class BagSource:
     def _compare(self, read: int) -> None:
         """Report messages that the index lists and that are neither read nor reported as lost."""
         known = sum(damage.lost_messages or 0 for damage in self.damage)
-        if self._indexed is not None and self._indexed > read + known:
-            problem = f"the index lists {count(self._indexed, 'message')}, but {read:,} can be read"
-            self._report(None, problem, 0, self._indexed - read - known)
-
-    def _report(self, offset: int | None, problem: str, lost_bytes: int, lost_messages: int | None) -> None:
-        damage = Damage(self._path, offset, problem, lost_bytes, lost_messages)
-        if damage not in self._reported:
-            self._reported.add(damage)
-            self.damage.append(damage)
+        if self._listed is not None and self._listed > read + known:
+            problem = f"the index lists {count(self._listed, 'message')}, but {read:,} can be read"
+            self._report(None, problem, 0, self._listed - read - known)
 
 
 def _describe(start: bytes) -> str:

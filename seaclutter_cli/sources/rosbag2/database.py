@@ -1,6 +1,8 @@
 """Read-only access to sqlite3 files, intact or damaged."""
 
 import sqlite3
+import sys
+from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
@@ -13,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.limits import limits
-from seaclutter_cli.sources.rosbag2.salvage import BROKEN, find_rows
+
+BROKEN = (sqlite3.Error, MemoryError, OverflowError, UnicodeError)
+"""Errors that sqlite3 raises on a damaged file."""
 
 Row = tuple[int, Any, Any, Any]
 """Number, time in nanoseconds, topic and data of a message.
@@ -27,6 +31,8 @@ _COLUMNS = (
     "topic_id END, CASE WHEN typeof(data) <> 'blob' THEN NULL WHEN length(data) > {most} THEN length(data) "
     "ELSE data END FROM messages"
 )
+_TIMES = "SELECT rowid, CASE typeof(timestamp) WHEN 'integer' THEN timestamp END FROM messages NOT INDEXED"
+_MAX_MISSES = 100_000
 _ANY_TIME = 2**63 - 1
 _PROBE = "SELECT name FROM sqlite_master LIMIT 1"
 _HANDLER_STEPS = 100_000
@@ -35,17 +41,10 @@ _HEAP_LEAST, _HEAP_MORE = 192 * 2**20, 32 * 2**20
 
 
 def open_database(path: Path, stack: ExitStack) -> sqlite3.Connection:
-    """Open a database read-only; the stack closes it.
+    """Open a database read-only; the stack closes it. ``sqlite3.Error`` if the file is not a database.
 
-    Notes
-    -----
     A single file is opened as immutable, which works in read-only folders and leaves no file next to it. The content of
     a ``-wal`` or ``-journal`` file that a crashed recorder left is read too, if necessary in a temporary copy.
-
-    Raises
-    ------
-    sqlite3.Error
-        If the file is not a database.
     """
     beside = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
     beside = [file for file in beside if file.exists() and file.stat().st_size]
@@ -118,21 +117,11 @@ def read_rows(
     start_ns: int | None = None,
     end_ns: int | None = None,
 ) -> Iterator[Row]:
-    """Yield the messages in time order; from a damaged file, all that can be read.
+    """Yield the messages in ``[start_ns, end_ns)`` in time order; from a damaged file, all that can be read.
 
-    Parameters
-    ----------
-    database : Connection
-        With the tables of rosbag2.
-    report : callable
-        Receives a description of the damage and the number of lost messages, if known, when reading ends.
-    start_ns, end_ns : int, optional
-        Time range of the messages; excludes the end.
-
-    Notes
-    -----
     Rows are read through the index of their times. If it is damaged, the remaining rows are read one by one; the rows
-    that were already yielded are marked with one bit each.
+    that were already yielded are marked with one bit each. When reading ends, ``report`` receives a description of the
+    damage and the number of lost messages, if known.
     """
     seen: defaultdict[int, int] = defaultdict(int)
     bounds = (-_ANY_TIME if start_ns is None else start_ns, _ANY_TIME if end_ns is None else end_ns)
@@ -181,7 +170,7 @@ def _salvage(
     report: Callable[[int | None], None],
 ) -> Iterator[Row]:
     """Yield the readable rows that were not yielded yet, in time order."""
-    rows = find_rows(database)
+    rows = _find_rows(database)
     lost = 0
     try:
         for index in np.lexsort((rows.numbers, rows.times)):
@@ -196,3 +185,73 @@ def _salvage(
                 lost += 1
     finally:
         report(None if rows.missing is None else rows.missing + lost)
+
+
+class _FoundRows:
+    """Numbers and times in nanoseconds of rows in the messages table; each takes 16 bytes.
+
+    ``missing`` is the number of rows that cannot be read; None if it is unknown.
+    """
+
+    def __init__(self, database: sqlite3.Connection) -> None:
+        self.numbers = array("q")
+        self.times = array("q")
+        self.missing: int | None = 0
+        self._database = database
+
+    def scan(self, order: str, above: int) -> bool:
+        """Add the rows above a number, from one end of the table on; return whether all of them can be read."""
+        last = None
+        with suppress(*BROKEN):
+            for number, time_ns in self._database.execute(f"{_TIMES} ORDER BY rowid {order}"):
+                if last is not None and (number > last) != (order == "ASC"):
+                    return False
+                if number <= above and order == "DESC":
+                    return True
+                last = number
+                self._add(number, time_ns)
+            return True
+        return False
+
+    def probe(self, first: int, end: int) -> None:
+        """Add the readable rows of a range of numbers; stop after a long series of missing rows."""
+        misses = 0
+        for number in range(first, end):
+            misses += 1
+            with suppress(*BROKEN):
+                for found in self._database.execute(f"{_TIMES} WHERE rowid = ?", (number,)):
+                    self._add(*found)
+                    misses = 0
+            if misses > _MAX_MISSES:
+                return
+
+    def _add(self, number: int, time_ns: object) -> None:
+        if isinstance(time_ns, int):
+            self.numbers.append(number)
+            self.times.append(time_ns)
+
+
+def _find_rows(database: sqlite3.Connection) -> _FoundRows:
+    """Return the readable rows, searched from both ends of the table, and between them one by one."""
+    rows = _FoundRows(database)
+    if rows.scan("ASC", 0):
+        return rows
+    count = len(rows.numbers)
+    last = rows.numbers[-1] if count else 0
+    rows.scan("DESC", last)
+    end_found = len(rows.numbers) > count
+    rows.probe(last + 1, rows.numbers[-1] if end_found else sys.maxsize)
+    total = _indexed(database)
+    if total is None and end_found:
+        # The recorder numbers its messages from 1.
+        total = max(rows.numbers)
+    rows.missing = None if total is None else max(total - len(rows.numbers), 0)
+    return rows
+
+
+def _indexed(database: sqlite3.Connection) -> int | None:
+    """Return the number of messages in the index of their times; None if it is damaged or missing."""
+    with suppress(*BROKEN):
+        query = "SELECT count(*) FROM messages INDEXED BY timestamp_idx WHERE timestamp IS NOT NULL"
+        return int(database.execute(query).fetchone()[0])
+    return None

@@ -13,10 +13,9 @@ from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
 from seaclutter_cli.messages.carried import from_custom_data
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, Schema
-from seaclutter_cli.sources.rosbag2.compression import is_large, unpack_file, unpack_message
-from seaclutter_cli.sources.rosbag2.database import has_table, latest_row, open_database, read_rows
-from seaclutter_cli.sources.rosbag2.salvage import BROKEN
-from seaclutter_cli.sources.shared.facts import NO_FACTS
+from seaclutter_cli.sources.rosbag2.database import BROKEN, has_table, latest_row, open_database, read_rows
+from seaclutter_cli.sources.shared.base import SourceBase
+from seaclutter_cli.sources.shared.unpacking import is_large, unpack_file, unpack_message
 
 # Optional columns of topics, and their names in rosbag2's MCAP storage.
 _USUAL_ENCODING = "cdr"  # also if none is stated: not every program that writes recordings states it
@@ -25,44 +24,26 @@ _METADATA = {"offered_qos_profiles": "offered_qos_profiles", "type_description_h
 _COUNT = "SELECT topic_id, count(*) FROM messages"
 
 
-class Db3Source:
-    """One sqlite3 storage file of rosbag2 as a `Source`.
+class Db3Source(SourceBase):
+    """One sqlite3 storage file of rosbag2.
 
     The file is opened read-only. Messages that are compressed one by one are unpacked; a file that is compressed as a
-    whole (``.db3.zstd``) is unpacked to a temporary file, which `close` removes.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Attributes
-    ----------
-    warnings : list of str
-        Topics whose message definition is neither in the file nor known to this program.
-
-    Raises
-    ------
-    InputError
-        If the file is not an sqlite3 recording, or its topics cannot be read.
+    whole (``.db3.zstd``) is unpacked to a temporary file, which `close` removes. `InputError` if the file is not an
+    sqlite3 recording, or its topics cannot be read.
     """
 
     format = "ROS 2 bag (sqlite3)"
-    profile = "ros2"
-    facts = NO_FACTS
 
     def __init__(self, path: Path) -> None:
+        super().__init__()
         self.name = path.name.removesuffix(".zstd").removesuffix(".db3")
         self.compression = "zstd" if path.suffix == ".zstd" else None
-        self.damage: list[Damage] = []
-        self.warnings: list[str] = []
         self._path = path
         self._stack = ExitStack()
         try:
             self._db = open_database(self._unpacked(), self._stack)
             self._channels = self._read_channels()
             self.metadata = self._read_metadata()
-            """Metadata records, which this program writes as custom data."""
         except BROKEN as error:
             self.close()
             raise InputError(f"{path}: not a readable ROS 2 recording: {error}") from error

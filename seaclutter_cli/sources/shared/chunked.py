@@ -1,14 +1,19 @@
 """Reader of logs that store messages in chunks: in time order, ahead of the consumer, in bounded memory."""
 
-from collections import deque
+from abc import ABC, abstractmethod
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from heapq import heappop, heappush, heapreplace
 from operator import attrgetter
-from typing import TYPE_CHECKING, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Generic, TypeVar
 
-from seaclutter_cli.limits import limits
-from seaclutter_cli.records import Message
+from seaclutter_cli.limits import above_in_file, limits
+from seaclutter_cli.records import Damage, Message
+from seaclutter_cli.sources.shared.base import SourceBase
+from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.threads import executor, threads
 
 if TYPE_CHECKING:
@@ -32,7 +37,8 @@ _log_time = attrgetter("log_time_ns")
 class Chunk:
     """A part of a file that is read as a whole: offset, size, and log times of the first and last message.
 
-    ``unpacked`` is its size in memory as far as declared; 0 if it is not compressed.
+    ``unpacked`` is its size in memory as far as declared; 0 if it is not compressed. ``messages`` is their number as
+    far as known.
     """
 
     offset: int
@@ -40,38 +46,13 @@ class Chunk:
     start_ns: int
     end_ns: int
     unpacked: int = field(default=0, kw_only=True)
+    messages: int = field(default=0, kw_only=True)
 
 
 C = TypeVar("C", bound=Chunk)
-
-
-def before(chunks: Iterable[C], start_ns: int, is_counted: Callable[[C], bool]) -> list[C]:
-    """Return the chunks whose messages are all earlier than ``start_ns`` and can be counted without reading them."""
-    return [chunk for chunk in chunks if chunk.end_ns < start_ns and is_counted(chunk)]
-
-
-def within(chunks: Iterable[C], start_ns: int | None, end_ns: int | None, is_counted: Callable[[C], bool]) -> list[C]:
-    """Return the chunks to read for a time range: all but those of `before` and those from ``end_ns`` on."""
-    chosen = [chunk for chunk in chunks if end_ns is None or chunk.start_ns < end_ns]
-    left_out = {chunk.offset for chunk in before(chosen, start_ns, is_counted)} if start_ns is not None else set()
-    return [chunk for chunk in chosen if chunk.offset not in left_out]
-
-
-def fitting_messages(messages: list[Message], file_bytes: int) -> tuple[list[Message], int]:
-    """Return the messages within the limit of a message of a file, and the number of bytes of the others."""
-    most = limits().message_bytes_of(file_bytes)
-    large = [len(message.data) for message in messages if len(message.data) > most]
-    return [message for message in messages if len(message.data) <= most] if large else messages, sum(large)
-
-
 P = TypeVar("P")
 
 _UNPACKERS = 2
-
-
-def most_waiting(packed_bytes: int) -> int:
-    """Return the maximum bytes of waiting messages of a file; less for a small one, which cannot need it."""
-    return min(MAX_WAITING_BYTES, _WAITING_LEAST + _WAITING_RATIO * packed_bytes)
 
 
 def in_time_order(
@@ -92,12 +73,8 @@ def in_time_order(
         Returns the messages of a chunk in file order. Its arguments are the chunk, and a function that returns the
         unpacked content or raises the error of unpacking. Runs in the caller's thread, one chunk after another.
     most : int, optional
-        Maximum bytes of waiting messages; `MAX_WAITING_BYTES` if not given.
-
-    Notes
-    -----
-    Chunks rarely overlap in time with more than their neighbours. Where they do (a file regrouped by topic), messages
-    above the limit of waiting messages are yielded early.
+        Maximum bytes of waiting messages; `MAX_WAITING_BYTES` if not given. Chunks rarely overlap in time with more
+        than their neighbours. Where they do (a file regrouped by topic), messages above it are yielded early.
     """
     most = MAX_WAITING_BYTES if most is None else most
     waiting = _Waiting()
@@ -208,46 +185,6 @@ def _memory(*chunks: Chunk) -> int:
     return sum(max(chunk.size, chunk.unpacked) for chunk in chunks)
 
 
-def span_of(chunks: Iterable[Chunk]) -> tuple[int, int] | None:
-    """Return the log times of the first and the last message of chunks; None without chunks."""
-    times = [(chunk.start_ns, chunk.end_ns) for chunk in chunks]
-    return (min(start for start, _ in times), max(end for _, end in times)) if times else None
-
-
-def latest_of(
-    chunks: Iterable[C],
-    read: Callable[[C], Sequence[Message]],
-    channels_in: Callable[[C], Collection[int] | None],
-    channels: Collection[int],
-    before_ns: int,
-) -> list[Message]:
-    """Return the last message before a time of each of some channels, in log time order.
-
-    Parameters
-    ----------
-    chunks : iterable of Chunk
-        All chunks, in any order.
-    read : callable
-        Returns the messages of a chunk.
-    channels_in : callable
-        Returns the ids of the channels in a chunk; None if they are unknown.
-    channels : collection of int
-        Wanted channels.
-    before_ns : int
-        Log time.
-    """
-    found: dict[int, Message] = {}
-    earlier = (chunk for chunk in chunks if chunk.start_ns < before_ns)
-    for chunk in sorted(earlier, key=lambda chunk: chunk.end_ns, reverse=True):
-        wanted = {id_ for id_ in channels if id_ not in found or found[id_].log_time_ns <= chunk.end_ns}
-        if not wanted:
-            break
-        known = channels_in(chunk)
-        if known is None or not wanted.isdisjoint(known):
-            keep_latest(found, read(chunk), wanted, before_ns)
-    return in_order(found)
-
-
 def keep_latest(
     found: dict[int, Message], messages: Iterable[Message], wanted: Collection[int], before_ns: int
 ) -> None:
@@ -265,3 +202,106 @@ def keep_latest(
 def in_order(found: Mapping[int, Message]) -> list[Message]:
     """Return messages by channel id as a list in log time order."""
     return sorted(found.values(), key=lambda message: (message.log_time_ns, message.channel.id))
+
+
+class ChunkedSource(SourceBase, ABC, Generic[C, P]):
+    """A log in one file whose messages are in chunks; a few unpacked ones are in memory, and numbers about each.
+
+    ``P`` is the unpacked content of a chunk.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+        self._file = LogFile(path)
+        self._reported: set[Damage] = set()
+        self._chunks: list[C] = []
+        try:
+            self._open()
+        except BaseException:
+            self.close()
+            raise
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Find the chunks of the file, which is open."""
+
+    @abstractmethod
+    def _indexed(self, chunk: C) -> Counter[int] | None:
+        """Return the number of messages per channel according to a chunk's index; None if it does not count all."""
+
+    @abstractmethod
+    def _unpack(self, chunk: C) -> P:
+        """Return the content of a chunk; runs in other threads."""
+
+    @abstractmethod
+    def _messages(self, chunk: C, unpacked: Callable[[], P]) -> list[Message]:
+        """Return the messages of a chunk in file order, and report its damage, given a function that unpacks it."""
+
+    def _load(self, chunk: C, unpacked: Callable[[], P]) -> list[Message]:
+        """Return the messages of a chunk that are within the limit of a message, and report the others."""
+        try:
+            messages = self._messages(chunk, unpacked)
+        except LostDataError as error:
+            self._report(chunk.offset, error.problem, chunk.size, chunk.messages or None)
+            return []
+        most = limits().message_bytes_of(len(self._file))
+        large = [len(message.data) for message in messages if len(message.data) > most]
+        if not large:
+            return messages
+        problem = f"messages of {above_in_file('more bytes', 'message', len(self._file))}"
+        self._report(chunk.offset, problem, sum(large), len(large))
+        return [message for message in messages if len(message.data) <= most]
+
+    def _read(self, chunk: C) -> list[Message]:
+        return self._load(chunk, partial(self._unpack, chunk))
+
+    def _before(self, chunks: Iterable[C], start_ns: int) -> list[C]:
+        """Return the chunks whose messages are all earlier than a time and can be counted without reading them."""
+        return [chunk for chunk in chunks if chunk.end_ns < start_ns and self._indexed(chunk) is not None]
+
+    def _in_time_order(self, start_ns: int | None, end_ns: int | None) -> tuple[Iterator[Message], bool]:
+        """Return the messages of the chunks to read for a time range, and whether these are all chunks."""
+        chosen = [chunk for chunk in self._chunks if end_ns is None or chunk.start_ns < end_ns]
+        left_out = {chunk.offset for chunk in self._before(chosen, start_ns)} if start_ns is not None else set()
+        chosen = [chunk for chunk in chosen if chunk.offset not in left_out]
+        # A small file cannot need as much as a large one.
+        most = min(MAX_WAITING_BYTES, _WAITING_LEAST + _WAITING_RATIO * len(self._file))
+        return in_time_order(chosen, self._unpack, self._load, most), len(chosen) == len(self._chunks)
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:
+        """Return the number of messages per channel id that `records` leaves out before ``start_ns``."""
+        counts = Counter[int]()
+        for chunk in self._before(self._chunks, start_ns):
+            counts.update(self._indexed(chunk) or {})
+        return counts
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message."""
+        # Empty chunks have no times.
+        times = [(chunk.start_ns, chunk.end_ns) for chunk in self._chunks if chunk.messages or chunk.end_ns]
+        return (min(start for start, _ in times), max(end for _, end in times)) if times else None
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels; only chunks that may have it are read."""
+        found: dict[int, Message] = {}
+        earlier = (chunk for chunk in self._chunks if chunk.start_ns < before_ns)
+        for chunk in sorted(earlier, key=lambda chunk: chunk.end_ns, reverse=True):
+            wanted = {id_ for id_ in channels if id_ not in found or found[id_].log_time_ns <= chunk.end_ns}
+            if not wanted:
+                break
+            known = self._indexed(chunk)
+            if known is None or not wanted.isdisjoint(known):
+                keep_latest(found, self._read(chunk), wanted, before_ns)
+        return in_order(found)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _report(self, offset: int | None, problem: str, lost_bytes: int, lost_messages: int | None = None) -> None:
+        damage = Damage(self._path, offset, problem, lost_bytes, lost_messages)
+        if damage not in self._reported:  # a chunk may be read more than once
+            self._reported.add(damage)
+            self.damage.append(damage)

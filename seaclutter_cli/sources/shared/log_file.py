@@ -49,17 +49,8 @@ def unpack(layout: Struct, data: Bytes[bytes | memoryview], at: int) -> tuple[An
 class LogFile:
     """A regular file that is read by slices; its size is that at opening. Slices can be taken in any thread.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    window : int, optional
-        Number of bytes that are read at least, and kept until data elsewhere is read.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or is empty.
+    At least ``window`` bytes are read, and kept until data elsewhere is read. `InputError` if the file cannot be read,
+    or is empty.
     """
 
     def __init__(self, path: Path, window: int = _WINDOW) -> None:
@@ -118,15 +109,7 @@ class LogFile:
 
 
 class FilePart:
-    """A part of a file that is read piece by piece, so that its size does not matter.
-
-    Parameters
-    ----------
-    file : Bytes
-        The file.
-    start, stop : int
-        Offsets in the file.
-    """
+    """A part of a file that is read piece by piece, so that its size does not matter."""
 
     def __init__(self, file: Bytes[bytes | memoryview], start: int, stop: int) -> None:
         self._file, self._start, self._stop = file, start, stop

@@ -11,42 +11,20 @@ from tempfile import TemporaryDirectory
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import limits
-from seaclutter_cli.records import Channel, Damage, Message, Record, SensorFacts
-from seaclutter_cli.sources.rosbag2.compression import unpack_file, unpack_message
+from seaclutter_cli.records import Channel, Damage, Message, Record
+from seaclutter_cli.sources.shared.base import SourceBase
 from seaclutter_cli.sources.shared.chunked import in_order, keep_latest
-from seaclutter_cli.sources.shared.facts import NO_FACTS
+from seaclutter_cli.sources.shared.unpacking import unpack_file, unpack_message
 from seaclutter_cli.text import count
 
 
-class SplitSource:
-    """Several storage files in order as one `Source`; one file is open at a time.
+class SplitSource(SourceBase):
+    """Several storage files in time order as one `Source`; one file is open at a time.
 
-    Equal channels of different files become one channel; different channels get different ids.
-
-    Parameters
-    ----------
-    files : sequence of Path
-        In time order.
-    open_file : callable
-        Opens one file.
-    name : str, optional
-        Name of the recording; from the first file if not given.
-    damage : sequence of Damage, optional
-        Damage of the recording that is already known.
-    expected : tuple of Path and int, optional
-        File that lists the number of messages, and this number.
-    packed_messages : bool, optional
-        Whether messages are compressed one by one.
-
-    Attributes
-    ----------
-    warnings : list of str
-        Warnings of the files.
-
-    Raises
-    ------
-    InputError
-        If none of the files can be read.
+    Equal channels of different files become one channel; different channels get different ids. The name is that of the
+    first file unless one is given; ``damage`` is what is already known, ``expected`` the file that lists the number of
+    messages, and this number, and ``packed_messages`` whether messages are compressed one by one. Packets are decoded
+    by whoever wraps this source. `InputError` if none of the files can be read.
     """
 
     def __init__(
@@ -60,8 +38,8 @@ class SplitSource:
         packed_messages: bool = False,
     ) -> None:
         self.name = name or Path(files[0].name.removesuffix(".zstd").removesuffix(".active")).stem.removesuffix("_0")
-        self.damage = list(damage)
-        self.warnings: list[str] = []
+        super().__init__()
+        self.damage += damage
         self._open_file = open_file
         self._expected = expected
         self._packed_messages = packed_messages
@@ -71,10 +49,10 @@ class SplitSource:
         self._current: tuple[Path, Source] | None = None
         self._merged: dict[tuple[Channel, int], Channel] = {}
         self._relabelled: dict[Path, dict[int, Channel]] = {}
-        self._survey(files)
+        self._look_at(files)
         self._at_opening = len(self.damage)
 
-    def _survey(self, files: Sequence[Path]) -> None:
+    def _look_at(self, files: Sequence[Path]) -> None:
         """Open every file once for its channels and warnings."""
         for file in files:
             try:
@@ -88,7 +66,7 @@ class SplitSource:
             self._relabelled[file] = {}
             for channel in source.channels:
                 self._relabel(file, channel)
-            self.warnings += [text for text in source.warnings if text not in self.warnings]
+            self.warn(*source.warnings)
         if not self._relabelled:
             raise InputError("; ".join(f"{damage.path}: {damage.problem}" for damage in self.damage))
 
@@ -106,11 +84,6 @@ class SplitSource:
                 if channel in channels:
                     counts[channels[channel].id] += messages
         return dict(counts)
-
-    @property
-    def facts(self) -> Mapping[str, SensorFacts]:
-        """Empty mapping: `wrap_packets` decodes the packets."""
-        return NO_FACTS
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the number of messages per channel id that `records` leaves out before ``start_ns``."""

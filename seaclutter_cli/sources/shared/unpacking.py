@@ -3,18 +3,27 @@
 import bz2
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from typing import Any
+from pathlib import Path
+from typing import Any, BinaryIO
 
 import lz4.frame
 import zstandard
 
-from seaclutter_cli.records import Buffer
+from seaclutter_cli.errors import InputError
+from seaclutter_cli.limits import above, limits
+from seaclutter_cli.records import Buffer, Damage
 
 DECOMPRESSION_ERRORS = (zstandard.ZstdError, RuntimeError, ValueError, EOFError, OSError)
 """Errors that decompression raises on damaged data."""
 
+_ZSTD = b"\x28\xb5\x2f\xfd"
+"""First bytes of compressed data; no CDR message starts with them."""
+_MAX_RATIO = 256
+_TERABYTE = 10**12
 _PIECE = 2**20
 _PACKED_PIECE = 4096
+_PACKED_FILE_PIECE = 2048
+"""Bytes of a file that are unpacked at a time: each of them may become 32 KiB."""
 _INCREMENTAL: Mapping[str, Callable[[], Any]] = {
     "lz4": lz4.frame.LZ4FrameDecompressor,
     "bz2": bz2.BZ2Decompressor,
@@ -22,16 +31,9 @@ _INCREMENTAL: Mapping[str, Callable[[], Any]] = {
 
 
 def unpacked(compression: str, packed: Buffer, size: int) -> Buffer:
-    """Return decompressed data, at most one byte more than ``size``.
+    """Return decompressed data, at most one byte more than the expected ``size``.
 
-    Parameters
-    ----------
-    compression : str
-        ``zstd``, ``lz4``, ``bz2``, or empty for none.
-    packed : bytes or memoryview
-        Compressed data. Frames of zstd may follow one another.
-    size : int
-        Expected number of bytes.
+    The compression is ``zstd``, ``lz4``, ``bz2``, or empty for none. Frames of zstd may follow one another.
     """
     if compression == "":
         return packed
@@ -75,3 +77,63 @@ def _pieces(compression: str, packed: Buffer) -> Iterator[tuple[bytes, bool]]:
         yield decompressor.decompress(packed[at : at + _PACKED_PIECE], max_length=_PIECE), decompressor.eof
         while not (decompressor.needs_input or decompressor.eof):
             yield decompressor.decompress(b"", max_length=_PIECE), decompressor.eof
+
+
+def unpack_message(data: Buffer, most: int) -> Buffer | None:
+    """Return a message, unpacked if it is compressed; None if it is damaged or has more than ``most`` bytes."""
+    if data[:4] != _ZSTD:
+        return data if len(data) <= most else None
+    try:
+        size = zstandard.frame_content_size(data)
+        if size > most:
+            return None
+        limit = min(most, 2**20 + _MAX_RATIO * len(data))
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=limit)
+    except zstandard.ZstdError:
+        return None
+
+
+def is_large(data: object, most: int) -> bool:
+    """Return whether the data of a message, or the size that represents them, exceed ``most`` bytes if unpacked."""
+    if isinstance(data, int):
+        return data > most
+    try:
+        # Still larger sizes are damage.
+        return isinstance(data, bytes) and data[:4] == _ZSTD and most < zstandard.frame_content_size(data) < _TERABYTE
+    except zstandard.ZstdError:
+        return False
+
+
+def unpack_file(path: Path, folder: Path) -> tuple[Path, Damage | None]:
+    """Unpack the readable part of a ``.zstd`` file into a folder; return it, and the damage of the packed file if any.
+
+    `InputError` if the file cannot be read, or the unpacked one does not fit on the disk.
+    """
+    target = folder / path.stem
+    try:
+        with path.open("rb") as packed, target.open("wb") as unpacked:
+            problem = _copy_unpacked(packed, unpacked, path.stat().st_size)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be unpacked: {error.strerror}") from error
+    return target, None if problem is None else Damage(path, None, problem)
+
+
+def _copy_unpacked(packed: BinaryIO, unpacked: BinaryIO, packed_bytes: int) -> str | None:
+    """Unpack the readable part, and return a description of the damage; None if the file is intact."""
+    frame = None
+    most, written = limits().file_bytes(packed_bytes), 0
+    try:
+        while piece := packed.read(_PACKED_FILE_PIECE):
+            while piece:
+                if frame is None or frame.eof:
+                    frame = zstandard.ZstdDecompressor().decompressobj()
+                content = frame.decompress(piece)
+                written += len(content)
+                if written > most:
+                    limit = "file_gib" if most == limits().file_gib * 2**30 else "file_ratio"
+                    return f"the compressed file has {above('more bytes', limit)}; the rest is left out"
+                unpacked.write(content)
+                piece = frame.unused_data if frame.eof else b""
+    except zstandard.ZstdError as error:
+        return f"the compressed file is damaged ({error})"
+    return None if frame is not None and frame.eof else "the compressed file is truncated"

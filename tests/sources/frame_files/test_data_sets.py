@@ -14,8 +14,8 @@ import seaclutter
 from seaclutter_cli.commands import cli
 from seaclutter_cli.records import Message
 from seaclutter_cli.sources import open_source
-from seaclutter_cli.sources.frame_files.binary import read_bin
-from seaclutter_cli.sources.frame_files.poses import poses_beside
+from seaclutter_cli.sources.frame_files.arrays import read_bin
+from seaclutter_cli.sources.frame_files.sidecars import poses_beside
 from tests.sources.frame_files import data_sets
 
 POSE = "geometry_msgs/msg/PoseStamped"

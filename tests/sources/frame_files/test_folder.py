@@ -16,7 +16,7 @@ from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
-from seaclutter_cli.sources.frame_files.stamps import parse_time
+from seaclutter_cli.sources.frame_files.sidecars import parse_time
 from tests.paths import SHARED_DATA
 
 DATA = SHARED_DATA

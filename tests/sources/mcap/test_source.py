@@ -18,7 +18,7 @@ from mcap.reader import NonSeekingReader
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Attachment, Message
-from seaclutter_cli.sources.mcap import survey
+from seaclutter_cli.sources.mcap import contents
 from seaclutter_cli.sources.mcap.source import McapSource
 from tests.logs import (
     CLOUD_KINDS,
@@ -216,7 +216,7 @@ def test_messages_inside_and_outside_chunks(tmp_path):
 
 
 def test_unchunked_logs_are_read_in_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr(survey, "_LOOSE_BYTES", 500)
+    monkeypatch.setattr(contents, "_LOOSE_BYTES", 500)
     numbers = [number ^ 5 for number in range(200)]
     path = write(tmp_path / "log.mcap", HEADER, SCHEMA, declared(), *map(note, numbers), *valid_end())
     assert sequences(path) == list(range(200))

@@ -1,12 +1,14 @@
-"""Points as plain tables: default names of columns, and rows of text."""
+"""Parts of frame readers: handling of damaged files, default names of columns, rows of text."""
 
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import CloudError
+from seaclutter_cli.errors import CloudError, MissingExtraError
 from seaclutter_cli.text import count
 
 MAX_LINE_BYTES = 1 << 16
@@ -14,13 +16,27 @@ MAX_LINE_BYTES = 1 << 16
 _COLUMNS = ("x", "y", "z", "intensity", "ring")
 
 
-def column_names(count: int) -> tuple[str, ...]:
-    """Return default names for ``count`` columns.
+@contextmanager
+def reading(kind: str) -> Iterator[None]:
+    """Convert the errors that a format's library raises on damaged bytes to a one-line `CloudError`."""
+    try:
+        yield
+    except (CloudError, MissingExtraError, MemoryError, FileNotFoundError, PermissionError, IsADirectoryError):
+        raise
+    except Exception as error:
+        text = str(error) if " " in str(error) else repr(error)
+        raise CloudError(f"not a valid {kind} file: {' '.join(text.split())}") from error
 
-    Raises
-    ------
-    CloudError
-        If there are fewer than three.
+
+def check_size(needed: int, found: int) -> None:
+    """Raise `CloudError` if a file declares more bytes than it contains; call it before allocating memory."""
+    if needed > found:
+        declared = count(needed, "byte")
+        raise CloudError(f"the header declares {declared} of data, but the file contains {found:,}; it is truncated")
+
+
+def column_names(count: int) -> tuple[str, ...]:
+    """Return default names for at least three columns; `CloudError` for fewer.
 
     Examples
     --------
@@ -42,24 +58,9 @@ def parse_rows(
 ) -> NDArray[Any]:
     r"""Return lines of numbers as a structured array, shape (N,).
 
-    Parameters
-    ----------
-    body : bytes
-        Text. Blank lines and everything after a ``#`` are skipped.
-    dtype : dtype
-        Structured; each scalar takes one number of a line.
-    delimiter : str, optional
-        Separator of the numbers; any white space if None.
-    first_line : int, optional
-        Number of the first line, for messages.
-    max_rows : int, optional
-        Number of rows to read; later rows are ignored.
-
-    Raises
-    ------
-    CloudError
-        If a line has the wrong number of values, or one that is not a number, or is longer than `MAX_LINE_BYTES`; the
-        message gives the line.
+    Blank lines and everything after a ``#`` are skipped, and rows after ``max_rows`` ignored. Without a delimiter, any
+    white space separates numbers. `CloudError` if a line has the wrong number of values, or one that is not a number,
+    or is longer than `MAX_LINE_BYTES`; the message gives the line, counted from ``first_line``.
 
     Examples
     --------

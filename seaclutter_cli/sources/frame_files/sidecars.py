@@ -1,13 +1,20 @@
-"""Stamps of frames, from the names of their files or from time files next to them."""
+"""Stamps and poses of frames, from the names of their files and from files of data sets next to them."""
 
+import csv
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages.carried import SIDECAR
+from seaclutter_cli.messages.serialisation import Header, Writer
 from seaclutter_cli.text import count
 
 _NANO = 1_000_000_000
@@ -18,15 +25,16 @@ _IN_NAME = re.compile(r"(?<![\d.])([1-9]\d{18}|[1-9]\d{15}|[1-9]\d{12}|[1-9]\d{9
 _USVINLAND = "Laser_Timestamp_Middle.txt"
 _SECONDS_AND_NANOSECONDS = re.compile(r"(?<![\d.])([1-9]\d{9})[^\d.]+(\d{1,9})(?![\d.])", re.ASCII)
 
+_MAX_BYTES = 64 * 2**20
+_COLUMNS = 7
+_MICRO_NS = 1000
+
 
 def parse_time(text: str) -> int | None:
     """Return the exact nanoseconds of a time written by a recorder; None if the text is not a valid stamp.
 
-    Parameters
-    ----------
-    text : str
-        A number (nano-, micro- or milliseconds since 1970 if it has 19, 16 or 13 digits before the point,
-        otherwise seconds), or date and time (UTC if no zone is given).
+    The text is a number (nano-, micro- or milliseconds since 1970 if it has 19, 16 or 13 digits before the point,
+    otherwise seconds), or date and time (UTC if no zone is given).
 
     Examples
     --------
@@ -69,10 +77,7 @@ def from_names(files: Sequence[Path]) -> list[int] | None:
 def from_time_files(files: Sequence[Path]) -> list[int] | None:
     """Return one stamp per file from the time files of a SeePerSea, KITTI or USVInland folder; None without such files.
 
-    Raises
-    ------
-    InputError
-        If the times do not match the frames.
+    `InputError` if the times do not match the frames.
     """
     times = times_beside(files[0].parent)
     if times is None:
@@ -126,3 +131,67 @@ def _text(path: Path) -> str:
         return path.read_text("utf-8", "replace").strip()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from error
+
+
+class Pose(NamedTuple):
+    """Position in metres, and orientation as the quaternion x, y, z, w; from the lidar to a fixed frame."""
+
+    position: tuple[float, float, float]
+    orientation: tuple[float, float, float, float]
+
+
+def poses_beside(folder: Path) -> Mapping[int, Pose]:
+    """Return the poses by stamp in nanoseconds that CANOE has beside its folder ``lidar``; empty if there are none.
+
+    `InputError` if they cannot be read.
+    """
+    path = folder.parent / "novatel" / "lidar_poses.csv"
+    if folder.name != "lidar" or not path.is_file():
+        return {}
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            text = file.read(_MAX_BYTES + 1)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: {getattr(error, 'strerror', None) or 'not UTF-8 text'}") from error
+    if len(text) > _MAX_BYTES:
+        raise InputError(f"{path}: has more than {_MAX_BYTES:,} characters")
+    rows = csv.reader(text.splitlines())
+    next(rows, None)  # the names of the columns
+    try:
+        return dict(_pose(row) for row in rows if row)
+    except (ValueError, csv.Error) as error:
+        raise InputError(f"{path}: line {rows.line_num}: {error}") from error
+
+
+def pose_message(pose: Pose, stamp_ns: int, frame_id: str = "enu") -> bytes:
+    """Return a pose as the bytes of a ROS 2 message ``geometry_msgs/msg/PoseStamped``."""
+    write = Writer(2)
+    write.header(Header(stamp_ns, frame_id))
+    write.numbers("ddddddd", (*pose.position, *pose.orientation))
+    return write.message()
+
+
+def _pose(row: list[str]) -> tuple[int, Pose]:
+    if len(row) < _COLUMNS:
+        raise ValueError(f"must have at least {_COLUMNS} values, has {len(row)}")
+    x, y, z, *angles = (float(value) for value in row[1:_COLUMNS])
+    if not all(map(math.isfinite, (x, y, z, *angles))):
+        raise ValueError("all values must be finite numbers")
+    return int(float(row[0])) * _MICRO_NS, Pose((x, y, z), _quaternion(_rotation(*angles)))
+
+
+def _rotation(x_rad: float, y_rad: float, z_rad: float) -> NDArray[np.float64]:
+    """Return the rotation from the lidar to the fixed frame, C1(x) C2(y) C3(z) with passive principal rotations."""
+    (cx, sx), (cy, sy), (cz, sz) = ((math.cos(a), math.sin(a)) for a in (x_rad, y_rad, z_rad))
+    about_x = np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
+    about_y = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]])
+    about_z = np.array([[cz, sz, 0], [-sz, cz, 0], [0, 0, 1]])
+    return np.asarray(about_x @ about_y @ about_z)
+
+
+def _quaternion(matrix: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(matrix).as_quat()
+    sign = 1 if w >= 0 else -1
+    return sign * float(x), sign * float(y), sign * float(z), sign * float(w)

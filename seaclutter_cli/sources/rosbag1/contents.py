@@ -1,19 +1,87 @@
-"""Content of a ROS 1 bag, found in one pass over its records without unpacking a chunk."""
+"""Content of a ROS 1 bag, intact or damaged: its chunks and channels, found in one pass without unpacking a chunk."""
 
 from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from struct import Struct
 
-from seaclutter_cli.limits import limits
+from seaclutter_cli.limits import above_in_file, limits
 from seaclutter_cli.records import Buffer, Channel, Damage, Schema
-from seaclutter_cli.sources.rosbag1.chunks import read_index
-from seaclutter_cli.sources.rosbag1.records import MAGIC, BagRecord, Op, parse_fields, walk
-from seaclutter_cli.sources.shared.chunked import Chunk
+from seaclutter_cli.sources.rosbag1.records import MAGIC, NANO, BagRecord, Op, parse_fields, read_record, walk
+from seaclutter_cli.sources.shared.chunked import MAX_AHEAD_BYTES, Chunk
 from seaclutter_cli.sources.shared.log_file import Bytes
+from seaclutter_cli.sources.shared.unpacking import DECOMPRESSION_ERRORS, readable, unpacked_frame
 from seaclutter_cli.text import count
 
-_COUNT = Struct("<II")
+_COUNT, _ENTRY = Struct("<II"), Struct("<II4x")
+_MAX_RATIO = 256
 _RUN_BYTES = 4 * 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkIndex:
+    """Times of the first and last message of a chunk, and the number of messages per connection."""
+
+    start_ns: int
+    end_ns: int
+    counts: Counter[int]
+
+
+def read_index(view: Bytes[Buffer], at: int) -> ChunkIndex | None:
+    """Return the index from the index records at an offset; None if they are missing or damaged."""
+    counts: Counter[int] = Counter()
+    first, last = (2**32, 0), (0, 0)
+    while (record := read_record(view, at)) is not None and record.op == Op.INDEX:
+        entries = view[record.data : record.end]
+        count = record.number(b"count")
+        if len(entries) != 12 * count:
+            return None
+        if count:
+            first = min(chain([first], _ENTRY.iter_unpack(entries)))
+            last = max(chain([last], _ENTRY.iter_unpack(entries)))
+            counts[record.number(b"conn")] += count
+        at = record.end
+    if not counts:
+        return None
+    return ChunkIndex(first[0] * NANO + first[1], last[0] * NANO + last[1], counts)
+
+
+def unpack(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes: int) -> tuple[memoryview, str | None]:
+    """Return the readable content of a chunk's data, and a description of its damage; None if it is intact.
+
+    The limit of a chunk depends on the size of the bag; ``ends_bag`` if the bag ends where the chunk ends.
+    """
+    size, limit = chunk.number(b"size"), limits().chunk_bytes_of(bag_bytes)
+    most = min(limit, max(size, MAX_AHEAD_BYTES))
+    compression = chunk.fields[b"compression"]
+    if compression == b"none":
+        content, whole = packed[:size] if chunk.repaired else packed, True
+    elif compression in (b"bz2", b"lz4"):
+        unpacked, whole = _decompress(compression.decode(), packed, size, most)
+        content = memoryview(unpacked)
+    else:
+        return memoryview(b""), f"a chunk with the unknown compression {compression.decode('utf-8', 'replace')!r}"
+    if len(content) > limit or (len(content) == limit and not whole):
+        large = above_in_file(count(max(size, len(content)), "byte"), "chunk", bag_bytes)
+        return memoryview(b""), f"a chunk of {large}"
+    if not whole or len(content) != size:
+        if chunk.repaired and ends_bag:
+            return content, "the bag ends inside a chunk"
+        return content, f"a damaged chunk: {len(content):,} of {count(size, 'byte')} can be read"
+    return content, "a record of wrong length, or damage after it" if chunk.repaired else None
+
+
+def _decompress(compression: str, packed: memoryview, size: int, most: int) -> tuple[Buffer, bool]:
+    """Return the data that can be decompressed, and whether it is complete."""
+    with suppress(*DECOMPRESSION_ERRORS):
+        # One byte more than expected reveals the end; limited by the packed size because it is allocated.
+        expected = min(size, _MAX_RATIO * len(packed), most)
+        content, whole = unpacked_frame(compression, packed, expected)
+        if whole:
+            return content, True
+    return readable(compression, packed, most)
 
 
 def channel_of(view: Bytes[Buffer], record: BagRecord) -> Channel:
@@ -26,37 +94,14 @@ def channel_of(view: Bytes[Buffer], record: BagRecord) -> Channel:
     return Channel(record.number(b"conn"), topic, "ros1", schema, tuple(sorted(text.items())))
 
 
-class BagSurvey:
+class BagContents:
     """Chunks, channels and counts of a bag.
 
     Messages outside chunks, which remain of a chunk with a destroyed header, are combined into runs that are read like
-    a chunk.
-
-    Parameters
-    ----------
-    view : Bytes
-        The whole bag.
-
-    Attributes
-    ----------
-    header : BagRecord or None
-        The bag header.
-    compression : bytes or None
-        Compression of the first chunk.
-    channels : dict
-        Channels by connection id.
-    chunks : dict
-        Chunks with known times by offset.
-    untimed : dict
-        Sizes by offset of the chunks whose times and counts are known only after unpacking.
-    unpacked : dict
-        Declared sizes by offset of the chunks after unpacking.
-    first_use : dict
-        Offsets of a chunk with messages of each connection, by connection id.
-    counts : Counter
-        Messages per connection id, without those of untimed chunks.
-    indexed : int or None
-        Number of messages in the index at the end of the bag; None if it is missing or incomplete.
+    a chunk. Chunks with known times, and the sizes of ``untimed`` ones, which must be unpacked for times and counts,
+    have their offsets as keys, as have ``unpacked`` sizes; ``first_use`` has the offset of a chunk with messages of
+    each connection, ``counts`` the messages per connection without those of untimed chunks, and ``indexed`` their
+    number in the index at the end of the bag, unless it is missing or incomplete.
     """
 
     def __init__(self, view: Bytes[Buffer]) -> None:
@@ -103,11 +148,14 @@ class BagSurvey:
         if index is None:
             self.untimed[record.start] = size
             return
-        self.chunks[record.start] = self._chunk(record.start, size, index.start_ns, index.end_ns)
-        self._count(record.start, index.counts)
+        self._add_chunk(Chunk(record.start, size, index.start_ns, index.end_ns), index.counts)
 
-    def _chunk(self, offset: int, size: int, start_ns: int, end_ns: int) -> Chunk:
-        return Chunk(offset, size, start_ns, end_ns, unpacked=self.unpacked[offset])
+    def _add_chunk(self, chunk: Chunk, counts: Counter[int]) -> None:
+        offset = chunk.offset
+        self.chunks[offset] = replace(chunk, unpacked=self.unpacked[offset], messages=counts.total())
+        self.counts += counts
+        for connection in counts:
+            self.first_use.setdefault(connection, offset)
 
     def _take_info(self, record: BagRecord) -> None:
         """Add or check the times of a chunk, and count its messages in case it is lost."""
@@ -119,16 +167,10 @@ class BagSurvey:
             counts[connection] += messages
         self._infos[offset] = counts.total()
         if offset in self.untimed and counts:
-            self.chunks[offset] = self._chunk(offset, self.untimed.pop(offset), start_ns, end_ns)
-            self._count(offset, counts)
+            self._add_chunk(Chunk(offset, self.untimed.pop(offset), start_ns, end_ns), counts)
         chunk = self.chunks.get(offset)
         if chunk is not None and (chunk.start_ns, chunk.end_ns) != (start_ns, end_ns):
             self._unpack_later(self.chunks.pop(offset))
-
-    def _count(self, offset: int, counts: Counter[int]) -> None:
-        self.counts += counts
-        for connection in counts:
-            self.first_use.setdefault(connection, offset)
 
     def _unpack_later(self, chunk: Chunk) -> None:
         """Mark a chunk for unpacking because its index and its chunk info contradict each other."""

@@ -72,12 +72,11 @@ D = TypeVar("D", mcap_records.Schema, mcap_records.Channel)
 class McapChunk(Chunk):
     """A chunk record, or a run of messages outside chunks (``header`` is None).
 
-    ``messages`` is their number as far as known. ``suspect`` chunks may have wrong times, or contain ``additional``
-    messages: those that an index after damaged bytes lists, unless they are in a lost chunk.
+    ``suspect`` chunks may have wrong times, or contain ``additional`` messages: those that an index after damaged bytes
+    lists, unless they are in a lost chunk.
     """
 
     header: ChunkHeader | None
-    messages: int = 0
     suspect: bool = False
     additional: int = 0
 
@@ -98,12 +97,7 @@ class Declarations:
     """Schemas and channels of a file, declared in any order.
 
     The format does not allow different declarations of one number. If there are any, the most trusted one applies, or
-    the first of equally trusted ones.
-
-    Parameters
-    ----------
-    report : callable
-        Called for damaged records and contradictions.
+    the first of equally trusted ones. Damaged records and contradictions are reported.
     """
 
     def __init__(self, report: ReportDamage) -> None:
@@ -182,34 +176,13 @@ def _put(known: dict[int, tuple[Trust, D]], record: D, trust: Trust) -> bool:
     return other != record
 
 
-class McapSurvey:
-    """Result of one pass over the records of a file.
+class McapContents:
+    """Content of a file, found in one pass over its records.
 
-    Parameters
-    ----------
-    file : LogFile
-        The file.
-    declarations : Declarations
-        Receives the schemas and channels outside chunks, except those in the tail.
-    report : callable
-        Called for damage with its offset, its kind, and its amount in bytes and messages.
-
-    Attributes
-    ----------
-    profile : str
-        Profile of the file's header.
-    chunks : list of McapChunk
-        Chunks, and runs of messages outside chunks, in the order of the file.
-    counts : Counter
-        Messages per channel number, from the message indexes.
-    first : dict of int to int
-        For each channel number, the index of the first chunk with messages of it.
-    extras : list of Attachment and Metadata
-        Attachments, which are views of the file, and metadata records.
-    tail : list of Span
-        Records after the last data record: the summary, if there is one.
-    end : int
-        Offset at which the last record ends.
+    The declarations receive the schemas and channels outside chunks, except those in the tail: the records after the
+    last data record, which are the summary, if there is one. ``first`` has the index of the first chunk with messages
+    of each channel, ``counts`` the messages per channel from the message indexes, and ``end`` is where the last record
+    ends. Attachments are views of the file.
     """
 
     def __init__(self, file: LogFile, declarations: Declarations, report: ReportDamage) -> None:
@@ -356,15 +329,12 @@ class McapSurvey:
         channel, _, log_time, _ = log_file.unpack(MESSAGE, self._file, span.start)
         last = self.chunks[-1] if self.chunks else None
         if last and last.header is None and last.offset + last.size == span.offset and last.size < _LOOSE_BYTES:
-            offset, start_ns, end_ns = (
-                self.chunks.pop().offset,
-                min(last.start_ns, log_time),
-                max(last.end_ns, log_time),
-            )
-            count = last.messages
+            first = self.chunks.pop()
+            offset, count = first.offset, first.messages
+            start_ns, end_ns = min(first.start_ns, log_time), max(first.end_ns, log_time)
         else:
             offset, start_ns, end_ns, count = span.offset, log_time, log_time, 0
-        self.chunks.append(McapChunk(offset, span.end - offset, start_ns, end_ns, None, count + 1))
+        self.chunks.append(McapChunk(offset, span.end - offset, start_ns, end_ns, None, messages=count + 1))
         self._count(channel, 1)
 
     def _count(self, channel: int, messages: int) -> None:
