@@ -5,8 +5,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages import find_codec
-from seaclutter_cli.messages.quality import declares_latched
+from seaclutter_cli.messages import declares_latched, find_codec
 from seaclutter_cli.records import Channel, Message
 
 _TOPICS = re.compile(r"(^|/)(tf_static|robot_description)$")

@@ -9,7 +9,7 @@ from fractions import Fraction
 from seaclutter_cli.errors import InputError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import diagnostics, find_codec, main_clouds
-from seaclutter_cli.messages.recorded import FILTERED, REMOVED, recorded_topics
+from seaclutter_cli.messages.metadata import FILTERED, REMOVED, recorded_topics
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.text import suggestion
 

@@ -1,13 +1,12 @@
 """Codecs for the point cloud messages of logs."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from seaclutter_cli.interfaces import CloudCodec
-from seaclutter_cli.messages.compressed import CompressedPointCloud2
-from seaclutter_cli.messages.foxglove import JsonPointCloud, ProtobufPointCloud
-from seaclutter_cli.messages.foxglove_ros import RosFoxglovePointCloud
+from seaclutter_cli.messages.foxglove import JsonPointCloud, ProtobufPointCloud, RosFoxglovePointCloud
 from seaclutter_cli.messages.livox import LivoxCustomMsg
-from seaclutter_cli.messages.pointcloud2 import PointCloud2
+from seaclutter_cli.messages.pointcloud2 import CompressedPointCloud2, PointCloud2
 from seaclutter_cli.messages.scans import LaserScan, MultiEchoLaserScan
 from seaclutter_cli.messages.serialisation import RosCodec
 from seaclutter_cli.records import Channel
@@ -31,6 +30,7 @@ CODECS: Mapping[tuple[str, str], CloudCodec] = {
 }
 """Codecs by schema name and message encoding. To add an encoding, add a line here, or to the messages of ROS."""
 
+_TRANSIENT_LOCAL = re.compile(r"durability:\s*(1\b|transient_local)")
 _SECONDARY = (RosFoxglovePointCloud, CompressedPointCloud2, LaserScan | MultiEchoLaserScan)
 
 
@@ -54,6 +54,12 @@ def main_clouds(channels: Iterable[Channel]) -> Sequence[Channel]:
 def has_fixed_fields(channel: Channel) -> bool:
     """Return whether the points in the messages of a channel have no room for further fields."""
     return isinstance(find_codec(channel), LaserScan | LivoxCustomMsg | MultiEchoLaserScan)
+
+
+def declares_latched(channel: Channel) -> bool:
+    """Return whether a channel has the ROS 1 header ``latching`` or the ROS 2 durability ``transient_local``."""
+    metadata = dict(channel.metadata)
+    return metadata.get("latching") == "1" or bool(_TRANSIENT_LOCAL.search(metadata.get("offered_qos_profiles", "")))
 
 
 def _rank(channel: Channel) -> int | None:

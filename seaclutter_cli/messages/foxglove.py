@@ -1,4 +1,4 @@
-"""Codecs for ``foxglove.PointCloud`` in protobuf and JSON.
+"""Codecs for ``foxglove.PointCloud`` in protobuf and JSON, and for the ROS message ``foxglove_msgs/PointCloud``.
 
 Only the fields that describe points are decoded; the pose and fields of newer versions are kept unchanged in
 ``Cloud.extra``. The protobuf wire format is parsed directly, since a generated class would copy the points and could
@@ -16,15 +16,21 @@ from typing import Any
 from seaclutter_cli.cloud import Cloud, PointField
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError
+from seaclutter_cli.messages.serialisation import Reader, RosCodec, Writer
 from seaclutter_cli.records import Buffer
 
-TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")
+_TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")
 """Types of fields in the order of their numbers, from 1."""
 _NANO = 1_000_000_000
+_MASK = 2**64 - 1
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+_TIMESTAMP, _FRAME_ID, _STRIDE, _FIELDS, _DATA = 1, 2, 4, 5, 6
+_MAX_FIELDS = 1024
+_POSE = "ddddddd"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def unorganised(
+def _unorganised(
     stamp_ns: int, frame_id: str, stride: int, fields: tuple[PointField, ...], data: Buffer, extra: Any
 ) -> Cloud:
     """Return a cloud of whole points, in one row."""
@@ -34,17 +40,11 @@ def unorganised(
     return Cloud(stamp_ns, frame_id, 1, size, fields, stride, size * stride, False, False, data, extra)
 
 
-def field_type(number: int, name: str) -> str:
+def _field_type(number: int, name: str) -> str:
     """Return the type of a field with a number of ``foxglove.PackedElementField``."""
-    if not 1 <= number <= len(TYPES):
+    if not 1 <= number <= len(_TYPES):
         raise CloudError(f"field {name!r} has unknown type {number}")
-    return TYPES[number - 1]
-
-
-_MASK = 2**64 - 1
-_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
-_FRAME_ID, _STRIDE, _FIELDS, _DATA = 2, 4, 5, 6
-_TIMESTAMP = 1
+    return _TYPES[number - 1]
 
 
 def _varint(data: memoryview, at: int) -> tuple[int, int]:
@@ -131,7 +131,7 @@ class ProtobufPointCloud:
                     stamp_ns = parts.get(1, 0) * _NANO + parts.get(2, 0)
                 elif number == _FRAME_ID and isinstance(value, memoryview):
                     frame_id = bytes(value).decode("utf-8", "replace")
-        return unorganised(stamp_ns, frame_id, stride, tuple(fields), points, b"".join(others))
+        return _unorganised(stamp_ns, frame_id, stride, tuple(fields), points, b"".join(others))
 
     def _field(self, data: memoryview) -> PointField:
         parts = {number: value for number, _, value, _ in _walk(data)}
@@ -140,24 +140,19 @@ class ProtobufPointCloud:
         offset, kind = parts.get(2, 0), parts.get(3, 0)
         if not (isinstance(offset, int) and isinstance(kind, int)):
             raise CloudError(f"field {name!r} has an invalid offset or type")
-        return PointField(name, offset, field_type(kind, name))
+        return PointField(name, offset, _field_type(kind, name))
 
     def encode(self, cloud: Cloud) -> bytes:
         """Return a cloud as the bytes of a message."""
         fields = [
             _packed(1, _BYTES, field.name.encode(errors="surrogateescape"))
             + _packed(2, _FIXED32, field.offset)
-            + _packed(3, _VARINT, TYPES.index(field.type) + 1)
+            + _packed(3, _VARINT, _TYPES.index(field.type) + 1)
             for field in cloud.fields
         ]
-        return b"".join(
-            (
-                cloud.extra or b"",
-                _packed(_STRIDE, _FIXED32, cloud.point_step),
-                *(_packed(_FIELDS, _BYTES, field) for field in fields),
-                _packed(_DATA, _BYTES, cloud.data),
-            )
-        )
+        parts = [cloud.extra or b"", _packed(_STRIDE, _FIXED32, cloud.point_step)]
+        parts += [_packed(_FIELDS, _BYTES, field) for field in fields]
+        return b"".join((*parts, _packed(_DATA, _BYTES, cloud.data)))
 
 
 # Raised for wrong types, missing keys, excessively large numbers and excessive nesting.
@@ -179,17 +174,17 @@ class JsonPointCloud:
             message = load_json(bytes(data), max_bytes=len(data))  # a message is bounded by its log
             points = base64.b64decode(message.pop("data"), validate=True)
             fields = tuple(
-                PointField(str(field["name"]), int(field["offset"]), field_type(int(field["type"]), field["name"]))
+                PointField(str(field["name"]), int(field["offset"]), _field_type(int(field["type"]), field["name"]))
                 for field in message["fields"]
             )
             stride, stamp_ns = int(message["point_stride"]), _stamp_ns(message.get("timestamp"))
         except _BAD_JSON as error:
             raise CloudError(f"not a valid JSON foxglove.PointCloud: {error!r}") from error
-        return unorganised(stamp_ns, str(message.get("frame_id", "")), stride, fields, points, message)
+        return _unorganised(stamp_ns, str(message.get("frame_id", "")), stride, fields, points, message)
 
     def encode(self, cloud: Cloud) -> bytes:
         """Return a cloud as the bytes of a message."""
-        fields = [{"name": f.name, "offset": f.offset, "type": TYPES.index(f.type) + 1} for f in cloud.fields]
+        fields = [{"name": f.name, "offset": f.offset, "type": _TYPES.index(f.type) + 1} for f in cloud.fields]
         described = {"point_stride": cloud.point_step, "fields": fields, "data": base64.b64encode(cloud.data).decode()}
         return json.dumps({**(cloud.extra or {}), **described}).encode()
 
@@ -203,3 +198,29 @@ def _stamp_ns(timestamp: Any) -> int:
     whole, fraction, zone = re.findall(r"^(.*?)(?:\.(\d+))?(Z|[+-]\d\d:\d\d)?$", str(timestamp))[0]
     seconds = (datetime.fromisoformat(whole + (zone or "Z")) - _EPOCH) // timedelta(seconds=1)
     return seconds * _NANO + int(fraction[:9].ljust(9, "0"))
+
+
+class RosFoxglovePointCloud(RosCodec):
+    """Codec for Foxglove's cloud as a ROS message; ``Cloud.extra`` contains position and orientation of its pose."""
+
+    def _read(self, read: Reader) -> Cloud:
+        stamp_ns, frame_id, pose = read.time_ns(), read.text(), read.numbers(_POSE)
+        stride = read.number("I")
+        fields = tuple(self._field(read) for _ in range(read.length(_MAX_FIELDS, "field")))
+        return _unorganised(stamp_ns, frame_id, stride, fields, read.blob(), pose)
+
+    def _write(self, write: Writer, cloud: Cloud) -> None:
+        write.time_ns(cloud.stamp_ns)
+        write.text(cloud.frame_id)
+        write.numbers(_POSE, cloud.extra or (0, 0, 0, 0, 0, 0, 1))
+        write.number("I", cloud.point_step)
+        write.number("I", len(cloud.fields))
+        for field in cloud.fields:
+            write.text(field.name)
+            write.number("I", field.offset)
+            write.number("B", _TYPES.index(field.type) + 1)
+        write.blob(cloud.data)
+
+    def _field(self, read: Reader) -> PointField:
+        name, offset, kind = read.text(), read.number("I"), read.number("B")
+        return PointField(name, offset, _field_type(kind, name))

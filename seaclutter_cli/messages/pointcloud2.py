@@ -1,29 +1,157 @@
-"""Codec for ``sensor_msgs/PointCloud2`` in ROS 2 (CDR) and ROS 1 serialisation."""
+"""Codecs for ``sensor_msgs/PointCloud2`` and its compressed form, in ROS 2 (CDR) and ROS 1 serialisation.
+
+The plugins of ``point_cloud_transport`` publish ``point_cloud_interfaces/CompressedPointCloud2``: zstd and zlib
+compress the bytes of the points; Draco compresses fields as attributes and is decoded by ``draco.py``.
+"""
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import zstandard
 
 from seaclutter_cli.cloud import Cloud
+from seaclutter_cli.errors import CloudError, UnsupportedCloudError
+from seaclutter_cli.limits import above, limits
 from seaclutter_cli.messages.serialisation import Header, Reader, RosCodec, Writer
+from seaclutter_cli.records import Buffer
+from seaclutter_cli.text import count
+
+ZSTD, ZLIB, DRACO = "zstd", "zlib", "draco"
+_ZSTD_LEVEL, _ZLIB_LEVEL = 3, 6
+_GZIP, _GZIP_OR_ZLIB = 31, 47
+"""Window sizes of zlib that also say which header follows; the plugin writes gzip."""
+_CONVERT = {"cloudini": "; convert the log with cloudini_rosbag_converter of cloudini_ros"}
 
 
 class PointCloud2(RosCodec):
     """Codec for PointCloud2; ``Cloud.extra`` contains the sequence number of a ROS 1 header."""
 
     def _read(self, read: Reader) -> Cloud:
-        header = read.header()
-        height, width = read.numbers("II")
-        fields = read.fields()
-        big_endian = bool(read.number("B"))
-        point_step, row_step = read.numbers("II")
-        data = read.blob()
-        dense = bool(read.number("B"))
-        shape, steps = (height, width), (point_step, row_step)
-        return Cloud(header.stamp_ns, header.frame_id, *shape, fields, *steps, big_endian, dense, data, header.sequence)
+        values, sequence = _read_values(read)
+        return Cloud(**values, extra=sequence)
 
     def _write(self, write: Writer, cloud: Cloud) -> None:
         sequence = cloud.extra if isinstance(cloud.extra, int) else None  # of another message
-        write.header(Header(cloud.stamp_ns, cloud.frame_id, sequence))
-        write.numbers("II", (cloud.height, cloud.width))
-        write.fields(cloud.fields)
-        write.number("B", cloud.big_endian)
-        write.numbers("II", (cloud.point_step, cloud.row_step))
-        write.blob(cloud.data)
-        write.number("B", cloud.dense)
+        _write_values(write, cloud, sequence, cloud.data)
+
+
+def _read_values(read: Reader) -> tuple[dict[str, Any], int | None]:
+    """Return the values of a `Cloud`, its data as they are, and the sequence number of a ROS 1 header."""
+    header, values = read.header(), dict(zip(("height", "width"), read.numbers("II"), strict=True))
+    values |= {"stamp_ns": header.stamp_ns, "frame_id": header.frame_id, "fields": read.fields()}
+    values["big_endian"] = bool(read.number("B"))
+    values["point_step"], values["row_step"] = read.numbers("II")
+    values |= {"data": read.blob(), "dense": bool(read.number("B"))}
+    return values, header.sequence
+
+
+def _write_values(write: Writer, cloud: Cloud, sequence: int | None, data: Buffer) -> None:
+    write.header(Header(cloud.stamp_ns, cloud.frame_id, sequence))
+    write.numbers("II", (cloud.height, cloud.width))
+    write.fields(cloud.fields)
+    write.number("B", cloud.big_endian)
+    write.numbers("II", (cloud.point_step, cloud.row_step))
+    write.blob(data)
+    write.number("B", cloud.dense)
+
+
+@dataclass(frozen=True, slots=True)
+class _Wrapping:
+    """``Cloud.extra`` of compressed clouds: the compression and the sequence number of a ROS 1 header."""
+
+    format: str
+    sequence: int | None = None
+
+
+class CompressedPointCloud2(RosCodec):
+    """Codec for compressed clouds.
+
+    Clouds are written in the compression that they came in, except Draco: its library can write neither the attributes
+    of the plugin nor exact values, so they are written in zstd, which is lossless.
+    """
+
+    def _read(self, read: Reader) -> Cloud:
+        values, sequence = _read_values(read)
+        extra = _Wrapping(read.text(), sequence)
+        height, width, step, packed = (values[name] for name in ("height", "width", "point_step", "data"))
+        size = height * width * step
+        if extra.format == DRACO:
+            from seaclutter_cli.messages.draco import unpack_draco
+
+            _room(size, len(packed))
+            fields, big_endian = values["fields"], values["big_endian"]
+            fields, data = unpack_draco(packed, height * width, fields, step, big_endian=big_endian)
+            return Cloud(**values | {"fields": fields, "row_step": width * step, "data": data}, extra=extra)
+        values["data"] = _unpacked(extra.format, packed, size, height * values["row_step"])
+        return Cloud(**values, extra=extra)
+
+    def _write(self, write: Writer, cloud: Cloud) -> None:
+        extra = cloud.extra if isinstance(cloud.extra, _Wrapping) else _Wrapping(ZSTD)
+        written = _written_format(extra.format)
+        _write_values(write, cloud, extra.sequence, _PACK[written](cloud.data))
+        write.text(written)
+
+
+def _written_format(read: str) -> str:
+    return read if read in _PACK else ZSTD
+
+
+def rewrapped(cloud: Cloud) -> str | None:
+    """Return how a cloud's message changes when it is written again; None if it keeps its form."""
+    extra = cloud.extra
+    if not isinstance(extra, _Wrapping) or _written_format(extra.format) == extra.format:
+        return None
+    return f"clouds compressed with {extra.format} are written as the same messages with {ZSTD} compression"
+
+
+def _unpacked(kind: str, packed: Buffer, size: int, padded: int) -> Buffer:
+    """Return the bytes of the points, which occupy ``size`` bytes, or ``padded`` with spare bytes in each row."""
+    if kind not in _UNPACK:
+        raise UnsupportedCloudError(f"clouds compressed with {kind[:40]!r} are not supported{_CONVERT.get(kind, '')}")
+    if not packed and not size:
+        return b""
+    most = max(size, min(padded, _room(size, len(packed))))
+    try:
+        data = _UNPACK[kind](packed, most)
+    except (zstandard.ZstdError, zlib.error) as error:
+        raise CloudError(f"the {kind} data are damaged ({error})") from error
+    if len(data) > most:
+        raise CloudError(f"the {kind} data have more than the {count(most, 'byte')} that the points occupy")
+    return data
+
+
+def _room(size: int, packed: int) -> int:
+    """Return how many bytes a compressed cloud may have; raise `CloudError` if its points have more."""
+    most = limits().packed_message_bytes(packed)
+    if size > most:
+        name = "message_mib" if most == limits().message_bytes else "file_ratio"
+        raise CloudError(f"the points occupy {above(count(size, 'byte'), name)}")
+    return most
+
+
+def _unpack_zstd(packed: Buffer, size: int) -> bytes:
+    with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
+        return stream.read(size + 1)
+
+
+def _unpack_zlib(packed: Buffer, size: int) -> bytes:
+    stream = zlib.decompressobj(_GZIP_OR_ZLIB)
+    data = stream.decompress(packed, size + 1)
+    if not stream.eof and len(data) <= size:
+        raise zlib.error("incomplete")
+    return data
+
+
+def _pack_zstd(data: Buffer) -> bytes:
+    return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress(data)
+
+
+def _pack_zlib(data: Buffer) -> bytes:
+    stream = zlib.compressobj(_ZLIB_LEVEL, wbits=_GZIP)
+    return stream.compress(data) + stream.flush()
+
+
+_UNPACK: Mapping[str, Callable[[Buffer, int], bytes]] = {ZSTD: _unpack_zstd, ZLIB: _unpack_zlib}
+_PACK: Mapping[str, Callable[[Buffer], bytes]] = {ZSTD: _pack_zstd, ZLIB: _pack_zlib}

@@ -60,13 +60,8 @@ class Reader:
     def number(self, code: str) -> Any:
         """Return a number of a type of `struct`."""
         size = struct.calcsize(code)
-        self._align(size)
-        try:
-            value = struct.unpack_from(self._order + code, self._data, self._at)[0]
-        except struct.error:
-            raise CloudError(f"the message is truncated at byte {len(self._data)}") from None
-        self._at += size
-        return value
+        self.align(size)
+        return struct.unpack(self._order + code, self.take(size))[0]
 
     def numbers(self, codes: str) -> tuple[Any, ...]:
         """Return several numbers."""
@@ -74,14 +69,14 @@ class Reader:
 
     def blob(self) -> memoryview:
         """Return a sequence of bytes."""
-        return self._take(self.number("I"), "byte")
+        return self._take_declared(self.number("I"))
 
     def floats(self) -> NDArray[np.float32]:
         """Return a sequence of float32 numbers as a view."""
         number = self.number("I")
         if number:
-            self._align(4)
-        return np.frombuffer(self._take(4 * number, "byte"), self._order + "f4")
+            self.align(4)
+        return np.frombuffer(self._take_declared(4 * number), self._order + "f4")
 
     def text(self) -> str:
         """Return a string; bytes that are not UTF-8 become surrogates."""
@@ -111,8 +106,20 @@ class Reader:
 
     def structures(self, number: int, size: int, step: int) -> Buffer:
         """Return structures of ``step`` bytes: a view, or a copy if the padding of the last one is missing."""
-        data = self._take(max(number * step - (step - size), 0), "byte")
+        data = self._take_declared(max(number * step - (step - size), 0))
         return bytes(data) + bytes(step - size) if number and step > size else data
+
+    def align(self, size: int) -> None:
+        """Skip padding before values of a size."""
+        if self.ros == 2:
+            self._at += -(self._at - self._start) % size
+
+    def take(self, size: int) -> memoryview:
+        """Return the next bytes."""
+        if size > self.left:
+            raise CloudError(f"the message is truncated at byte {len(self._data)}")
+        self._at += size
+        return self._data[self._at - size : self._at]
 
     @property
     def big_endian(self) -> bool:
@@ -130,16 +137,11 @@ class Reader:
             raise CloudError(f"field {name!r} has unknown type {datatype}")
         return PointField(name, offset, FIELD_TYPES[datatype - 1], number)
 
-    def _align(self, size: int) -> None:
-        if self.ros == 2:
-            self._at += -(self._at - self._start) % size
-
-    def _take(self, size: int, what: str) -> memoryview:
+    def _take_declared(self, size: int) -> memoryview:
         if size > self.left:
             left = max(self.left, 0)
-            raise CloudError(f"the message declares {count(size, what)}, but contains only {left:,} more")
-        self._at += size
-        return self._data[self._at - size : self._at]
+            raise CloudError(f"the message declares {count(size, 'byte')}, but contains only {left:,} more")
+        return self.take(size)
 
 
 class Writer:
@@ -152,7 +154,7 @@ class Writer:
 
     def number(self, code: str, value: float) -> None:
         """Write a number."""
-        self._align(struct.calcsize(code))
+        self.align(struct.calcsize(code))
         self.raw(struct.pack("<" + code, value))
 
     def numbers(self, codes: str, values: Sequence[float]) -> None:
@@ -210,7 +212,8 @@ class Writer:
         prefix = bytes((0, _CDR_LITTLE_ENDIAN, 0, 0)) if self.ros == 2 else b""
         return b"".join((prefix, *self._parts))
 
-    def _align(self, size: int) -> None:
+    def align(self, size: int) -> None:
+        """Write padding before values of a size."""
         if self.ros == 2 and (padding := -self._size % size):
             self.raw(bytes(padding))
 

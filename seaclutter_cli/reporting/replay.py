@@ -17,7 +17,7 @@ from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
-from seaclutter_cli.messages.recorded import DIAGNOSTICS, recorded_topics
+from seaclutter_cli.messages.metadata import DIAGNOSTICS, recorded_topics
 from seaclutter_cli.pipeline import read
 from seaclutter_cli.records import Damage, Message, Metadata
 from seaclutter_cli.reporting.history import Numbers

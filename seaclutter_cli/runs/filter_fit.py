@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from seaclutter_cli.config import Config
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages.compressed import rewrapped
+from seaclutter_cli.messages.pointcloud2 import rewrapped
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.checks import Checks

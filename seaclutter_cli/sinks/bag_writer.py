@@ -13,7 +13,7 @@ from typing import BinaryIO
 import lz4.frame
 
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.messages.carried import STRING, TOPIC, to_message
+from seaclutter_cli.messages.metadata import METADATA_TOPIC, STRING, to_message
 from seaclutter_cli.records import Buffer, Channel, Metadata, Schema
 from seaclutter_cli.sinks.compressor import Compressor
 
@@ -117,7 +117,9 @@ class BagWriter:
         if metadata:
             number = max(self._connections, default=0) + 1
             schema = Schema(STRING, "ros1msg", b"string data\n")
-            self.add_channel(Channel(number, TOPIC, "ros1", schema, (("latching", "1"), ("md5sum", _STRING_MD5))))
+            self.add_channel(
+                Channel(number, METADATA_TOPIC, "ros1", schema, (("latching", "1"), ("md5sum", _STRING_MD5)))
+            )
             self.write(number, self._end_ns, to_message(metadata))
         if self._chunk.data:
             self._submit()

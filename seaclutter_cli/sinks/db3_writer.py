@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.messages.carried import to_custom_data
+from seaclutter_cli.messages.metadata import to_custom_data
 from seaclutter_cli.records import Buffer, Channel, Metadata
 from seaclutter_cli.sinks.rosbag2_metadata import VERSION, to_yaml
 from seaclutter_cli.storage.locations import Location

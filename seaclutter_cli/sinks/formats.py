@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.messages.carried import SIDECAR
+from seaclutter_cli.messages.metadata import SIDECAR
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sinks.point_files import FRAME_WRITERS
 from seaclutter_cli.sinks.rosbag2_metadata import NAME

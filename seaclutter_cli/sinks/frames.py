@@ -11,8 +11,15 @@ from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages.carried import SIDECAR, to_text
-from seaclutter_cli.messages.recorded import FILTERED, RAW, RecordedTopic, recorded_topics, to_metadata
+from seaclutter_cli.messages.metadata import (
+    FILTERED,
+    RAW,
+    SIDECAR,
+    RecordedTopic,
+    recorded_topics,
+    to_metadata,
+    to_text,
+)
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.atomic_folder import AtomicFolder

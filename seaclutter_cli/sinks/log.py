@@ -17,7 +17,7 @@ from seaclutter_cli.messages import find_codec, has_fixed_fields
 from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format
 from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
-from seaclutter_cli.messages.recorded import (
+from seaclutter_cli.messages.metadata import (
     DIAGNOSTICS,
     FILTERED,
     RAW,

@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from seaclutter_cli.messages.translation.translate import translator
-from seaclutter_cli.messages.translation.wire import TranslationError
+from seaclutter_cli.messages.layouts import TranslationError
+from seaclutter_cli.messages.translation import translator
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata
 from seaclutter_cli.sinks.log_writer import LogWriter, Storage
 from seaclutter_cli.text import count

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from seaclutter_cli.messages.carried import to_custom_data
+from seaclutter_cli.messages.metadata import to_custom_data
 from seaclutter_cli.records import Channel, Metadata
 
 NAME = "metadata.yaml"

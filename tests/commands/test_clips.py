@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import SelectionError
-from seaclutter_cli.messages.recorded import NAME, RecordedTopic, recorded_topics, to_metadata
+from seaclutter_cli.messages.metadata import TOPICS_RECORD, RecordedTopic, recorded_topics, to_metadata
 from seaclutter_cli.pipeline import frames
 from seaclutter_cli.records import Message, Metadata
 from seaclutter_cli.selection import Selection, parse_moment
@@ -260,7 +260,7 @@ def test_two_lidars_have_a_diagnostics_topic_each_and_reports_of_both(tmp_path):
 
 @given(st.dictionaries(st.text(), st.text()))
 def test_damaged_records_are_ignored(entries):
-    assert recorded_topics([Metadata(NAME, entries)]) == {}
+    assert recorded_topics([Metadata(TOPICS_RECORD, entries)]) == {}
 
 
 def test_records_survive_a_round_trip():

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.commands import cli
 from seaclutter_cli.messages import CODECS
-from seaclutter_cli.messages.recorded import recorded_topics
+from seaclutter_cli.messages.metadata import recorded_topics
 from seaclutter_cli.pipeline import frames
 from seaclutter_cli.records import Message
 from seaclutter_cli.selection import Selection

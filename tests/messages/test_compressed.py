@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedCloudError
-from seaclutter_cli.messages.compressed import CompressedPointCloud2, rewrapped
+from seaclutter_cli.messages.pointcloud2 import CompressedPointCloud2, rewrapped
 from tests.messages import wrapped
 from tests.messages.clouds import Field, Plain, broken, plain_clouds
 from tests.messages.test_pointcloud2 import attributes, little_endian

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.messages.foxglove_ros import RosFoxglovePointCloud
+from seaclutter_cli.messages.foxglove import RosFoxglovePointCloud
 from tests.messages import wrapped
 from tests.messages.clouds import Field, Plain, broken, plain_clouds
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from seaclutter_cli.documents import MAX_JSON_BYTES
 from seaclutter_cli.errors import CloudError, InputError, UsageError
 from seaclutter_cli.messages import CODECS
-from seaclutter_cli.messages.carried import SIDECAR, from_text
 from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.messages.metadata import SIDECAR, from_text
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.csv import is_point_table

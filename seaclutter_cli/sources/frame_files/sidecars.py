@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.messages.carried import SIDECAR
+from seaclutter_cli.messages.metadata import SIDECAR
 from seaclutter_cli.messages.serialisation import Header, Writer
 from seaclutter_cli.text import count
 

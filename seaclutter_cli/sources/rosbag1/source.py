@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
-from seaclutter_cli.messages.carried import from_message, is_carrier
+from seaclutter_cli.messages.metadata import from_message, is_carrier
 from seaclutter_cli.records import Channel, Message, Metadata, Record
 from seaclutter_cli.sources.rosbag1.contents import BagContents, channel_of, read_index, unpack
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk

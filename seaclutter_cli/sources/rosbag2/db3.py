@@ -10,8 +10,8 @@ from typing import Any
 from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
-from seaclutter_cli.messages.carried import from_custom_data
 from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.messages.metadata import from_custom_data
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.rosbag2.database import BROKEN, has_table, latest_row, open_database, read_rows
 from seaclutter_cli.sources.shared.base import SourceBase

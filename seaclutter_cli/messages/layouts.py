@@ -1,0 +1,372 @@
+"""Layouts of ROS messages: how definitions describe the values of a message in both serialisations.
+
+A message is read into values and written from them. A value is a piece of the message where possible: numbers that
+follow each other without padding are one block. Definitions are parsed, and hashed, by rosbags. Its converters are not
+used: they are Python code made from definitions, and nothing in a log should become code.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property, lru_cache, partial
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+
+from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.messages.definitions import ros2_types
+from seaclutter_cli.messages.serialisation import Reader, Ros, Writer
+from seaclutter_cli.records import Buffer, Schema
+
+Types = Mapping[str, tuple[Any, Any]]
+"""Constants and fields of message types by their full name, as rosbags describes them."""
+
+_HEADER = "std_msgs/msg/Header"
+_SIZES = {
+    **dict.fromkeys(("bool", "byte", "char", "int8", "uint8"), 1),
+    **dict.fromkeys(("int16", "uint16"), 2),
+    **dict.fromkeys(("int32", "uint32", "float32"), 4),
+    **dict.fromkeys(("int64", "uint64", "float64"), 8),
+}
+_PLACEHOLDER = "structure_needs_at_least_one_member"
+_RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
+_MAX_DEFINITION = 2**18
+_MAX_FIELDS, _MAX_DEPTH = 10_000, 50
+_MORE_ITEMS = 10_000
+
+
+class TranslationError(SeaclutterError):
+    """A message, or a type of messages, that cannot be translated."""
+
+
+class ItemReader(Reader):
+    """Reader that bounds the number of items, since a definition can make items without any bytes."""
+
+    def __init__(self, data: Buffer, ros: Ros) -> None:
+        super().__init__(data, ros)
+        self._items = len(data) + _MORE_ITEMS
+
+    def count(self, items: int) -> None:
+        """Raise `TranslationError` if a message of this size cannot have as many items."""
+        self._items -= items
+        if self._items < 0:
+            raise TranslationError("the message declares more items than it has bytes")
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Numbers of one size, without padding between them; ``kind`` is their type, empty if they are of several."""
+
+    size: int
+    count: int = 1
+    kind: str = ""
+
+    @property
+    def default(self) -> bytes:
+        return bytes(self.size * self.count)
+
+    def read(self, read: Reader, times: int = 1) -> Buffer:
+        """Return the bytes of one or several such blocks, in little endian."""
+        read.align(self.size)
+        data = read.take(self.size * self.count * times)
+        if read.big_endian and self.size > 1:
+            return np.frombuffer(data, f">u{self.size}").astype(f"<u{self.size}").tobytes()
+        return data
+
+    def write(self, write: Writer, value: Buffer) -> None:
+        write.align(self.size)
+        write.raw(value)
+
+
+@dataclass(frozen=True, slots=True)
+class _Text:
+    """A string, which ends in a zero in ROS 2."""
+
+    default = b""
+
+    def read(self, read: Reader) -> Buffer:
+        data = read.take(read.number("I"))
+        return data[:-1] if read.ros == 2 and len(data) and data[-1] == 0 else data
+
+    def write(self, write: Writer, value: Buffer) -> None:
+        end = b"\0" if write.ros == 2 else b""
+        write.number("I", len(value) + len(end))
+        write.raw(value)
+        write.raw(end)
+
+
+@dataclass(frozen=True, slots=True)
+class _Absent:
+    """Bytes that only one version of ROS has: the sequence number of a ROS 1 header, the byte of an empty struct."""
+
+    size: int
+    ros: Ros
+
+    @property
+    def default(self) -> bytes:
+        return bytes(self.size)
+
+    def read(self, read: Reader) -> Buffer:
+        return read.take(self.size) if read.ros == self.ros else self.default
+
+    def write(self, write: Writer, value: Buffer) -> None:
+        if write.ros == self.ros:
+            write.raw(value)
+
+
+@dataclass(frozen=True)
+class Struct:
+    """Fields of a message, in order."""
+
+    fields: "tuple[tuple[str, _Node], ...]"
+
+    @cached_property
+    def nodes(self) -> "tuple[_Node, ...]":
+        """Layouts of the fields."""
+        return tuple(node for _, node in self.fields)
+
+    @property
+    def default(self) -> list[Any]:
+        """Values of the fields that the other version of ROS lacks."""
+        return [node.default for node in self.nodes]
+
+    def read(self, read: ItemReader) -> list[Any]:
+        """Return the values of the fields."""
+        return [node.read(read) for node in self.nodes]
+
+    def write(self, write: Writer, value: Sequence[Any]) -> None:
+        """Add the values of the fields."""
+        for node, part in zip(self.nodes, value, strict=True):
+            node.write(write, part)
+
+    def unnamed(self) -> Any:
+        """Return the layout without the names of fields, which messages do not contain."""
+        return tuple(map(_unnamed, self.nodes))
+
+
+@dataclass(frozen=True, slots=True)
+class _Items:
+    """A sequence, or an array of fixed ``length``; numbers are one piece of bytes."""
+
+    item: "_Node"
+    length: int | None = None
+
+    @property
+    def default(self) -> Any:
+        return b"" if isinstance(self.item, _Block) else [self.item.default for _ in range(self.length or 0)]
+
+    def read(self, read: ItemReader) -> Any:
+        length = read.number("I") if self.length is None else self.length
+        if isinstance(self.item, _Block):
+            return self.item.read(read, length) if length else b""
+        read.count(length)
+        return [self.item.read(read) for _ in range(length)]
+
+    def write(self, write: Writer, value: Any) -> None:
+        block = self.item if isinstance(self.item, _Block) else None
+        if self.length is None:
+            write.number("I", len(value) // (block.size * block.count) if block else len(value))
+        if block is None:
+            for one in value:
+                self.item.write(write, one)
+        elif len(value):
+            block.write(write, value)
+
+
+_Node = _Block | _Text | _Absent | Struct | _Items
+
+
+def _unnamed(node: _Node) -> Any:
+    if isinstance(node, Struct):
+        return node.unnamed()
+    return (_unnamed(node.item), node.length) if isinstance(node, _Items) else node
+
+
+class Change:
+    """The values of one layout from those of another, by the names of the fields."""
+
+    def __init__(self, source: Struct, target: Struct) -> None:
+        places = {name: place for place, (name, _) in enumerate(source.fields)}
+        self._parts: list[tuple[int | None, Any, Callable[[Any], Any]]] = []
+        for name, node in target.fields:
+            place = places.get(name)
+            change = None if place is None else _changed(source.nodes[place], node)
+            self._parts.append((None if change is None else place, node.default, change or as_is))
+
+    def __call__(self, values: Sequence[Any]) -> list[Any]:
+        """Return the values of the other layout."""
+        return [default if place is None else change(values[place]) for place, default, change in self._parts]
+
+
+def as_is(value: Any) -> Any:
+    """Return a value unchanged."""
+    return value
+
+
+def _changed(source: _Node, target: _Node) -> Callable[[Any], Any] | None:
+    """Return the function from values of one layout to those of another; None if there is none."""
+    if source == target:
+        return as_is
+    if isinstance(source, Struct) and isinstance(target, Struct):
+        return Change(source, target)
+    if isinstance(source, _Items) and isinstance(target, _Items) and source.length == target.length:
+        item = _changed(source.item, target.item)
+        return None if item is None or isinstance(source.item, _Block) else partial(_each, item)
+    return None
+
+
+def _each(change: Callable[[Any], Any], values: Sequence[Any]) -> list[Any]:
+    return [change(value) for value in values]
+
+
+def lost_fields(source: Struct, target: Struct) -> list[str]:
+    """Return the names of the fields that have no counterpart."""
+    nodes = dict(target.fields)
+    lost = [name for name, node in source.fields if name not in nodes or _changed(node, nodes[name]) is None]
+    for name, node in source.fields:
+        inner = [one.item if isinstance(one, _Items) else one for one in (node, nodes.get(name))]
+        if name not in lost and isinstance(inner[0], Struct) and isinstance(inner[1], Struct):
+            lost += [f"{name}.{one}" for one in lost_fields(*inner)]  # type: ignore[arg-type]
+    return lost
+
+
+def full_name(name: str) -> str:
+    """Return the name of a type with its namespace, as in ROS 2.
+
+    Examples
+    --------
+    >>> full_name("tf2_msgs/TFMessage"), full_name("std_msgs/msg/Bool")
+    ('tf2_msgs/msg/TFMessage', 'std_msgs/msg/Bool')
+    """
+    package, _, rest = name.partition("/")
+    full = name if "/" in rest or not rest else f"{package}/msg/{rest}"
+    return _RENAMED.get(full, full)
+
+
+@cache
+def known_types(ros: Ros) -> Types:
+    """Return the types of the last release of ROS 1 or of ROS 2."""
+    types: Types = ros2_types() if ros == 2 else get_typestore(Stores.ROS1_NOETIC).fielddefs
+    return types
+
+
+@lru_cache(maxsize=256)
+def types_of(schema: Schema) -> Types:
+    """Return the types that a schema defines, and those that it only names if they are known.
+
+    Raises
+    ------
+    TranslationError
+        If the schema is not a definition of ROS, or has none.
+    """
+    name, known = full_name(schema.name), known_types(1 if schema.encoding == "ros1msg" else 2)
+    if not schema.data and name in known:
+        return known
+    if len(schema.data) > _MAX_DEFINITION:
+        raise TranslationError(f"the definition of {schema.name} is longer than {_MAX_DEFINITION:,} bytes")
+    text = schema.data.decode("utf-8", "replace")
+    try:
+        if schema.encoding == "ros2idl":
+            types = get_types_from_idl(text)
+        elif schema.encoding in ("ros1msg", "ros2msg") and text.strip():
+            types = get_types_from_msg(text, name)
+        else:
+            raise TranslationError(f"the definition of {schema.name} is unknown")
+    except (TypesysError, RecursionError, ValueError, LookupError, AttributeError) as error:
+        raise TranslationError(f"the definition of {schema.name} is not valid") from error
+    return {**known, **types}
+
+
+def definition_of(types: Types, name: str, ros: Ros) -> tuple[Schema, str]:
+    """Return the schema of a type for a version of ROS, and its checksum: MD5 for ROS 1, RIHS01 for ROS 2.
+
+    Raises
+    ------
+    TranslationError
+        If a type that it contains is unknown, or contains itself.
+    """
+    store = get_typestore(Stores.EMPTY)
+    store.fielddefs.update({**types, _HEADER: known_types(ros)[_HEADER]})
+    try:
+        text, checksum = store.generate_msgdef(name, ros_version=ros)
+        if ros == 2:
+            return Schema(name, "ros2msg", text.encode()), store.hash_rihs01(name)
+    except (TypesysError, RecursionError, KeyError) as error:
+        raise TranslationError(f"the definition of {name} is not complete") from error
+    return Schema(name.replace("/msg/", "/", 1), "ros1msg", text.encode()), checksum
+
+
+def layout_of(types: Types, name: str, *, merged: bool = True) -> Struct:
+    """Return the layout of the messages of a type.
+
+    Parameters
+    ----------
+    types : mapping
+        Types by name.
+    name : str
+        Full name of the type.
+    merged : bool, optional
+        Whether neighbouring numbers of one size become one block; otherwise every field keeps its name.
+
+    Raises
+    ------
+    TranslationError
+        If a type is unknown, contains itself or too many others, or has values that are not supported.
+    """
+    if name not in types:
+        raise TranslationError(f"the definition of {name} is unknown")
+    return _Layouts(types, merged=merged).struct(name)
+
+
+class _Layouts:
+    """Layouts of types that contain each other, which could be more than any memory holds."""
+
+    def __init__(self, types: Types, *, merged: bool) -> None:
+        self._types, self._merged = types, merged
+        self._left = _MAX_FIELDS
+
+    def struct(self, name: str, depth: int = 0) -> Struct:
+        if name not in self._types or depth > _MAX_DEPTH:
+            raise TranslationError(f"the definition of {name} is not complete")
+        fields: list[tuple[str, _Node]] = []
+        for field, kind in self._types[name][1]:
+            self._left -= 1
+            if self._left < 0:
+                raise TranslationError(f"messages of more than {_MAX_FIELDS:,} fields are not supported")
+            if field == _PLACEHOLDER or (name == _HEADER and field == "seq"):
+                continue
+            fields.append((field.lower(), self._node(kind, depth)))
+        if name == _HEADER:
+            fields.insert(0, ("seq", _Absent(4, ros=1)))
+        if not fields:
+            fields.append(("", _Absent(1, ros=2)))
+        return Struct(tuple(_joined(fields) if self._merged else fields))
+
+    def _node(self, kind: Any, depth: int) -> _Node:
+        base, detail = kind
+        if base == Nodetype.BASE:
+            if detail[0] == "string":
+                return _Text()
+            if detail[0] not in _SIZES:
+                raise TranslationError(f"values of the type {detail[0]} are not supported")
+            return _Block(_SIZES[detail[0]], kind="uint8" if detail[0] in ("byte", "char", "bool") else detail[0])
+        if base == Nodetype.NAME:
+            inner = self.struct(detail, depth + 1)
+            return inner.nodes[0] if self._merged and len(inner.nodes) == 1 else inner
+        item, length = detail
+        node = self._node(item, depth)
+        if base == Nodetype.SEQUENCE:
+            return _Items(node)
+        return _Block(node.size, node.count * length, node.kind) if isinstance(node, _Block) else _Items(node, length)
+
+
+def _joined(fields: list[tuple[str, _Node]]) -> list[tuple[str, _Node]]:
+    joined: list[tuple[str, _Node]] = []
+    for name, node in fields:
+        last = joined[-1][1] if joined else None
+        if isinstance(node, _Block) and isinstance(last, _Block) and last.size == node.size:
+            joined[-1] = joined[-1][0], _Block(node.size, last.count + node.count)
+        else:
+            joined.append((name, node))
+    return joined

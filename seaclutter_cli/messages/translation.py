@@ -1,0 +1,145 @@
+"""Translators of the messages of a channel to the other version of ROS, with their definitions."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from seaclutter_cli.errors import CloudError
+from seaclutter_cli.messages import CODECS, declares_latched, find_codec
+from seaclutter_cli.messages.layouts import (
+    Change,
+    ItemReader,
+    Struct,
+    TranslationError,
+    as_is,
+    definition_of,
+    full_name,
+    known_types,
+    layout_of,
+    lost_fields,
+    types_of,
+)
+from seaclutter_cli.messages.serialisation import Ros, Writer
+from seaclutter_cli.records import Buffer, Channel, Schema
+
+CDR, ROS1 = "cdr", "ros1"
+"""Message encodings of ROS 2 and ROS 1."""
+
+_CLOUD = "sensor_msgs/msg/PointCloud2"
+_LATCHED_QOS = """\
+- history: 1
+  depth: 1
+  reliability: 1
+  durability: 1
+  deadline:
+    sec: 9223372036
+    nsec: 854775807
+  lifespan:
+    sec: 9223372036
+    nsec: 854775807
+  liveliness: 1
+  liveliness_lease_duration:
+    sec: 9223372036
+    nsec: 854775807
+  avoid_ros_namespace_conventions: false"""
+"""Quality of service of a latched topic in ROS 2, as rosbag2 stores it: reliable, transient local, depth 1."""
+
+
+@dataclass(frozen=True)
+class Translator:
+    """A channel with the schema and metadata of another version of ROS, and how its messages get there.
+
+    ``translate`` returns a message in its serialisation, or raises `TranslationError`; ``lost`` are the fields that
+    this version does not have.
+    """
+
+    channel: Channel
+    translate: Callable[[Buffer], Buffer]
+    lost: tuple[str, ...] = ()
+
+
+def translator(channel: Channel, encoding: str) -> Translator:
+    """Return how the messages of a channel become messages of an encoding, ``ros1`` or ``cdr``.
+
+    Types that both versions of ROS have get the fields of the other version: what is new there is zero or empty. Clouds
+    in other encodings become PointCloud2.
+
+    Raises
+    ------
+    TranslationError
+        If the messages cannot be translated.
+    """
+    if channel.message_encoding == encoding and channel.schema is not None:
+        return Translator(_with_checksum(channel, encoding), as_is)
+    if channel.schema is None:
+        raise TranslationError("its messages have no definition")
+    if channel.message_encoding not in (CDR, ROS1):
+        return _cloud_translator(channel, encoding)
+    ros, name, types = _version(encoding), full_name(channel.schema.name), types_of(channel.schema)
+    known = known_types(ros)
+    schema, checksum = definition_of(known if name in known else types, name, ros)
+    out = _channel(channel, encoding, schema, checksum)
+    if name in known:
+        source, target = (layout_of(some, name, merged=False) for some in (types, known))
+        if source.unnamed() != target.unnamed():
+            convert = partial(_convert, ros, source, target, Change(source, target))
+            return Translator(out, convert, tuple(lost_fields(source, target)))
+    layout = layout_of(types, name)
+    return Translator(out, partial(_convert, ros, layout, layout, as_is))
+
+
+def _version(encoding: str) -> Ros:
+    return 2 if encoding == CDR else 1
+
+
+def _channel(channel: Channel, encoding: str, schema: Schema, checksum: str) -> Channel:
+    latched = declares_latched(channel)
+    if encoding == ROS1:
+        metadata = {"md5sum": checksum, "topic": channel.topic, "type": schema.name}
+        metadata |= {"latching": "1"} if latched else {}
+    else:
+        metadata = {"offered_qos_profiles": _LATCHED_QOS if latched else "", "topic_type_hash": checksum}
+    return replace(channel, message_encoding=encoding, schema=schema, metadata=tuple(sorted(metadata.items())))
+
+
+def _with_checksum(channel: Channel, encoding: str) -> Channel:
+    """Return a channel with the checksum of its definition, which logs without it would lack."""
+    name = "md5sum" if encoding == ROS1 else "topic_type_hash"
+    if channel.schema is None or dict(channel.metadata).get(name):
+        return channel
+    try:
+        _, checksum = definition_of(types_of(channel.schema), full_name(channel.schema.name), _version(encoding))
+    except TranslationError:
+        return channel
+    return replace(channel, metadata=tuple(sorted({**dict(channel.metadata), name: checksum}.items())))
+
+
+def _convert(ros: Ros, source: Struct, target: Struct, change: Callable[[Any], Any], data: Buffer) -> bytes:
+    """Return a message of the other version of ROS, in one layout, as a message of this version in another one."""
+    try:
+        read = ItemReader(data, 1 if ros == 2 else 2)
+        values = source.read(read)
+    except CloudError as error:
+        raise TranslationError(str(error)) from error
+    if read.left > (3 if read.ros == 2 else 0):  # writers of CDR may pad a message
+        raise TranslationError(f"the message has {read.left} bytes more than its definition")
+    write = Writer(ros)
+    target.write(write, change(values))
+    return write.message()
+
+
+def _cloud_translator(channel: Channel, encoding: str) -> Translator:
+    codec, ros = find_codec(channel), _version(encoding)
+    if codec is None:
+        raise TranslationError(f"its messages are encoded as {channel.message_encoding}")
+    schema, checksum = definition_of(known_types(ros), _CLOUD, ros)
+    target = CODECS[schema.name, encoding]
+
+    def encode(data: Buffer) -> bytes:
+        try:
+            return target.encode(replace(codec.decode(data), extra=None))
+        except CloudError as error:
+            raise TranslationError(str(error)) from error
+
+    return Translator(_channel(channel, encoding, schema, checksum), encode)
