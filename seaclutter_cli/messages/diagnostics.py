@@ -1,6 +1,5 @@
-"""Statistics of a filtered frame as a message for plotting tools: one definition, three encodings."""
+"""Statistics of a filtered frame as a message for plotting tools."""
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import asdict, astuple, dataclass, field
@@ -13,7 +12,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, WaterState
-from seaclutter_cli.messages.companion import companion_format
+from seaclutter_cli.messages.companion import Content, Time, companion_format
+from seaclutter_cli.messages.serialisation import NANO
 from seaclutter_cli.records import Buffer, Schema
 
 TOPIC = "/seaclutter/diagnostics"
@@ -27,19 +27,13 @@ _ARRAYS = {
     "ring_low_intensity": "uint32",
     "ring_outliers": "uint32",
 }
-_NANO = 1_000_000_000
 
 
 @dataclass(frozen=True)
 class Layout:
     """Fields of the messages of a method: one layout for all methods, and one for those that estimate the water.
 
-    Parameters
-    ----------
-    name : str
-        Name of the message type.
-    numbers, measures : tuple of str
-        Names of the whole numbers, and of the numbers about the water.
+    They are whole ``numbers``, the arrays of all layouts, and ``measures`` of the water.
     """
 
     name: str
@@ -90,6 +84,12 @@ class Diagnostics:
         return cls(frame.stamp_ns, frame.topic, numbers, arrays, result.scene or "", measures)
 
     @property
+    def content(self) -> Content:
+        """Values of the fields of the message."""
+        texts = {"topic": self.topic, "scene": self.scene}
+        return {"stamp": Time(self.stamp_ns), **texts, **self.numbers, **self.arrays, **self.measures}
+
+    @property
     def counts(self) -> NDArray[np.int64]:
         """Points for each `Reason`, shape (8,), as in `FilterResult.counts`."""
         return np.array([self.numbers.get(name, 0) for name in ("points_out", *_REASONS)], np.int64)
@@ -109,8 +109,7 @@ class Diagnostics:
         return WaterState(*(self.measures[name] for name in WATER_COLUMNS)) if known else None
 
 
-def definition(layout: Layout = PLAIN) -> str:
-    """Return the ROS message definition."""
+def _definition(layout: Layout) -> str:
     lines = ["builtin_interfaces/Time stamp", "string topic"]
     lines += [f"uint32 {name}" for name in layout.numbers]
     lines += [f"{dtype}[] {name}" for name, dtype in _ARRAYS.items()]
@@ -126,44 +125,11 @@ def _typestore() -> Any:
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg("int32 sec\nuint32 nanosec\n", "builtin_interfaces/msg/Time"))
     for layout in (PLAIN, WATER):
-        store.register(get_types_from_msg(definition(layout), layout.type))
+        store.register(get_types_from_msg(_definition(layout), layout.type))
     return store
 
 
-def _layout(diagnostics: Diagnostics) -> Layout:
-    return WATER if diagnostics.measures else PLAIN
-
-
-def _message(diagnostics: Diagnostics, least_s: int, most_s: int) -> Any:
-    """Return the message as an object of the type store; a stamp outside the range of ROS time is clipped."""
-    types = _typestore().types
-    seconds, nanoseconds = divmod(diagnostics.stamp_ns, _NANO)
-    seconds = min(max(seconds, least_s), most_s)
-    signed = seconds - 2**32 if seconds >= 2**31 else seconds
-    stamp = types["builtin_interfaces/msg/Time"](signed, nanoseconds)
-    values = {**diagnostics.numbers, **diagnostics.arrays, **diagnostics.measures}
-    return types[_layout(diagnostics).type](stamp, diagnostics.topic, **values, scene=diagnostics.scene)
-
-
-def _cdr(diagnostics: Diagnostics) -> bytes:
-    return bytes(_typestore().serialize_cdr(_message(diagnostics, -(2**31), 2**31 - 1), _layout(diagnostics).type))
-
-
-def _ros1(diagnostics: Diagnostics) -> bytes:
-    return bytes(_typestore().serialize_ros1(_message(diagnostics, 0, 2**32 - 1), _layout(diagnostics).type))
-
-
-def _json(diagnostics: Diagnostics) -> bytes:
-    seconds, nanoseconds = divmod(diagnostics.stamp_ns, _NANO)
-    arrays = {name: values.tolist() for name, values in diagnostics.arrays.items()}
-    stamp = {"sec": seconds, "nsec": nanoseconds}
-    texts = {"topic": diagnostics.topic, "scene": diagnostics.scene}
-    # JSON has no NaN.
-    measures = {name: value if math.isfinite(value) else None for name, value in diagnostics.measures.items()}
-    return json.dumps({"stamp": stamp, **texts, **diagnostics.numbers, **arrays, **measures}).encode()
-
-
-def _json_schema(layout: Layout) -> str:
+def _json_schema(layout: Layout) -> Content:
     integer = {"type": "integer"}
     stamp = {"type": "object", "title": "time", "properties": {"sec": integer, "nsec": integer}}
     numbers = dict.fromkeys(layout.numbers, integer)
@@ -171,7 +137,7 @@ def _json_schema(layout: Layout) -> str:
     arrays = {name: {"type": "array", "items": {"type": "number"}} for name in _ARRAYS}
     texts = {name: {"type": "string"} for name in ("topic", "scene")}
     properties = {"stamp": stamp, **texts, **numbers, **arrays, **measures}
-    return json.dumps({"title": f"seaclutter.{layout.name}", "type": "object", "properties": properties})
+    return {"title": f"seaclutter.{layout.name}", "type": "object", "properties": properties}
 
 
 @cache
@@ -179,9 +145,7 @@ def diagnostics_format(
     cloud_encoding: str, layout: Layout = PLAIN
 ) -> tuple[str, Schema, Callable[[Diagnostics], bytes]]:
     """Return the message encoding, schema and serialiser for a log, given the encoding of its clouds."""
-    json_schema = lambda: (f"seaclutter.{layout.name}", _json_schema(layout))
-    encoding, schema = companion_format(cloud_encoding, layout.type, _typestore, json_schema)
-    return encoding, schema, {"cdr": _cdr, "ros1": _ros1, "json": _json}[encoding]
+    return companion_format(cloud_encoding, layout.type, _typestore, lambda: _json_schema(layout))
 
 
 def read_diagnostics(data: Buffer, encoding: str, schema: str = PLAIN.name) -> Diagnostics:
@@ -205,12 +169,12 @@ def read_diagnostics(data: Buffer, encoding: str, schema: str = PLAIN.name) -> D
     try:
         if encoding == "json":
             found = load_json(bytes(data))
-            stamp_ns = found["stamp"]["sec"] * _NANO + found["stamp"]["nsec"]
+            stamp_ns = found["stamp"]["sec"] * NANO + found["stamp"]["nsec"]
         else:
             store = _typestore()
             read = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1
             found = vars(read(data, layout.type))
-            stamp_ns = found["stamp"].sec * _NANO + found["stamp"].nanosec
+            stamp_ns = found["stamp"].sec * NANO + found["stamp"].nanosec
         numbers = {name: int(found[name]) for name in layout.numbers}
         measures = {name: math.nan if found[name] is None else float(found[name]) for name in layout.measures}
         arrays = {name: np.asarray(found[name], dtype) for name, dtype in _ARRAYS.items()}

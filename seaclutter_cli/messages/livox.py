@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seaclutter_cli.cloud import Cloud, PointField
+from seaclutter_cli.cloud import Cloud, PointField, point_dtype
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.messages.serialisation import Header, Reader, RosCodec, Writer
 
@@ -18,20 +18,8 @@ _RESERVED = "BBB"
 
 
 @dataclass(frozen=True, slots=True)
-class CustomHeader:
-    """``Cloud.extra`` of a ``CustomMsg``.
-
-    Parameters
-    ----------
-    header : Header
-        Header of the message.
-    timebase_ns : int
-        Time to which ``offset_time`` of the points is relative, in nanoseconds.
-    lidar_id : int
-        Number of the lidar.
-    reserved : tuple of int
-        Three bytes without a meaning.
-    """
+class _CustomHeader:
+    """``Cloud.extra`` of a ``CustomMsg``; ``offset_time`` of its points is relative to ``timebase_ns``."""
 
     header: Header
     timebase_ns: int
@@ -47,32 +35,18 @@ class LivoxCustomMsg(RosCodec):
 
     def _read(self, read: Reader) -> Cloud:
         header, timebase_ns, _ = read.header(), read.number("Q"), read.number("I")
-        extra = CustomHeader(header, timebase_ns, read.number("B"), read.numbers(_RESERVED))
+        extra = _CustomHeader(header, timebase_ns, read.number("B"), read.numbers(_RESERVED))
         number, step = read.number("I"), self._step
         data = read.structures(number, _PACKED, step)
-        return Cloud(
-            stamp_ns=header.stamp_ns,
-            frame_id=header.frame_id,
-            height=1,
-            width=number,
-            fields=_FIELDS,
-            point_step=step,
-            row_step=number * step,
-            big_endian=read.big_endian,
-            dense=True,
-            data=data,
-            extra=extra,
-        )
+        shape, size = (1, number), number * step
+        return Cloud(header.stamp_ns, header.frame_id, *shape, _FIELDS, step, size, read.big_endian, True, data, extra)
 
     def _write(self, write: Writer, cloud: Cloud) -> None:
         extra = cloud.extra
         names = [field.name for field in _FIELDS]
-        if not isinstance(extra, CustomHeader) or not set(names) <= {field.name for field in cloud.fields}:
+        if not isinstance(extra, _CustomHeader) or not set(names) <= {field.name for field in cloud.fields}:
             raise CloudError("only the points of a Livox message can be written as one")
-        formats = ["<" + field.type for field in _FIELDS]
-        offsets = [field.offset for field in _FIELDS]
-        layout = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": self._step})
-        points = np.zeros(cloud.size, layout)
+        points = np.zeros(cloud.size, point_dtype(_FIELDS, self._step, big_endian=False))
         for name in names:
             points[name] = cloud.points[name]
         write.header(extra.header)

@@ -21,22 +21,11 @@ _ECHO = ("echo", "<u4")
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """``Cloud.extra`` of scans: the message, and the beam and echo of each of its N values.
+    """``Cloud.extra`` of scans: a message with N ranges in metres and N or no intensities.
 
-    Parameters
-    ----------
-    header : Header
-        Header of the message.
-    limits : tuple of float
-        angle_min, angle_max, angle_increment, time_increment, scan_time, range_min, range_max.
-    ranges : ndarray, shape (N,), float32
-        Ranges in metres.
-    intensities : ndarray, shape (N,) or (0,), float32
-        Intensities.
-    echoes : ndarray, shape (B,), int64
-        Number of echoes of each of B beams.
-    intensity_lists : int
-        Number of lists of intensities of a scan with several echoes: B or 0.
+    ``limits`` are angle_min, angle_max, angle_increment, time_increment, scan_time, range_min and range_max. Each of B
+    beams has a number of ``echoes``, and ``intensity_lists`` is the number of lists of intensities of a scan with
+    several: B or 0.
     """
 
     header: Header

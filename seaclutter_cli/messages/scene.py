@@ -1,19 +1,17 @@
-"""``foxglove.SceneUpdate`` messages, which show boxes in a 3D panel: one definition, three encodings."""
+"""``foxglove.SceneUpdate`` messages, which show boxes in a 3D panel."""
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from seaclutter_cli.messages.companion import companion_format
+from seaclutter_cli.messages.companion import Content, Time, companion_format
 from seaclutter_cli.records import Schema
 
 TOPIC = "/seaclutter/scene"
-TYPE = "foxglove_msgs/msg/SceneUpdate"
+_TYPE = "foxglove_msgs/msg/SceneUpdate"
 
-_NANO = 1_000_000_000
 _DEFINITIONS = {
     "Color": "float64 r\nfloat64 g\nfloat64 b\nfloat64 a",
     "KeyValuePair": "string key\nstring value",
@@ -45,19 +43,7 @@ _PRIMITIVES = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", 
 
 @dataclass(frozen=True)
 class SceneBox:
-    """A box in a scene.
-
-    Parameters
-    ----------
-    center, size : sequence of float
-        Centre, and size along the axes of the box, in metres.
-    yaw : float
-        Rotation around +z in radians.
-    color : str
-        Colour in the form ``#14213d``.
-    text : str
-        Label above the box; empty for none.
-    """
+    """A box: centre, size along its own axes in metres, yaw around +z in radians, colour such as ``#14213d``, label."""
 
     center: Sequence[float]
     size: Sequence[float]
@@ -68,29 +54,35 @@ class SceneBox:
 
 @dataclass(frozen=True)
 class SceneUpdate:
-    """Boxes of one frame, in groups that replace the groups of the previous frame.
-
-    Parameters
-    ----------
-    stamp_ns : int
-        Stamp of the frame in nanoseconds.
-    frame_id : str
-        Coordinate frame.
-    groups : mapping of str to sequence of SceneBox
-        Boxes by the name of their group; an empty group removes its boxes.
-    """
+    """Boxes of one frame by groups, which replace those of the previous frame; an empty group removes its boxes."""
 
     stamp_ns: int
     frame_id: str
     groups: Mapping[str, Sequence[SceneBox]]
 
+    @property
+    def content(self) -> Content:
+        """Values of the fields of the message."""
+        entities = [
+            {
+                "timestamp": Time(self.stamp_ns),
+                "frame_id": self.frame_id.encode(errors="replace").decode(),
+                "id": name.encode(errors="replace").decode(),
+                "lifetime": Time(0),
+                "frame_locked": True,
+                "metadata": [],
+                **{kind: [] for kind in _PRIMITIVES},
+                "cubes": [_cube(box) for box in boxes],
+                "texts": [_text(box) for box in boxes if box.text],
+            }
+            for name, boxes in self.groups.items()
+        ]
+        return {"deletions": [], "entities": entities}
+
 
 def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[SceneUpdate], bytes]]:
     """Return the message encoding, schema and serialiser for a log, given the encoding of its clouds."""
-    encoding, schema = companion_format(
-        cloud_encoding, TYPE, _typestore, lambda: ("foxglove.SceneUpdate", _json_schema())
-    )
-    return encoding, schema, {"cdr": _cdr, "ros1": _ros1, "json": _json}[encoding]
+    return companion_format(cloud_encoding, _TYPE, _typestore, _json_schema)
 
 
 @cache
@@ -101,43 +93,6 @@ def _typestore() -> Any:
     for name, text in _DEFINITIONS.items():
         store.register(get_types_from_msg(text + "\n", f"foxglove_msgs/msg/{name}"))
     return store
-
-
-def _cdr(scene: SceneUpdate) -> bytes:
-    message = _message(_content(scene, "nanosec", -(2**31), 2**31 - 1), TYPE)
-    return bytes(_typestore().serialize_cdr(message, TYPE))
-
-
-def _ros1(scene: SceneUpdate) -> bytes:
-    message = _message(_content(scene, "nanosec", 0, 2**32 - 1), TYPE)
-    return bytes(_typestore().serialize_ros1(message, TYPE))
-
-
-def _json(scene: SceneUpdate) -> bytes:
-    return json.dumps(_content(scene, "nsec", -(2**63), 2**63)).encode()
-
-
-def _content(scene: SceneUpdate, nanoseconds: str, least_s: int, most_s: int) -> dict[str, Any]:
-    """Return the message as plain values; a stamp outside the range of ROS time is clipped."""
-    seconds = min(max(scene.stamp_ns // _NANO, least_s), most_s)
-    if nanoseconds == "nanosec" and seconds >= 2**31:
-        seconds -= 2**32  # the type store has only the signed time of ROS 2; the bytes are the same
-    stamp = {"sec": seconds, nanoseconds: scene.stamp_ns % _NANO}
-    entities = [
-        {
-            "timestamp": stamp,
-            "frame_id": scene.frame_id.encode(errors="replace").decode(),
-            "id": name.encode(errors="replace").decode(),
-            "lifetime": {"sec": 0, nanoseconds: 0},
-            "frame_locked": True,
-            "metadata": [],
-            **{kind: [] for kind in _PRIMITIVES},
-            "cubes": [_cube(box) for box in boxes],
-            "texts": [_text(box) for box in boxes if box.text],
-        }
-        for name, boxes in scene.groups.items()
-    ]
-    return {"deletions": [], "entities": entities}
 
 
 def _cube(box: SceneBox) -> dict[str, Any]:
@@ -165,23 +120,7 @@ def _color(color: str, opacity: float) -> dict[str, float]:
     return dict(zip("rgba", (*parts, opacity), strict=True))
 
 
-def _message(content: dict[str, Any], name: str) -> Any:
-    """Return plain values as a message object of the type store."""
-    from rosbags.interfaces import Nodetype
-
-    store = _typestore()
-    values = {}
-    for field, (kind, detail) in store.fielddefs[name][1]:
-        value = content[field]
-        if kind == Nodetype.NAME:
-            value = _message(value, detail)
-        elif kind == Nodetype.SEQUENCE and detail[0][0] == Nodetype.NAME:
-            value = [_message(item, detail[0][1]) for item in value]
-        values[field] = value
-    return store.types[name](**values)
-
-
-def _json_schema() -> str:
+def _json_schema() -> Content:
     """Return the JSON schema of the fields in use; players know the others by the name of the schema."""
     number, text = {"type": "number"}, {"type": "string"}
     vector = {"type": "object", "properties": dict.fromkeys("xyz", number)}
@@ -198,7 +137,7 @@ def _json_schema() -> str:
     rest = {"lifetime": {**time, "title": "duration"}, "frame_locked": {"type": "boolean"}, "metadata": anything}
     entity = {"type": "object", "properties": {**heads, **rest, **lists}}
     properties = {"deletions": anything, "entities": _list_of(entity)}
-    return json.dumps({"title": "foxglove.SceneUpdate", "type": "object", "properties": properties})
+    return {"title": "foxglove.SceneUpdate", "type": "object", "properties": properties}
 
 
 def _list_of(items: dict[str, Any]) -> dict[str, Any]:

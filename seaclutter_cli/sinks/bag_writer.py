@@ -117,9 +117,8 @@ class BagWriter:
         if metadata:
             number = max(self._connections, default=0) + 1
             schema = Schema(STRING, "ros1msg", b"string data\n")
-            self.add_channel(
-                Channel(number, METADATA_TOPIC, "ros1", schema, (("latching", "1"), ("md5sum", _STRING_MD5)))
-            )
+            header = (("latching", "1"), ("md5sum", _STRING_MD5))
+            self.add_channel(Channel(number, METADATA_TOPIC, "ros1", schema, header))
             self.write(number, self._end_ns, to_message(metadata))
         if self._chunk.data:
             self._submit()
