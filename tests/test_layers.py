@@ -64,7 +64,6 @@ ALLOWED = {
     "selection": BASE | {"messages"},
     "latched": BASE | {"messages"},
     "pipeline": BASE | {"holding", "latched", "messages", "selection"},
-    "survey": BASE | {"sensors"},
     "calibration": BASE | {"filters"},
     "config": BASE | {"filters", "evaluation", "parameters", "validation"},
     "simulation": BASE | {"parameters", "validation", "messages", "sensors", "sinks"},
@@ -72,7 +71,7 @@ ALLOWED = {
     "plots": BASE | {"evaluation", "calibration", "reporting", "structure"},
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "runs": CORE
-    | {"airborne", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "structure", "survey"}
+    | {"airborne", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "structure"}
     | {"validation", "viewing"},
     "api": BASE | {"calibration", "config", "messages", "pipeline", "runs", "selection", "sinks", "validation"},
     "commands": BASE | {"config", "interrupts", "runs", "selection", "sensors"},

@@ -11,6 +11,7 @@ from seaclutter_cli.api.arguments import (
     run_observer,
 )
 from seaclutter_cli.runs.batch import BatchOptions
+from seaclutter_cli.runs.info import InfoResult, describe_logs
 from seaclutter_cli.runs.label_check import LabelCheckResult, check_label_files
 from seaclutter_cli.runs.mask import MaskOptions, MaskResult
 from seaclutter_cli.runs.mask import find_mask as find_mask_in
@@ -18,7 +19,6 @@ from seaclutter_cli.runs.methods import MethodOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions
 from seaclutter_cli.runs.report import ReportOptions, ReportResult, report_on
-from seaclutter_cli.runs.survey import SurveyResult, survey_logs
 from seaclutter_cli.runs.sweep import Sweep
 from seaclutter_cli.runs.tune import TuneOptions, TuningResult
 from seaclutter_cli.runs.tune import tune as tune_logs
@@ -32,7 +32,7 @@ def info(
     keep_going: bool = False,
     batch: BatchOptions | None = None,
     observer: Observer = SILENT,
-) -> SurveyResult:
+) -> InfoResult:
     """Return the content of logs: topics, frames, fields, extents, sensors, and settings that a filter run needs.
 
     Parameters
@@ -61,7 +61,7 @@ def info(
     >>> content.format, content.clouds["/points"].frames, content.clouds["/points"].intensity
     ('MCAP', 60, [1.0, 255.0])
     """
-    return survey_logs(logs, reading, run_observer(observer, keep_going=keep_going), batch)
+    return describe_logs(logs, reading, run_observer(observer, keep_going=keep_going), batch)
 
 
 def find_mask(  # noqa: PLR0913 - each an option of its own

@@ -23,6 +23,6 @@ def command(logs: tuple[str, ...], reading: "ReadOptions", batch: "BatchOptions"
     Every frame is read; -n N stops after the first N. Of an MCAP file of more than 16 MB in object storage, the summary
     and the first frames are read, unless -n or a time is given.
     """
-    from seaclutter_cli.runs.survey import survey_logs
+    from seaclutter_cli.runs.info import describe_logs
 
-    console.finish(survey_logs(logs, reading, console, batch))
+    console.finish(describe_logs(logs, reading, console, batch))

@@ -13,9 +13,9 @@ from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.calibrate_choice import TradeOff
 from seaclutter_cli.runs.calibrate_targets import TargetTally
 from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sensors.recognition import RecognisedSensor
 from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.survey import TopicSurvey
 from seaclutter_cli.text import count, printable, share, table
 from seaclutter_cli.water import Mounting
 
@@ -55,11 +55,11 @@ class ClutterTally:
     damage: list[Damage] = field(default_factory=list)
     seen: list[tuple[str, RecognisedSensor]] = field(default_factory=list)
     targets: TargetTally = field(default_factory=TargetTally)
-    _surveys: dict[str, TopicSurvey] = field(default_factory=dict)
+    _surveys: dict[str, TopicStatistics] = field(default_factory=dict)
 
     def note_frame(self, frame: Frame) -> None:
         """Note the layout and the intensity field of a topic, from its first frames."""
-        survey = self._surveys.setdefault(frame.topic, TopicSurvey())
+        survey = self._surveys.setdefault(frame.topic, TopicStatistics())
         if survey.frames < _SURVEYED:
             survey.add(frame)
 

@@ -15,25 +15,11 @@ from seaclutter_cli.evaluation.matching import targets_of
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import run_each
-from seaclutter_cli.runs.batch import BatchOptions, Work, inputs_of_work, run_batch
-from seaclutter_cli.runs.labels import LabelFile, LabelSources
+from seaclutter_cli.runs.batch import BatchOptions
+from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.recordings import (
-    Logs,
-    Outcome,
-    ReadOptions,
-    RecordingsResult,
-    expand,
-    expected_frames,
-    finish_labels,
-    opened,
-    require_frames,
-    require_selected,
-    storing_errors,
-)
-from seaclutter_cli.selection import cloud_channels
-from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
+from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand
+from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
 from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import UNKNOWN, count, printable, table
 from seaclutter_cli.truth import Boxes, Truth
@@ -69,18 +55,15 @@ def check_label_files(
     SeaclutterError
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
-    options, batch = reading or ReadOptions(), batch or BatchOptions()
-    recordings = expand(logs, options, observer)
-    files = labels.assign(recordings)
-    works = [LabelCheckWork(options, *each) for each in zip(recordings, files, strict=True)]
-    alone = batch.runs_here(len(works))
-    outcomes = [works[0].run(observer)] if alone else run_batch(works, batch, observer)
-    require_selected(outcomes)
-    return LabelCheckResult(outcomes)
+    reading = reading or ReadOptions()
+    recordings = expand(logs, reading, observer)
+    pairs = zip(recordings, labels.assign(recordings), strict=True)
+    works = [_LabelCheckWork(reading, *each) for each in pairs]
+    return LabelCheckResult(study_all(works, batch or BatchOptions(), observer))
 
 
 @dataclass
-class ClassCounts:
+class _ClassCounts:
     """Boxes of one class: their number, how many are visible, and sums of their sizes and points."""
 
     boxes: int = 0
@@ -97,28 +80,12 @@ class ClassCounts:
 
 @dataclass(kw_only=True)
 class CheckedLabels(Outcome):
-    """Outcome of the check of one recording.
-
-    Parameters
-    ----------
-    labels : str
-        Path of the labels.
-    labelled, unlabelled : int
-        Number of frames.
-    classes : dict of str to ClassCounts
-        Boxes of targets by class.
-    areas : int
-        Number of areas to ignore.
-    point_frames : int
-        Number of frames with labels of points.
-    findings : list of Finding
-        Probable mistakes.
-    """
+    """Outcome of the check of the labels of one recording: its boxes of targets by class, and probable mistakes."""
 
     labels: str
     labelled: int = 0
     unlabelled: int = 0
-    classes: dict[str, ClassCounts] = field(default_factory=dict)
+    classes: dict[str, _ClassCounts] = field(default_factory=dict)
     areas: int = 0
     point_frames: int = 0
     findings: list[Finding] = field(default_factory=list)
@@ -146,7 +113,7 @@ class CheckedLabels(Outcome):
 
     def _add_boxes(self, boxes: Boxes, points: Sequence[int], params: EvaluationParams) -> None:
         for kind, size_m, inside in zip(boxes.classes, boxes.sizes, points, strict=True):
-            own = self.classes.setdefault(kind, ClassCounts())
+            own = self.classes.setdefault(kind, _ClassCounts())
             own.boxes += 1
             own.visible += inside >= params.min_visible_points
             own.sizes_m += size_m
@@ -191,7 +158,7 @@ class CheckedLabels(Outcome):
         return "\n\n".join(blocks)
 
 
-def _cells(one: ClassCounts) -> list[str]:
+def _cells(one: _ClassCounts) -> list[str]:
     """Return means as text."""
     *sizes, points = one.means().values()
     return [*(f"{size:.2f}" for size in sizes), f"{points:.0f}" if one.visible else UNKNOWN]
@@ -202,43 +169,19 @@ def _item(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class LabelCheckWork(Work[CheckedLabels]):
-    """Check of the labels of one recording.
+class _LabelCheckWork(StudyWork[CheckedLabels]):
+    """Check of the labels of one recording."""
 
-    Parameters
-    ----------
-    reading : ReadOptions
-        Part of the recording to read, and how.
-    recording : Recording
-        The recording.
-    labels : LabelFile or None
-        Its labels.
-    """
+    def without_result(self, reason: str | None) -> CheckedLabels:
+        """Return an outcome without frames."""
+        path = str(self.labels.path) if self.labels else ""
+        return CheckedLabels(recording=self.recording.name, labels=path, error=reason)
 
-    reading: ReadOptions
-    recording: Recording
-    labels: LabelFile | None
-
-    @property
-    def reads(self) -> Sequence[Location]:
-        """Files and folders that the work reads."""
-        return inputs_of_work(self.recording, self.reading, self.labels)
-
-    def run(self, observer: Observer) -> CheckedLabels:
-        """Check the labels; store an error in the outcome."""
-        outcome = self.without_result(None)
-        with storing_errors(outcome, observer):
-            labels = self.labels.open() if self.labels else None
-            with opened(self.recording, self.reading, observer, outcome) as source:
-                self._check(source, labels, outcome, observer)
-        return outcome
-
-    def _check(self, source: Source, labels: Labels | None, outcome: CheckedLabels, observer: Observer) -> None:
-        selection = self.reading.selection
+    def study(self, source: Source, labels: Labels | None, outcome: CheckedLabels, observer: Observer) -> None:
+        """Compare each frame with its labels."""
         unfiltered = load_config(None, method="none")
         check = LabelCheck(unfiltered.evaluation)
-        clouds = cloud_channels(source, selection.topics)
-        with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+        with frame_progress(source, self.reading.selection, observer) as step:
 
             def on_frame(frame: Frame, *_: object) -> None:
                 truth = labels.truth(frame) if labels else None
@@ -247,26 +190,14 @@ class LabelCheckWork(Work[CheckedLabels]):
                     check.add(frame, truth)
                 step()
 
-            run_each(source, [unfiltered.make_filter()], selection, on_frame)
-        require_frames(source, outcome.labelled + outcome.unlabelled, selection)
-        finish_labels(labels, source, selection)
+            run_each(source, [unfiltered.make_filter()], self.reading.selection, on_frame)
+        self.finish(source, labels, outcome.labelled + outcome.unlabelled)
         outcome.findings = check.findings(outcome.boxes, outcome.visible)
-
-    def without_result(self, reason: str | None) -> CheckedLabels:
-        """Return an outcome without frames."""
-        path = str(self.labels.path) if self.labels else ""
-        return CheckedLabels(recording=self.recording.name, labels=path, error=reason)
 
 
 @dataclass(frozen=True)
 class LabelCheckResult(RecordingsResult):
-    """Result of the check of the labels of several recordings.
-
-    Parameters
-    ----------
-    outcomes : sequence of CheckedLabels
-        Outcome of each recording.
-    """
+    """Result of the check of the labels of several recordings."""
 
     outcomes: Sequence[CheckedLabels]
 

@@ -18,12 +18,12 @@ from seaclutter_cli.runs.recordings import (
     ReadOptions,
     RecordingsResult,
     expand,
-    expected_frames,
     opened,
     require_frames,
     require_selected,
     storing_errors,
 )
+from seaclutter_cli.runs.studies import frame_progress
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.scratch import copies_removed
@@ -112,12 +112,10 @@ def find_mask(logs: Logs, options: MaskOptions, observer: Observer = SILENT) -> 
 def _add(source: Source, reading: ReadOptions, search: StructureSearch, observer: Observer) -> None:
     """Add the frames of a recording."""
     selection = reading.selection
-    clouds = cloud_channels(source, selection.topics)
-    topics = list(dict.fromkeys(channel.topic for channel in clouds))
-    if len(topics) > 1:
+    if len({channel.topic for channel in cloud_channels(source, selection.topics)}) > 1:
         raise UsageError(f"{source.name}: each lidar needs a mask of its own; choose one topic with -t")
     number = 0
-    with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+    with frame_progress(source, selection, observer) as step:
         for _ in map_frames(source, selection, search.add):
             number += 1
             step()
@@ -126,17 +124,7 @@ def _add(source: Source, reading: ReadOptions, search: StructureSearch, observer
 
 @dataclass(frozen=True)
 class MaskResult(RecordingsResult):
-    """Proposed mask.
-
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-        Outcome of each recording.
-    found : FoundStructure
-        The structure.
-    reach_m : float
-        Range up to which it was searched.
-    """
+    """Proposed mask: the structure within a range."""
 
     outcomes: Sequence[Outcome]
     found: FoundStructure

@@ -12,13 +12,13 @@ from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
 from seaclutter_cli.runs.convert import ConvertOptions, plan_conversions
 from seaclutter_cli.runs.estimate import estimate
 from seaclutter_cli.runs.filter import FilterOptions, plan_works
+from seaclutter_cli.runs.info import excerpt_of
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.output_plan import check_names
 from seaclutter_cli.runs.outputs import Root, check_outputs, existing
 from seaclutter_cli.runs.plan_result import Planned, RunPlan
 from seaclutter_cli.runs.planned_works import PlannedWork, PlannedWorks, W
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions, expected_frames
-from seaclutter_cli.runs.survey import excerpt_of
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location

@@ -11,9 +11,9 @@ from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.reporting.collector import Collector
 from seaclutter_cli.reporting.history import Numbers
 from seaclutter_cli.runs.recordings import Outcome
+from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.survey import TopicSurvey
 from seaclutter_cli.text import UNKNOWN, count
 from seaclutter_cli.truth import Truth
 
@@ -29,14 +29,14 @@ class SurveyingCollector(Collector):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._topics: list[str] = []
-        self._surveys: list[TopicSurvey] = []
+        self._surveys: list[TopicStatistics] = []
         self._spans_ns: list[tuple[int, int] | None] = []
 
     def begin(self, recording: str) -> None:
         """Start a recording."""
         super().begin(recording)
         self._topics.append("")
-        self._surveys.append(TopicSurvey())
+        self._surveys.append(TopicStatistics())
         self._spans_ns.append(None)
 
     def add(

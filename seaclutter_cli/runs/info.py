@@ -25,10 +25,9 @@ from seaclutter_cli.runs.recordings import (
     statuses,
     storing_errors,
 )
-from seaclutter_cli.selection import Selection
+from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.scratch import copies_removed
-from seaclutter_cli.survey import TopicSurvey
 from seaclutter_cli.text import printable, share, table
 
 if TYPE_CHECKING:
@@ -39,12 +38,12 @@ _DEFAULT_THRESHOLD = 4
 
 
 @copies_removed()
-def survey_logs(
+def describe_logs(
     logs: Logs,
     reading: ReadOptions | None = None,
     observer: Observer = SILENT,
     batch: BatchOptions | None = None,
-) -> "SurveyResult":
+) -> "InfoResult":
     """Return the content of recordings; every selected frame is read.
 
     Of a large MCAP file in object storage, only the summary and the first frames are read if no part is selected.
@@ -66,24 +65,14 @@ def survey_logs(
         If the run cannot start or continue; an error in a single recording is stored in its outcome.
     """
     recordings = expand(logs, reading, observer, ahead=False)  # an excerpt may suffice
-    works = [SurveyWork(reading or ReadOptions(), recording) for recording in recordings]
+    works = [_InfoWork(reading or ReadOptions(), recording) for recording in recordings]
     batch = batch or BatchOptions()
-    if batch.runs_here(len(works)):
-        return SurveyResult([works[0].run(observer)])
-    return SurveyResult(run_batch(works, batch, observer))
+    return InfoResult([works[0].run(observer)] if batch.runs_here(len(works)) else run_batch(works, batch, observer))
 
 
 @dataclass(frozen=True)
-class SurveyWork(Work["Content"]):
-    """Reading of one recording.
-
-    Parameters
-    ----------
-    reading : ReadOptions
-        Part of the recording to read, and how.
-    recording : Recording
-        The recording.
-    """
+class _InfoWork(Work["Content"]):
+    """Reading of a part of one recording."""
 
     reading: ReadOptions
     recording: Recording
@@ -94,10 +83,25 @@ class SurveyWork(Work["Content"]):
         with storing_errors(content, observer):
             part = excerpt_of(self.recording) if self.reading.selection.is_whole else None
             with opened(part or self.recording, self.reading, observer, content) as source:
-                _read(source, content, self.reading.selection, observer)
+                self._read(source, content, observer)
                 if part:
                     content.note_summary(part.part.messages, (part.part.start_ns, part.part.end_ns))
         return content
+
+    def _read(self, source: Source, content: "Content", observer: Observer) -> None:
+        content.format, content.channels = source.format, source.channels
+        selection = self.reading.selection
+        clouds = [c for c in source.channels if find_codec(c) and (not selection.topics or c.topic in selection.topics)]
+        content.clouds = {channel.topic: TopicStatistics() for channel in clouds}
+        with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+            for record, frame in read(source, clouds, selection, unreadable=content.unreadable):
+                if isinstance(record, Message):
+                    content.messages[record.channel.topic] += 1
+                    content.note_time(record.log_time_ns)
+                if frame is not None:
+                    content.clouds[frame.topic].add(frame)
+                    step()
+        content.facts = dict(source.facts)
 
     def without_result(self, reason: str | None) -> "Content":
         """Return an outcome without content."""
@@ -113,42 +117,12 @@ def excerpt_of(recording: Recording) -> "RemoteExcerpt | None":
     return recording.excerpt() if isinstance(recording, RemoteRecording) else None
 
 
-def _read(source: Source, content: "Content", selection: Selection, observer: Observer) -> None:
-    content.format, content.channels = source.format, source.channels
-    clouds = [c for c in source.channels if find_codec(c) and (not selection.topics or c.topic in selection.topics)]
-    surveys = {channel.topic: TopicSurvey() for channel in clouds}
-    content.clouds = surveys
-    with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
-        for record, frame in read(source, clouds, selection, unreadable=content.unreadable):
-            if isinstance(record, Message):
-                content.messages[record.channel.topic] += 1
-                content.note_time(record.log_time_ns)
-            if frame is not None:
-                surveys[frame.topic].add(frame)
-                step()
-    content.facts = dict(source.facts)
-
-
 @dataclass(kw_only=True)
 class Content(Outcome):
-    """Content of a recording.
+    """Content of a recording: its topics with their messages and, for clouds, statistics.
 
-    Parameters
-    ----------
-    path, format : str
-        Path and format of the recording.
-    channels : sequence of Channel
-        All topics.
-    messages : counter of str
-        Number of messages by topic.
-    times_ns : list of int
-        Log times of the first and last message; empty without messages.
-    clouds : mapping of str to TopicSurvey
-        Content of each cloud topic.
-    unreadable : dict of str to str
-        Why clouds of a topic cannot be read, by topic.
-    sampled : bool
-        Whether only the first frames were read; numbers of messages and times are of the whole recording.
+    ``times_ns`` are the log times of the first and last message; ``unreadable`` tells why the clouds of a topic cannot
+    be read. If it is ``sampled``, only the first frames were read, but messages and times are of the whole recording.
     """
 
     path: str
@@ -156,7 +130,7 @@ class Content(Outcome):
     channels: Sequence[Channel] = ()
     messages: Counter[str] = field(default_factory=Counter)
     times_ns: list[int] = field(default_factory=list)
-    clouds: Mapping[str, TopicSurvey] = field(default_factory=dict)
+    clouds: Mapping[str, TopicStatistics] = field(default_factory=dict)
     unreadable: dict[str, str] = field(default_factory=dict)
     sampled: bool = False
 
@@ -194,7 +168,7 @@ class Content(Outcome):
                 {**topic, "messages": self.messages[topic["topic"]], "decoded": self._is_decoded(topic["topic"])}
                 for topic in topics
             ],
-            "clouds": {topic: survey.as_dict() for topic, survey in self.clouds.items()},
+            "clouds": {topic: cloud.as_dict() for topic, cloud in self.clouds.items()},
             "sensors": {topic: asdict(facts) for topic, facts in self.facts.items()},
             "needs": self.needs(),
             "damage": [str(item) for item in self.damage],
@@ -211,8 +185,8 @@ class Content(Outcome):
         lines.append(table(("topic", "messages", "type"), list(rows.values())))
         if self.sampled:
             lines.append("Only the first frames were read; -n N copies the log and reads N.")
-        read = {topic: survey for topic, survey in self.clouds.items() if topic not in self.unreadable}
-        lines += [_describe(topic, survey, self.facts.get(topic)) for topic, survey in read.items()]
+        read = {topic: cloud for topic, cloud in self.clouds.items() if topic not in self.unreadable}
+        lines += [_describe(topic, cloud, self.facts.get(topic)) for topic, cloud in read.items()]
         lines += [printable(need) for need in self.needs()]
         return "\n".join(lines)
 
@@ -233,8 +207,13 @@ class Content(Outcome):
         """Return a row of cells for each cloud topic, or one without a topic."""
         first = (self.recording, self.format, f"{self.duration_s:.1f}")
         clouds = [
-            (topic, f"{survey.frames:,}", f"{survey.sizes()[1]:,.0f}", _sensor(survey, self.facts.get(topic)))
-            for topic, survey in self.clouds.items()
+            (
+                topic,
+                f"{cloud.frames:,}",
+                f"{cloud.sizes()[1]:,.0f}",
+                _sensor(cloud, self.facts.get(topic)),
+            )
+            for topic, cloud in self.clouds.items()
         ]
         return [(*first, *cells) for cells in clouds or [("-", "-", "-", "-")]]
 
@@ -245,36 +224,36 @@ class Content(Outcome):
         if len(set(main)) > 1:
             choices = " ".join(f"-t {topic}" for topic in dict.fromkeys(main))
             needs.append(f"several point-cloud topics; for a filter run, choose from: {choices}")
-        for topic, survey in self.clouds.items():
+        for topic, cloud in self.clouds.items():
             if topic in self.unreadable:
                 needs.append(self.unreadable[topic])
-            elif survey.problem:
-                needs.append(f"{topic}: {survey.problem}")
-            elif survey.frames and survey.intensity_name is None:
+            elif cloud.problem:
+                needs.append(f"{topic}: {cloud.problem}")
+            elif cloud.frames and cloud.intensity_name is None:
                 needs.append(f"{topic}: no intensity field with a usual name; name one with --intensity-field")
-            elif survey.frames and survey.invalid == survey.points:
+            elif cloud.frames and cloud.invalid == cloud.points:
                 needs.append(f"{topic}: the clouds contain no valid point, so there is nothing to filter")
-            elif survey.frames and survey.intensity[1] < _DEFAULT_THRESHOLD:
-                least, most = survey.intensity
+            elif cloud.frames and cloud.intensity[1] < _DEFAULT_THRESHOLD:
+                least, most = cloud.intensity
                 needs.append(f"{topic}: intensities of {least:g} to {most:g} do not fit the default thresholds; use -c")
         if not self.clouds:
             needs.append("there are no point clouds that can be read")
         return needs
 
 
-def _describe(topic: str, survey: TopicSurvey, facts: SensorFacts | None) -> str:
-    least, middle, most = survey.sizes()
-    rate = f" at {survey.rate_hz:.2f} Hz" if survey.rate_hz else ""
+def _describe(topic: str, cloud: TopicStatistics, facts: SensorFacts | None) -> str:
+    least, middle, most = cloud.sizes()
+    rate = f" at {cloud.rate_hz:.2f} Hz" if cloud.rate_hz else ""
     rows = [
-        ("frames", f"{survey.frames}{rate}, frame id {survey.frame_id!r}"),
+        ("frames", f"{cloud.frames}{rate}, frame id {cloud.frame_id!r}"),
         (
             "points",
-            f"{least:,} to {most:,} per frame, median {middle:,.0f}; {share(survey.invalid, survey.points)} invalid",
+            f"{least:,} to {most:,} per frame, median {middle:,.0f}; {share(cloud.invalid, cloud.points)} invalid",
         ),
-        ("fields", ", ".join(f"{f.name} {f.type}{f'x{f.count}' if f.count > 1 else ''}" for f in survey.fields)),
-        ("intensity", f"{survey.intensity_name or 'none'}{_span(survey.intensity)}"),
-        ("range", "{:.1f} to {:.1f} m".format(*survey.range_m) if _span(survey.range_m) else "none"),
-        ("sensor", str(survey.sensor())),
+        ("fields", ", ".join(f"{f.name} {f.type}{f'x{f.count}' if f.count > 1 else ''}" for f in cloud.fields)),
+        ("intensity", f"{cloud.intensity_name or 'none'}{_span(cloud.intensity)}"),
+        ("range", "{:.1f} to {:.1f} m".format(*cloud.range_m) if _span(cloud.range_m) else "none"),
+        ("sensor", str(cloud.sensor())),
     ]
     if facts:
         details = (f"{name}: {text}" for name, text in facts.details.items())
@@ -284,9 +263,9 @@ def _describe(topic: str, survey: TopicSurvey, facts: SensorFacts | None) -> str
     return "\n".join((printable(topic), *(_wrap(f"  {name:<10} {text}") for name, text in rows)))
 
 
-def _sensor(survey: TopicSurvey, facts: SensorFacts | None) -> str:
+def _sensor(cloud: TopicStatistics, facts: SensorFacts | None) -> str:
     """Return the sensor of a topic in a few words."""
-    first, *others = survey.sensor(facts).models or ("-",)
+    first, *others = cloud.sensor(facts).models or ("-",)
     return f"{first} or others" if others else first
 
 
@@ -301,14 +280,8 @@ def _span(limits: Sequence[float]) -> str:
 
 
 @dataclass(frozen=True)
-class SurveyResult(RecordingsResult):
-    """Content of several recordings.
-
-    Parameters
-    ----------
-    outcomes : sequence of Content
-        Content of each recording.
-    """
+class InfoResult(RecordingsResult):
+    """Content of several recordings, as text and as data."""
 
     outcomes: Sequence[Content]
 

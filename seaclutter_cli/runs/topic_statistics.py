@@ -19,7 +19,7 @@ _NANO = 1_000_000_000
 
 
 @dataclass
-class TopicSurvey:
+class TopicStatistics:
     """Statistics over the frames of one topic; grows by a few bytes per frame."""
 
     frames: int = 0
