@@ -8,9 +8,9 @@ import sys
 import pytest
 from click.testing import CliRunner
 
+from seaclutter_cli import viewing
 from seaclutter_cli.commands import cli
 from seaclutter_cli.runs import view as runs_view
-from seaclutter_cli.viewing import stream
 from tests.reporting.runs import make_labels, make_log
 from tests.sinks.runs import filter_log
 
@@ -81,11 +81,11 @@ def test_the_error_names_the_extra(log, monkeypatch):
 
 
 def test_without_a_display_the_error_names_an_alternative(log, monkeypatch):
-    monkeypatch.setattr(stream, "require_rerun", lambda: None)
+    monkeypatch.setattr(viewing, "require_rerun", lambda: None)
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(stream.UsageError, match="--save"), stream.viewer(9876):
+    with pytest.raises(viewing.UsageError, match="--save"), viewing.viewer(9876):
         pass
 
 
@@ -96,10 +96,10 @@ def test_the_viewer_listens_on_the_loopback_only(monkeypatch):
         def __init__(self, command, **_):
             started.append(command)
 
-    monkeypatch.setattr(stream, "require_rerun", lambda: None)
+    monkeypatch.setattr(viewing, "require_rerun", lambda: None)
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(stream.subprocess, "Popen", Process)
-    with stream.viewer(1234) as sink:
+    monkeypatch.setattr(viewing.subprocess, "Popen", Process)
+    with viewing.viewer(1234) as sink:
         sink(type("Recording", (), {"connect_grpc": lambda _, url: connected.append(url)})())
     words = started[0]
     assert words[words.index("--bind") + 1] == "127.0.0.1"
@@ -108,7 +108,7 @@ def test_the_viewer_listens_on_the_loopback_only(monkeypatch):
 
 
 def test_the_viewer_knows_these_options():
-    words = [word for word in stream.viewer_command(1234) if word.startswith("--")]
+    words = [word for word in viewing.viewer_command(1234) if word.startswith("--")]
     text = rerun("--help")
     assert [word for word in words if word not in text] == []
 

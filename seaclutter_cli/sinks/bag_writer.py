@@ -6,18 +6,21 @@ of ROS 1 refuse. The output bytes do not depend on the number of threads.
 
 import struct
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
 import lz4.frame
 
 from seaclutter_cli.errors import OutputError
+from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.metadata import METADATA_TOPIC, STRING, to_message
-from seaclutter_cli.records import Buffer, Channel, Metadata, Schema
+from seaclutter_cli.records import Buffer, Channel, Schema
 from seaclutter_cli.sinks.compressor import Compressor
+from seaclutter_cli.sinks.log_output import LogFiles, LogWriter
+from seaclutter_cli.sinks.ros_writer import MessagesOnly, TranslatingWriter
 
-MAGIC = b"#ROSBAG V2.0\n"
+_MAGIC = b"#ROSBAG V2.0\n"
 CHUNK_SIZE = 768 * 2**10
 """Size in bytes at which a chunk is closed, as in the recorder of ROS 1."""
 
@@ -34,7 +37,7 @@ def _lz4(data: bytearray) -> bytes:
     return bytes(lz4.frame.compress(data, block_linked=False, content_checksum=True, store_size=False))
 
 
-COMPRESSIONS: Mapping[str, tuple[str, Callable[[bytearray], bytes | bytearray]]] = {
+_COMPRESSIONS: Mapping[str, tuple[str, Callable[[bytearray], bytes | bytearray]]] = {
     "lz4": ("lz4", _lz4),
     "": ("none", lambda data: data),
 }
@@ -49,21 +52,25 @@ class _Chunk:
     index: dict[int, bytearray] = field(default_factory=lambda: defaultdict(bytearray))
 
 
-class BagWriter:
-    """Storage in one ROS 1 bag.
+class BagOutput(LogFiles):
+    """ROS 1 bags."""
 
-    Parameters
-    ----------
-    stream : BinaryIO
-        Output; the header is written again at the end.
-    compression : str
-        A key of `COMPRESSIONS`.
-    """
+    @staticmethod
+    def start(stream: BinaryIO, source: Source, compression: str | None) -> LogWriter:
+        """Return the writer of a bag."""
+        if compression is None:
+            compression = "" if source.compression == "" else "lz4"
+        return TranslatingWriter(BagWriter(stream, compression=compression), "ros1")
+
+
+class BagWriter(MessagesOnly):
+    """Writer for one ROS 1 bag, whose header is written again at the end; ``compression`` is ``lz4`` or empty."""
 
     def __init__(self, stream: BinaryIO, *, compression: str) -> None:
+        super().__init__()
         self._stream = stream
         self._offset = 0
-        self._name, self._compress = COMPRESSIONS[compression]
+        self._name, self._compress = _COMPRESSIONS[compression]
         self._compressor = Compressor(self._compressed, self._write_chunk)
         self._chunk = _Chunk()
         self._connections: dict[int, bytes] = {}
@@ -72,7 +79,7 @@ class BagWriter:
         self._infos = bytearray()
         self._chunks = 0
         self._end_ns = 0
-        self._write(MAGIC, self._header(0))
+        self._write(_MAGIC, self._header(0))
 
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel, before its first message.
@@ -90,7 +97,7 @@ class BagWriter:
         self._connections[channel.id] = head + data
         self._undeclared.add(channel.id)
 
-    def write(self, channel: int, log_time_ns: int, data: Buffer) -> None:
+    def put(self, channel: int, log_time_ns: int, data: Buffer) -> None:
         """Write a message of a declared channel.
 
         Raises
@@ -112,20 +119,20 @@ class BagWriter:
         if len(chunk.data) >= CHUNK_SIZE:
             self._submit()
 
-    def finish(self, metadata: Sequence[Metadata]) -> None:
+    def finish(self) -> None:
         """Write the metadata records as a message, pending chunks, the index, and the header."""
-        if metadata:
+        if self.metadata:
             number = max(self._connections, default=0) + 1
             schema = Schema(STRING, "ros1msg", b"string data\n")
             header = (("latching", "1"), ("md5sum", _STRING_MD5))
             self.add_channel(Channel(number, METADATA_TOPIC, "ros1", schema, header))
-            self.write(number, self._end_ns, to_message(metadata))
+            self.put(number, self._end_ns, to_message(self.metadata))
         if self._chunk.data:
             self._submit()
         self._compressor.finish()
         index = self._offset
         self._write(*self._connections.values(), self._infos)
-        self._stream.seek(len(MAGIC))
+        self._stream.seek(len(_MAGIC))
         self._write(self._header(index))
 
     def abort(self) -> None:

@@ -3,13 +3,12 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.messages.metadata import SIDECAR
-from seaclutter_cli.sinks.options import McapOptions
-from seaclutter_cli.sinks.point_files import FRAME_WRITERS
-from seaclutter_cli.sinks.rosbag2_metadata import NAME
+from seaclutter_cli.sinks.options import ROSBAG2_METADATA, McapOptions
 from seaclutter_cli.storage.locations import Location
 
 if TYPE_CHECKING:
@@ -58,15 +57,16 @@ class OutputFormat:
 # Each sink is imported on demand, with the libraries for its format.
 
 
-def _log_sink(kind: str, *arguments: Any, **options: Any) -> "LogSink":
-    from seaclutter_cli.sinks import log_output
+def _log_sink(module: str, output: str, *arguments: Any, **options: Any) -> "LogSink":
     from seaclutter_cli.sinks.log import LogSink
 
-    return LogSink(*arguments, output=getattr(log_output, kind), **options)
+    writers = import_module(f"seaclutter_cli.sinks.{module}")
+    return LogSink(*arguments, output=getattr(writers, output), **options)
 
 
 def _frame_sink(name: str, *arguments: Any, **options: Any) -> "FrameSink":
     from seaclutter_cli.sinks.frames import FrameSink
+    from seaclutter_cli.sinks.point_files import FRAME_WRITERS
 
     return FrameSink(*arguments, write_frame=FRAME_WRITERS[name], suffix=f".{name}", **options)
 
@@ -76,20 +76,18 @@ def _frames(name: str) -> OutputFormat:
     return OutputFormat(f"{name.upper()} files", make, f".{name}", marker=SIDECAR, has_topics=False)
 
 
+_MCAP = ("zstd", "lz4", "")
+
 OUTPUT_FORMATS: Mapping[str, OutputFormat] = {
-    "mcap": OutputFormat("MCAP files", partial(_log_sink, "McapOutput"), ".mcap", ("zstd", "lz4", "")),
-    "bag": OutputFormat("ROS 1 bags", partial(_log_sink, "BagOutput"), ".bag", ("lz4", "")),
+    "mcap": OutputFormat("MCAP files", partial(_log_sink, "mcap_writer", "McapOutput"), ".mcap", _MCAP),
+    "bag": OutputFormat("ROS 1 bags", partial(_log_sink, "bag_writer", "BagOutput"), ".bag", ("lz4", "")),
     "rosbag2-db3": OutputFormat(
-        "ROS 2 recordings in sqlite3", partial(_log_sink, "Rosbag2Db3Output"), ".db3", marker=NAME
+        "ROS 2 recordings in sqlite3", partial(_log_sink, "rosbag2", "Db3Output"), ".db3", marker=ROSBAG2_METADATA
     ),
     "rosbag2-mcap": OutputFormat(
-        "ROS 2 recordings in MCAP",
-        partial(_log_sink, "Rosbag2McapOutput"),
-        "",
-        ("zstd", "lz4", ""),
-        marker=NAME,
+        "ROS 2 recordings in MCAP", partial(_log_sink, "rosbag2", "McapFolderOutput"), "", _MCAP, ROSBAG2_METADATA
     ),
-    **{name: _frames(name) for name in FRAME_WRITERS},
+    **{name: _frames(name) for name in ("pcd", "las", "laz", "npz")},
 }
 """Formats by the names that ``--to`` takes. To add a format, add a line here."""
 

@@ -30,8 +30,8 @@ from seaclutter_cli.messages.scene import TOPIC as SCENE_TOPIC
 from seaclutter_cli.messages.scene import SceneUpdate, scene_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sinks.log_output import LogOutput, McapOutput
-from seaclutter_cli.sinks.log_writer import LogWriter
+from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
+from seaclutter_cli.sinks.mcap_writer import McapOutput
 from seaclutter_cli.sinks.options import McapOptions, Parts
 from seaclutter_cli.storage.locations import Location
 

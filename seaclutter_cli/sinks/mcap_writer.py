@@ -7,10 +7,9 @@ The output bytes do not depend on the number of threads.
 import struct
 import zlib
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from threading import local
-from types import MappingProxyType
 from typing import BinaryIO
 
 import lz4.frame
@@ -19,10 +18,13 @@ from mcap import records as mcap_records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
+from seaclutter_cli import __version__
+from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
 from seaclutter_cli.sinks.compressor import Compressor
+from seaclutter_cli.sinks.log_output import LogFiles, LogWriter
 
-MAGIC = b"\x89MCAP0\r\n"
+_MAGIC = b"\x89MCAP0\r\n"
 CHUNK_SIZE = 1 << 20
 """Size in bytes at which a chunk is closed, as in other writers."""
 
@@ -63,24 +65,36 @@ class _Chunk:
         self.end_ns = max(self.end_ns, log_time_ns)
 
 
-class McapWriter:
-    """Writer for one MCAP file.
+class McapOutput(LogFiles):
+    """MCAP files, which keep everything."""
+
+    @staticmethod
+    def start(stream: BinaryIO, source: Source, compression: str | None) -> LogWriter:
+        """Return the writer of a file."""
+        return McapWriter(stream, profile=source.profile, compression=mcap_compression(source, compression))
+
+
+def mcap_compression(source: Source, given: str | None) -> str:
+    """Return the compression of an MCAP file: the one that was asked for, that of the input, or zstd."""
+    return given if given is not None else "zstd" if source.compression is None else source.compression
+
+
+class McapWriter(LogWriter):
+    """Writer for one MCAP file, which is written sequentially, without seeking.
 
     Parameters
     ----------
     stream : BinaryIO
-        Output; written sequentially, without seeking.
+        Output.
     profile, library : str
         Fields of the file header.
     compression : str
         A key of `COMPRESSIONS`.
     """
 
-    encoding: str | None = None
-    lost: Sequence[str] = ()
-    broken: Mapping[str, int] = MappingProxyType({})
-
-    def __init__(self, stream: BinaryIO, *, profile: str, library: str, compression: str) -> None:
+    def __init__(
+        self, stream: BinaryIO, *, profile: str, compression: str = "zstd", library: str = f"seaclutter {__version__}"
+    ) -> None:
         self._stream = stream
         self._offset = 0
         self._compression = compression
@@ -92,13 +106,8 @@ class McapWriter:
         self._start_ns, self._end_ns = 2**64 - 1, 0
         self._indexes: dict[Opcode, bytearray] = defaultdict(bytearray)
         self._indexed: Counter[Opcode] = Counter()
-        self._write(MAGIC)
+        self._write(_MAGIC)
         self._write_record(mcap_records.Header(profile=profile, library=library))
-
-    @property
-    def messages(self) -> int:
-        """Number of messages written."""
-        return self._counts.total()
 
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel under its own id, before its first message."""
@@ -118,6 +127,7 @@ class McapWriter:
         head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, log_time_ns, publish_time_ns)
         self._chunk.add(channel, log_time_ns, head, data)
         self._counts[channel] += 1
+        self.messages += 1
         if len(self._chunk.data) >= CHUNK_SIZE:
             self._submit()
 
@@ -161,7 +171,7 @@ class McapWriter:
         self._compressor.finish()
         self._write_record(mcap_records.DataEnd(data_section_crc=0))
         self._write_summary()
-        self._write(MAGIC)
+        self._write(_MAGIC)
 
     def abort(self) -> None:
         """Stop the threads and leave the file incomplete."""
@@ -233,15 +243,14 @@ class McapWriter:
         self._write(data, footer, struct.pack("<I", crc))
 
     def _statistics(self) -> mcap_records.Statistics:
-        count = self._counts.total()
         return mcap_records.Statistics(
             attachment_count=self._indexed[Opcode.ATTACHMENT_INDEX],
             channel_count=len(self._channels),
             channel_message_counts=dict(self._counts),
             chunk_count=self._indexed[Opcode.CHUNK_INDEX],
-            message_count=count,
+            message_count=self.messages,
             message_end_time=self._end_ns,
-            message_start_time=self._start_ns if count else 0,
+            message_start_time=self._start_ns if self.messages else 0,
             metadata_count=self._indexed[Opcode.METADATA_INDEX],
             schema_count=len(self._schemas),
         )

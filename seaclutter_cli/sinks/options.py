@@ -11,6 +11,9 @@ from seaclutter_cli.records import Metadata
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.objects import list_folder
 
+ROSBAG2_METADATA = "metadata.yaml"
+"""File that describes a ROS 2 recording, in its folder."""
+
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "ki": 2**10, "mi": 2**20, "gi": 2**30}
 _DURATIONS = {"s": 1, "sec": 1, "min": 60, "h": 3600}
 _PATTERN = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]*)", re.ASCII)

@@ -4,13 +4,13 @@ import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli import __version__
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.messages import CODECS
@@ -23,6 +23,8 @@ _TYPE = "sensor_msgs/msg/PointCloud2"
 _PLY = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint", "f4": "float"}
 _PLY_NAMES = {**_PLY, "f8": "double"}
 _PCD_KINDS = {"i": "I", "u": "U", "f": "F"}
+_LAS_SCALE, _LAS_STEPS, _LAS_NAME_BYTES = 1e-4, 4e9, 32
+_ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 
 
 def with_columns(cloud: Cloud, columns: Mapping[str, NDArray[Any]]) -> Cloud:
@@ -37,86 +39,50 @@ def with_columns(cloud: Cloud, columns: Mapping[str, NDArray[Any]]) -> Cloud:
     return replace(from_array(out), stamp_ns=cloud.stamp_ns, frame_id=cloud.frame_id)
 
 
-def write_pcd(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> None:
-    """Write a binary PCD file.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
-    _write(path, pcd_header(cloud), cloud, group)
-
-
-def pcd_header(cloud: Cloud) -> str:
-    """Return the header of a binary PCD file with the points of a packed cloud."""
-    fields = cloud.fields
+def _write_pcd(stream: BinaryIO, cloud: Cloud) -> int:
+    """Write a binary PCD file with all fields; an organised cloud keeps its height and width."""
+    packed = _packed(cloud)
+    names = ["".join("_" if c.isspace() else c for c in field.name) for field in packed.fields]
     rows = {
-        "FIELDS": [field.name for field in fields],
-        "SIZE": [field.type[1] for field in fields],
-        "TYPE": [_PCD_KINDS[field.type[0]] for field in fields],
-        "COUNT": [str(max(field.count, 1)) for field in fields],
+        "FIELDS": names,
+        "SIZE": [field.type[1] for field in packed.fields],
+        "TYPE": [_PCD_KINDS[field.type[0]] for field in packed.fields],
+        "COUNT": [str(max(field.count, 1)) for field in packed.fields],
     }
     lines = ["# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7"]
     lines += [f"{key} {' '.join(values)}" for key, values in rows.items()]
-    shape = [f"WIDTH {cloud.width}", f"HEIGHT {cloud.height}", "VIEWPOINT 0 0 0 1 0 0 0"]
-    return "\n".join([*lines, *shape, f"POINTS {cloud.size}", "DATA binary"]) + "\n"
-
-
-def write_ply(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> None:
-    """Write a binary PLY file; each value of a field with several values becomes a property."""
-    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {cloud.size}"]
-    for field in cloud.fields:
-        names = [field.name] if field.count <= 1 else [f"{field.name}_{number}" for number in range(field.count)]
-        lines += [f"property {_PLY_NAMES[field.type]} {name}" for name in names]
-    _write(path, "\n".join([*lines, "end_header"]) + "\n", cloud, group)
-
-
-def write_mcap(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> None:
-    """Write an MCAP file with one ROS 2 PointCloud2 message on ``/points``."""
-    with AtomicFile(path, group) as file:
-        writer = McapWriter(file.stream, profile="ros2", library=f"seaclutter {__version__}", compression="zstd")
-        try:
-            writer.add_channel(Channel(1, "/points", "cdr", ros2_schema(_TYPE)))
-            writer.write(1, cloud.stamp_ns, cloud.stamp_ns, 0, CODECS[_TYPE, "cdr"].encode(cloud))
-            writer.finish()
-        except BaseException:
-            writer.abort()
-            raise
-
-
-def _write(path: Path, header: str, cloud: Cloud, group: OutputGroup | None) -> None:
-    with AtomicFile(path, group) as file:
-        file.stream.write(header.encode())
-        file.stream.write(cloud.data)
-
-
-POINT_WRITERS: Mapping[str, Callable[[Path, Cloud, OutputGroup | None], None]] = {
-    ".pcd": write_pcd,
-    ".ply": write_ply,
-    ".mcap": write_mcap,
-}
-"""Writers for unorganised, packed clouds by file extension. To add a format, add a line here."""
-
-
-_NANO = 10**9
-_LAS_SCALE = 1e-4
-_LAS_STEPS = 4e9
-_LAS_NAME_BYTES = 32
-_ZIP_TIME = (1980, 1, 1, 0, 0, 0)
-
-
-def write_pcd_frame(stream: BinaryIO, cloud: Cloud) -> int:
-    """Write a binary PCD file with all fields; an organised cloud keeps its height and width."""
-    packed = _packed(cloud)
-    names = tuple("".join("_" if c.isspace() else c for c in field.name) for field in packed.fields)
-    fields = tuple(replace(field, name=name) for field, name in zip(packed.fields, names, strict=True))
-    stream.write(pcd_header(replace(packed, fields=fields)).encode("utf-8", "replace"))
+    lines += [f"WIDTH {packed.width}", f"HEIGHT {packed.height}", "VIEWPOINT 0 0 0 1 0 0 0"]
+    lines += [f"POINTS {packed.size}", "DATA binary", ""]
+    stream.write("\n".join(lines).encode("utf-8", "replace"))
     stream.write(packed.data)
     return 0
 
 
-def write_npz_frame(stream: BinaryIO, cloud: Cloud) -> int:
+def _write_ply(stream: BinaryIO, cloud: Cloud) -> int:
+    """Write a binary PLY file of a packed cloud; each value of a field with several values becomes a property."""
+    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {cloud.size}"]
+    for field in cloud.fields:
+        names = [field.name] if field.count <= 1 else [f"{field.name}_{number}" for number in range(field.count)]
+        lines += [f"property {_PLY_NAMES[field.type]} {name}" for name in names]
+    stream.write("\n".join([*lines, "end_header", ""]).encode())
+    stream.write(cloud.data)
+    return 0
+
+
+def _write_mcap(stream: BinaryIO, cloud: Cloud) -> int:
+    """Write an MCAP file with one ROS 2 PointCloud2 message on ``/points``."""
+    writer = McapWriter(stream, profile="ros2")
+    try:
+        writer.add_channel(Channel(1, "/points", "cdr", ros2_schema(_TYPE)))
+        writer.write(1, cloud.stamp_ns, cloud.stamp_ns, 0, CODECS[_TYPE, "cdr"].encode(cloud))
+        writer.finish()
+    except BaseException:
+        writer.abort()
+        raise
+    return 0
+
+
+def _write_npz(stream: BinaryIO, cloud: Cloud) -> int:
     """Write an array for each field, of shape (N,), or (height, width) of an organised cloud, and the stamp.
 
     A field with several values has one more axis. ``stamp_ns`` and ``frame_id`` are arrays without axes, unless fields
@@ -137,13 +103,8 @@ def write_npz_frame(stream: BinaryIO, cloud: Cloud) -> int:
     return 0
 
 
-def write_las_frame(stream: BinaryIO, cloud: Cloud) -> int:
-    """Write a LAS 1.4 file; see `write_laz_frame`."""
-    return _write_las(stream, cloud, packed=False)
-
-
-def write_laz_frame(stream: BinaryIO, cloud: Cloud) -> int:
-    """Write a LAZ file, and return the number of points without coordinates, which it cannot contain.
+def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> int:
+    """Write a LAS 1.4 or a LAZ file, and return the number of points without coordinates, which it cannot contain.
 
     Coordinates have a resolution of 0.1 mm, if they are at most 400 km apart. Fields with the name and the type of a
     dimension of LAS are stored in it, all others in extra dimensions, those with several values in one for each value.
@@ -154,10 +115,6 @@ def write_laz_frame(stream: BinaryIO, cloud: Cloud) -> int:
     MissingExtraError
         If laspy or its LAZ backend is not installed.
     """
-    return _write_las(stream, cloud, packed=True)
-
-
-def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> int:
     try:
         import laspy  # optional dependency
     except ImportError as error:
@@ -170,7 +127,7 @@ def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> int:
     valid = np.isfinite(xyz).all(axis=0)
     points, xyz = points[valid], xyz[:, valid]
     header = laspy.LasHeader(point_format=7 if {"red", "green", "blue"} <= set(names) else 6, version="1.4")
-    header.creation_date = datetime.fromtimestamp(max(cloud.stamp_ns, 0) // _NANO, UTC).date()
+    header.creation_date = datetime.fromtimestamp(max(cloud.stamp_ns, 0) // 10**9, UTC).date()
     header.generating_software = "seaclutter"
     header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6, also without a reference system
     header.scales, header.offsets = _grid(xyz)
@@ -241,9 +198,28 @@ def _packed(cloud: Cloud) -> Cloud:
 
 
 FRAME_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], int]] = {
-    "pcd": write_pcd_frame,
-    "las": write_las_frame,
-    "laz": write_laz_frame,
-    "npz": write_npz_frame,
+    "pcd": _write_pcd,
+    "las": partial(_write_las, packed=False),
+    "laz": partial(_write_las, packed=True),
+    "npz": _write_npz,
 }
-"""Writers by the name of the format; they return the number of points that a file cannot contain."""
+"""Writers of frames by the name of the format; they return the number of points that a file cannot contain."""
+
+POINT_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], int]] = {
+    ".pcd": _write_pcd,
+    ".ply": _write_ply,
+    ".mcap": _write_mcap,
+}
+"""Writers of tiles, as unorganised, packed clouds, by file extension. To add a format, add a line here."""
+
+
+def write_points(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> None:
+    """Write an unorganised, packed cloud in the format of the file extension, a key of `POINT_WRITERS`.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    with AtomicFile(path, group) as file:
+        POINT_WRITERS[path.suffix.lower()](file.stream, cloud)

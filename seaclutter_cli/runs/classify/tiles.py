@@ -19,7 +19,7 @@ from seaclutter_cli.runs.outputs import Paths, is_file, prepare_outputs
 from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
-from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns
+from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns, write_points
 from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name, read_columns
@@ -167,4 +167,4 @@ def write_tile(
         write_las(target, header, tile.parts(), columns, extra, group)
         return
     cloud = FRAME_READERS[tile.path.suffix.lower()](tile.path) if isinstance(tile, LasTile) else tile.cloud
-    POINT_WRITERS[target.suffix.lower()](target, with_columns(cloud, columns), group)
+    write_points(target, with_columns(cloud, columns), group)

@@ -56,7 +56,7 @@ class McapLog:
 
     def __init__(self, scene: Scene, stream: BinaryIO) -> None:
         self._period_ns = round(10**9 / LIDARS[scene.recording.lidar].rate_hz)
-        self._writer = McapWriter(stream, profile="ros2", library=f"seaclutter {__version__}", compression="zstd")
+        self._writer = McapWriter(stream, profile="ros2")
         entries = {"version": __version__, "scene": json.dumps(scene.as_dict())}
         self._writer.add_metadata(Metadata("scene", entries))
         self._writer.add_channel(Channel(1, "/points", "cdr", ros2_schema(_TYPE)))

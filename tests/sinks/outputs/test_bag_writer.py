@@ -40,8 +40,10 @@ def write(tmp_path, monkeypatch):
         writer.add_channel(channel(0, "/a", latching="1", callerid="/node"))
         writer.add_channel(channel(7, "/b"))
         for number, time_ns, text in messages:
-            writer.write(number, time_ns, message(text))
-        writer.finish(metadata)
+            writer.write(number, time_ns, time_ns, 0, message(text))
+        for record in metadata:
+            writer.add_metadata(record)
+        writer.finish()
         path = tmp_path / "out.bag"
         path.write_bytes(stream.getvalue())
         return path
@@ -146,8 +148,8 @@ def test_a_foreign_topic_of_that_name_stays_a_topic(tmp_path):
     with path.open("wb") as stream:
         writer = BagWriter(stream, compression="")
         writer.add_channel(channel(0, "/seaclutter/metadata"))
-        writer.write(0, START_NS, message("hello"))
-        writer.finish(())
+        writer.put(0, START_NS, message("hello"))
+        writer.finish()
     source = open_source(path)
     assert [c.topic for c in source.channels] == ["/seaclutter/metadata"]
     assert (source.metadata, len(list(source.records()))) == ((), 1)

@@ -1,0 +1,252 @@
+"""ROS 2 recordings (rosbag2): folders with storage files, in sqlite3 or MCAP, and a ``metadata.yaml``."""
+
+import sqlite3
+from abc import abstractmethod
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import yaml
+
+from seaclutter_cli.errors import OutputError
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.messages.metadata import to_custom_data
+from seaclutter_cli.records import Buffer, Channel, Metadata
+from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sinks.atomic_folder import AtomicFolder
+from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
+from seaclutter_cli.sinks.mcap_writer import McapWriter, mcap_compression
+from seaclutter_cli.sinks.options import ROSBAG2_METADATA
+from seaclutter_cli.sinks.ros_writer import MessagesOnly, PassingWriter, TranslatingWriter
+from seaclutter_cli.storage.locations import Location
+
+_VERSION = 8
+"""Version of the metadata: that of ROS 2 Iron, which older and newer releases read."""
+
+_TABLES = """
+CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);
+CREATE TABLE metadata(id INTEGER PRIMARY KEY, metadata_version INTEGER NOT NULL, metadata TEXT NOT NULL);
+CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
+  serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL, type_description_hash TEXT NOT NULL);
+CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT NOT NULL, encoding TEXT NOT NULL,
+  encoded_message_definition TEXT NOT NULL, type_description_hash TEXT NOT NULL);
+CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL,
+  data BLOB NOT NULL);
+INSERT INTO schema(schema_version, ros_distro) VALUES (4, '');
+"""
+
+
+class _Rosbag2Output(LogOutput):
+    """A folder with storage files and a ``metadata.yaml``."""
+
+    storage: str
+    suffix: str
+
+    def __init__(self, path: Location, group: OutputGroup | None = None, *, split: bool = False) -> None:  # noqa: ARG002
+        self._folder = AtomicFolder(path, group, last=ROSBAG2_METADATA)
+        self._contents = _Contents(self.storage)
+
+    def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
+        name = f"{self._folder.path.name}_{number}{self.suffix}"
+        self._contents.files.append(_StoredFile(name))
+        writer = self._start(name, source, compression)
+        return TranslatingWriter(_ContentsWriter(writer, self._contents, is_first=number == 0), "cdr")
+
+    @abstractmethod
+    def _start(self, name: str, source: Source, compression: str | None) -> LogWriter: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                with self._folder.open(ROSBAG2_METADATA) as file:
+                    file.write(self._contents.to_text().encode())
+        except BaseException as failure:
+            self._folder.__exit__(type(failure), failure, None)
+            raise
+        self._folder.__exit__(kind, error, trace)
+
+
+class Db3Output(_Rosbag2Output):
+    """ROS 2 recordings in sqlite3 files."""
+
+    storage, suffix = "sqlite3", ".db3"
+
+    def _start(self, name: str, source: Source, compression: str | None) -> LogWriter:  # noqa: ARG002
+        return _Db3Writer(self._folder.part / name, self._folder.path)
+
+
+class McapFolderOutput(_Rosbag2Output):
+    """ROS 2 recordings in MCAP files."""
+
+    storage, suffix = "mcap", ".mcap"
+
+    def _start(self, name: str, source: Source, compression: str | None) -> LogWriter:
+        compression = mcap_compression(source, compression)
+        return _ClosingWriter(self._folder.open(name), profile="ros2", compression=compression)
+
+
+class _ClosingWriter(McapWriter):
+    """MCAP writer that closes its file at the end."""
+
+    def finish(self) -> None:
+        super().finish()
+        self._stream.close()
+
+    def abort(self) -> None:
+        super().abort()
+        self._stream.close()
+
+
+class _Db3Writer(MessagesOnly):
+    """Writer for a new sqlite3 file of a recording, with the schema that ROS 2 has had since Iron."""
+
+    def __init__(self, path: Path, target: Location) -> None:
+        super().__init__()
+        self._target = target
+        self._types: set[str] = set()
+        # Without a journal, since an incomplete file never gets its name; one transaction, which needs little memory.
+        self._db = sqlite3.connect(path, isolation_level=None, cached_statements=8)
+        self._run("PRAGMA journal_mode=OFF")
+        self._run("PRAGMA synchronous=OFF")
+        self._run("BEGIN")
+        for statement in _TABLES.split(";")[:-1]:
+            self._run(statement)
+
+    def add_channel(self, channel: Channel) -> None:
+        assert channel.schema is not None  # noqa: S101 - translated channels have one
+        metadata, schema = dict(channel.metadata), channel.schema
+        checksum, qos = metadata.get("topic_type_hash", ""), metadata.get("offered_qos_profiles", "")
+        row = (channel.id, channel.topic, schema.name, channel.message_encoding, qos, checksum)
+        self._run("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", row)
+        if schema.name not in self._types:
+            self._types.add(schema.name)
+            columns = "(topic_type, encoding, encoded_message_definition, type_description_hash)"
+            text = schema.data.decode("utf-8", "replace")
+            self._run(
+                f"INSERT INTO message_definitions {columns} VALUES (?, ?, ?, ?)",  # noqa: S608 - no values
+                (schema.name, schema.encoding, text, checksum),
+            )
+
+    def put(self, channel: int, log_time_ns: int, data: Buffer) -> None:
+        if not 0 <= log_time_ns < 2**63:
+            raise OutputError(f"{self._target}: a ROS 2 bag cannot contain the log time {log_time_ns} ns")
+        self._run("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", (channel, log_time_ns, data))
+
+    def finish(self) -> None:
+        text = _to_yaml({"custom_data": to_custom_data(self.metadata)})
+        self._run("INSERT INTO metadata (metadata_version, metadata) VALUES (?, ?)", (_VERSION, text))
+        self._run("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
+        self._run("COMMIT")
+        self._db.close()
+
+    def abort(self) -> None:
+        self._db.close()
+
+    def _run(self, statement: str, values: Sequence[object] = ()) -> None:
+        try:
+            self._db.execute(statement, values)
+        except sqlite3.Error as error:
+            raise OutputError(f"{self._target}: writing failed ({error}); the incomplete folder was removed") from error
+
+
+@dataclass
+class _StoredFile:
+    """A storage file of a recording: name, log times of the first and the last message, number of messages."""
+
+    name: str
+    start_ns: int = 2**63 - 1
+    end_ns: int = 0
+    messages: int = 0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return times and number of messages."""
+        return {
+            "starting_time": {"nanoseconds_since_epoch": self.start_ns},
+            "duration": {"nanoseconds": max(self.end_ns - self.start_ns, 0)},
+            "message_count": self.messages,
+        }
+
+
+@dataclass
+class _Contents:
+    """What the storage files of a recording contain: channels by id, messages by channel, metadata records."""
+
+    storage: str
+    files: list[_StoredFile] = field(default_factory=list)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    counts: Counter[int] = field(default_factory=Counter)
+    metadata: list[Metadata] = field(default_factory=list)
+
+    def count(self, channel: int, log_time_ns: int) -> None:
+        """Count a message in the last file."""
+        file = self.files[-1]
+        file.start_ns, file.end_ns = min(file.start_ns, log_time_ns), max(file.end_ns, log_time_ns)
+        file.messages += 1
+        self.counts[channel] += 1
+
+    def to_text(self) -> str:
+        """Return the content of ``metadata.yaml``."""
+        start_ns, end_ns = min(file.start_ns for file in self.files), max(file.end_ns for file in self.files)
+        information = {
+            "version": _VERSION,
+            "storage_identifier": self.storage,
+            **_StoredFile("", start_ns, end_ns, self.counts.total()).as_dict(),
+            "topics_with_message_count": [
+                {"topic_metadata": _topic(channel), "message_count": self.counts[number]}
+                for number, channel in self.channels.items()
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [file.name for file in self.files],
+            "files": [{"path": file.name, **file.as_dict()} for file in self.files],
+            "custom_data": to_custom_data(self.metadata) or None,
+            "ros_distro": "",
+        }
+        return _to_yaml({"rosbag2_bagfile_information": information})
+
+
+def _topic(channel: Channel) -> dict[str, str]:
+    metadata = dict(channel.metadata)
+    return {
+        "name": channel.topic,
+        "type": channel.schema.name if channel.schema else "",
+        "serialization_format": channel.message_encoding,
+        "offered_qos_profiles": metadata.get("offered_qos_profiles", ""),
+        "type_description_hash": metadata.get("topic_type_hash", ""),
+    }
+
+
+def _to_yaml(values: Mapping[str, Any]) -> str:
+    return str(yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=10**6))
+
+
+class _ContentsWriter(PassingWriter):
+    """Writer that takes note of what a recording contains, and joins the publishers of a topic, as rosbag2 does."""
+
+    def __init__(self, writer: LogWriter, contents: _Contents, *, is_first: bool) -> None:
+        super().__init__(writer)
+        self._contents, self._is_first = contents, is_first
+        self._ids: dict[int, int] = {}
+        self._declared: dict[tuple[str, str], int] = {}
+
+    def add_channel(self, channel: Channel) -> None:
+        kind = channel.topic, channel.schema.name if channel.schema else ""
+        number = self._ids[channel.id] = self._declared.setdefault(kind, channel.id)
+        if number == channel.id:
+            self._contents.channels[number] = channel
+            super().add_channel(channel)
+
+    def write(self, channel: int, log_time_ns: int, publish_time_ns: int, sequence: int, data: Buffer) -> None:
+        number = self._ids[channel]
+        self._contents.count(number, log_time_ns)
+        super().write(number, log_time_ns, publish_time_ns, sequence, data)
+
+    def add_metadata(self, metadata: Metadata) -> None:
+        if self._is_first:
+            self._contents.metadata.append(metadata)
+        super().add_metadata(metadata)
