@@ -15,6 +15,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -204,10 +205,10 @@ def main(folder: Path, table: Path, recordings: Path | None) -> None:
     make_inputs(inputs)
     if not (folder / "model.skops").exists():
         run(["classify", "train", "tile.laz", "-o", "../model.skops", "-s", "forest.trees=20"], inputs)
-    with table.open("w", newline="") as stream:
+    with table.open("w", newline="") as stream, TemporaryDirectory(dir=folder) as scratch:
         writer = csv.writer(stream, lineterminator="\n")
         for name, arguments in cases(inputs, recordings and recordings.resolve()):
-            writer.writerows(digests(name, arguments, inputs, folder.resolve() / "out"))
+            writer.writerows(digests(name, arguments, inputs, Path(scratch).resolve() / "out"))
             stream.flush()
 
 
