@@ -17,16 +17,9 @@ _REMEDY = "find suitable thresholds with: seaclutter calibrate"
 class ThresholdCheck:
     """Check of the first frames of a topic, with at most one warning about unsuitable thresholds.
 
-    Parameters
-    ----------
-    edges : sequence of float
-        Edges of the range rings in metres, shape (K + 1,).
-    sensor : str or None, optional
-        Sensor that the thresholds are for.
-    max_intensity : float or None, optional
-        Highest intensity of this sensor; None if unknown.
-    needs_water : bool, optional
-        Whether the method compares a point with its threshold only where it sees water; other frames do not count.
+    The thresholds are those of the range rings between ``edges``, shape (K + 1,), for a sensor and its highest
+    intensity, if they are known. With ``needs_water``, the method compares a point with its threshold only where it
+    sees water, and other frames do not count.
     """
 
     def __init__(

@@ -26,19 +26,9 @@ _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np
 
 
 def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
-    """Return each point's mean distance to its nearest other points.
+    """Return the mean distance of points, shape (N, 3), finite, to their 1 to N - 1 nearest other points, shape (N,).
 
-    Parameters
-    ----------
-    points : ndarray, shape (N, 3), float64
-        Finite coordinates in metres. Equal points are neighbours of each other at distance 0.
-    neighbors : int
-        Number of nearest other points; at least 1, at most N - 1.
-
-    Returns
-    -------
-    ndarray, shape (N,), float64
-        Mean distance in metres.
+    Equal points are neighbours of each other at distance 0.
 
     Examples
     --------
@@ -58,21 +48,11 @@ def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
 
 
 def nth_neighbor_distance(points: Points, n: int, query: NDArray[np.intp] | None = None) -> Distances:
-    """Return each point's distance to its n-th nearest other point.
+    """Return the distance of points, shape (N, 3), finite, to their n-th nearest other point; n is 1 to N - 1.
 
-    Parameters
-    ----------
-    points : ndarray, shape (N, 3), float64
-        Finite coordinates in metres. Equal points are neighbours of each other at distance 0.
-    n : int
-        Rank of the neighbour; at least 1, at most N - 1.
-    query : ndarray, shape (M,), optional
-        Indices of the queried points; all N by default. Neighbours are always searched among all N points.
-
-    Returns
-    -------
-    ndarray, shape (M,), float64
-        Distance in metres. It is at most R if and only if at least n other points lie within R, bound included.
+    Equal points are neighbours of each other at distance 0. With ``query``, the indices of M points, the shape is (M,)
+    instead of (N,); neighbours are always searched among all N. The distance is at most R if and only if at least n
+    other points lie within R, bound included.
 
     Examples
     --------
@@ -83,19 +63,9 @@ def nth_neighbor_distance(points: Points, n: int, query: NDArray[np.intp] | None
 
 
 def nth_neighbor_distances(points: Points, ranks: Sequence[int], query: NDArray[np.intp] | None = None) -> Distances:
-    """Return each point's distances to its nearest other points of several ranks, from one search.
+    """Return the distances of `nth_neighbor_distance` for R ranks from one search, shape (M, R).
 
-    Parameters
-    ----------
-    points, query
-        As for `nth_neighbor_distance`.
-    ranks : sequence of int, length R
-        Ranks of the neighbours; at least 1. The distance is infinite for ranks of N or more.
-
-    Returns
-    -------
-    ndarray, shape (M, R), float64
-        Distances in metres.
+    They are infinite for ranks of N or more.
 
     Examples
     --------
@@ -119,17 +89,9 @@ def nth_neighbor_distances(points: Points, ranks: Sequence[int], query: NDArray[
 
 
 def nearest(points: Points, query: Points) -> tuple[NDArray[np.int64], Distances]:
-    """Return the nearest of some points to each of other points, and its distance.
+    """Return the nearest of N points, at least one, to each of M others, shape (N, D) and (M, D), and its distance.
 
-    Parameters
-    ----------
-    points, query : ndarray, shape (N, D) and (M, D), float64
-        Finite coordinates in metres, of two or three dimensions; N is at least 1.
-
-    Returns
-    -------
-    (ndarray, shape (M,), int64), (ndarray, shape (M,), float64)
-        Index and distance in metres.
+    Coordinates are finite, of two or three dimensions; index and distance have the shape (M,).
 
     Examples
     --------
@@ -145,19 +107,8 @@ def nearest(points: Points, query: Points) -> tuple[NDArray[np.int64], Distances
 def within(points: Points, query: Points, radius: Distances) -> NDArray[np.int64] | None:
     """Return how many of some points are within a radius of each of other points, bound included.
 
-    It is faster than a tree, except for dense points: there, None is returned.
-
-    Parameters
-    ----------
-    points, query : ndarray, shape (3, N) and (3, M), float64
-        Finite coordinates in metres.
-    radius : ndarray, shape (M,), float64
-        Radii in metres.
-
-    Returns
-    -------
-    ndarray, shape (M,), int64, or None
-        None if more than eight points for each of the N + M points are as near along x.
+    It is faster than a tree, except for dense points: None is returned if more than eight points for each of the N + M
+    points, shapes (3, N) and (3, M), are as near along x.
 
     Examples
     --------

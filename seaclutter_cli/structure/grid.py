@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Floats, azimuth_deg, elevation_deg
 
-AZIMUTH_STEP_DEG = 1.0
-_COLUMNS = round(360 / AZIMUTH_STEP_DEG)
+_AZIMUTH_STEP_DEG = 1.0
+_COLUMNS = round(360 / _AZIMUTH_STEP_DEG)
 _ELEVATION_STEP_DEG = 1.0
-RING_NAMES = ("ring", "channel", "line", "laser_id")
+_RING_NAMES = ("ring", "channel", "line", "laser_id")
 _MAX_RINGS = 1024
 _MIN_BEAMS = 2
 _SAME_DEG = 0.02
@@ -24,10 +24,7 @@ _MIN_SHARE, _MOST_SPREAD_DEG = 0.002, 0.3
 class BeamGrid:
     """Rows of elevation, between the beams of a lidar if they are known, by columns of 1° of azimuth.
 
-    Parameters
-    ----------
-    edges_deg : ndarray, shape (R + 1,), float64
-        Limits of the rows, ascending.
+    ``edges_deg``, shape (R + 1,), are the limits of the rows, ascending.
     """
 
     edges_deg: Floats
@@ -63,7 +60,7 @@ class BeamGrid:
     def centers(self) -> Floats:
         """Unit vectors to the centres of all directions, shape (3, size)."""
         elevation = np.radians((self.edges_deg[1:] + self.edges_deg[:-1]) / 2)[:, None]
-        azimuth = np.radians(-180 + (np.arange(_COLUMNS) + 0.5) * AZIMUTH_STEP_DEG)
+        azimuth = np.radians(-180 + (np.arange(_COLUMNS) + 0.5) * _AZIMUTH_STEP_DEG)
         flat = np.cos(elevation)
         parts = (flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation) + 0 * azimuth)
         return np.stack([part.reshape(-1) for part in parts])
@@ -73,7 +70,7 @@ class BeamGrid:
         xyz = frame.coordinates[:, frame.valid]
         elevation = elevation_deg(xyz, frame.range_m[frame.valid])
         row = np.clip(np.searchsorted(self.edges_deg, elevation, "right") - 1, 0, self.rows - 1)
-        column = np.clip(((azimuth_deg(xyz) + 180) / AZIMUTH_STEP_DEG).astype(np.int64), 0, _COLUMNS - 1)
+        column = np.clip(((azimuth_deg(xyz) + 180) / _AZIMUTH_STEP_DEG).astype(np.int64), 0, _COLUMNS - 1)
         return np.asarray(row * _COLUMNS + column, np.int64)
 
     def unfolded(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -91,14 +88,14 @@ class BeamGrid:
 
     def limits(self, row: int, column: int) -> tuple[float, float, float, float]:
         """Return the limits of a direction: elevation, then azimuth, in degrees."""
-        left = -180 + column * AZIMUTH_STEP_DEG
-        return float(self.edges_deg[row]), float(self.edges_deg[row + 1]), left, left + AZIMUTH_STEP_DEG
+        left = -180 + column * _AZIMUTH_STEP_DEG
+        return float(self.edges_deg[row]), float(self.edges_deg[row + 1]), left, left + _AZIMUTH_STEP_DEG
 
 
 def _numbered_beams(frame: Frame, elevation: Floats) -> Floats | None:
     """Return the elevations of the beams, ascending; None if no field numbers beams of constant elevation."""
     points = frame.cloud.points
-    name = next((name for name in RING_NAMES if name in (points.dtype.names or ())), None)
+    name = next((name for name in _RING_NAMES if name in (points.dtype.names or ())), None)
     if name is None or points.dtype[name].shape or points.dtype[name].kind not in "iu":
         return None
     rings, ring = np.unique(points[name][frame.valid], return_inverse=True)

@@ -28,14 +28,7 @@ _DECIMALS = 3
 class Sector:
     """A range of directions and distances that own structure occupies; lower bounds are included, upper ones not.
 
-    Parameters
-    ----------
-    elevation_min_deg, elevation_max_deg : float
-        Elevation above the plane z = 0 of the cloud.
-    azimuth_min_deg, azimuth_max_deg : float
-        Azimuth from x towards y, -180 to 180.
-    range_min_m, range_max_m : float
-        Range.
+    Elevations are above the plane z = 0 of the cloud, azimuths from x towards y, -180 to 180.
     """
 
     elevation_min_deg: float
@@ -64,15 +57,7 @@ COLUMNS = tuple(field.name for field in fields(Sector))
 class StructureMask:
     """A mask of own structure, as a grid in which each direction is found in constant time.
 
-    Parameters
-    ----------
-    sectors : sequence of Sector
-        Where they overlap, their ranges are joined.
-
-    Raises
-    ------
-    ValueError
-        If the directions need a grid of more than four million cells.
+    Where sectors overlap, their ranges are joined. `ValueError` if the directions need more than four million cells.
     """
 
     def __init__(self, sectors: tuple[Sector, ...]) -> None:
@@ -91,15 +76,7 @@ class StructureMask:
             self._farthest[cells] = np.maximum(self._farthest[cells], far)
 
     def contains(self, xyz: Floats, range_m: Floats) -> NDArray[np.bool_]:
-        """Return whether points belong to own structure.
-
-        Parameters
-        ----------
-        xyz : ndarray, shape (3, N), float64
-            Coordinates in metres.
-        range_m : ndarray, shape (N,), float64
-            Ranges in metres.
-        """
+        """Return whether points, shape (3, N), at ranges, shape (N,), belong to own structure."""
         inside = np.zeros(len(range_m), np.bool_)
         if not self.sectors:
             return inside

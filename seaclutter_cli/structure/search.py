@@ -11,7 +11,8 @@ from seaclutter_cli.structure.grid import BeamGrid
 from seaclutter_cli.structure.mask import Floats, Sector, StructureMask
 from seaclutter_cli.water import WaterTracker
 
-STEP_M = 0.08
+MIN_FRAMES = 20
+_STEP_M = 0.08
 """Depth of a cell; a structure returns within two of them."""
 _MARGIN_M = 0.1
 _STRONG, _WEAK = 0.8, 0.25
@@ -21,7 +22,6 @@ _FAR_STEP_M, _FAR_M = 1.0, 100.0
 _HIGH_M = 1.0
 _MIN_FAR_CELLS = 20
 _AT_REST = 0.25
-MIN_FRAMES = 20
 _DECIMALS = 3
 _BESIDE_BINS = 13
 _GOES_ON, _MOST_ONGOING = 0.15, 0.3
@@ -30,18 +30,11 @@ _GOES_ON, _MOST_ONGOING = 0.15, 0.3
 
 @dataclass(frozen=True)
 class FoundStructure:
-    """Result of a search.
+    """Result of a search over a number of frames.
 
-    Parameters
-    ----------
-    mask : StructureMask
-        Own structure; without sectors if there is none, or the vessel is at rest.
-    frames : int
-        Number of frames.
-    share : float
-        Share of the directions in which the lidar measures that the structure occupies.
-    at_rest : float or None
-        Share of the returns farther away that are constant as well; None if there are too few to tell.
+    The mask has no sectors if there is no structure, or the vessel is at rest. ``share`` is that of the directions in
+    which the lidar measures that the structure occupies, ``at_rest`` that of the returns farther away that are constant
+    as well; None if there are too few to tell.
     """
 
     mask: StructureMask
@@ -56,12 +49,7 @@ class FoundStructure:
 
 
 class StructureSearch:
-    """Counter of the frames in which each cell of direction and range returns.
-
-    Parameters
-    ----------
-    reach_m : float
-        Range up to which structure is searched.
+    """Counter of the frames in which each cell of direction and range, up to ``reach_m``, returns.
 
     Notes
     -----
@@ -79,7 +67,7 @@ class StructureSearch:
 
     def __init__(self, reach_m: float) -> None:
         self._reach_m, self._frames = reach_m, 0
-        self._bins = int(np.ceil(reach_m / STEP_M))
+        self._bins = int(np.ceil(reach_m / _STEP_M))
         self._far_bins = int(np.ceil((_FAR_M - reach_m) / _FAR_STEP_M)) if reach_m < _FAR_M else 0
         self._grid: BeamGrid | None = None
         self._water, self._planes = WaterTracker(), np.zeros(4)
@@ -96,7 +84,7 @@ class StructureSearch:
         xyz = frame.coordinates[:, frame.valid]
         range_m, direction = frame.range_m[frame.valid], self._grid.directions(frame)
         self._frames += 1
-        _count(self._counts, direction, range_m / STEP_M)
+        _count(self._counts, direction, range_m / _STEP_M)
         _count(self._far, direction, (range_m - self._reach_m) / _FAR_STEP_M)
         surface = self._water.step(xyz, frame.stamp_ns / 1e9)
         if surface is not None:
@@ -125,7 +113,7 @@ class StructureSearch:
             return []
         part = grid.between(max(int(rows[0]) - 1, 0), int(rows[-1]) + 2)
         share = (part.of_rows(self._counts, grid) / np.float32(self._frames)).astype(np.float32)
-        share[self._height(part, (np.arange(self._bins) + 0.5) * STEP_M) < _ABOVE_WATER_M] = 0
+        share[self._height(part, (np.arange(self._bins) + 0.5) * _STEP_M) < _ABOVE_WATER_M] = 0
         cells = part.unfolded(share)
         parts = _connected(cells >= _STRONG, cells >= _WEAK)
         parts[~_ends_within(parts, cells)[parts]] = 0
@@ -189,12 +177,7 @@ def _connected(strong: NDArray[np.bool_], weak: NDArray[np.bool_]) -> NDArray[np
 def _ends_within(parts: NDArray[np.int64], share: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return for each part whether it ends at the directions beside it, instead of going on at changing ranges.
 
-    Parameters
-    ----------
-    parts : ndarray, shape (rows, columns, bins), int64
-        Part of each cell, from 1; 0 for none.
-    share : ndarray, shape (rows, columns, bins), float32
-        Share of the frames in which each cell returns.
+    Arrays have the shape (rows, columns, bins): the part of each cell, from 1, 0 for none, and its share of the frames.
     """
     near = ndimage.uniform_filter1d(share, _BESIDE_BINS, axis=2, mode="constant") * (_BESIDE_BINS / 2)
     occupied = (parts > 0).any(axis=2)
@@ -216,7 +199,9 @@ def _sectors(grid: BeamGrid, cells: NDArray[np.bool_]) -> list[Sector]:
         edges = np.flatnonzero(np.diff(np.concatenate(([False], cells[row, column], [False]))))
         limits = grid.limits(int(row), int(column))
         # A cell counts the returns in the next one, too.
-        spans = [(first * STEP_M - _MARGIN_M, (last + 1) * STEP_M + _MARGIN_M) for first, last in edges.reshape(-1, 2)]
+        spans = [
+            (first * _STEP_M - _MARGIN_M, (last + 1) * _STEP_M + _MARGIN_M) for first, last in edges.reshape(-1, 2)
+        ]
         near, far = max(spans[0][0], 0.0), spans[-1][1]
         found.append(Sector(*(round(float(value), _DECIMALS) for value in (*limits, near, far))))
     return found

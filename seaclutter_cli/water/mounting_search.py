@@ -8,7 +8,7 @@ import numpy as np
 from seaclutter_cli.water.mounting import Floats, Mounting, angle_deg
 from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, PolarCells, fit_plane
 
-TOLERANCE_DEG = 10.0
+_TOLERANCE_DEG = 10.0
 _MAX_TILT_DEG = 55.0
 _START_TILT_DEG = 30.0
 _STARTS = 6
@@ -38,12 +38,7 @@ class _Fit:
 
 
 class MountingSearch:
-    """Search of the first seconds of a topic for water at another attitude than the given one.
-
-    Parameters
-    ----------
-    given : Mounting
-        Mounting according to the configuration.
+    """Search of the first seconds of a topic for water at another attitude than the one of the configuration.
 
     Notes
     -----
@@ -81,15 +76,7 @@ class MountingSearch:
         return [up for _, up in self._frames if up is not None]
 
     def add(self, xyz: Floats, time_s: float) -> None:
-        """Add a frame.
-
-        Parameters
-        ----------
-        xyz : ndarray, shape (3, N), float64
-            Finite points in the frame of the lidar in metres, without own ship.
-        time_s : float
-            Time of the frame in seconds.
-        """
+        """Add a frame: finite points in the frame of the lidar, without own ship, shape (3, N)."""
         self._frames.append((time_s, self._other(_thinned(xyz))))
 
     def __iadd__(self, later: Self) -> Self:
@@ -114,7 +101,7 @@ class MountingSearch:
         up = np.mean(agreeing, axis=0)
         tilt = angle_deg(up, self._given.up)
         heels = tilt < 90 and max(times_s) - min(times_s) < _MIN_SPAN_S
-        if heels or tilt <= TOLERANCE_DEG:
+        if heels or tilt <= _TOLERANCE_DEG:
             return None
         exact = Mounting.of_up(up)
         roll = round(exact.roll_deg)
@@ -128,7 +115,7 @@ class MountingSearch:
             if fit is None:
                 continue
             tilt = angle_deg(fit.up, self._given.up)
-            if tilt <= TOLERANCE_DEG:
+            if tilt <= _TOLERANCE_DEG:
                 level = max(level, fit.score)
             elif not _MAX_TILT_DEG < tilt < 180 - _MAX_TILT_DEG and (other is None or fit.score > other.score):
                 other = fit

@@ -23,15 +23,7 @@ _START_SHARES = (0.1, 0.3, 0.5)
 
 @dataclass(frozen=True)
 class Plane:
-    r"""A plane :math:`z = a + b x + c y` in the frame of the lidar.
-
-    Parameters
-    ----------
-    level_m : float
-        Height of the plane at the lidar, a; negative if the lidar is above it.
-    slope_x, slope_y : float
-        Slopes along x and y, b and c.
-    """
+    """A plane in the frame of the lidar: its height at the lidar, negative if that is above it, and its slopes."""
 
     level_m: float
     slope_x: float
@@ -50,14 +42,8 @@ class Plane:
 class PolarCells:
     """The occupied polar cells around the lidar, C of them, of 10° by 3 m.
 
-    Parameters
-    ----------
-    cell : ndarray, shape (N,), int64
-        Number of each point's cell.
-    lowest : ndarray, shape (3, C), float64
-        Coordinates of the lowest point of each occupied cell.
-    number : ndarray, shape (C,), int64
-        Number of each occupied cell.
+    ``cell`` is the number of each of N points' cells, shape (N,); ``lowest``, shape (3, C), and ``number``, shape (C,),
+    are the lowest point and the number of each occupied cell.
     """
 
     cell: NDArray[np.int64]
@@ -132,14 +118,9 @@ def _least_squares(sums: Sequence[float]) -> Plane:
 
 @dataclass(frozen=True)
 class WaterEchoes:
-    """Echoes in cells of water; those of objects that rise out of it do not count.
+    """Echoes in cells of water: heights above the plane of the lowest points, and cells, shape (M,) each.
 
-    Parameters
-    ----------
-    height_m : ndarray, shape (M,), float64
-        Heights above the plane of the lowest points, in metres.
-    cell : ndarray, shape (M,), int64
-        Cell of each echo.
+    Echoes of objects that rise out of the water do not count.
     """
 
     height_m: Floats
@@ -147,18 +128,10 @@ class WaterEchoes:
 
     @classmethod
     def of(cls, cells: PolarCells, height_m: Floats, weight: Floats, flat: NDArray[np.bool_]) -> "WaterEchoes":
-        """Return the echoes of water among the points of cells.
+        """Return the echoes of water among N points in C occupied cells.
 
-        Parameters
-        ----------
-        cells : PolarCells
-            Cells of N points, C of them occupied.
-        height_m : ndarray, shape (N,), float64
-            Heights of the points above the plane.
-        weight : ndarray, shape (C,), float64
-            Weights of the cells in the fit of the plane.
-        flat : ndarray, shape (N,), bool
-            False for points of objects.
+        Heights, shape (N,), are those above the plane, weights, shape (C,), those of the cells in its fit; ``flat``,
+        shape (N,), is false for points of objects.
         """
         of_water = np.zeros(_BEARINGS * _RINGS, np.bool_)
         of_water[cells.number[weight > _ABOVE / 3]] = True

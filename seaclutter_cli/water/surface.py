@@ -23,13 +23,7 @@ _RANGE_NOISE_M = 0.02
 
 @dataclass(frozen=True)
 class GridCells:
-    """The cells of N positions on a grid of 1.5 m within 60 m.
-
-    Parameters
-    ----------
-    number : ndarray, shape (N,), int32
-        Number of the cell; 6400 beyond the grid.
-    """
+    """The cells of N positions on a grid of 1.5 m within 60 m, as their numbers, shape (N,); 6400 beyond the grid."""
 
     number: NDArray[np.int32]
 
@@ -48,10 +42,7 @@ class GridCells:
 class Swell:
     """Height of the water above its mean plane on a grid of 1.5 m within 60 m, and how many echoes it rests on.
 
-    Parameters
-    ----------
-    height_m, echoes : ndarray, shape (6401,), float64
-        Height and equivalent number of echoes of each grid cell; 0 beyond the grid, in the last.
+    Both have the shape (6401,); the last cell, beyond the grid, is 0.
     """
 
     height_m: Floats
@@ -102,20 +93,10 @@ def _smoothing() -> Floats:
 
 @dataclass(frozen=True)
 class WaterSurface:
-    """The water around a lidar in one frame.
+    """The water around a lidar in one frame: its mean plane, the standard deviation around it, and the swell above it.
 
-    Parameters
-    ----------
-    plane : Plane
-        Mean plane of the water in the frame of the lidar.
-    sigma_m : float
-        Standard deviation of the water around the plane, in metres.
-    swell : Swell
-        Height of the water above the plane.
-    upright : ndarray, shape (N,), bool
-        Which of the points that the estimate received are in columns with echoes at several heights.
-    cells : GridCells
-        Cells of these N points.
+    Of the N points that the estimate received, ``upright``, shape (N,), are those in columns with echoes at several
+    heights, and ``cells`` their cells.
     """
 
     plane: Plane

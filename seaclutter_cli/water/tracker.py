@@ -1,8 +1,9 @@
 """The water surface from frame to frame."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from seaclutter_cli.water.columns import upright
+from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, Floats, Plane, PolarCells, WaterEchoes, fit_plane
 from seaclutter_cli.water.surface import GridCells, Swell, WaterSurface
 
@@ -12,6 +13,9 @@ _BAND_SIGMAS = 3.5
 _MIN_BAND_M = 0.15
 _SIGMA_TIME_S = 1.0
 _MEMORY_S = 5.0
+_MIN_SPAN_M = 0.25
+_REACH = 128
+_COLUMNS = 2 * _REACH
 
 
 class WaterTracker:
@@ -43,12 +47,7 @@ class WaterTracker:
     def step(self, xyz: Floats, time_s: float) -> WaterSurface | None:
         """Return the water surface of a frame; None if no water was seen in the last five seconds.
 
-        Parameters
-        ----------
-        xyz : ndarray, shape (3, N), float64
-            Finite points of the frame in metres, without own ship.
-        time_s : float
-            Time of the frame in seconds.
+        The points, shape (3, N), are finite and without own ship.
         """
         if self._plane is not None and not 0 <= time_s - self._seen_s <= _MEMORY_S:
             self.reset()
@@ -60,7 +59,7 @@ class WaterTracker:
         if lowest is None:
             return None
         height = z - lowest.height(x, y)
-        stands = upright(x, y, height, upright_span_m(self._known_sigma_m))
+        stands = _upright(x, y, height, _MIN_SPAN_M + self._known_sigma_m)
         if weight is not None:
             self._update(lowest, WaterEchoes.of(cells, height[near], weight, ~stands[near]), time_s)
         if self._plane is None:
@@ -93,9 +92,32 @@ class WaterTracker:
         return Swell.of(cells, height, np.abs(height - swell.at(cells)[0]) <= band)
 
 
-def upright_span_m(sigma_m: float) -> float:
-    """Return the height that the echoes of a column of 1 m must span to belong to an object, in metres."""
-    return 0.25 + sigma_m
+def _upright(x: Floats, y: Floats, height: Floats, span_m: float) -> NDArray[np.bool_]:
+    """Return the points in columns of 1 m whose echoes span a height: water has one height at a place, a hull many.
+
+    All points of columns whose highest echo is at least ``span_m`` above the lowest are upright. Columns are those of
+    two grids, shifted by half a column along x and y. Points beyond 127 m along x or y are in none.
+
+    Examples
+    --------
+    >>> _upright(np.array([10.2, 10.3, 20.0]), np.zeros(3), np.array([0.1, 0.9, 0.2]), 0.5)
+    array([ True,  True, False])
+    """
+    found = np.zeros(len(x), np.bool_)
+    inside = np.flatnonzero((np.abs(x) < _REACH - 1) & (np.abs(y) < _REACH - 1))
+    x, y, height = x[inside], y[inside], height[inside]
+    if not len(inside):
+        return found
+    for shift in (0.0, 0.5):
+        column = (x + (_REACH + shift)).astype(np.uint16) * np.uint16(_COLUMNS)
+        column += (y + (_REACH + shift)).astype(np.uint16)
+        order = np.argsort(column, kind="stable")  # a radix sort for 16 bits
+        ordered, values = column[order], height[order]
+        start = group_starts(ordered)
+        span = np.maximum.reduceat(values, start) - np.minimum.reduceat(values, start)
+        stands = np.repeat(span >= span_m, group_sizes(start, len(order)))
+        found[inside[order[stands]]] = True
+    return found
 
 
 def _band(sigma_m: float) -> float:

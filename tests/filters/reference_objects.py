@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.filters import confirmed
-from seaclutter_cli.filters.confirmation import beams, heights, objects
+from seaclutter_cli.filters.confirmation import beams, objects
+from seaclutter_cli.filters.confirmation import echoes as heights
 from tests.filters.reference_points import Point
 from tests.filters.reference_water import Surface
 

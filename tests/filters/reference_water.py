@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seaclutter_cli.water import columns, plane, surface, tracker
+from seaclutter_cli.water import plane, surface, tracker
 
 XYZ = tuple[float, float, float]
 
@@ -205,8 +205,8 @@ def upright(points: Sequence[XYZ], heights: Sequence[float], span: float) -> lis
     for shift in (0.0, 0.5):
         members: dict[tuple[int, int], list[int]] = {}
         for number, (x, y, _) in enumerate(points):
-            if abs(x) < columns._REACH - 1 and abs(y) < columns._REACH - 1:
-                column = math.floor(x + (columns._REACH + shift)), math.floor(y + (columns._REACH + shift))
+            if abs(x) < tracker._REACH - 1 and abs(y) < tracker._REACH - 1:
+                column = math.floor(x + (tracker._REACH + shift)), math.floor(y + (tracker._REACH + shift))
                 members.setdefault(column, []).append(number)
         for own in members.values():
             if max(heights[number] for number in own) - min(heights[number] for number in own) >= span:

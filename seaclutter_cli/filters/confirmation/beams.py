@@ -1,9 +1,11 @@
-"""Elevations of a lidar's beams, learned from its points."""
+"""Elevations of a lidar's beams, learned from its points, and what they can meet in a frame."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.water import Mounting
+from seaclutter_cli.water import Mounting, WaterSurface
 
 Floats = NDArray[np.float64]
 
@@ -18,17 +20,7 @@ class Beams:
     """The elevations at which a lidar has points.
 
     They show how much of a body the beams can miss. Where a single beam meets it, its height can be anything up to the
-    next beam above.
-
-    Parameters
-    ----------
-    mounting : Mounting
-        Attitude in which the lidar is mounted.
-
-    Attributes
-    ----------
-    spacing_deg : float
-        Median angle between neighbouring beams; 0 if it is not known.
+    next beam above. ``spacing_deg`` is the median angle between neighbouring beams; 0 if it is not known.
     """
 
     def __init__(self, mounting: Mounting) -> None:
@@ -60,18 +52,9 @@ class Beams:
         return np.asarray(self._count[_bins(high_deg) + 1] > self._count[_bins(low_deg)])
 
     def gaps(self, lowest_deg: Floats, highest_deg: Floats) -> tuple[Floats, Floats]:
-        """Return the angles from the lowest beams of bodies to the beams below, and from the highest to those above.
+        """Return the angles from the lowest points of K bodies to the beams below, and from the highest to those above.
 
-        At the edge of the field of view, the angle is 3°.
-
-        Parameters
-        ----------
-        lowest_deg, highest_deg : ndarray, shape (K,), float64
-            Elevations of the lowest and highest point of each body, in degrees.
-
-        Returns
-        -------
-        (ndarray, shape (K,), float64), (ndarray, shape (K,), float64)
+        At the edge of the field of view, the angle is 3°. All arrays have the shape (K,).
         """
         return self._below_deg[_bins(lowest_deg)], self._above_deg[_bins(highest_deg)]
 
@@ -87,6 +70,30 @@ class Beams:
         steps = np.diff(seen)
         steps = steps[steps > 1]
         self.spacing_deg = float(np.median(steps)) * _BIN_DEG if len(steps) else 0.0
+
+
+@dataclass(frozen=True)
+class Sight:
+    """The beams over the water in one frame.
+
+    Low objects far away often lie between two beams, and waves lift them in and out of sight. Only where a beam would
+    have met an object does its absence show that it is gone. Without water, everything is in sight. All objects are at
+    least ``min_top_m`` high.
+    """
+
+    beams: Beams
+    water: WaterSurface | None
+    min_top_m: float
+
+    def meets(self, positions: Floats, top_m: Floats) -> NDArray[np.bool_]:
+        """Return whether any beam meets bodies at horizontal positions, shape (K, 2), of heights above the water."""
+        if self.water is None:
+            return np.ones(len(positions), np.bool_)
+        x, y = positions.T
+        level = self.water.height(x, y)
+        tops = level + np.maximum(top_m, self.min_top_m)
+        low, high = (self.beams.elevation_deg(np.array((x, y, z))) for z in (level, tops))
+        return self.beams.pass_between(low, high)
 
 
 def _bins(elevation_deg: Floats) -> NDArray[np.int64]:

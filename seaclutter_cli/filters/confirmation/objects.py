@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.clustering.euclidean import euclidean_clusters
 from seaclutter_cli.filters.confirmation.beams import Beams
-from seaclutter_cli.filters.confirmation.echoes import Echoes
-from seaclutter_cli.filters.confirmation.heights import Heights
+from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.groups import group_sizes, group_starts
 
@@ -30,20 +29,10 @@ _BRIGHT_OCTAVES = 2.0
 class DetectedObject:
     """An object in one frame.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n,), int64 or int32
-        Indices of its points among the echoes of the frame, or in the frame while it waits.
-    evidence : float
-        Evidence of its shape: positive for a target, negative for water.
-    cells : ndarray, shape (m, 2), float64
-        Mean horizontal position of its points in each cell of 0.5 m.
-    center : ndarray, shape (2,), float64
-        Mean horizontal position of its points.
-    top_m : float
-        Height of its highest point above the water.
-    near : bool
-        Whether it is nearer than ``start_m``, where own ship is.
+    ``points`` are the indices of its points among the echoes of the frame, or in the frame while it waits; ``evidence``
+    is positive for a target, negative for water; ``cells``, shape (m, 2), and ``center``, shape (2,), are the mean
+    horizontal positions of its points in each cell of 0.5 m and of all; ``top_m`` is the height of the highest above
+    the water. It is ``near`` if it is nearer than ``start_m``, where own ship is.
     """
 
     points: NDArray[np.integer]
@@ -58,12 +47,8 @@ class DetectedObject:
 class Clusters:
     """K clusters of n points.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n,), int64
-        Indices of the points among the echoes of the frame, cluster by cluster.
-    start, count : ndarray, shape (K,), int64
-        Index in ``points`` of a cluster's first point, and number of its points.
+    ``points``, shape (n,), are indices among the echoes of the frame, cluster by cluster; a cluster's first is at
+    ``start``, and it has ``count`` of them, shape (K,).
     """
 
     points: Indices

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.filters.confirmation.beams import Sight
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
-from seaclutter_cli.filters.confirmation.sight import Sight
 from seaclutter_cli.filters.neighbors import nearest
 
 Floats = NDArray[np.float64]
@@ -50,26 +50,11 @@ class Evidence(NamedTuple):
 class Track:
     """An object followed over time.
 
-    Parameters
-    ----------
-    cells : ndarray, shape (m, 2), float64
-        Horizontal positions of the parts of the object when it was last seen.
-    center : ndarray, shape (2,), float64
-        Its centre then.
-    born_s, seen_s : float
-        Times at which it was first and last seen.
-    velocity : ndarray, shape (2,), float64
-        Horizontal velocity in the frame of the lidar in m/s; own ship's motion is part of it.
-    top_m : float
-        Height of its top above the water when it was last seen.
-    seen_outside : bool
-        Whether it was ever seen beyond ``start_m``.
-    from_outside : bool
-        Whether it was confirmed beyond ``start_m``, so that it is not own ship when it comes nearer.
-    memory : float
-        Evidence collected so far.
-    history : deque of Evidence
-        Evidence of the frames that decisions still need.
+    When it was last seen, its parts were at the horizontal positions ``cells``, shape (m, 2), its centre at ``center``,
+    and its top ``top_m`` above the water. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
+    part of it. It was ever seen, and confirmed, beyond ``start_m`` if it is ``seen_outside`` and ``from_outside``; in
+    the latter case, it is not own ship when it comes nearer. ``memory`` is the evidence collected so far, and
+    ``history`` that of the frames that decisions still need.
     """
 
     cells: Floats
@@ -122,14 +107,8 @@ class Track:
 class Association:
     """The K objects of a frame and the T tracks that expect them.
 
-    Parameters
-    ----------
-    objects : sequence of DetectedObject
-        The objects.
-    votes : ndarray, shape (K, T), int64
-        Number of cells of each object that each track expects.
-    covered : ndarray, shape (T,), bool
-        Whether most of the cells that a track expects are in any objects.
+    ``votes``, shape (K, T), are the cells of each object that each track expects; a track is ``covered``, shape (T,),
+    if most of the cells that it expects are in any objects.
     """
 
     objects: Sequence[DetectedObject]
@@ -138,13 +117,7 @@ class Association:
 
 
 class Tracker:
-    """The tracks of a recording.
-
-    Parameters
-    ----------
-    params : ConfirmedParams
-        Config keys of the method.
-    """
+    """The tracks of a recording."""
 
     def __init__(self, params: ConfirmedParams) -> None:
         self._params = params
@@ -180,16 +153,8 @@ class Tracker:
     def step(self, found: Association, time_s: float, since_s: float, sight: Sight | None = None) -> list[Track]:
         """Return the track of each object of a frame; a new one where an object continues none.
 
-        Parameters
-        ----------
-        found : Association
-            The objects of the frame.
-        time_s : float
-            Time of the frame.
-        since_s : float
-            Time of the first frame for which `score` will still be asked.
-        sight : Sight, optional
-            What the beams can meet in the frame; everything by default.
+        ``since_s`` is the time of the first frame for which `score` will still be asked. Everything is in sight if
+        ``sight`` is None.
 
         Notes
         -----
