@@ -1,7 +1,8 @@
 """Threads that this process may use."""
 
 import os
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
@@ -73,3 +74,18 @@ class _Inline(Executor):
         except Exception as error:  # noqa: BLE001 - raised where the result is read
             future.set_exception(error)
         return future
+
+
+def in_order(work: Callable[[int], T], count: int, *, workers: int, ahead: int) -> Iterator[T]:
+    """Yield the results of ``work`` for the numbers from 0, of which threads compute at most ``ahead`` in advance."""
+    pending: deque[Future[T]] = deque()
+    with executor(workers, "work") as pool:
+        try:
+            for number in range(count):
+                pending.append(pool.submit(work, number))
+                if len(pending) >= ahead:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)

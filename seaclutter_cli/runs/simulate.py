@@ -110,7 +110,7 @@ def _simulate_recording(name: str, output: Path, options: SimulateOptions, obser
 
 
 def _check_name(output: Path, chosen: str | None) -> None:
-    from seaclutter_cli.simulation.marine.formats import FORMATS
+    from seaclutter_cli.simulation.marine.recording import FORMATS
 
     form = chosen or output.suffix.removeprefix(".")
     if form not in FORMATS or output.suffix != f".{form}":

@@ -19,16 +19,10 @@ _ENTRIES = {"objects": "an object", "land": "a piece of land"}
 def scene_text(
     sections: Mapping[str, Any], absent: Mapping[str, Any], lists: Mapping[str, tuple[type[Any], Sequence[Any]]]
 ) -> str:
-    """Return the text of a scene file.
+    """Return the text of a scene file from the parameters of its sections, and the dataclass and items of its lists.
 
-    Parameters
-    ----------
-    sections : mapping
-        Parameters of each section.
-    absent : mapping
-        Parameters of sections that the scene does not have, which become comments.
-    lists : mapping
-        Dataclass and items of each list; a comment describes the keys. Items are one per line, without default values.
+    Sections that are absent from the scene become comments. A comment describes the keys of a list; its items are one
+    per line, without default values.
     """
     lines: list[str] = []
     for name, params in sections.items():

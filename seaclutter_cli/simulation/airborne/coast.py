@@ -1,4 +1,4 @@
-"""Maps of the land of a tile, its water levels and sheltered waves, and the rays that end on the ground."""
+"""The water of a tile, wind sea and swell; maps of its land, its water levels and sheltered waves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,10 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
+from scipy import fft, ndimage
 
 from seaclutter_cli.simulation.airborne.land import Land, LandParams, Map
-from seaclutter_cli.simulation.airborne.water import TileWater
+from seaclutter_cli.simulation.airborne.scene import WaterParams
+from seaclutter_cli.simulation.marine.sea import GRAVITY, jonswap
 
 Floats = NDArray[np.float64]
 
@@ -25,28 +26,76 @@ _CLEAR_M = 0.3
 _TINT = ((0.12, 0.6), (0.12, 6.0), (0.2, 60.0))
 """Standard deviation of the logarithm of the reflectivity, and width in metres, of variations of the ground."""
 _BOTTOM_M, _WET_SAND, _WET_M = -1000.0, 0.3, 0.5
+_SPREAD = {"wave": 4, "swell": 40}
+_ENHANCEMENT = {"wave": 3.3, "swell": 6.0}
+
+
+@dataclass(frozen=True)
+class TileWater:
+    """The surface at one moment, and that of the swell alone, which moves ships: elevations by x and y, shape (M, M).
+
+    Cells are a metre wide.
+    """
+
+    heights: NDArray[np.float64]
+    swell: NDArray[np.float64]
+
+    def height(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return elevations at given positions by linear interpolation, shape (N,)."""
+        return np.asarray(ndimage.map_coordinates(self.heights, (x, y), order=1, mode="grid-wrap"))
+
+    def heave(self, x: float, y: float) -> float:
+        """Return the elevation of the swell at a position."""
+        return float(ndimage.map_coordinates(self.swell, ([x], [y]), order=1, mode="grid-wrap")[0])
+
+    def slope(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return slopes along x and y at given positions, as differences over a metre to both sides."""
+        along = self.height(x + 1, y) - self.height(x - 1, y)
+        return along / 2, (self.height(x, y + 1) - self.height(x, y - 1)) / 2
+
+
+def water(params: WaterParams, size_m: float, rng: np.random.Generator) -> TileWater:
+    """Return a random surface, at least ``size_m`` wide.
+
+    Notes
+    -----
+    Wind sea and swell each have a JONSWAP spectrum with their own height and peak period, and a directional spread;
+    their sum is the inverse Fourier transform of random amplitudes. Waves shorter than 2 m are left out.
+    """
+    cells = int(fft.next_fast_len(int(size_m) + 64))
+    wind = _field(cells, params.wave_m, params.wave_period_s, params.direction_deg, "wave", rng)
+    swell = _field(cells, params.swell_m, params.swell_period_s, params.direction_deg, "swell", rng)
+    return TileWater(wind + swell, swell)
+
+
+def _field(
+    cells: int, height_m: float, period_s: float, direction_deg: float, kind: str, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    wave = 2 * np.pi * fft.fftfreq(cells)
+    kx, ky = wave[:, None], wave[None, :]
+    k = np.hypot(kx, ky)
+    noise = rng.standard_normal((2, cells, cells))
+    if not height_m:
+        return np.zeros((cells, cells))
+    some = k > 0
+    omega = np.sqrt(GRAVITY * k[some])
+    theta = np.arctan2(*np.broadcast_arrays(ky, kx))[some] - np.radians(direction_deg)
+    spread = np.cos(theta / 2) ** (2 * _SPREAD[kind])
+    density = jonswap(omega, height_m, 2 * np.pi / period_s, _ENHANCEMENT[kind]) * spread * GRAVITY / (2 * omega)
+    variance = np.zeros_like(k)
+    variance[some] = density / k[some]
+    heights = fft.ifft2(np.sqrt(variance) * (noise[0] + 1j * noise[1]), workers=1).real
+    # The grid truncates the spectrum, so the remainder is scaled to the wave height.
+    return np.asarray(heights * (height_m / 4) / max(float(heights.std()), 1e-12))
 
 
 @dataclass(frozen=True)
 class Coast:
-    """Ground and water levels of a tile, in cells of ``step_m``, by x and y.
+    """Ground and water levels of a tile, in cells of ``step_m``, by x and y; all maps have the shape (X, Y).
 
-    Parameters
-    ----------
-    step_m : float
-        Width of a cell.
-    ground : ndarray, shape (X, Y), float32
-        Elevation of the ground, or of the roof of a building, in metres.
-    level : ndarray, shape (X, Y), float32
-        Mean level of the water.
-    damping : ndarray, shape (X, Y), float32
-        Height of the waves in shallow or sheltered water, divided by that in open water.
-    canopy : ndarray, shape (X, Y), float32
-        Height of trees above the ground; 0 for none.
-    code : ndarray, shape (X, Y), uint8
-        Class of the ground, `GROUND` or `BUILDING`.
-    reflectivity : ndarray, shape (X, Y), float32
-        Reflectivity at normal incidence.
+    ``ground`` is the elevation of the ground, or of the roof of a building, ``level`` the mean level of the water,
+    ``damping`` the height of the waves in shallow or sheltered water, divided by that in open water, ``canopy`` the
+    height of trees above the ground, 0 for none, and ``code`` the class of the ground, `GROUND` or `BUILDING`.
     """
 
     step_m: float
@@ -89,13 +138,7 @@ class Coast:
 
 @dataclass(frozen=True)
 class CoastalWater(TileWater):
-    """Water at the levels of a coast; waves are lower where it is shallow, and in basins.
-
-    Parameters
-    ----------
-    coast : Coast
-        The coast.
-    """
+    """Water at the levels of a coast; waves are lower where it is shallow, and in basins."""
 
     coast: Coast
 
@@ -113,16 +156,8 @@ class CoastalWater(TileWater):
 def make_coast(lands: Sequence[LandParams], size_m: tuple[float, ...], wave_m: float, seed: int) -> Coast:
     """Return the coast of a tile; each piece of land covers those before it.
 
-    Parameters
-    ----------
-    lands : sequence of LandParams
-        Land of the scene.
-    size_m : (float, float)
-        Extent of the tile.
-    wave_m : float
-        Significant wave height in open water; waves are lower where the water is less than 1.7 times as deep.
-    seed : int
-        Seed of all random values.
+    ``wave_m`` is the significant wave height in open water; waves are lower where the water is less than 1.7 times as
+    deep.
     """
     step = max(_STEP_M, float(np.sqrt(np.prod(size_m) / _MOST_CELLS)))
     maps = _Maps(step, tuple(int(np.ceil(side / step)) for side in size_m))

@@ -141,19 +141,7 @@ def _basin(distance: Map, relief: Relief) -> tuple[Map, float]:
 
 @dataclass(frozen=True)
 class LandKind:
-    """A kind of land.
-
-    Parameters
-    ----------
-    meaning : str
-        Description for the reference of keys.
-    profile : callable
-        Its ground and water.
-    typical : Relief
-        Its values.
-    is_round : bool
-        Whether it is an ellipse, not a rectangle.
-    """
+    """A kind of land: its meaning for the reference of keys, its ground and water, its values, and its outline."""
 
     meaning: str
     profile: Profile

@@ -1,11 +1,10 @@
 """Simulated tiles as LAS or LAZ files, with the truth of every point."""
 
 import math
-from collections import deque
 from collections.abc import Callable, Iterator
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import UUID
 
 import numpy as np
@@ -16,10 +15,7 @@ from seaclutter_cli.simulation.airborne.render import POINT, TileRenderer
 from seaclutter_cli.simulation.airborne.scene import TileScene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import LasSink
-from seaclutter_cli.threads import executor, threads
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
+from seaclutter_cli.threads import in_order, threads
 
 TRUTH = {"object_class": ("u1", "0 none, 1 ship ... 8 garbage"), "object_id": ("u2", "number of the object, 0 none")}
 _MOST_PULSES = 300_000
@@ -33,17 +29,7 @@ def simulate_strips(scene: TileScene) -> Iterator[NDArray[np.void]]:
     renderer = TileRenderer(scene)
     pulses = math.prod(scene.tile.size_m) * scene.lidar.pulses_m2 / len(renderer.lines)
     workers = min(2, threads()) if pulses < _MOST_PULSES else 1  # a strip of a million takes 400 MB
-    pending: deque[Future[NDArray[np.void]]] = deque()
-    with executor(workers, "simulate") as pool:
-        try:
-            for index in range(len(renderer.lines)):
-                pending.append(pool.submit(renderer.strip, index))
-                if len(pending) >= workers:
-                    yield pending.popleft().result()
-            while pending:
-                yield pending.popleft().result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+    return in_order(renderer.strip, len(renderer.lines), workers=workers, ahead=workers)
 
 
 def record_tile(
@@ -54,16 +40,7 @@ def record_tile(
 ) -> None:
     """Write a scene to a LAS or LAZ file with point format 6.
 
-    Parameters
-    ----------
-    scene : TileScene
-        The scene to record.
-    path : Path
-        The file; it appears when it is complete.
-    on_strip : callable, optional
-        Called with the echoes of each strip.
-    group : OutputGroup, optional
-        Files that appear together with this one.
+    It appears, together with the files of the group, when it is complete.
 
     Raises
     ------

@@ -5,10 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.simulation.airborne.coast import VEGETATION, Coast, CoastalWater, leaves, make_coast
+from seaclutter_cli.simulation.airborne.coast import (
+    VEGETATION,
+    Coast,
+    CoastalWater,
+    TileWater,
+    leaves,
+    make_coast,
+    water,
+)
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObject, TileScene, WaterParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M, Patch
-from seaclutter_cli.simulation.airborne.water import TileWater, water
 
 Floats = NDArray[np.float64]
 
@@ -41,16 +48,10 @@ POINT = np.dtype(
 
 @dataclass(frozen=True)
 class Pulses:
-    """Pulses of a strip, P of them, located by their intersection with mean sea level.
+    """Pulses of a strip, located by their intersection with mean sea level; all arrays have the shape (P,).
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (P,), float64
-        Position in metres from the corner of the tile.
-    slope : ndarray, shape (P,), float64
-        Displacement of the ray along y per metre of descent: the tangent of its angle.
-    times_s : ndarray, shape (P,), float64
-        Time from the start of the strip.
+    Positions are from the corner of the tile; ``slope`` is the displacement of the ray along y per metre of descent:
+    the tangent of its angle.
     """
 
     x: Floats
@@ -68,12 +69,7 @@ Groups = tuple[NDArray[np.intp], Floats, Floats, NDArray[np.uint16], NDArray[np.
 class Hits:
     """Ends of the rays of P pulses. Nearly all rays of a pulse end on the water at one height, which is stored once.
 
-    Parameters
-    ----------
-    z, reflectivity : ndarray, shape (P,), float64
-        Height and reflectivity of the water or ground at each pulse.
-    code : ndarray, shape (P,), uint8
-        Its class.
+    Height, reflectivity and class of the water or ground at each pulse have the shape (P,).
     """
 
     def __init__(self, z: Floats, reflectivity: Floats, code: NDArray[np.uint8]) -> None:
@@ -138,11 +134,6 @@ def fly(lidar: AirborneParams, size_m: tuple[float, ...], line_y: float, rng: np
 
 class TileRenderer:
     """Renderer of the strips of a scene, which are independent and can be rendered in any order.
-
-    Parameters
-    ----------
-    scene : TileScene
-        The scene.
 
     Notes
     -----

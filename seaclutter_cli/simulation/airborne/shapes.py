@@ -18,22 +18,12 @@ STEP_M = 0.25
 
 @dataclass(frozen=True)
 class Patch:
-    """Maps of one object in its own axes, length along the first; L by W cells of width `STEP_M`.
+    """Maps of one object in its own axes, length along the first; all have the shape (L, W), in cells of `STEP_M`.
 
-    Parameters
-    ----------
-    top : ndarray, shape (L, W), float64
-        Height above the waterline in metres; minus infinity without an object.
-    cover : ndarray, shape (L, W), float64
-        Share of the rays that the object stops: less than 1 for nets, debris and leaves.
-    depth : ndarray, shape (L, W), float64
-        Distance below ``top`` within which it stops them, in metres.
-    base : ndarray, shape (L, W), float64
-        Height of the ground below; minus infinity over water.
-    reflectivity : ndarray, shape (L, W), float64
-        Reflectivity at normal incidence.
-    motion : str
-        Fixed to the ground; floating as one body; or drifting, following the surface everywhere.
+    ``top`` is the height above the waterline, minus infinity without an object; ``cover`` the share of the rays that
+    the object stops, less than 1 for nets, debris and leaves, within ``depth`` below the top; ``base`` the height of
+    the ground below, minus infinity over water. It is fixed to the ground, floats as one body, or drifts, following the
+    surface everywhere.
     """
 
     top: Map
@@ -247,17 +237,7 @@ def _garbage(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch
 
 @dataclass(frozen=True)
 class Kind:
-    """A class of objects.
-
-    Parameters
-    ----------
-    make : callable
-        Returns a random object of given size and reflectivity.
-    smallest, largest : (float, float, float)
-        Range of random length, width and height in metres.
-    reflectivities : (float, float)
-        Range of random reflectivities.
-    """
+    """A class of objects: how to make one of a size and reflectivity, and the ranges of random ones."""
 
     make: Callable[[np.random.Generator, Size, float], Patch]
     smallest: Size

@@ -18,14 +18,9 @@ Maker = Callable[[np.random.Generator], Scene]
 
 @dataclass(frozen=True)
 class Layout:
-    """A generator of random scenes of one class.
+    """A generator of random scenes of one class: ``open`` or ``confined`` water, a ``dense`` or ``sparse`` plantation.
 
-    Parameters
-    ----------
-    scene_class : str
-        ``open`` or ``confined`` on water, ``dense`` or ``sparse`` in a plantation.
-    draw : callable
-        Returns a random scene, not necessarily of the class.
+    Scenes that are drawn are not necessarily of the class.
     """
 
     scene_class: str

@@ -25,13 +25,7 @@ _BOATS = {
 
 
 class Plan:
-    """Builder of a random scene; own ship starts at the origin, and boats and buoys keep clear of it.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of all random values.
-    """
+    """Builder of a random scene; own ship starts at the origin, and boats and buoys keep clear of it."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng = rng

@@ -5,31 +5,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from seaclutter_cli.simulation.layouts.plan import Plan
-from seaclutter_cli.simulation.lidar.noise import NoiseParams
-from seaclutter_cli.simulation.marine.ground import GroundParams
+from seaclutter_cli.simulation.lidar.models import NoiseParams
 from seaclutter_cli.simulation.marine.scene import RecordingParams, Scene, VesselParams
+from seaclutter_cli.simulation.marine.terrain import GroundParams
 
 _REACH_M = 30.0
 
 
 @dataclass(frozen=True)
 class Trees:
-    """Trees of one kind.
+    """Trees of one kind: class in the labels, shape of the labelled part, and minima and maxima of distances and sizes.
 
-    Parameters
-    ----------
-    kind : str
-        Class in the labels.
-    shape : str
-        Shape of the labelled part.
-    row_m, step_m : tuple of (float, float)
-        Distance between rows, and between trees in a row: minimum and maximum.
-    width_m, height_m : tuple of (float, float)
-        Width and height of the labelled part: minimum and maximum.
-    reach_m : float
-        Distance to either side up to which there are rows; farther rows would be hidden by dense ones.
-    crown_m : float
-        Width of the crown above the labelled part, an area to ignore; 0 for none.
+    Distances are those between rows, and between trees in a row. ``reach_m`` is the distance to either side up to which
+    there are rows; farther rows would be hidden by dense ones. The crown above the labelled part, if its width is not
+    0, is an area to ignore.
     """
 
     kind: str

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from seaclutter_cli.simulation.lidar.models import LIDARS
-from seaclutter_cli.simulation.marine.ground import GroundParams
 from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams
+from seaclutter_cli.simulation.marine.terrain import GroundParams
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -23,13 +23,10 @@ _FACADE_BEARINGS = 10  # 30 degrees
 
 @dataclass(frozen=True)
 class Horizon:
-    """Bearings around own ship at one moment, three degrees each, and which of them are closed.
+    """Bearings around own ship at one moment, three degrees each, and which of them are closed, shape (120,).
 
-    Parameters
-    ----------
-    closed : ndarray, shape (120,), bool
-        Whether an object at least half a metre high is within `REACH_M` and reaches above the lowest beam. A single
-        open bearing between two closed ones counts as closed, so a row of boats is one facade.
+    A bearing is closed if an object at least half a metre high is within `REACH_M` and reaches above the lowest beam. A
+    single open bearing between two closed ones counts as closed, so a row of boats is one facade.
     """
 
     closed: Mask

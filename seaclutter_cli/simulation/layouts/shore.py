@@ -13,20 +13,11 @@ _FAR_M = 60.0
 
 @dataclass(frozen=True)
 class Line:
-    """The edge of the water on one side.
+    """The edge of the water on one side of an axis, whose direction is counter-clockwise from the world's x.
 
-    Parameters
-    ----------
-    offset_m : float
-        Distance of the edge from the axis.
-    axis_deg : float
-        Direction of the axis, counter-clockwise from the world's x.
-    side : int
-        1 if the land is to the left of the axis, -1 if it is to the right.
-    bend_m : float
-        Radius of the axis; positive for a bend to the left, negative to the right, infinite for a straight axis.
-    wiggle : callable
-        Additional offset of the edge in metres as a function of the distance along the axis.
+    ``side`` is 1 if the land is to the left of the axis, -1 if it is to the right. The radius of the axis, ``bend_m``,
+    is positive for a bend to the left, infinite for a straight axis. The offset of the edge from the axis varies by
+    ``wiggle`` with the distance along it.
     """
 
     offset_m: float
@@ -60,22 +51,9 @@ class Line:
 def shore(
     plan: Plan, line: Line, extent_m: tuple[float, float], kind: str, height_m: float, *, houses: float = 0.0
 ) -> None:
-    """Add walls or banks along the edge of the water, some with a house behind them.
+    """Add walls or banks, by their shape, along the edge of the water; a share of the segments has a house behind it.
 
-    Parameters
-    ----------
-    plan : Plan
-        Receives the objects.
-    line : Line
-        The edge.
-    extent_m : tuple of (float, float)
-        Start and end along the axis.
-    kind : str
-        A shape: ``quay_wall`` or ``bank``.
-    height_m : float
-        Height above the water.
-    houses : float
-        Share of the segments with a house.
+    ``extent_m`` is start and end along the axis.
     """
     # Near walls can be dark; otherwise the number of points would separate the classes. Dark far walls are invisible.
     reflectivity = plan.log_uniform(0.015 if line.offset_m < _FAR_M else 0.12, 0.6)

@@ -13,12 +13,8 @@ Floats = NDArray[np.float64]
 class Shots:
     """Shots of one frame in the world frame, N = C · K of them, column by column.
 
-    Parameters
-    ----------
-    origins, directions : ndarray, shape (N, 3), float64
-        Origins in metres, and unit vectors.
-    azimuths : ndarray, shape (N,), float64
-        Direction in the world frame, counter-clockwise from x, in radians.
+    ``origins`` and unit vectors, ``directions``, have the shape (N, 3); ``azimuths``, counter-clockwise from x in
+    radians, (N,).
     """
 
     origins: Floats
@@ -56,16 +52,10 @@ class Shots:
 
 @dataclass
 class Echoes:
-    r"""The nearest surface that each shot has hit so far, N of them.
+    r"""The nearest surface that each of N shots has hit so far.
 
-    Parameters
-    ----------
-    range_m : ndarray, shape (N,), float64
-        Distance in metres; infinity without a hit.
-    reflectance : ndarray, shape (N,), float64
-        Reflectivity times the cosine of incidence, :math:`\rho \cos\theta` in Eq. 2 of [Li2023].
-    label : ndarray, shape (N,), uint16
-        The object that the surface belongs to, as in `Truth.points`.
+    ``range_m`` is infinite without a hit; ``reflectance`` is reflectivity times the cosine of incidence,
+    :math:`\rho \cos\theta` in Eq. 2 of [Li2023]; ``label`` is the object, as in `Truth.points`.
     """
 
     range_m: Floats

@@ -1,4 +1,4 @@
-"""The receiver of a lidar, which converts echoes to points."""
+"""The receiver of a lidar, which converts echoes to points; its noise is of the two kinds in [Bi]."""
 
 from dataclasses import dataclass
 
@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes
-from seaclutter_cli.simulation.lidar.models import Lidar
-from seaclutter_cli.simulation.lidar.noise import NoiseParams, add_mixed_pixels, false_returns
+from seaclutter_cli.simulation.lidar.models import Lidar, NoiseParams
 from seaclutter_cli.truth import CLUTTER
 
 Floats = NDArray[np.float64]
+
+_SURFACE_M = 0.1
 
 POINT = np.dtype(
     [
@@ -28,18 +29,7 @@ POINT = np.dtype(
 
 @dataclass(frozen=True)
 class Receiver:
-    r"""Converter of echoes to points.
-
-    Parameters
-    ----------
-    lidar : Lidar
-        The lidar.
-    noise : NoiseParams
-        Its false returns.
-    extinction : float
-        Extinction coefficient of air in 1/m.
-    dropout : float
-        Share of the echoes that are lost.
+    r"""Converter of echoes to points, in air with an extinction coefficient in 1/m; a share of the echoes drops out.
 
     Notes
     -----
@@ -57,35 +47,18 @@ class Receiver:
     def receive(
         self, echoes: Echoes, times_s: Floats, rng: np.random.Generator
     ) -> tuple[NDArray[np.void], NDArray[np.int64], Floats]:
-        """Return the points of a frame, the shot of each point, and its distance.
+        """Return the points of a frame, `POINT`, the shot of each, and its distance, shape (M,) each.
 
-        Parameters
-        ----------
-        echoes : Echoes
-            Surface that each shot hits; changed by the noise.
-        times_s : ndarray, shape (C, K), float64
-            Firing time of each shot.
-        rng : numpy.random.Generator
-            Source of randomness.
-
-        Returns
-        -------
-        (ndarray, shape (M,), `POINT`), (ndarray, shape (M,), int64), (ndarray, shape (M,), float64)
+        The echoes are those of the surface that each shot hits, and are changed by the noise; ``times_s``, shape
+        (C, K), are the firing times of the shots.
         """
         add_mixed_pixels(echoes, self.lidar.columns, self.noise, rng)
-        chosen, measured, power = self._detect(echoes, rng)
-        label = echoes.label[chosen]
-        silent = np.setdiff1d(np.arange(len(echoes.range_m)), chosen) if self.noise.false_return_share else chosen[:0]
-        spurious, spurious_range, spurious_power = false_returns(silent, self.lidar.min_range_m, self.noise, rng)
-        if len(spurious):
-            order = np.argsort(np.concatenate((chosen, spurious)), kind="stable")
-            chosen, measured = (
-                np.concatenate((chosen, spurious))[order],
-                np.concatenate((measured, spurious_range))[order],
-            )
-            power = np.concatenate((power, spurious_power))[order]
-            label = np.concatenate((label, np.full(len(spurious), CLUTTER, np.uint16)))[order]
-        return self._points(chosen, measured, power, label, times_s), chosen, measured
+        detected = self._detect(echoes, rng)
+        spurious = false_returns(echoes, detected[0], self.lidar.min_range_m, self.noise, rng)
+        order = np.argsort(np.concatenate((detected[0], spurious[0])), kind="stable")
+        shot, range_m, power = (np.concatenate(both)[order] for both in zip(detected, spurious, strict=True))
+        label = np.append(echoes.label[detected[0]], np.full(len(spurious[0]), CLUTTER, np.uint16))[order]
+        return self._points(shot, range_m, power, label, times_s), shot, range_m
 
     def _detect(self, echoes: Echoes, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats, Floats]:
         """Return the shots with a detected echo, the measured distances and the received power."""
@@ -112,3 +85,60 @@ class Receiver:
         points["timestamp"] = times_s.reshape(-1)[chosen]
         points["label"] = label
         return points
+
+
+def add_mixed_pixels(echoes: Echoes, columns: int, noise: NoiseParams, rng: np.random.Generator) -> None:
+    r"""Convert some echoes at edges, those of a frame column by column, to mixed pixels.
+
+    If the centres of two neighbouring beams hit different surfaces, the edge runs through one of the two beams, each
+    with probability 1/2. The larger part of that beam, a share s uniform from 0.5 to 1, is on its own surface. The
+    light of both parts adds up, and the beam reports the mean of their ranges weighted by their power, :math:`s P_1`
+    and :math:`(1-s) P_2` with :math:`P \propto \rho \cos\theta / R^2`. The point is clutter if it is more than 10 cm
+    from both surfaces.
+    """
+    if not noise.mixed_pixel_share:
+        return
+    shots = np.arange(len(echoes.range_m)).reshape(columns, -1)
+    left, right = shots[:-1].reshape(-1), shots[1:].reshape(-1)
+    with np.errstate(invalid="ignore"):
+        step = np.abs(echoes.range_m[left] - echoes.range_m[right])
+    edges = np.flatnonzero(
+        np.isfinite(step) & (step > 2 * _SURFACE_M) & (rng.random(len(left)) < noise.mixed_pixel_share)
+    )
+    swap = rng.random(len(edges)) < 0.5
+    main, other = np.where(swap, right[edges], left[edges]), np.where(swap, left[edges], right[edges])
+    share = 0.5 + 0.5 * rng.random(len(edges))
+    first, second = echoes.range_m[main], echoes.range_m[other]
+    main_power = share * echoes.reflectance[main] / first**2
+    other_power = (1 - share) * echoes.reflectance[other] / second**2
+    total = np.maximum(main_power + other_power, 1e-30)
+    mixed = (main_power * first + other_power * second) / total
+    clear = np.minimum(np.abs(mixed - first), np.abs(mixed - second)) > _SURFACE_M
+    main, mixed, total = main[clear], mixed[clear], total[clear]
+    echoes.range_m[main], echoes.reflectance[main], echoes.label[main] = mixed, total * mixed**2, CLUTTER
+
+
+def false_returns(
+    echoes: Echoes, detected: NDArray[np.int64], min_range_m: float, noise: NoiseParams, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Return those of the shots without a detected echo that report a point anyway, with distances and intensities.
+
+    Distances beyond the minimum range are distributed exponentially; intensities are the lowest, 1 to 3.
+    """
+    if not noise.false_return_share:
+        return detected[:0], np.empty(0), np.empty(0)
+    silent = np.setdiff1d(np.arange(len(echoes.range_m)), detected)
+    chosen = silent[rng.random(len(silent)) < noise.false_return_share]
+    ranges = min_range_m + noise.false_return_reach_m * rng.standard_exponential(len(chosen))
+    return chosen, ranges, rng.integers(1, 4, len(chosen)).astype(np.float64)
+
+
+def extinction(visibility_km: float) -> float:
+    r"""Return the extinction coefficient :math:`\alpha` of air in 1/m for a meteorological visibility (Koschmieder).
+
+    Examples
+    --------
+    >>> extinction(3.912)
+    0.001
+    """
+    return 3.912 / (1000 * visibility_km)

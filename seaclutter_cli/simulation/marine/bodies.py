@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.lidar.models import Lidar
-from seaclutter_cli.simulation.marine.motion import Pose, Tracks, rotations
+from seaclutter_cli.simulation.marine.motion import Pose, Ride, Tracks, rotations
 from seaclutter_cli.simulation.marine.rays import intersect_box, intersect_triangles
-from seaclutter_cli.simulation.marine.ride import Ride
 from seaclutter_cli.simulation.marine.scene import SceneObjectParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES, Mesh
 from seaclutter_cli.simulation.marine.terrain import Moment
@@ -25,15 +24,7 @@ _FOLLOW_LENGTH_M = 6.0
 
 @dataclass(frozen=True)
 class PlacedBody:
-    """A body in one frame.
-
-    Parameters
-    ----------
-    pose, lidar : Pose
-        Pose of the body when the lidar points at it, and pose of the lidar at that time.
-    base_m : float
-        Height of the sea or the ground there.
-    """
+    """Pose of a body when the lidar points at it, of the lidar then, and height of the sea or the ground there."""
 
     pose: Pose
     lidar: Pose
@@ -41,13 +32,7 @@ class PlacedBody:
 
 
 class Bodies:
-    """The bodies of a scene, O of them.
-
-    Parameters
-    ----------
-    objects : sequence of SceneObjectParams
-        Parameters of each body.
-    """
+    """The bodies of a scene, O of them."""
 
     def __init__(self, objects: Sequence[SceneObjectParams]) -> None:
         self.objects = objects
@@ -96,20 +81,9 @@ class Bodies:
 def add_body_echoes(
     shots: Shots, echoes: Echoes, near: NDArray[np.int64], mesh: Mesh, pose: Pose, surface: tuple[float, int]
 ) -> None:
-    """Add the echoes of a body.
+    """Add the echoes of a body from the shots in its direction, ``near``, shape (M,).
 
-    Parameters
-    ----------
-    shots, echoes : Shots, Echoes
-        Of one frame.
-    near : ndarray, shape (M,), int64
-        Shots in the direction of the body.
-    mesh : Mesh
-        The body in its own frame.
-    pose : Pose
-        Pose of the body.
-    surface : tuple of (float, int)
-        Reflectivity of its brightest parts, and its number in the labels.
+    ``surface`` is the reflectivity of its brightest parts, and its number in the labels.
     """
     reflectivity, label = surface
     origins = (shots.origins[near] - pose.position) @ pose.rotation
@@ -128,19 +102,10 @@ def add_body_echoes(
 
 
 def bearings(shots: Shots, meshes: Sequence[Mesh], poses: Sequence[Pose]) -> tuple[Floats, Floats]:
-    """Return the range of azimuths in which each body is visible from any origin of the shots.
+    """Return the range of azimuths in which each of O bodies is visible from any origin of the shots.
 
-    Parameters
-    ----------
-    shots : Shots
-        Of one frame.
-    meshes, poses : sequence of Mesh, sequence of Pose
-        O bodies and their poses.
-
-    Returns
-    -------
-    (ndarray, shape (O,), float64), (ndarray, shape (O,), float64)
-        First and last azimuth, counter-clockwise, in radians; a full circle if the lidar is within the body's box.
+    First and last azimuth, shape (O,), are counter-clockwise, in radians; a full circle if the lidar is within the
+    body's box.
     """
     bounds = np.array([mesh.bounds for mesh in meshes])
     margin = shots.spread_m + _MARGIN_M
@@ -160,20 +125,8 @@ def bearings(shots: Shots, meshes: Sequence[Mesh], poses: Sequence[Pose]) -> tup
 def box_of(mesh: Mesh, pose: Pose, lidar: Pose, base_m: float) -> tuple[Floats, Floats, float]:
     """Return the upright box, in the frame of the lidar, around the part of a body above the water or the ground.
 
-    Parameters
-    ----------
-    mesh, pose : Mesh, Pose
-        The body.
-    lidar : Pose
-        Pose of the lidar when it points at the body.
-    base_m : float
-        Height of the sea or the ground there.
-
-    Returns
-    -------
-    (ndarray, shape (3,)), (ndarray, shape (3,)), float
-        Centre, size (length, width, height) in metres and yaw in radians. The box contains all of that part, so it is
-        wider if the body is tilted.
+    ``base_m`` is their height there. The box, its centre, its size (length, width, height) and its yaw in radians,
+    contains all of that part, so it is wider if the body is tilted.
     """
     world = mesh.corners @ pose.rotation.T + pose.position
     world[:, 2] = np.maximum(world[:, 2], min(base_m, float(world[:, 2].max())))

@@ -1,29 +1,19 @@
-"""Motion of vessels: along a path, and with the waves."""
+"""Motion of vessels, along a path and with the waves, and of the lidar on its vessel or vehicle."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+_KNOTS = 6
 
-@dataclass(frozen=True)
-class Leg:
-    """A straight part of a path, at constant speed.
 
-    Parameters
-    ----------
-    start_s, end_s : float
-        Start and end time; infinite end for a body at rest.
-    x_m, y_m : float
-        Start position.
-    heading_rad : float
-        Heading, counter-clockwise from the world's x.
-    speed_ms : float
-        Speed in m/s.
-    """
+class Leg(NamedTuple):
+    """A straight part of a path, at constant speed, from a start position; its end is infinite for a body at rest."""
 
     start_s: float
     end_s: float
@@ -37,18 +27,10 @@ _NEVER = Leg(np.inf, np.inf, 0.0, 0.0, 0.0, 0.0)
 
 
 class Track:
-    """A path at constant speed.
+    """A path at constant speed, along one or more positions in metres in the world frame; the last leg has no end.
 
-    Parameters
-    ----------
-    path : sequence of (float, float)
-        Positions in metres in the world frame, one or more; the last leg has no end.
-    speed_ms : float
-        Speed in m/s.
-    heading_deg : float
-        Heading if the path is a single position, counter-clockwise from the world's x.
-    start_s : float
-        Start time of the path; before it, the first leg is extended backwards.
+    ``heading_deg``, counter-clockwise from the world's x, is that of a path of a single position. The path starts at
+    ``start_s``; before it, the first leg is extended backwards.
     """
 
     def __init__(
@@ -70,40 +52,31 @@ class Track:
 
     def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return x and y in metres and the heading in radians at given times, shape (T,) each."""
-        starts = np.array([leg.start_s for leg in self.legs])
-        which = np.clip(np.searchsorted(starts, times_s, side="right") - 1, 0, None)
-        fields = ("x_m", "y_m", "heading_rad", "speed_ms", "start_s")
-        x, y, heading, speed, start = (np.array([getattr(leg, name) for leg in self.legs])[which] for name in fields)
-        along = speed * (times_s - start)
-        return x + along * np.cos(heading), y + along * np.sin(heading), heading
+        legs = np.array(self.legs)
+        which = np.clip(np.searchsorted(legs[:, 0], times_s, side="right") - 1, 0, None)
+        return _along(legs[which], times_s)
 
 
 class Tracks:
-    """Many paths, O of them, each evaluated at its own time.
-
-    Parameters
-    ----------
-    tracks : sequence of Track
-        The paths.
-    """
+    """Many paths, O of them, each evaluated at its own time."""
 
     def __init__(self, tracks: Sequence[Track]) -> None:
         most = max((len(track.legs) for track in tracks), default=1)
-        names = ("start_s", "x_m", "y_m", "heading_rad", "speed_ms")
         # Shorter paths are padded with legs that never start.
         padded = [[*track.legs, *[_NEVER] * (most - len(track.legs))] for track in tracks]
-        legs = [[[getattr(leg, name) for leg in row] for row in padded] for name in names]
-        self._start, self._x, self._y, self._heading, self._speed = np.array(legs, np.float64).reshape(5, -1, most)
-        self._rows = np.arange(len(tracks))
+        self._legs = np.array(padded, np.float64).reshape(-1, most, len(_NEVER))
 
     def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return x and y in metres and the heading in radians of each path at its time, shape (O,) each."""
-        which = np.clip((self._start <= times_s[:, None]).sum(axis=1) - 1, 0, None)
-        start, x, y, heading, speed = (
-            part[self._rows, which] for part in (self._start, self._x, self._y, self._heading, self._speed)
-        )
-        along = speed * (times_s - start)
-        return x + along * np.cos(heading), y + along * np.sin(heading), heading
+        which = np.clip((self._legs[..., 0] <= times_s[:, None]).sum(axis=1) - 1, 0, None)
+        return _along(self._legs[np.arange(len(which)), which], times_s)
+
+
+def _along(legs: Floats, times_s: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return x, y and heading on a leg each, shape (T, 6), at a time each."""
+    start, _, x, y, heading, speed = legs.T
+    along = speed * (times_s - start)
+    return x + along * np.cos(heading), y + along * np.sin(heading), heading
 
 
 def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
@@ -125,15 +98,7 @@ def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Pose:
-    """Position and attitude of a body.
-
-    Parameters
-    ----------
-    position : ndarray, shape (3,), float64
-        Origin of the body in the world frame, in metres.
-    rotation : ndarray, shape (3, 3), float64
-        Rotation from the frame of the body to that of the world.
-    """
+    """Position of a body in the world frame, shape (3,), and rotation from its frame to the world's, shape (3, 3)."""
 
     position: Floats
     rotation: Floats
@@ -142,3 +107,46 @@ class Pose:
     def of(cls, position: Floats, *, yaw: float, pitch: float = 0.0, roll: float = 0.0) -> "Pose":
         """Return a pose from angles in radians."""
         return cls(position, rotations(np.array([yaw]), np.array([pitch]), np.array([roll]))[0])
+
+
+class Ride:
+    """Position and attitude of the lidar over time.
+
+    The lidar is at ``mast``, shape (3,), on a vessel or vehicle that follows a track, and a share of the height and
+    slopes of the terrain, shape (3, T), that ``motion`` returns for positions and times.
+    """
+
+    def __init__(
+        self, track: Track, motion: Callable[[Floats, Floats, Floats], Floats], wave_response: float, mast: Floats
+    ) -> None:
+        self._track, self._motion, self._wave_response, self._mast = track, motion, wave_response, mast
+
+    def at(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """Return position and attitude of the lidar at given times, shapes (T, 3) and (T, 3, 3)."""
+        x, y, yaw = self._track.at(times_s)
+        waves = self._wave_response * self._motion(x, y, times_s)
+        pitch = -np.arctan(waves[1] * np.cos(yaw) + waves[2] * np.sin(yaw))
+        roll = np.arctan(waves[2] * np.cos(yaw) - waves[1] * np.sin(yaw))
+        rotation = rotations(yaw, pitch, roll)
+        return np.stack((x, y, waves[0]), axis=1) + rotation @ self._mast, rotation
+
+    def interpolate(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """Return position and attitude at the many times of a frame, in ascending order, by interpolation."""
+        knots = np.linspace(times_s[0], times_s[-1] + 1e-9, _KNOTS)
+        positions, rotation = self.at(knots)
+        # Knots are 20 ms apart, close enough to interpolate linearly: matrices remain orthogonal to 1e-6.
+        columns = [
+            np.interp(times_s, knots, column) for column in np.concatenate((positions, rotation.reshape(-1, 9)), 1).T
+        ]
+        out = np.stack(columns, axis=1)
+        return out[:, :3], out[:, 3:].reshape(-1, 3, 3)
+
+    def lidar(self, time_s: float) -> Pose:
+        """Return the pose of the lidar at a time."""
+        positions, rotation = self.interpolate(np.array([time_s]))
+        return Pose(positions[0], rotation[0])
+
+    def hull(self, time_s: float) -> Pose:
+        """Return the pose of the hull at a time."""
+        lidar = self.lidar(time_s)
+        return Pose(lidar.position - lidar.rotation @ self._mast, lidar.rotation)

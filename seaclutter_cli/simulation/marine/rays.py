@@ -10,16 +10,9 @@ _BLOCK = 1 << 17
 
 
 def intersect_box(origins: Floats, directions: Floats, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
-    """Return the distances at which rays enter and leave a box, shape (N,) each.
+    """Return the distances at which rays enter and leave a box between two corners, shape (N,) each.
 
     A ray misses the box unless it leaves at a larger distance than it enters.
-
-    Parameters
-    ----------
-    origins, directions : ndarray, shape (N, 3), float64
-        Rays in metres.
-    lower, upper : ndarray, shape (3,), float64
-        Corners of the box.
 
     Examples
     --------
@@ -38,12 +31,7 @@ def intersect_box(origins: Floats, directions: Floats, lower: Floats, upper: Flo
 class UnitTransforms:
     """Transforms of T triangles to the one with corners (0, 0), (1, 0) and (0, 1) in the plane z = 0.
 
-    Parameters
-    ----------
-    axes : ndarray, shape (3, 3, T), float64
-        Matrices.
-    shift : ndarray, shape (3, T), float64
-        Translation subtracted after multiplication.
+    ``shift``, shape (3, T), is subtracted after multiplication with the matrices, shape (3, 3, T).
     """
 
     axes: Floats
@@ -59,20 +47,11 @@ class UnitTransforms:
 
 
 def intersect_triangles(
-    origins: Floats, directions: Floats, triangles: Floats | UnitTransforms
+    origins: Floats, directions: Floats, triangles: UnitTransforms
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return the distance along each ray to the nearest triangle, and its index; infinity and -1 for a miss.
 
-    Parameters
-    ----------
-    origins, directions : ndarray, shape (N, 3), float64
-        Rays in metres; directions of unit length.
-    triangles : ndarray, shape (T, 3, 3), float64; or UnitTransforms
-        Corners in metres; both sides count.
-
-    Returns
-    -------
-    (ndarray, shape (N,), float64), (ndarray, shape (N,), int64)
+    Directions, shape (N, 3), have unit length; both sides of a triangle count.
 
     Notes
     -----
@@ -81,8 +60,7 @@ def intersect_triangles(
     """
     distance = np.full(len(origins), np.inf)
     which = np.full(len(origins), -1)
-    units = triangles if isinstance(triangles, UnitTransforms) else UnitTransforms.of(triangles)
-    axes, shift = units.axes, units.shift
+    axes, shift = triangles.axes, triangles.shift
     size = max(1, _BLOCK // max(shift.shape[1], 1))
     for start in range(0, len(origins), size):
         block = slice(start, start + size)

@@ -9,8 +9,7 @@ from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.lidar.receiver import Receiver
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes, box_of
-from seaclutter_cli.simulation.marine.motion import Pose
-from seaclutter_cli.simulation.marine.ride import Ride
+from seaclutter_cli.simulation.marine.motion import Pose, Ride
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, Terrain, terrain_name
@@ -25,18 +24,10 @@ _DARK_REFLECTIVITY = 0.3
 class SimulatedFrame:
     """One frame of a simulated recording.
 
-    Parameters
-    ----------
-    index : int
-        Number of the frame.
-    points : ndarray, shape (N,), `POINT`
-        Echoes in firing order, in the frame of the lidar; times in seconds from the start of the recording.
-    shots : ndarray, shape (N,), int64
-        Shot of each point: its column times the number of beams, plus its beam.
-    distances_m : ndarray, shape (N,), float64
-        Measured distance from the lens.
-    boxes : Boxes
-        Own ship and every object within range of the lidar; of class ``ignore`` if it is not a target.
+    ``points``, shape (N,), are `POINT` in firing order, in the frame of the lidar, with times in seconds from the start
+    of the recording. ``shots`` are the column times the number of beams, plus the beam of each, ``distances_m`` its
+    measured distance from the lens. ``boxes`` are own ship and every object within range of the lidar; of class
+    ``ignore`` if it is not a target.
     """
 
     index: int
@@ -47,13 +38,7 @@ class SimulatedFrame:
 
 
 class Renderer:
-    """Renderer of the frames of a scene, which are independent and can be rendered in any order.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    """
+    """Renderer of the frames of a scene, which are independent and can be rendered in any order."""
 
     def __init__(self, scene: Scene) -> None:
         recording, vessel = scene.recording, scene.vessel
@@ -61,7 +46,8 @@ class Renderer:
         self._bodies = Bodies(scene.objects)
         self._own = SHAPES["own_vessel"]().scaled(vessel.length_m, vessel.width_m, vessel.lidar_height_m * 0.7)
         self._terrain = self._make_terrain()
-        self._ride = Ride(vessel, self._terrain)
+        mast = np.array([vessel.lidar_forward_m, 0.0, vessel.lidar_height_m])
+        self._ride = Ride(vessel.track, self._terrain.motion, vessel.wave_response, mast)
         noise = scene.noise or self.lidar.noise
         self._receiver = Receiver(self.lidar, noise, scene.terrain.extinction, recording.dropout)
 

@@ -9,8 +9,7 @@ from annotated_types import Ge, Gt, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.parameters import OneOf, check_names
-from seaclutter_cli.simulation.lidar.models import LIDARS
-from seaclutter_cli.simulation.lidar.noise import NoiseParams
+from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
 from seaclutter_cli.simulation.marine.motion import Track
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, terrain_name

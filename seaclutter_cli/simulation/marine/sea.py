@@ -8,7 +8,7 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 from scipy import fft
 
-from seaclutter_cli.simulation.marine.air import extinction
+from seaclutter_cli.simulation.lidar.receiver import extinction
 from seaclutter_cli.validation import renamed
 
 GRAVITY = 9.81
@@ -122,15 +122,7 @@ def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancemen
 
 @dataclass(frozen=True)
 class WaveSurface:
-    """The sea at one moment: a periodic tile of heights.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (M, M), float32
-        Elevation in metres by x and y.
-    cell_m : float
-        Width of a cell in metres.
-    """
+    """The sea at one moment: a periodic tile of elevations in metres by x and y, shape (M, M), in cells of a width."""
 
     heights: NDArray[np.float32]
     cell_m: float
@@ -157,13 +149,6 @@ class WaveSurface:
 
 class Sea:
     r"""Random waves in deep water on a periodic tile.
-
-    Parameters
-    ----------
-    params : SeaParams
-        Sea state and direction.
-    rng : numpy.random.Generator
-        Source of the random amplitudes.
 
     Notes
     -----

@@ -17,14 +17,9 @@ _LEAVES = 130
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles in the body's frame (x forward, y left, z up, 0 at the waterline), T of them.
+    """Triangles in the body's frame (x forward, y left, z up, 0 at the waterline), shape (T, 3, 3).
 
-    Parameters
-    ----------
-    triangles : ndarray, shape (T, 3, 3), float64
-        Corners in metres.
-    shades : ndarray, shape (T,), float64
-        Reflectivity of each, relative to that of the object.
+    ``shades``, shape (T,), are their reflectivities relative to that of the object.
     """
 
     triangles: Triangles

@@ -1,20 +1,27 @@
-"""Sea or ground of a scene: its effect on vessels, and its echoes."""
+"""The ground or the sea of a scene: its effect on vessels, and its echoes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
+from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.marine.ground import Box, Ground, GroundParams
+from seaclutter_cli.simulation.lidar.receiver import extinction
 from seaclutter_cli.simulation.marine.motion import Pose
-from seaclutter_cli.simulation.marine.sea import Sea, SeaParams, WaveSurface
-from seaclutter_cli.simulation.marine.wake import Wake
-from seaclutter_cli.simulation.marine.water import MarineWater
+from seaclutter_cli.simulation.marine.sea import SeaParams
+from seaclutter_cli.simulation.marine.water import SeaTerrain
+from seaclutter_cli.truth import IGNORED
 
 Floats = NDArray[np.float64]
+Box = tuple[Floats, Floats, float]
+"""Centre and size in metres, yaw in radians."""
+
+_WAVES = 24
+_SHORTEST_M, _LONGEST_M = 2.0, 20.0
+_BOX_M = 0.05
 
 
 class Moment(Protocol):
@@ -45,62 +52,85 @@ class Terrain(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class SeaMoment:
-    """The sea at one moment: its surface and its echoes."""
-
-    surface: WaveSurface
-    water: MarineWater
-    wakes: Sequence[Wake]
-    params: SeaParams
-    time_s: float
-
-    def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
-        slope_x, slope_y = self.surface.slope(x, y)
-        return self.surface.height(x, y).astype(np.float64), slope_x.astype(np.float64), slope_y.astype(np.float64)
-
-    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
-        """Add the echoes of the water and of spray."""
-        self.water.add_echoes(shots, echoes, rng)
-        for wake in self.wakes:
-            wake.add_spray_echoes(shots, echoes, self.time_s, self.params.foam_reflectivity, rng)
-
-
-class SeaTerrain:
-    """The sea of a scene and the wakes on it.
+@dataclass(frozen=True, kw_only=True)
+class GroundParams:
+    """The ground of a scene on land.
 
     Parameters
     ----------
-    params : SeaParams
-        Waves and reflectivity.
-    hulls : sequence of (Track, float, float)
-        Path, length and width of each hull that leaves a wake; own ship first.
-    own_length_m : float
-        Length of own ship; waves longer than twice that move it.
-    seed : int
-        Seed of all random values.
+    roughness_m : float
+        Standard deviation of the height.
+    reflectivity : float
+        Reflectivity of grass or earth at normal incidence.
+    visibility_km : float
+        Meteorological visibility, which determines the extinction in air.
     """
 
-    def __init__(self, params: SeaParams, hulls: Sequence[Any], own_length_m: float, seed: int) -> None:
-        self._params, self._seed = params, seed
-        self._sea = Sea(params, np.random.default_rng([seed, 0]))
-        self._swell = self._sea.swell(2 * own_length_m)
-        self._wakes = [Wake(track, length, width, params.foam_lifetime_s) for track, length, width in hulls]
+    roughness_m: Annotated[float, Ge(0)] = 0.015
+    reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.3
+    visibility_km: Annotated[float, Gt(0)] = 10.0
+
+    @property
+    def extinction(self) -> float:
+        """Extinction coefficient in 1/m."""
+        return extinction(self.visibility_km)
+
+
+class Ground:
+    """Uneven ground: a sum of bumps 2 to 20 m long in random directions; an area to ignore, not clutter.
+
+    There are no wakes on land, and bumps of any length tilt the vehicle, scaled by its `wave_response`.
+    """
+
+    def __init__(self, params: GroundParams, hulls: Sequence[Any], own_length_m: float, seed: int) -> None:
+        del hulls, own_length_m
+        self._params = params
+        rng = np.random.default_rng([seed, 0])
+        wave = 2 * np.pi / np.exp(rng.uniform(np.log(_SHORTEST_M), np.log(_LONGEST_M), _WAVES))
+        bearing = rng.uniform(0, 2 * np.pi, _WAVES)
+        self._kx, self._ky = wave * np.cos(bearing), wave * np.sin(bearing)
+        self._phase = rng.uniform(0, 2 * np.pi, _WAVES)
+        self._amplitude = params.roughness_m * np.sqrt(2 / _WAVES)
+
+    def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
+        angle = np.outer(x, self._kx) + np.outer(y, self._ky) + self._phase
+        steep = self._amplitude * np.cos(angle)
+        return self._amplitude * np.sin(angle).sum(axis=1), steep @ self._kx, steep @ self._ky
 
     def motion(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
-        """Return height in metres and slopes along x and y of the long waves, shape (3, T)."""
-        return self._swell.at(x, y, times_s)
+        """Return the height in metres and the slopes along x and y that move the vehicle, shape (3, T)."""
+        del times_s
+        return np.stack(self.height_and_slopes(x, y))
 
-    def at(self, time_s: float) -> SeaMoment:
-        """Return the sea at a time."""
-        surface = self._sea.at(time_s)
-        water = MarineWater(surface, self._params, self._wakes, time_s=time_s, seed=self._seed)
-        return SeaMoment(surface, water, self._wakes, self._params, time_s)
+    def at(self, time_s: float) -> "Ground":
+        """Return the ground, which does not change over time."""
+        del time_s
+        return self
 
-    def box(self, lidar: Pose, reach_m: float) -> None:
-        """Return None: water is clutter."""
-        del lidar, reach_m
+    def box(self, lidar: Pose, reach_m: float) -> Box:
+        """Return the ground within reach as an area to ignore: an upright box in the frame of the lidar."""
+        angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+        rim = reach_m * np.stack((np.cos(angles), np.sin(angles), np.zeros(16)), axis=1)
+        rim[:, 2] -= lidar.position[2]
+        heights = (rim @ lidar.rotation)[:, 2]
+        margin = 3 * self._params.roughness_m + _BOX_M
+        lower, upper = heights.min() - margin, heights.max() + margin
+        size = np.array([2 * reach_m, 2 * reach_m, upper - lower])
+        return np.array([0.0, 0.0, (lower + upper) / 2]), size, 0.0
+
+    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
+        """Add the echoes of the ground: the intersection with a plane, corrected for the height there."""
+        del rng
+        down = np.flatnonzero(shots.directions[:, 2] < 0)
+        rays, origins = shots.directions[down], shots.origins[down]
+        height = np.zeros(len(down))
+        for _ in range(2):
+            distance = (height - origins[:, 2]) / rays[:, 2]
+            positions = origins + distance[:, None] * rays
+            height, slope_x, slope_y = self.height_and_slopes(positions[:, 0], positions[:, 1])
+        facing = (rays[:, 0] * slope_x + rays[:, 1] * slope_y - rays[:, 2]) / np.sqrt(slope_x**2 + slope_y**2 + 1)
+        echoes.add(down, distance, self._params.reflectivity * np.clip(facing, 0.0, 1.0), IGNORED)
 
 
 TerrainParams = SeaParams | GroundParams

@@ -27,16 +27,7 @@ _DROPLETS_S_M2 = 0.0005
 
 @dataclass(frozen=True)
 class Wake:
-    r"""The wake of one vessel.
-
-    Parameters
-    ----------
-    track : Track
-        Path of the vessel.
-    length_m, width_m : float
-        Size of the waterline.
-    foam_lifetime_s : float
-        Time in which foam decays to 1/e.
+    r"""The wake of one vessel, along its path, for the size of its waterline; foam decays to 1/e in a lifetime.
 
     Notes
     -----
@@ -119,13 +110,10 @@ class Wake:
         return passed[near], behind, aside[near], np.maximum(0.0, behind - self.length_m) / leg.speed_ms
 
     def spray(self, time_s: float) -> tuple[Floats, Floats, float] | None:
-        """Return the box in which droplets fly.
+        """Return the box in which droplets fly; None if the vessel is too slow to throw up spray.
 
-        Returns
-        -------
-        tuple of (ndarray, shape (2, 3)), (ndarray, shape (3,)), float; or None
-            Lower and upper corner in the vessel's frame; x, y and heading of the vessel; droplets hit per metre. None
-            if it is too slow to throw up spray.
+        These are its lower and upper corner in the vessel's frame, x, y and heading of the vessel, and droplets hit per
+        metre.
         """
         x, y, heading = self.track.at(np.array([time_s]))
         speed = next((leg.speed_ms for leg in reversed(self.track.legs) if leg.start_s <= time_s), 0.0)

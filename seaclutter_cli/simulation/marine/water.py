@@ -1,12 +1,14 @@
-"""Echoes of the sea surface."""
+"""The sea of a scene: its echoes at one moment, and its waves and wakes over time."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.marine.sea import SeaParams, WaveSurface
+from seaclutter_cli.simulation.marine.motion import Pose
+from seaclutter_cli.simulation.marine.sea import Sea, SeaParams, WaveSurface
 from seaclutter_cli.simulation.marine.wake import Wake, patches
 from seaclutter_cli.truth import CLUTTER
 
@@ -27,20 +29,7 @@ def _pulse_loss(range_m: Floats, sine: Floats) -> Floats:
 
 
 class MarineWater:
-    r"""The sea at one moment, as a lidar sees it.
-
-    Parameters
-    ----------
-    surface : WaveSurface
-        Waves.
-    params : SeaParams
-        Reflectivity of water and foam.
-    wakes : sequence of Wake
-        Wakes on the surface.
-    time_s : float
-        The moment.
-    seed : int
-        Seed of the patches of foam.
+    r"""The sea at one moment, as a lidar sees it: waves, wakes, and foam in patches that depend on a seed.
 
     Notes
     -----
@@ -73,8 +62,13 @@ class MarineWater:
         # Waves break at their crests, so whitecaps cover the highest part of the surface.
         self._crest = float(np.quantile(spread, 1 - params.whitecaps)) if params.whitecaps else np.inf
 
+    def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
+        slope_x, slope_y = self._surface.slope(x, y)
+        return self._surface.height(x, y).astype(np.float64), slope_x.astype(np.float64), slope_y.astype(np.float64)
+
     def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
-        """Add the echoes of the water."""
+        """Add the echoes of the water and of spray."""
         hit, distance = self._intersect(shots)
         rays = shots.directions[hit]
         positions = shots.origins[hit] + distance[:, None] * rays
@@ -85,6 +79,8 @@ class MarineWater:
         foamy = self._foam(x, y) > patches(x, y, self._seed)
         foam = self._params.foam_reflectivity * rng.random(len(hit)) * rng.standard_exponential(len(hit))
         echoes.add(hit, distance, np.where(foamy, foam, reflectance) * _pulse_loss(distance, -rays[:, 2]), CLUTTER)
+        for wake in self._wakes:
+            wake.add_spray_echoes(shots, echoes, self._time_s, self._params.foam_reflectivity, rng)
 
     def _speckle(self, count: int, rng: np.random.Generator) -> Floats:
         """Return K-distributed factors of mean 1, shape (N,)."""
@@ -129,3 +125,29 @@ class MarineWater:
         for wake in self._wakes:
             heights += wake.height(x, y, self._time_s)
         return heights
+
+
+class SeaTerrain:
+    """The sea of a scene and the wakes on it.
+
+    ``hulls`` are the path, length and width of each hull that leaves a wake. Waves longer than twice the length of own
+    ship move it.
+    """
+
+    def __init__(self, params: SeaParams, hulls: Sequence[Any], own_length_m: float, seed: int) -> None:
+        self._params, self._seed = params, seed
+        self._sea = Sea(params, np.random.default_rng([seed, 0]))
+        self._swell = self._sea.swell(2 * own_length_m)
+        self._wakes = [Wake(track, length, width, params.foam_lifetime_s) for track, length, width in hulls]
+
+    def motion(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
+        """Return height in metres and slopes along x and y of the long waves, shape (3, T)."""
+        return self._swell.at(x, y, times_s)
+
+    def at(self, time_s: float) -> MarineWater:
+        """Return the sea at a time."""
+        return MarineWater(self._sea.at(time_s), self._params, self._wakes, time_s=time_s, seed=self._seed)
+
+    def box(self, lidar: Pose, reach_m: float) -> None:
+        """Return None: water is clutter."""
+        del lidar, reach_m

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes
-from seaclutter_cli.simulation.lidar.models import LIDARS
-from seaclutter_cli.simulation.lidar.noise import NoiseParams, add_mixed_pixels, false_returns
+from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
+from seaclutter_cli.simulation.lidar.receiver import add_mixed_pixels, false_returns
 from seaclutter_cli.simulation.marine.render import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 
@@ -83,13 +83,14 @@ def test_a_slope_or_sky_behind_is_not_an_edge():
 def test_false_returns_have_the_share_and_reach_of_the_parameters():
     silent = np.arange(7, 50_007)
     noise = NoiseParams(false_return_share=0.2, false_return_reach_m=0.6)
-    lost, range_m, intensity = false_returns(silent, 0.4, noise, np.random.default_rng(1))
+    shots, detected = Echoes.empty(50_007), np.arange(7)
+    lost, range_m, intensity = false_returns(shots, detected, 0.4, noise, np.random.default_rng(1))
     assert len(lost) / len(silent) == pytest.approx(0.2, rel=0.05)
     assert set(lost.tolist()) <= set(silent.tolist())
     assert range_m.min() >= 0.4
     assert range_m.mean() == pytest.approx(1.0, rel=0.05)
     assert set(intensity.tolist()) == {1, 2, 3}
-    assert len(false_returns(silent, 0.4, NoiseParams(), np.random.default_rng(1))[0]) == 0
+    assert len(false_returns(shots, detected, 0.4, NoiseParams(), np.random.default_rng(1))[0]) == 0
 
 
 def test_a_frame_has_mixed_pixels_only_at_the_edges_of_a_post():
