@@ -1,168 +1,37 @@
-"""Processing of a recording: read frames from a source, filter them, pass the results to sinks."""
+"""Processing of a recording: filter its frames, and pass the results to sinks in the order of the log."""
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field
-from pathlib import Path
+from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import (
-    CloudError,
-    FieldError,
-    MissingExtraError,
-    SeaclutterError,
-    UnsupportedCloudError,
-    UsageError,
-)
+from seaclutter_cli.errors import FieldError, UsageError
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
-from seaclutter_cli.holding import HeldFrame, HeldRecord, RecordHolder
 from seaclutter_cli.interfaces import Filter, Sink, Source
-from seaclutter_cli.latched import latched_before
-from seaclutter_cli.messages import find_codec
-from seaclutter_cli.records import Channel, Damage, Message, Record
-from seaclutter_cli.selection import Selection, Window, cloud_channels
+from seaclutter_cli.reading import frames, read, report_lost
+from seaclutter_cli.records import Message, Record
+from seaclutter_cli.selection import Selection, cloud_channels
 
 _MAX_UNFIT = 5
+_SLACK_NS = 100_000_000
+_MAX_HELD_BYTES = 128 << 20
 
 T = TypeVar("T")
-
-
-def frames(source: Source, selection: Selection) -> Iterator[Frame]:
-    """Yield the selected frames; see `read`, and `cloud_channels` for its errors."""
-    clouds = cloud_channels(source, selection.topics)
-    return (frame for _, frame in read(source, clouds, selection) if frame is not None)
-
-
-def map_frames(source: Source, selection: Selection, use: Callable[[Frame], T]) -> Iterator[tuple[Frame, T]]:
-    """Yield the selected frames, each with the result of a function.
-
-    Raises
-    ------
-    FieldError
-        If all frames of a topic lack a field that the function needs. If only some do, they are damage.
-    """
-    tallies: dict[str, TopicTally] = {}
-    for frame in frames(source, selection):
-        tally = tallies.setdefault(frame.topic, TopicTally())
-        try:
-            value = use(frame)
-        except FieldError as error:
-            _record_unfit(error, frame, tally, source)
-            _report_lost(source, frame.topic, frame.index, frame.nbytes, error)
-            continue
-        tally.frames += 1
-        yield frame, value
-    for topic, tally in tallies.items():
-        _require_fields(source, topic, tally)
-
-
-def read(
-    source: Source,
-    clouds: Sequence[Channel],
-    selection: Selection,
-    *,
-    with_latched: bool = False,
-    unreadable: dict[str, str] | None = None,
-) -> Iterator[tuple[Record, Frame | None]]:
-    """Yield the selected records of a source, clouds together with their frames.
-
-    A message that is not a valid cloud is left out and added to the damage of the source. The index of a frame counts
-    from the start of the recording, within its topic, even if the selection starts later. If it does, the last messages
-    before it on latched topics come first, if ``with_latched``.
-
-    Raises
-    ------
-    UnsupportedCloudError
-        If the clouds of a topic are stored in a form that cannot be read. With ``unreadable``, the reason is stored
-        there by topic instead, and the topic yields no frames.
-    MissingExtraError
-        Likewise if they need an extra that is not installed.
-    """
-    decoder = _Decoder(source, clouds, selection.intensity_field, unreadable)
-    window = Window(source, clouds, selection)
-    if with_latched and window.start_ns is not None:
-        yield from ((message, None) for message in latched_before(source, window.start_ns, selection.latched))
-    for record in source.records(window.start_ns, window.end_ns):
-        if not isinstance(record, Message):
-            yield record, None
-            continue
-        is_cloud = record.channel in decoder.codecs
-        if is_cloud and window.closed:
-            return
-        index = window.count(record) if is_cloud else 0
-        if not window.contains(record):
-            continue
-        for frame in decoder.frames(record, index) if is_cloud else (None,):
-            if frame is not None:
-                window.count_selected(record)
-            yield record, frame
-
-
-class _Decoder:
-    """Decoder of the messages of cloud topics; see `read`."""
-
-    def __init__(
-        self, source: Source, clouds: Sequence[Channel], intensity: str | None, unreadable: dict[str, str] | None
-    ) -> None:
-        self.codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
-        self._source, self._intensity, self._unreadable = source, intensity, unreadable
-
-    def frames(self, message: Message, index: int) -> Iterator[Frame | None]:
-        """Yield the frame of a message; None if clouds of its topic cannot be read, nothing if it is damaged."""
-        topic = message.channel.topic
-        if self._unreadable and topic in self._unreadable:
-            yield None
-            return
-        try:
-            cloud = self.codecs[message.channel].decode(message.data)
-        except (UnsupportedCloudError, MissingExtraError) as error:
-            if self._unreadable is None:
-                raise _of_topic(error, self._source, topic) from error
-            self._unreadable[topic] = str(_of_topic(error, self._source, topic))
-            yield None
-        except CloudError as error:
-            _report_lost(self._source, topic, index, len(message.data), error)
-        else:
-            yield Frame.of_message(message, cloud, index, self._intensity)
-
-
-def _of_topic(error: SeaclutterError, source: Source, topic: str) -> SeaclutterError:
-    if isinstance(error, UnsupportedCloudError):
-        return UnsupportedCloudError(f"{source.name}, {topic}: {error}")
-    return error
-
-
-def _report_lost(source: Source, topic: str, index: int, lost_bytes: int, error: Exception) -> None:
-    problem = f"frame {index} of {topic} is not a valid cloud ({error})"
-    source.damage.append(Damage(Path(source.name), None, problem, lost_bytes, 1))
 
 
 @dataclass
 class TopicTally:
     """Sums over the frames of one topic.
 
-    Parameters
-    ----------
-    frames, points_in : int
-        Filtered frames and their points.
-    counts : ndarray, shape (8,), int64
-        Points for each `Reason`; the first entry counts the points kept.
-    rings : Rings or None
-        Sums over the frames, including thresholds and corrections.
-    scenes : counter of str
-        Number of frames for each class of scene; empty for methods without presets.
-    water : ndarray, shape (4,), float64
-        Sums of the values of `WaterState`.
-    water_frames : int
-        Number of frames with water; 0 for methods that do not estimate it.
-    filter_s : float
-        Seconds spent in the filter.
-    unfit : list of FieldError
-        Errors of the first frames, which lack a field.
+    ``counts``, shape (8,), are the points for each `Reason`, the first entry those kept. ``rings`` are sums including
+    thresholds and corrections. ``scenes`` are the frames for each class of scene; empty for methods without presets.
+    ``water``, shape (4,), are sums of the values of `WaterState` over ``water_frames``. ``filter_s`` are the seconds
+    spent in the filter, ``unfit`` the errors of the first frames, which lack a field.
     """
 
     frames: int = 0
@@ -195,6 +64,100 @@ class TopicTally:
         return WaterState(*(self.water / self.water_frames).tolist()) if self.water_frames else None
 
 
+@dataclass
+class HeldRecord:
+    """A record with its frame, if it is a cloud, and the results of the frame's filters.
+
+    A result is the error of a filter that cannot use the frame, or None until it is known. ``seconds`` are the times
+    that the filters took when they received the frame.
+    """
+
+    record: Record
+    frame: Frame | None
+    results: list[FilterResult | FieldError | None]
+    seconds: list[float]
+
+    @property
+    def nbytes(self) -> int:
+        """Size of its message in bytes."""
+        return len(self.record.data) if isinstance(self.record, Message) else 0
+
+
+class RecordHolder:
+    """Holder of the records that wait for filters which look ahead.
+
+    Filters return the results of a topic in the order of its frames, some of them only with later frames. Every record
+    behind an incomplete frame waits, so that the order of the log is kept. If the log goes on for longer than a filter
+    looks ahead without another frame of its topic, or if the messages that wait exceed 128 MB, the filter decides with
+    what it has. The arrays decoded from these messages take memory in addition.
+    """
+
+    def __init__(self, filters: Mapping[str, Sequence[Filter]]) -> None:
+        self._filters = filters
+        self._held: deque[HeldRecord] = deque()
+        self._waiting = {topic: [deque[HeldRecord]() for _ in own] for topic, own in filters.items()}
+        self._held_bytes = 0
+        self._last_ns: dict[str, int] = {}
+
+    def add(self, record: Record, frame: Frame | None) -> Iterator[HeldRecord]:
+        """Add the next record of the log; yield those that are complete, in order."""
+        held = HeldRecord(record, frame, [], []) if frame is None else self._filter(record, frame)
+        self._held.append(held)
+        self._held_bytes += held.nbytes
+        yield from self._complete()
+        while isinstance(record, Message) and self._flush_late(record.log_time_ns):
+            yield from self._complete()
+
+    def finish(self) -> Iterator[HeldRecord]:
+        """Yield all records that are left, after the end of the log."""
+        for topic in self._filters:
+            self._flush(topic)
+        yield from self._complete()
+
+    def _filter(self, record: Record, frame: Frame) -> HeldRecord:
+        filters = self._filters[frame.topic]
+        self._last_ns[frame.topic] = frame.log_time_ns
+        held = HeldRecord(record, frame, [None] * len(filters), [0.0] * len(filters))
+        for number, method in enumerate(filters):
+            started = perf_counter()
+            try:
+                results = method.process(frame)
+            except FieldError as error:
+                held.results[number] = error
+                continue
+            held.seconds[number] = perf_counter() - started
+            self._waiting[frame.topic][number].append(held)
+            self._assign(frame.topic, number, results)
+        return held
+
+    def _assign(self, topic: str, number: int, results: Sequence[FilterResult]) -> None:
+        for result in results:
+            self._waiting[topic][number].popleft().results[number] = result
+
+    def _flush(self, topic: str) -> None:
+        for number, method in enumerate(self._filters[topic]):
+            if self._waiting[topic][number]:
+                self._assign(topic, number, method.flush())
+
+    def _flush_late(self, log_time_ns: int) -> bool:
+        """Let a filter decide if later frames do not come or the wait takes too much memory; return whether it did."""
+        frame = self._held[0].frame if self._held else None
+        if frame is None:
+            return False
+        ahead_ns = max(int(1e9 * method.look_ahead_s) for method in self._filters[frame.topic])
+        late = log_time_ns - self._last_ns[frame.topic] > ahead_ns + _SLACK_NS
+        if late or self._held_bytes > _MAX_HELD_BYTES:
+            self._flush(frame.topic)
+            return True
+        return False
+
+    def _complete(self) -> Iterator[HeldRecord]:
+        while self._held and None not in self._held[0].results:
+            held = self._held.popleft()
+            self._held_bytes -= held.nbytes
+            yield held
+
+
 def run(
     source: Source,
     make_filter: Callable[[], Filter],
@@ -205,25 +168,8 @@ def run(
 ) -> dict[str, TopicTally]:
     """Filter a recording and return sums for each cloud topic; every topic has a filter of its own.
 
-    Parameters
-    ----------
-    source : Source
-        The recording.
-    make_filter : callable
-        Returns a new filter.
-    sinks : sequence of Sink
-        Receive every record or result, in the order of log time.
-    selection : Selection
-        Part to process; the rest does not reach the sinks.
-    on_frame : callable, optional
-        Called with the result of each frame.
-    tallies : dict of str to TopicTally, optional
-        Receives the sums while they grow; they are complete when sinks end.
-
-    Returns
-    -------
-    dict of str to TopicTally
-        Sums for each cloud topic.
+    The sinks receive every record or result of the selected part, in the order of log time, ``on_frame`` the result of
+    each frame. ``tallies`` receive the sums while they grow; they are complete when sinks end.
 
     Raises
     ------
@@ -239,13 +185,13 @@ def run(
         sink.begin(source, clouds)
     holder = RecordHolder({topic: [method] for topic, method in filters.items()})
     for held in _held(holder, read(source, clouds, selection, with_latched=True)):
-        if not isinstance(held, HeldFrame):
+        if held.frame is None:
             for sink in sinks:
                 sink.copy(held.record)
             continue
-        (result,) = _counted(held, [tallies[held.frame.topic]], source)
+        (result,) = _counted(held.frame, held, [tallies[held.frame.topic]], source)
         if isinstance(result, FieldError):
-            _report_lost(source, held.frame.topic, held.frame.index, held.frame.nbytes, result)
+            report_lost(source, held.frame.topic, held.frame.index, held.frame.nbytes, result)
             continue
         for sink in sinks:
             sink.write(result)
@@ -265,18 +211,9 @@ def run_each(
 ) -> None:
     """Filter one cloud topic with several methods in one pass; each frame is decoded once.
 
-    Parameters
-    ----------
-    source : Source
-        The recording.
-    filters : sequence of Filter
-        New filters. Those that need a first pass share it.
-    selection : Selection
-        Part to process.
-    on_frame : callable
-        Called with each frame, the result of each filter (None if the filter cannot use the frame), and the seconds
-        that each filter took. Coordinates and ranges, which all filters use, are computed before and not timed.
-        Frames without coordinates are damage.
+    The filters are new; those that need a first pass share it. ``on_frame`` is called with each frame, the result of
+    each filter (None if the filter cannot use the frame), and the seconds that each filter took. Coordinates and
+    ranges, which all filters use, are computed before and not timed. Frames without coordinates are damage.
 
     Raises
     ------
@@ -292,16 +229,15 @@ def run_each(
         raise UsageError(f"{source.name}: several point-cloud topics; choose one: {choices}")
     _observe(source, selection, {topics[0]: filters})
     tallies = [TopicTally() for _ in filters]
-    holder = RecordHolder({topics[0]: filters})
     records = read(source, clouds, selection)
     usable = ((record, frame) for record, frame in records if frame is not None and _has_coordinates(frame, source))
-    for held in _held(holder, usable):
-        if not isinstance(held, HeldFrame):
+    for held in _held(RecordHolder({topics[0]: filters}), usable):
+        if held.frame is None:
             continue
-        frame, results = held.frame, _counted(held, tallies, source)
+        frame, results = held.frame, _counted(held.frame, held, tallies, source)
         unusable = next((result for result in results if isinstance(result, FieldError)), None)
         if unusable is not None:
-            _report_lost(source, frame.topic, frame.index, frame.nbytes, unusable)
+            report_lost(source, frame.topic, frame.index, frame.nbytes, unusable)
         seconds = [0.0 if isinstance(r, FieldError) else s for r, s in zip(results, held.seconds, strict=True)]
         on_frame(frame, [None if isinstance(result, FieldError) else result for result in results], seconds)
     for tally in tallies:
@@ -320,7 +256,7 @@ def _has_coordinates(frame: Frame, source: Source) -> bool:
     try:
         _ = frame.valid
     except FieldError as error:
-        _report_lost(source, frame.topic, frame.index, frame.nbytes, error)
+        report_lost(source, frame.topic, frame.index, frame.nbytes, error)
         return False
     with suppress(FieldError):  # not every method needs intensities
         _ = frame.intensity
@@ -346,14 +282,17 @@ def _observe(source: Source, selection: Selection, filters: Mapping[str, Sequenc
     source.damage[:] = damage  # reading reports it again
 
 
-def _counted(held: HeldFrame, tallies: Sequence[TopicTally], source: Source) -> list[FilterResult | FieldError]:
+def _counted(
+    frame: Frame, held: HeldRecord, tallies: Sequence[TopicTally], source: Source
+) -> list[FilterResult | FieldError]:
     """Return the results of the filters after adding each to its sums."""
-    for result, tally, seconds in zip(held.known, tallies, held.seconds, strict=True):
+    known = [result for result in held.results if result is not None]
+    for result, tally, seconds in zip(known, tallies, held.seconds, strict=True):
         if isinstance(result, FieldError):
-            _record_unfit(result, held.frame, tally, source)
+            _record_unfit(result, frame, tally, source)
         else:
             tally.add(result, seconds)
-    return held.known
+    return known
 
 
 def _record_unfit(error: FieldError, frame: Frame, tally: TopicTally, source: Source) -> None:
@@ -362,3 +301,26 @@ def _record_unfit(error: FieldError, frame: Frame, tally: TopicTally, source: So
         tally.unfit.append(error)
     if len(tally.unfit) == _MAX_UNFIT:
         _require_fields(source, frame.topic, tally)
+
+
+def map_frames(source: Source, selection: Selection, use: Callable[[Frame], T]) -> Iterator[tuple[Frame, T]]:
+    """Yield the selected frames, each with the result of a function.
+
+    Raises
+    ------
+    FieldError
+        If all frames of a topic lack a field that the function needs. If only some do, they are damage.
+    """
+    tallies: dict[str, TopicTally] = {}
+    for frame in frames(source, selection):
+        tally = tallies.setdefault(frame.topic, TopicTally())
+        try:
+            value = use(frame)
+        except FieldError as error:
+            _record_unfit(error, frame, tally, source)
+            report_lost(source, frame.topic, frame.index, frame.nbytes, error)
+            continue
+        tally.frames += 1
+        yield frame, value
+    for topic, tally in tallies.items():
+        _require_fields(source, topic, tally)

@@ -1,4 +1,4 @@
-"""Threads that this process may use."""
+"""Threads that this process may use, and memory that it keeps."""
 
 import os
 from collections import deque
@@ -21,6 +21,7 @@ VARIABLE = "SEACLUTTER_THREADS"
 P = ParamSpec("P")
 T = TypeVar("T")
 
+_LARGEST_BYTES = 4 * 2**20
 _QUOTA = Path("/sys/fs/cgroup/cpu.max")
 
 
@@ -89,3 +90,18 @@ def in_order(work: Callable[[int], T], count: int, *, workers: int, ahead: int) 
                 yield pending.popleft().result()
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+@cache
+def keep_freed_memory() -> None:
+    """Let the C library keep the memory of a frame for the next one.
+
+    By default, glibc returns it to the system after each frame and gets it back page by page, which costs as much time
+    as decoding. It keeps twice as much as the largest block that was freed. An unused block needs no memory itself.
+    """
+    import numpy as np  # slow to import, not needed by processes that only wait
+
+    try:
+        np.empty(_LARGEST_BYTES, np.uint8)
+    except MemoryError:  # the address space is limited
+        return

@@ -9,14 +9,14 @@ import pytest
 from click.testing import CliRunner
 
 import seaclutter
-from seaclutter_cli import holding
+from seaclutter_cli import pipeline
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.holding import HeldFrame, RecordHolder
-from seaclutter_cli.pipeline import frames, read, run, run_each
+from seaclutter_cli.pipeline import RecordHolder, run, run_each
+from seaclutter_cli.reading import frames, read
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sources import find_recordings, open_source
@@ -82,9 +82,9 @@ class Held:
         self.out += holder.finish()
         assert [id(one.record) for one in self.out] == [id(record) for record, _ in records], "order of the log"
         for one in self.out:
-            if isinstance(one, HeldFrame):
-                own = [result for result in one.known if isinstance(result, FilterResult)]
-                assert len(one.known) == len(one.results), "complete"
+            if one.frame is not None:
+                own = [result for result in one.results if isinstance(result, FilterResult)]
+                assert None not in one.results, "complete"
                 assert all(result.frame is one.frame for result in own)
 
 
@@ -131,14 +131,14 @@ class TestHolder:
         assert held.before_the_end == len(held.out)
 
     def test_memory_is_bounded(self, monkeypatch):
-        monkeypatch.setattr(holding, "_MAX_HELD_BYTES", 10_000)
+        monkeypatch.setattr(pipeline, "_MAX_HELD_BYTES", 10_000)
         method = Ahead(5.0)
         held = Held(RecordHolder({"/bow": [method], "/aft": [Ahead(0.0)]}), two_topics(aft=[], size=500))
         assert 8_000 <= held.most_bytes <= 12_000
         assert len(method.flushed) >= 5
 
     def test_a_single_message_beyond_the_limit(self, monkeypatch):
-        monkeypatch.setattr(holding, "_MAX_HELD_BYTES", 100)
+        monkeypatch.setattr(pipeline, "_MAX_HELD_BYTES", 100)
         held = Held(RecordHolder({"/bow": [Ahead()], "/aft": [Ahead()]}), two_topics(size=500))
         assert held.most_bytes <= 100
 
@@ -149,10 +149,10 @@ class TestHolder:
                 record, frame = records[at]
                 records[at] = cloud(record.channel.topic, record.log_time_ns // MS, frame.index, size=3)
         held = Held(RecordHolder({"/bow": [Ahead(), Ahead(0.0)], "/aft": [Ahead()]}), records)
-        failed = [one for one in held.out if isinstance(one, HeldFrame) and one.frame.size == 3]
+        failed = [one for one in held.out if one.frame is not None and one.frame.size == 3]
         assert len(failed) >= 2
         for one in failed:
-            assert all(isinstance(result, FieldError) for result in one.known)
+            assert all(isinstance(result, FieldError) for result in one.results)
 
     def test_several_methods_with_and_without_look_ahead(self):
         methods = [Ahead(0.0), Ahead(0.3), Ahead(0.7)]

@@ -26,6 +26,7 @@ CORE = (
     | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "water"}
     | {
         "selection",
+        "reading",
         "pipeline",
     }
 )
@@ -38,7 +39,6 @@ ALLOWED = {
     "limits": {"errors"},
     "threads": {"errors"},
     "interrupts": set(),
-    "memory": set(),
     "jobs": {"errors", "interrupts", "threads"},
     "cloud": {"text", "errors", "records"},
     "frame": {"text", "errors", "records", "cloud"},
@@ -49,7 +49,7 @@ ALLOWED = {
     "validation": {"text", "errors", "documents", "parameters"},
     "messages": BASE,
     "sensors": BASE,
-    "sources": BASE | {"memory", "messages", "sensors"},
+    "sources": BASE | {"messages", "sensors"},
     "sinks": BASE | {"messages"},
     "labels": BASE,
     "clustering": BASE,
@@ -60,20 +60,19 @@ ALLOWED = {
     "water": BASE,
     "structure": BASE | {"water"},
     "filters": BASE | {"clustering", "grids", "scenes", "structure", "water"},
-    "holding": BASE,
     "selection": BASE | {"messages"},
-    "latched": BASE | {"messages"},
-    "pipeline": BASE | {"holding", "latched", "messages", "selection"},
+    "reading": BASE | {"messages", "selection"},
+    "pipeline": BASE | {"reading", "selection"},
     "calibration": BASE | {"filters"},
     "config": BASE | {"filters", "evaluation", "parameters", "validation"},
     "simulation": BASE | {"parameters", "validation", "messages", "sensors", "sinks"},
-    "reporting": BASE | {"evaluation", "messages", "pipeline", "selection"},
+    "reporting": BASE | {"evaluation", "messages", "reading", "selection"},
     "plots": BASE | {"evaluation", "calibration", "reporting", "structure"},
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "runs": CORE
     | {"airborne", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "structure"}
     | {"validation", "viewing"},
-    "api": BASE | {"calibration", "config", "messages", "pipeline", "runs", "selection", "sinks", "validation"},
+    "api": BASE | {"calibration", "config", "messages", "reading", "runs", "selection", "sinks", "validation"},
     "commands": BASE | {"config", "interrupts", "runs", "selection", "sensors"},
 }
 """Parts of the package and the other parts that each may import."""

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag1 import Writer as BagWriter
 
-from seaclutter_cli.pipeline import frames, read
+from seaclutter_cli.reading import frames, read
 from seaclutter_cli.records import Attachment, Message, Metadata
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sources import find_recordings, open_source

@@ -1,13 +1,14 @@
-"""The number of threads that a process may use."""
+"""Threads that a process may use, and memory that it keeps from frame to frame."""
 
 import os
 import threading
 
+import numpy as np
 import pytest
 
 from seaclutter_cli import threads as module
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.threads import cores, executor, threads
+from seaclutter_cli.threads import cores, executor, keep_freed_memory, threads
 
 
 def test_all_cores_by_default(monkeypatch):
@@ -57,3 +58,20 @@ def test_one_thread_does_all_in_turn(count, is_beside, monkeypatch):
         failed = pool.submit(int, "x")
     with pytest.raises(ValueError, match="x"):
         failed.result()
+
+
+@pytest.mark.parametrize("error", [None, MemoryError])
+def test_a_limited_address_space_is_no_error(error, monkeypatch):
+    asked = []
+
+    def empty(size, dtype):
+        asked.append(size * np.dtype(dtype).itemsize)
+        if error:
+            raise error
+
+    monkeypatch.setattr(np, "empty", empty)
+    keep_freed_memory.cache_clear()
+    keep_freed_memory()
+    keep_freed_memory()
+    (size,) = asked
+    assert size >= 2**20

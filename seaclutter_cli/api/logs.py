@@ -9,7 +9,7 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
-from seaclutter_cli.pipeline import frames
+from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Damage, SensorFacts
 from seaclutter_cli.runs.recordings import PathLike, ReadOptions, expand
 from seaclutter_cli.selection import Moment, Selection

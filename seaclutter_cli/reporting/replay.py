@@ -18,7 +18,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.messages.metadata import DIAGNOSTICS, recorded_topics
-from seaclutter_cli.pipeline import read
+from seaclutter_cli.reading import read
 from seaclutter_cli.records import Damage, Message, Metadata
 from seaclutter_cli.reporting.history import Numbers
 from seaclutter_cli.selection import Selection

@@ -11,7 +11,8 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.messages import find_codec
-from seaclutter_cli.pipeline import TopicTally, read
+from seaclutter_cli.pipeline import TopicTally
+from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, inputs_of_work, run_batch
 from seaclutter_cli.runs.convert_result import ConvertOutcome, ConvertSummary

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec, main_clouds
-from seaclutter_cli.pipeline import read
+from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel, Message, SensorFacts
 from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
 from seaclutter_cli.runs.observer import SILENT, Observer

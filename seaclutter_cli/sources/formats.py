@@ -7,13 +7,13 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.memory import keep_freed_memory
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
 from seaclutter_cli.sources.pcap.magics import CAPTURE_MAGICS
 from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder, open_rosbag2
 from seaclutter_cli.sources.shared.packet_topics import wrap_packets
+from seaclutter_cli.threads import keep_freed_memory
 
 _HEAD_BYTES = 16
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import SelectionError
 from seaclutter_cli.messages.metadata import TOPICS_RECORD, RecordedTopic, recorded_topics, to_metadata
-from seaclutter_cli.pipeline import frames
+from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Message, Metadata
 from seaclutter_cli.selection import Selection, parse_moment
 from seaclutter_cli.sources import open_source

@@ -11,7 +11,7 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.commands import cli
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.metadata import recorded_topics
-from seaclutter_cli.pipeline import frames
+from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Message
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS

@@ -9,7 +9,7 @@ import pytest
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import Reason
-from seaclutter_cli.pipeline import frames
+from seaclutter_cli.reading import frames
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sources import open_source
 from tests.filters.reference_confirmed import ConfirmedObjects

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.pipeline import frames
+from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.recordings import ReadOptions, warnings_of

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.errors import OutputError, UsageError
-from seaclutter_cli.pipeline import frames
+from seaclutter_cli.reading import frames
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.simulation.marine.recording import FORMATS, START_NS, record, simulate_frames
 from seaclutter_cli.simulation.marine.scene import load_scene

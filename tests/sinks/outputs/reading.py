@@ -12,7 +12,7 @@ from pypcd4 import PointCloud
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from seaclutter_cli.pipeline import frames
+from seaclutter_cli.reading import frames
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sources import open_source
 
