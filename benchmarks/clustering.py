@@ -13,7 +13,7 @@ from logs import BEAMS, COLUMNS, POINTS, SHARES, frame
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from seaclutter_cli.clustering.dbscan import dbscan
+from seaclutter_cli.clustering.dbscan import DbscanFinder
 from seaclutter_cli.clustering.euclidean import euclidean_clusters
 
 try:
@@ -71,6 +71,11 @@ def timed(function: Callable[[], object]) -> float:
 
 def count_neighbors(points: NDArray[np.float64]) -> object:
     return cKDTree(points).query_ball_point(points, TOLERANCE_M, return_length=True)
+
+
+def dbscan(xyz: NDArray[np.float64], eps_m: float, min_points: int) -> NDArray[np.int64]:
+    everything = np.ones(xyz.shape[1], np.bool_)
+    return DbscanFinder(xyz, everything, eps_m, min_points).clusters(everything, 1)
 
 
 def dbscan_of_sklearn(points: NDArray[np.float64]) -> object:

@@ -26,13 +26,7 @@ _FLUSH_S = 30.0
 
 
 def require_rerun() -> Any:
-    """Return the ``rerun`` module.
-
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
-    """
+    """Return the ``rerun`` module; raise `MissingExtraError` if it is not installed."""
     try:
         import rerun
     except ImportError as error:
@@ -43,12 +37,7 @@ def require_rerun() -> Any:
 class FrameStream(ReplayListener):
     """Listener that sends all points of each frame and the result of a method to a viewer.
 
-    Parameters
-    ----------
-    params : EvaluationParams
-        Parameters of clustering and matching.
-    sink : callable
-        Connects the new recording stream to a file or viewer; called before any data are logged.
+    ``sink`` connects the new recording stream to a file or viewer; it is called before any data are logged.
     """
 
     def __init__(self, params: EvaluationParams, sink: Callable[[Any], None]) -> None:

@@ -11,48 +11,12 @@ Mask = NDArray[np.bool_]
 _ROUNDING = 1e-9
 
 
-def dbscan(xyz: Points, eps_m: float, min_points: int) -> Indices:
-    """Return the density-based cluster of each point.
-
-    Two points are near each other if their distance is at most ``eps_m``. A point with enough points near it is a core
-    point. Core points near each other belong to one cluster; any other point belongs to the cluster of the nearest core
-    point if that is near, otherwise to no cluster [1]_.
-
-    Parameters
-    ----------
-    xyz : ndarray, shape (3, N), float64
-        Finite coordinates in metres.
-    eps_m : float
-        Maximum distance between near points in metres, bound included.
-    min_points : int
-        Minimum number of points near a core point, including itself.
-
-    Returns
-    -------
-    ndarray, shape (N,), int64
-        Cluster number, from 0 in the order of the clusters' first points; -1 for points in no cluster.
-
-    Notes
-    -----
-    The original method assigns a point between two clusters to the cluster that reaches it first, which depends on the
-    order of the points; the nearest core point does not. Ties between core points are resolved arbitrarily.
-
-    References
-    ----------
-    .. [1] Ester Martin, Kriegel Hans-Peter, Sander Jörg, Xu Xiaowei (1996). "A Density-Based Algorithm for Discovering
-       Clusters in Large Spatial Databases with Noise". KDD-96, 226-231.
-
-    Examples
-    --------
-    >>> dbscan(np.array([[0.0, 1, 2, 3.5, 9, 9.5], [0] * 6, [0] * 6]), 1.5, 3)
-    array([ 0,  0,  0,  0, -1, -1])
-    """
-    everything = np.ones(xyz.shape[1], np.bool_)
-    return DbscanFinder(xyz, everything, eps_m, min_points).clusters(everything, 1)
-
-
 class DbscanFinder:
-    """Search for density-based clusters in several subsets of the same points.
+    """Search for density-based clusters [1]_ in several subsets of the same points.
+
+    Two points are near each other if their distance is at most ``eps_m``. A point with ``min_points`` near it, itself
+    included, is a core point. Core points near each other belong to one cluster; any other point belongs to the cluster
+    of the nearest core point if that is near, otherwise to no cluster.
 
     Parameters
     ----------
@@ -61,12 +25,27 @@ class DbscanFinder:
     among : ndarray, shape (N,), bool
         Whether a point is in any of the subsets; these points must have finite coordinates.
     eps_m, min_points : float, int
-        As for `dbscan`.
+        Maximum distance between near points, bound included; minimum number of points near a core point.
 
     Notes
     -----
+    The original method assigns a point between two clusters to the cluster that reaches it first, which depends on the
+    order of the points; the nearest core point does not. Ties between core points are resolved arbitrarily.
+
     All points of a cell with enough points are core points, and the components of core points are found cell by cell
     (`ClusterFinder`). Only points of cells with fewer points need a search tree.
+
+    References
+    ----------
+    .. [1] Ester Martin, Kriegel Hans-Peter, Sander Jörg, Xu Xiaowei (1996). "A Density-Based Algorithm for Discovering
+       Clusters in Large Spatial Databases with Noise". KDD-96, 226-231.
+
+    Examples
+    --------
+    >>> everything = np.ones(6, np.bool_)
+    >>> finder = DbscanFinder(np.array([[0.0, 1, 2, 3.5, 9, 9.5], [0] * 6, [0] * 6]), everything, 1.5, 3)
+    >>> finder.clusters(everything, 1)
+    array([ 0,  0,  0,  0, -1, -1])
     """
 
     def __init__(self, xyz: Points, among: Mask, eps_m: float, min_points: int) -> None:
@@ -75,14 +54,9 @@ class DbscanFinder:
         self._finder = ClusterFinder(xyz, among, float(np.nextafter(eps_m, np.inf)))
 
     def clusters(self, keep: Mask, min_cluster_points: int) -> Indices:
-        """Return the cluster of each point of a subset, as `dbscan` does; -1 for all other points.
+        """Return the cluster of each point of a subset, shape (N,), numbered by first points; -1 for all others.
 
-        Parameters
-        ----------
-        keep : ndarray, shape (N,), bool
-            Whether a point is in the subset.
-        min_cluster_points : int
-            Minimum number of points in a cluster.
+        Clusters with fewer than ``min_cluster_points`` are left out.
         """
         core = self._core(keep)
         labels = self._finder.clusters(core, 1)

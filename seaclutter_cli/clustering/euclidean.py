@@ -81,15 +81,7 @@ class ClusterFinder:
         self._pairs = np.concatenate([np.empty((2, 0), np.int64), *pairs], axis=1)
 
     def clusters(self, keep: Mask, min_points: int) -> Indices:
-        """Return the cluster of each point of a subset, as `euclidean_clusters` does; -1 for all other points.
-
-        Parameters
-        ----------
-        keep : ndarray, shape (N,), bool
-            Whether a point is in the subset.
-        min_points : int
-            Minimum number of points in a cluster.
-        """
+        """Return the cluster of each point of a subset, as `euclidean_clusters` does; -1 for all other points."""
         kept = np.flatnonzero(keep[self._order])
         labels = np.full(len(keep), -1)
         if len(kept) < min_points:

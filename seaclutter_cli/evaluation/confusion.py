@@ -10,13 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Confusion:
-    """Confusion matrix of C classes.
-
-    Parameters
-    ----------
-    counts : ndarray, shape (C, C), int64
-        Number of points or frames by true class (row) and predicted class (column).
-    """
+    """Confusion matrix: points or frames by true class (row) and predicted class (column), shape (C, C), int64."""
 
     counts: NDArray[np.int64]
 

@@ -27,15 +27,7 @@ _SIMILAR = {
 
 @dataclass(frozen=True)
 class Finding:
-    """A probable mistake in labels.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of the mistake, for programs.
-    text : str
-        What was found, what it may mean, and what to do.
-    """
+    """A probable mistake in labels: its kind, for programs, and what was found, what it may mean, and what to do."""
 
     kind: str
     text: str
@@ -43,13 +35,7 @@ class Finding:
 
 @dataclass
 class LabelCheck:
-    """Check of the labels of a recording, frame by frame, in bounded memory.
-
-    Parameters
-    ----------
-    params : EvaluationParams
-        Margin of boxes, and minimum number of points of visible targets.
-    """
+    """Check of the labels of a recording, frame by frame, in bounded memory."""
 
     params: EvaluationParams
     boxes: int = 0
@@ -73,24 +59,18 @@ class LabelCheck:
         self.boxes += len(boxes)
         self._classes.update(boxes.classes)
         self._over_full_turn += int(np.count_nonzero(np.abs(boxes.yaws) > _FULL_TURN))
-        self._without_size += without_size(boxes)
+        self._without_size += int(np.count_nonzero((boxes.sizes <= 0).any(axis=1)))
         self._positions += int(np.count_nonzero((boxes.sizes == 0).all(axis=1)))
         if same := _duplicates(boxes):
             self._duplicates[frame.index] = same
-        for kind, longest_m in too_long(boxes):
+        for kind, longest_m in _too_long(boxes):
             self._too_long[kind] += 1
             self._longest_m[kind] = max(longest_m, self._longest_m.get(kind, 0.0))
         others = np.array([not _resembles(kind, "ignore") for kind in boxes.classes])
         self._sample.offer(frame, replace(truth, targets=boxes.chosen(np.flatnonzero(others))))
 
     def findings(self, targets: int, visible: int) -> list[Finding]:
-        """Return the probable mistakes.
-
-        Parameters
-        ----------
-        targets, visible : int
-            Number of targets in all frames, and of those with enough points.
-        """
+        """Return the probable mistakes, given the number of targets in all frames, and of those with enough points."""
         found = [*self._class_names(), *self._counted()]
         fitted = self._fitted() if sum(len(one.targets) for one in self._sample.frames) >= _MIN_BOXES else []
         found += fitted
@@ -160,7 +140,7 @@ def _guessed(guess: Guess) -> Finding:
 def _long(kind: str, number: int, longest_m: float) -> Finding:
     subject = printable(f"{count(number, 'box')} of class {kind!r} {'is' if number == 1 else 'are'}")
     return Finding(
-        "size", f"{subject} longer than {limit_m(kind):g} m (up to {longest_m:,.1f} m): check unit and class"
+        "size", f"{subject} longer than {_limit_m(kind):g} m (up to {longest_m:,.1f} m): check unit and class"
     )
 
 
@@ -191,24 +171,19 @@ _LONGEST_M: Mapping[str, float] = {
 """Length that no target exceeds whose class contains a word; generous, because boxes may include wake and moorings."""
 
 
-def too_long(boxes: Boxes) -> Iterator[tuple[str, float]]:
+def _too_long(boxes: Boxes) -> Iterator[tuple[str, float]]:
     """Yield class and longest side in metres of each box that is longer than any target of its class."""
     for kind, longest_m in zip(boxes.classes, boxes.sizes.max(axis=1, initial=0), strict=True):
-        if longest_m > limit_m(kind):
+        if longest_m > _limit_m(kind):
             yield kind, float(longest_m)
 
 
-def limit_m(kind: str) -> float:
+def _limit_m(kind: str) -> float:
     """Return the length that no target of a class exceeds, in metres.
 
     Examples
     --------
-    >>> limit_m("Sailing boat"), limit_m("tanker")
+    >>> _limit_m("Sailing boat"), _limit_m("tanker")
     (150, 500.0)
     """
     return next((limit for word, limit in _LONGEST_M.items() if word in kind.lower()), LARGEST_M)
-
-
-def without_size(boxes: Boxes) -> int:
-    """Return the number of boxes with a side of 0."""
-    return int(np.count_nonzero((boxes.sizes <= 0).any(axis=1)))

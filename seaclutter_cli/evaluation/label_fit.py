@@ -47,12 +47,7 @@ class FrameSample:
     """Evenly spaced frames among those with boxes: at most 12, with at most 2 million points and 120 boxes.
 
     When there are more, every other one is dropped, and from then on every other frame is passed over. Of the targets
-    of a frame, the nearest 40 are used.
-
-    Parameters
-    ----------
-    margin_m : float
-        Margin of areas to ignore, in metres.
+    of a frame, the nearest 40 are used. Areas to ignore are inflated by a margin.
     """
 
     def __init__(self, margin_m: float) -> None:
@@ -85,18 +80,9 @@ class FrameSample:
 
 @dataclass(frozen=True)
 class Change:
-    """A change of boxes that undoes a mistake.
+    """A change of boxes that undoes a mistake; it is probable if the fit is better by ``min_gain`` at least.
 
-    Parameters
-    ----------
-    mistake : str
-        The mistake, for messages.
-    remedy : str
-        What to do about it.
-    apply : callable
-        Returns changed boxes.
-    min_gain : float
-        By how much the fit must be better for the mistake to be probable.
+    Texts for messages are the mistake, and what to do about it.
     """
 
     mistake: str
@@ -153,15 +139,7 @@ MOVING = frozenset(CHANGES[4:9])
 
 @dataclass(frozen=True)
 class Guess:
-    """A probable mistake.
-
-    Parameters
-    ----------
-    change : Change
-        What undoes it.
-    before, after : float
-        Fit of the boxes without and with the change.
-    """
+    """A probable mistake: what undoes it, and the fit of the boxes without and with the change."""
 
     change: Change
     before: float
@@ -170,17 +148,7 @@ class Guess:
 
 @dataclass(frozen=True)
 class LabelFit:
-    """The fit of boxes to the points of several frames.
-
-    Parameters
-    ----------
-    frames : sequence of LabelledFrame
-        The frames.
-    margin_m : float
-        Margin by which boxes are inflated, in metres.
-    min_points : int
-        Minimum number of points in a box that fits.
-    """
+    """The fit of boxes, inflated by a margin, to the points of several frames; one that fits has ``min_points``."""
 
     frames: Sequence[LabelledFrame]
     margin_m: float
@@ -226,13 +194,7 @@ class LabelFit:
         return float(np.median(found)) if found else 0.0
 
     def guesses(self, known: Sequence[Change] = ()) -> list[Guess]:
-        """Return the changes that make the fit much better, one after another.
-
-        Parameters
-        ----------
-        known : sequence of Change
-            Changes that are certain; they are not returned.
-        """
+        """Return the changes that make the fit much better, one after another, beside those that are known."""
         found: list[Guess] = []
         fit = self.of(known)
         while len(found) < _MAX_CHANGES and fit + _MIN_GAIN <= 1:

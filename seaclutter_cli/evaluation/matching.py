@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +22,11 @@ MAX_MEMBERS = 1 << 24
 
 @dataclass(frozen=True)
 class FrameTargets:
-    """Ground truth of a frame in terms of its points, shared by the results of all methods.
+    """Ground truth of a frame with N points in terms of its points, shared by the results of all methods.
 
-    Parameters
-    ----------
-    members : sequence of ndarray, int64
-        For each target, the valid points of the unfiltered frame in its inflated box; if only points are labelled,
-        those with the label of its track.
-    expected : ndarray, shape (N,), bool
-        Whether a point is in any target or area to ignore; clusters there are not false alarms.
-    visible : ndarray, shape (M,), bool
-        Whether a target has enough points to be visible.
+    ``members`` has, for each of M targets, the valid points of the unfiltered frame in its inflated box, or those with
+    the label of its track if only points are labelled. ``expected``, shape (N,), tells whether a point is in any target
+    or area to ignore, where clusters are not false alarms; ``visible``, shape (M,), whether a target has enough points.
     """
 
     members: Sequence[NDArray[np.int64]]
@@ -43,17 +36,7 @@ class FrameTargets:
 
 @dataclass(frozen=True)
 class Alarms:
-    """Detections and false alarms in one frame.
-
-    Parameters
-    ----------
-    targets, visible : int
-        Labelled targets, and those with enough raw points to be visible.
-    detected : int
-        Visible targets that are detected.
-    clusters, false_alarms : int
-        Clusters, and those that belong to no target and no area to ignore.
-    """
+    """Counts in one frame: labelled, visible and detected targets; clusters, and those that are false alarms."""
 
     targets: int
     visible: int
@@ -128,12 +111,8 @@ def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> NDArray
     return found
 
 
-class Finder(Protocol):
-    """Cluster search in several subsets of the same points."""
-
-    def clusters(self, keep: Mask, min_points: int, /) -> NDArray[np.int64]:
-        """Return the cluster of each point, shape (N,); -1 for points in no cluster."""
-        ...
+Finder = DbscanFinder | ClusterFinder
+"""Cluster search in several subsets of the same points."""
 
 
 def finder_of(frame: Frame, subsets: Iterable[Mask], params: EvaluationParams) -> Finder:
@@ -149,61 +128,34 @@ def finder_of(frame: Frame, subsets: Iterable[Mask], params: EvaluationParams) -
 
 @dataclass(frozen=True)
 class Matches:
-    """Clusters that belong to targets, and detected targets.
+    """Which of C clusters belong to targets, and which of M targets, visible or not, are detected.
 
-    Parameters
-    ----------
-    belongs : ndarray, shape (C,), bool
-        For each cluster, whether at least half of its points are in targets or areas to ignore.
-    detected : ndarray, shape (M,), bool
-        For each target, visible or not, whether the clusters that belong to targets have enough points in it.
+    A cluster belongs to the targets if at least half of its points are in targets or areas to ignore; any other cluster
+    is a false alarm. A target is detected if the clusters that belong to the targets have at least
+    ``min_cluster_points`` in it.
     """
 
     belongs: Mask
     detected: Mask
 
 
-def match_clusters(clusters: NDArray[np.int64], scene: FrameTargets, params: EvaluationParams) -> Matches:
-    """Return which clusters of a frame belong to targets, and which targets are detected.
-
-    Parameters
-    ----------
-    clusters : ndarray, shape (N,), int64
-        Cluster of each point; -1 for points in no cluster.
-    scene : FrameTargets
-        Ground truth of the frame.
-    params : EvaluationParams
-        Parameters of the matching.
-    """
+def match_clusters(clusters: NDArray[np.int64], targets: FrameTargets, params: EvaluationParams) -> Matches:
+    """Return which clusters belong to targets, given the cluster of each point, shape (N,), or -1, and the truth."""
     clustered = clusters >= 0
     size = np.bincount(clusters[clustered])
-    expected = np.bincount(clusters[clustered & scene.expected], minlength=len(size))
+    expected = np.bincount(clusters[clustered & targets.expected], minlength=len(size))
     belongs = np.append(2 * expected >= size, False)  # the last entry is for points in no cluster
-    found = [np.count_nonzero(belongs[clusters[members]]) >= params.min_cluster_points for members in scene.members]
+    found = [np.count_nonzero(belongs[clusters[members]]) >= params.min_cluster_points for members in targets.members]
     return Matches(belongs[:-1], np.array(found, np.bool_))
 
 
-def match(clusters: NDArray[np.int64], scene: FrameTargets, params: EvaluationParams) -> Alarms:
-    """Return the detections and false alarms among the clusters of a frame.
-
-    A cluster belongs to the targets if at least half of its points are in targets or areas to ignore; any other cluster
-    is a false alarm. A visible target is detected if the clusters that belong to the targets have at least
-    ``min_cluster_points`` points in it.
-
-    Parameters
-    ----------
-    clusters : ndarray, shape (N,), int64
-        Cluster of each point; -1 for points in no cluster.
-    scene : FrameTargets
-        Ground truth of the frame.
-    params : EvaluationParams
-        Parameters of the matching.
-    """
-    found = match_clusters(clusters, scene, params)
+def match(clusters: NDArray[np.int64], targets: FrameTargets, params: EvaluationParams) -> Alarms:
+    """Return the detections and false alarms among the clusters of a frame, given as to `match_clusters`."""
+    found = match_clusters(clusters, targets, params)
     return Alarms(
-        targets=len(scene.members),
-        visible=int(np.count_nonzero(scene.visible)),
-        detected=int(np.count_nonzero(scene.visible & found.detected)),
+        targets=len(targets.members),
+        visible=int(np.count_nonzero(targets.visible)),
+        detected=int(np.count_nonzero(targets.visible & found.detected)),
         clusters=len(found.belongs),
         false_alarms=len(found.belongs) - int(np.count_nonzero(found.belongs)),
     )

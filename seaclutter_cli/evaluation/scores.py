@@ -1,12 +1,12 @@
 """Scores of single frames and of whole recordings: the rates of [Li2023], Table 4 (Eq. 9 and 10), and others."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import Alarms, finder_of, match, targets_of
@@ -76,18 +76,9 @@ class PointCounts:
 
 @dataclass(frozen=True)
 class FrameScore:
-    """Score of a method in one frame.
+    """Score of a method in one frame: points before and after it, clusters, and what labels tell, None without them.
 
-    Parameters
-    ----------
-    points_in, points_out : int
-        Points of the frame, and points that were kept.
-    clusters, unclustered : int
-        Clusters of the kept points, and valid kept points in no cluster.
-    alarms : Alarms or None
-        Detections and false alarms; None if the frame is not labelled.
-    points : PointCounts or None
-        Counts of target and clutter points; None if the points are not labelled.
+    Clusters are those of the kept points, ``unclustered`` the valid kept points in none.
     """
 
     points_in: int
@@ -112,21 +103,11 @@ class FrameScore:
 def score_frame(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
 ) -> list[FrameScore | None]:
-    """Return the score of each of several methods in one frame.
+    """Return the score of each of several methods in one frame; None for a method that could not process it.
 
-    Parameters
-    ----------
-    frame : Frame
-        The frame as it was read.
-    results : sequence of FilterResult or None
-        Result of each method; None if it could not process the frame. All valid kept points are clustered, at any
-        range.
-    truth : Truth or None
-        Ground truth; None if the frame is not labelled.
-    params : EvaluationParams
-        Parameters of clustering and matching.
+    All valid kept points are clustered, at any range. The truth is None if the frame is not labelled.
     """
-    scene = None if truth is None else targets_of(frame, truth, params)
+    targets = None if truth is None else targets_of(frame, truth, params)
     finder = finder_of(frame, (result.keep for result in results if result is not None), params)
     scores: list[FrameScore | None] = []
     for result in results:
@@ -141,7 +122,7 @@ def score_frame(
                 points_out=int(result.counts[Reason.KEPT]),
                 clusters=int(clusters.max(initial=-1)) + 1,
                 unclustered=int(np.count_nonzero(keep & (clusters < 0))),
-                alarms=None if scene is None else match(clusters, scene, params),
+                alarms=None if targets is None else match(clusters, targets, params),
                 points=None if truth is None else _points(result, truth),
             )
         )
@@ -158,49 +139,28 @@ def _points(result: FilterResult, truth: Truth) -> PointCounts | None:
 
 
 class Durations:
-    """Histogram of durations with bins of 1 %, from 0.1 µs to half an hour; one without durations takes no memory."""
+    """Histogram of durations with bins of 1 %, from 0.1 µs to half an hour."""
 
     def __init__(self) -> None:
-        self._counts: NDArray[np.int64] | None = None
-
-    @property
-    def counts(self) -> NDArray[np.int64]:
-        """Number of durations in each bin."""
-        if self._counts is None:
-            self._counts = np.zeros(_BINS, np.int64)
-        return self._counts
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether there is no duration."""
-        return self._counts is None
+        self.bins = Counter[int]()
 
     def add(self, seconds: float) -> None:
         """Add a duration."""
         index = math.log(max(seconds, _MIN_S) / _MIN_S) / math.log(_STEP)
-        self.counts[min(int(index), _BINS - 1)] += 1
+        self.bins[min(int(index), _BINS - 1)] += 1
 
     def update(self, other: "Durations") -> None:
         """Add the counts of another histogram."""
-        if not other.is_empty:
-            self.counts[:] += other.counts
+        self.bins.update(other.bins)
 
     def quantile(self, share: float) -> float | None:
-        """Return the quantile for a share from 0 to 1, in seconds; None for an empty histogram.
-
-        Examples
-        --------
-        >>> durations = Durations()
-        >>> for seconds in (0.001, 0.002, 0.1):
-        ...     durations.add(seconds)
-        >>> round(durations.quantile(0.5), 4)
-        0.002
-        """
-        if self.is_empty:
-            return None
-        below = np.cumsum(self.counts)
-        index = int(np.searchsorted(below, max(1, math.ceil(share * int(below[-1]) - 1e-9))))
-        return float(_MIN_S * _STEP ** (index + 0.5))
+        """Return the quantile for a share from 0 to 1, in seconds; None for an empty histogram."""
+        rank, below = max(1, math.ceil(share * self.bins.total() - 1e-9)), 0
+        for index, count in sorted(self.bins.items()):
+            below += count
+            if below >= rank:
+                return float(_MIN_S * _STEP ** (index + 0.5))
+        return None
 
 
 @dataclass

@@ -27,25 +27,11 @@ def _error_rates(summary: Summary) -> tuple[float, float]:
 
 
 def ideal_threshold(intensity: NDArray[np.float64], points: NDArray[np.int64]) -> float | None:
-    """Return the intensity threshold that best separates clutter from targets.
+    """Return the intensity threshold that best separates clutter from targets in one range ring.
 
-    Parameters
-    ----------
-    intensity : ndarray, shape (N,), float64
-        Intensities of the points of one range ring.
-    points : ndarray, shape (N,), int64
-        Labels of the points, as in `Truth.points`.
-
-    Returns
-    -------
-    float or None
-        Lowest target intensity T that maximises the sum of the share of clutter below T and the share of target points
-        at or above T; None if there are no clutter points or no target points.
-
-    Notes
-    -----
-    [Li2023] marks it by hand (Fig. 7). The sum of the two shares is Youden's index plus one; it does not depend on the
-    numbers of clutter and target points.
+    It is the lowest target intensity T that maximises the sum of the share of clutter below T and the share of target
+    points at or above T, which is Youden's index plus one; None without clutter or without target points. [Li2023]
+    marks it by hand (Fig. 7). The labels of the points are those of `Truth.points`; both arrays have shape (N,).
 
     Examples
     --------
@@ -67,15 +53,10 @@ _MAX_PARTS = 64
 
 
 class Parts:
-    """Scores of several methods in consecutive parts of a recording, in bounded memory.
+    """Scores of several methods in consecutive parts of a recording, in bounded memory, to hold out its end.
 
-    All parts but the last have the same number of labelled frames: one, until there are 64 parts; then every two
-    parts are joined.
-
-    Parameters
-    ----------
-    methods : int
-        Number of methods.
+    All parts but the last have the same number of labelled frames: one, until there are 64 parts; then every two parts
+    are joined.
     """
 
     def __init__(self, methods: int) -> None:
@@ -100,12 +81,9 @@ class Parts:
         self._frames_in_last = 0
 
     def split(self, share: float) -> tuple[list[Summary], list[Summary]]:
-        """Return the sums of the frames before the end, and of those at the end, for each method.
+        """Return the sums of the frames before the end, and of a share of the frames at the end, for each method.
 
-        Parameters
-        ----------
-        share : float
-            Share of the frames at the end, from 0 to 1. Between them, both sums have a frame if there are two.
+        With a share between 0 and 1, both sums have a frame if there are two.
         """
         end = round(share * len(self._parts))
         if 0 < share < 1:

@@ -19,27 +19,13 @@ _SENSORS = {"/lidar/detections": 1, "/radar/detections": 2}
 
 
 class AutoferryLabels:
-    """Truth by sensor and time.
-
-    Parameters
-    ----------
-    path : Path
-        File of the ground truth, for messages.
-    targets : mapping of (int, int) to (item, list)
-        Detections and targets by ``sensorID`` and stamp in nanoseconds.
-    """
+    """Truth by sensor and time: detections and targets by ``sensorID`` and stamp in nanoseconds."""
 
     def __init__(self, path: Path, targets: Mapping[tuple[int, int], tuple[Any, Any]]) -> None:
         self._path, self._targets = path, targets
 
     def truth(self, frame: Frame) -> Truth | None:
-        """Return the targets relative to own ship; None if there are none for a frame.
-
-        Raises
-        ------
-        LabelError
-            If they are not valid.
-        """
+        """Return the targets relative to own ship; None if a frame has none, `LabelError` if they are not valid."""
         found = self._targets.get((_SENSORS.get(frame.topic, 0), frame.stamp_ns))
         if found is None:
             return None
@@ -60,13 +46,7 @@ def matches(path: Path) -> bool:
 
 
 def open_autoferry(path: Path, _: LabelOptions) -> AutoferryLabels:
-    """Return the labels of a scenario.
-
-    Raises
-    ------
-    LabelError
-        If the files are not valid or do not belong together.
-    """
+    """Return the labels of a scenario; `LabelError` if the files are not valid or do not belong together."""
     pair = _pair(path)
     if pair is None:
         raise LabelError(f"{path}: contains no ground truth of a scenario")

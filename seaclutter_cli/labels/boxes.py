@@ -27,13 +27,7 @@ class Labelled(NamedTuple):
 
 
 def checked(labelled: Labelled) -> Labelled:
-    """Return a labelled object after a check of its sizes.
-
-    Raises
-    ------
-    LabelError
-        If a size is negative.
-    """
+    """Return a labelled object; `LabelError` if a size is negative."""
     negative = [size for size in labelled.size if size < 0]
     if negative:
         raise LabelError(f"box size must not be negative, got {negative[0]:g} m")
@@ -43,10 +37,7 @@ def checked(labelled: Labelled) -> Labelled:
 def truth_of(objects: Sequence[Labelled]) -> Truth:
     """Return the truth of a frame: objects of class ``ignore`` are areas to ignore, all others are targets.
 
-    Raises
-    ------
-    LabelError
-        If there are more than `MAX_OBJECTS`.
+    `LabelError` if there are more than `MAX_OBJECTS`.
     """
     if len(objects) > MAX_OBJECTS:
         raise LabelError(f"{len(objects):,} labels in one frame, more than {MAX_OBJECTS:,}")

@@ -50,16 +50,11 @@ def matches(path: Path) -> bool:
 
 
 def open_csv(path: Path, options: LabelOptions) -> "CsvLabels":
-    """Return the labels of a CSV file, which is read completely.
+    """Return the labels of a CSV file, which is read completely; `LabelError` names the line.
 
     Columns may be in any order; additional columns are ignored. If both ``frame`` and ``stamp_ns`` are present, the
     former is used. Class ``none`` marks a frame as labelled and empty, class ``ignore`` an area to ignore. A target
     without a ``track_id`` gets a new one in each frame.
-
-    Raises
-    ------
-    LabelError
-        If the file cannot be read; the message names the line.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -184,17 +179,7 @@ def _by_key(path: Path, rows: Sequence[_Row]) -> dict[int, list[_Row]]:
 
 
 class CsvLabels:
-    """Labels from a CSV file, by frame number.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the file, for messages.
-    frames : mapping of int to list of rows
-        Lines of each labelled frame.
-    options : LabelOptions
-        Settings that define the number of a frame.
-    """
+    """Labels from a CSV file, by frame number."""
 
     def __init__(self, path: Path, frames: Mapping[int, list[_Row]], options: LabelOptions) -> None:
         self._path = path
@@ -204,14 +189,9 @@ class CsvLabels:
         self._labelled = False
 
     def truth(self, frame: Frame) -> Truth | None:
-        """Return the boxes of a frame; None if no line belongs to it.
+        """Return the boxes of a frame; None if no line belongs to it, `LabelError` if a stamp matches two frames.
 
         If the cloud has labels of its points in the format of the simulator, they are included.
-
-        Raises
-        ------
-        LabelError
-            If a stamp matches two frames.
         """
         key = self._key(frame)
         rows = None if key is None else self._frames.get(key)
@@ -227,14 +207,9 @@ class CsvLabels:
         return number
 
     def finish(self) -> None:
-        """Check that the log contained all labelled frames.
+        """Check that the log contained all labelled frames; `LabelError` names the first missing ones.
 
         Call this only after the complete log was read without lost frames.
-
-        Raises
-        ------
-        LabelError
-            If labelled frames are missing; the message names the first ones.
         """
         left = self._left()
         hint = "" if self._labelled else "; check that the labels belong to this log"
@@ -282,11 +257,6 @@ class StampMatcher:
     first frame the period is unknown and the tolerance is 25 ms: half a period at 20 frames per second, a rate that few
     lidars exceed. A label stamp belongs to one frame, and a frame has one label stamp.
 
-    Parameters
-    ----------
-    stamps_ns : iterable of int
-        Stamps of the labels.
-
     **State**: the stamps of the last 16 frames, and the frame number assigned to each label stamp.
     """
 
@@ -296,14 +266,9 @@ class StampMatcher:
         self._recent: deque[tuple[int, int]] = deque(maxlen=_RECENT)
 
     def match(self, number: int, stamp_ns: int) -> int | None:
-        """Return the label stamp of a frame; None if there is none within the tolerance.
+        """Return the label stamp of a frame; None without one, `LabelError` if it already belongs to another frame.
 
         The same frame can be requested again. A number lower than the last one restarts the sequence.
-
-        Raises
-        ------
-        LabelError
-            If the label already belongs to another frame.
         """
         if self._recent and number < self._recent[-1][0]:
             self._recent.clear()

@@ -55,13 +55,9 @@ class FrameFiles:
 def assigned(folder: Path, suffix: str, clouds: str, *, complete: bool) -> FrameFiles:
     """Return the assignment of the label files in a folder to frames.
 
-    If there are clouds, label files belong to those of the same name. Otherwise they are assigned by order; unless the
-    labels must be ``complete``, file names may be frame numbers.
-
-    Raises
-    ------
-    LabelError
-        If a label file has no cloud; with ``complete``, also if a cloud has no label file.
+    If there are clouds, label files belong to those of the same name: `LabelError` if a label file has no cloud or, if
+    the labels must be ``complete``, a cloud no label file. Otherwise they are assigned by order; incomplete ones by
+    frame numbers in their names, if they are some.
     """
     files, beside = files_in(folder, (suffix,)), _clouds_beside(folder, clouds)
     if beside:
@@ -105,16 +101,7 @@ def _by_number(labels: Sequence[Path]) -> FrameFiles:
 class FileLabels:
     """Labels with one file per frame, read on demand.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the label files.
-    assigned : FrameFiles
-        Assignment of files to frames.
-    read : callable
-        Reader of a label file; raises `LabelError` without the name of the file.
-    options : LabelOptions
-        Settings that define the number of a frame.
+    ``read`` raises `LabelError` without the name of the file.
     """
 
     def __init__(
@@ -130,10 +117,8 @@ class FileLabels:
     def truth(self, frame: Frame) -> Truth | None:
         """Return the truth from the file of a frame; None if there is no file or it is empty.
 
-        Raises
-        ------
-        LabelError
-            If the file cannot be read, does not fit the frame, or is missing although every frame must have one.
+        `LabelError` if the file cannot be read, does not fit the frame, or is missing although every frame must have
+        one.
         """
         number = self._number(frame)
         self._last = max(self._last, number)
@@ -156,14 +141,9 @@ class FileLabels:
             raise LabelError(f"{self._folder}: no label file for frame {number} of the log, only {files}")
 
     def finish(self) -> None:
-        """Check that the log contained frames for all label files.
+        """Check that the log contained frames for all label files, and a labelled one; otherwise raise `LabelError`.
 
         Call this only after the complete log was read without lost frames.
-
-        Raises
-        ------
-        LabelError
-            If label files remain after the last frame, or no frame is labelled.
         """
         left = {number: file for number, file in self._assigned.files.items() if number > self._last}
         if left:

@@ -55,13 +55,7 @@ class CloudLabels:
         self._path = path
 
     def truth(self, frame: Frame) -> Truth:
-        """Return the truth of the frame's points.
-
-        Raises
-        ------
-        LabelError
-            If the cloud has no labels.
-        """
+        """Return the truth of the points of a frame; `LabelError` if the cloud has no labels."""
         points = point_labels(frame)
         if points is None:
             names = printable(", ".join(frame.cloud.dtype.names or ())) or "no fields"

@@ -40,13 +40,7 @@ class JsonForm:
         return self._find(path) is not None
 
     def open(self, path: Path, options: LabelOptions) -> FileLabels:
-        """Return the labels of a scene or its label folder.
-
-        Raises
-        ------
-        LabelError
-            If the path has no labels, or clouds and labels do not match.
-        """
+        """Return the labels of a scene or its label folder; `LabelError` if clouds and labels do not match."""
         folder = self._find(path)
         if folder is None:
             raise LabelError(f"{path}: contains no {self.title}")
@@ -77,13 +71,7 @@ def _head(path: Path) -> bytes:
 
 
 def read_json(path: Path) -> Any:
-    """Return the content of a JSON file; None if the file is empty.
-
-    Raises
-    ------
-    LabelError
-        If the file is not valid JSON.
-    """
+    """Return the content of a JSON file; None if the file is empty, `LabelError` if it is not valid."""
     with path.open("rb") as file:
         content = file.read(MAX_JSON_BYTES + 1).removeprefix(_BOM)
     if not content.strip():
@@ -95,13 +83,7 @@ def read_json(path: Path) -> Any:
 
 
 def truth_from(items: Iterable[Any], parse: Callable[[Any], Labelled]) -> Truth:
-    """Return the truth of a frame from the JSON of its objects.
-
-    Raises
-    ------
-    LabelError
-        If an object is invalid; the message names its number.
-    """
+    """Return the truth of a frame from the JSON of its objects; `LabelError` names the number of an invalid one."""
     objects = []
     for number, item in enumerate(items):
         try:
@@ -112,26 +94,14 @@ def truth_from(items: Iterable[Any], parse: Callable[[Any], Labelled]) -> Truth:
 
 
 def part(item: Any, key: str) -> Any:
-    """Return the value of a key.
-
-    Raises
-    ------
-    LabelError
-        If the key is missing or the item is not a JSON object.
-    """
+    """Return the value of a key; `LabelError` if it is missing or the item is not a JSON object."""
     if not isinstance(item, Mapping) or key not in item:
         raise LabelError(f"missing key {key!r}")
     return item[key]
 
 
 def number(item: Any, key: str) -> float:
-    """Return the finite number at a key.
-
-    Raises
-    ------
-    LabelError
-        If the key is missing or its value is not a finite number.
-    """
+    """Return the finite number at a key; `LabelError` if there is none."""
     value = part(item, key)
     try:
         result = math.nan if isinstance(value, str | bool) else float(value)

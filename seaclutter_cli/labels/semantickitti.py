@@ -28,11 +28,6 @@ def open_semantickitti(path: Path, options: LabelOptions) -> FileLabels:
 
     Each frame has one file. If the sequence has a folder ``velodyne``, both folders must have the same file names;
     otherwise label files are assigned to frames by order.
-
-    Raises
-    ------
-    LabelError
-        If the path has no ``.label`` files, or clouds and labels do not match.
     """
     folder = label_folder(path, _NAME, _SUFFIX)
     if folder is None:
@@ -51,19 +46,9 @@ def _read(path: Path, frame: Frame, options: LabelOptions) -> Truth:
 
 
 def point_truth(labels: NDArray[np.uint32], options: LabelOptions) -> NDArray[np.int64]:
-    """Return the truth of each point.
+    """Return the truth of each point: `CLUTTER`, `IGNORED`, or a number above 65535 that is unique to the target.
 
-    Parameters
-    ----------
-    labels : ndarray, shape (N,), uint32
-        Class in the lower 16 bits, instance in the upper.
-    options : LabelOptions
-        Classes of clutter and of ignored points; every other class and instance is a target.
-
-    Returns
-    -------
-    ndarray, shape (N,), int64
-        `CLUTTER`, `IGNORED`, or a number above 65535 that is unique to the target.
+    Labels, shape (N,), uint32, have the class in the lower 16 bits and the instance in the upper.
 
     Examples
     --------

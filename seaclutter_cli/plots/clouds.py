@@ -84,19 +84,7 @@ def draw_methods(figure: "Figure", collected: Collector) -> None:
 
 
 def draw_cloud(axes: "Axes", sample: Sample, method: int, shown: Mask) -> None:
-    """Draw points of a frame in top view, coloured by reason, with x up and y to the left.
-
-    Parameters
-    ----------
-    axes : Axes
-        Axes to draw into.
-    sample : Sample
-        Frame with n points.
-    method : int
-        Index of the method whose reasons determine the colours.
-    shown : ndarray, shape (n,), bool
-        Points to draw.
-    """
+    """Draw some points of a sample in top view, coloured by the reasons of a method, with x up and y to the left."""
     for reason, size in _SIZES.items():
         own = shown & (sample.reasons[method] == reason)
         xy = sample.xyz[own]
@@ -108,10 +96,7 @@ def draw_cloud(axes: "Axes", sample: Sample, method: int, shown: Mask) -> None:
 def draw_boxes(axes: "Axes", sample: Sample, method: int) -> "dict[str, Line2D]":
     """Draw labelled boxes in the line style of their state, and a circle around every false alarm.
 
-    Returns
-    -------
-    dict of str to Line2D
-        Legend handles by name, for the kinds of marks that are visible.
+    The legend handles by name are returned, for the kinds of marks that are visible.
     """
     drawn: dict[str, Line2D] = {}
     for box in sample.boxes:

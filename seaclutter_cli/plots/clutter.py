@@ -23,14 +23,7 @@ class ClutterDensity:
 
     A range ring has 32 columns. The row of an intensity is the upper 15 bits of its float32 representation: sign,
     exponent, and six bits that divide each octave into 64 rows. Of the 8 MB for each range ring, only pages with points
-    occupy memory.
-
-    Parameters
-    ----------
-    start_m, ring_width_m : float
-        Start and width of the range rings in metres.
-    max_rings : int
-        Maximum number of range rings; points beyond are left out.
+    occupy memory. Points beyond ``max_rings`` are left out.
     """
 
     def __init__(self, start_m: float, ring_width_m: float, max_rings: int) -> None:
@@ -93,17 +86,7 @@ class ClutterDensity:
 
 @dataclass(frozen=True)
 class DensityGrid:
-    """Counts in cells of equal size.
-
-    Parameters
-    ----------
-    range_m : ndarray, shape (C + 1,), float64
-        Edges of the columns in metres.
-    intensity : ndarray, shape (R + 1,), float64
-        Edges of the rows.
-    counts : ndarray, shape (R, C), int64
-        Number of points in each cell.
-    """
+    """Counts, shape (R, C), in cells of equal size, with the edges of the columns in metres and those of the rows."""
 
     range_m: NDArray[np.float64]
     intensity: NDArray[np.float64]
@@ -123,17 +106,7 @@ def _middle(key: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def draw_clutter(figure: "Figure", density: ClutterDensity, found: Thresholds) -> None:
-    """Draw the density of clutter, the thresholds of the range rings as a step line, and the far limit.
-
-    Parameters
-    ----------
-    figure : Figure
-        Empty figure.
-    density : ClutterDensity
-        Clutter points.
-    found : Thresholds
-        Thresholds and far limit derived from them.
-    """
+    """Draw the density of clutter, the thresholds of the range rings as a step line, and the far limit."""
     axes = figure.add_subplot()
     width = found.end_m - found.rings[0].start_m
     reach_m = found.end_m + max(0.12 * width, 2.0)

@@ -19,21 +19,10 @@ _PARTS = (("training", "-"), ("validation", "--"))
 def draw_rates(
     figure: "Figure", parameter: str, values: Sequence[str], tuned: Series, held_out: Series, best: int | None
 ) -> None:
-    """Draw the rates of frames with false alarms and with missed targets over the values of a parameter.
+    """Draw the rates of frames with false alarms and with missed targets over K values of a parameter.
 
-    Parameters
-    ----------
-    figure : Figure
-        Empty figure.
-    parameter : str
-        Name of the parameter.
-    values : sequence of str
-        The K values that were tried.
-    tuned, held_out : ndarray, shape (2, K), float64
-        Both rates, from 0 to 1, in the frames used for tuning and in those held out; NaN where unknown. Shape (2, 0) if
-        nothing is held out.
-    best : int or None
-        Index of the best value.
+    Both rates, shape (2, K), are shares in the frames used for tuning and in those held out, NaN where unknown; if
+    nothing is held out, the shape is (2, 0). ``best`` is the index of the best value.
     """
     axes = figure.add_subplot()
     positions = np.arange(len(values))
@@ -57,20 +46,9 @@ def draw_rates(
 def draw_thresholds(
     figure: "Figure", ring: str, curves: Mapping[str, Series], ideal: Series, *, title: str | None = None
 ) -> None:
-    """Draw the threshold of a range ring over the frames for several parameter values, with the ideal threshold.
+    """Draw the threshold of a range ring over N frames for several parameter values, with the ideal threshold.
 
-    Parameters
-    ----------
-    figure : Figure
-        Empty figure.
-    ring : str
-        Range ring, for the axis label.
-    curves : mapping of str to ndarray, shape (N,), float64
-        Thresholds by the name of the parameter value.
-    ideal : ndarray, shape (N,), float64
-        Ideal threshold; NaN where it is undefined.
-    title : str, optional
-        Title of the legend, such as the name of the parameter.
+    All curves have shape (N,); the ideal one is NaN where it is undefined. ``title`` is that of the legend.
     """
     axes = figure.add_subplot()
     frames = np.arange(len(ideal))
@@ -87,16 +65,9 @@ def draw_thresholds(
 
 
 def draw_training(figure: "Figure", loss: Series, precision: Series, best: int) -> None:
-    """Draw loss and precision over the epochs, one above the other.
+    """Draw loss and precision over E epochs, one above the other, and mark the best epoch, counted from 0.
 
-    Parameters
-    ----------
-    figure : Figure
-        Empty figure.
-    loss, precision : ndarray, shape (2, E), float64
-        Mean loss, and mean precision of the classes from 0 to 1, on training and validation data.
-    best : int
-        Index of the best epoch, from 0.
+    Both have shape (2, E), on training and validation data; the precision is a share.
     """
     upper, lower = figure.subplots(2, sharex=True)
     epochs = np.arange(1, loss.shape[1] + 1)

@@ -54,17 +54,7 @@ def check_target(path: Location) -> None:
 
 
 def render(draw: "Callable[[Figure], None]", suffix: str, *, aspect: float = 0.68) -> bytes:
-    """Return a figure as the bytes of a file.
-
-    Parameters
-    ----------
-    draw : callable
-        Function that draws into an empty figure.
-    suffix : str
-        ``.png`` or ``.svg``.
-    aspect : float, optional
-        Ratio of height to width; the width is `COLUMN_INCHES`.
-    """
+    """Return a figure, drawn by a function into an empty one, as the bytes of a ``.png`` or ``.svg`` file."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

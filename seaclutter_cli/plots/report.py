@@ -28,19 +28,7 @@ _WATER_LABELS = {"water_level_m": "Water level (m)", "significant_wave_height_m"
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A figure of a report.
-
-    Parameters
-    ----------
-    draw : callable
-        Function that draws into an empty figure.
-    applies : callable
-        Returns whether there is anything to draw.
-    aspect : float
-        Ratio of height to width.
-    row_aspect : float, optional
-        Increase of the ratio for each method.
-    """
+    """A figure of a report, if there is anything to draw; each method increases height by width by ``row_aspect``."""
 
     draw: "Callable[[Figure, Collector], None]"
     applies: Callable[[Collector], bool]
@@ -57,14 +45,9 @@ class ReportFigure:
 
 
 def draw_figures(collected: Collector, form: str) -> dict[str, bytes]:
-    """Return the figures as the bytes of files, by file name; figures without data are omitted.
+    """Return the figures as the bytes of ``svg`` or ``png`` files, by file name; figures without data are omitted.
 
-    Parameters
-    ----------
-    collected : Collector
-        Collected data. Figures of one method show the first; figures of one frame show `Collector.figure_sample`.
-    form : str
-        ``svg`` or ``png``.
+    Figures of one method show the first; figures of one frame show `Collector.figure_sample`.
     """
     return {
         f"{name}.{form}": render(figure.drawing(collected), f".{form}", aspect=figure.height(collected))

@@ -13,17 +13,7 @@ _COLORS = "viridis_r"
 
 
 def draw_mask(figure: "Figure", *, mask: StructureMask, reach_m: float) -> None:
-    """Draw a mask by azimuth and elevation and, below it, from above with the bow up.
-
-    Parameters
-    ----------
-    figure : Figure
-        Empty figure.
-    mask : StructureMask
-        The mask.
-    reach_m : float
-        Range up to which structure was searched.
-    """
+    """Draw a mask, searched up to a range, by azimuth and elevation and, below it, from above with the bow up."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Rectangle, Wedge
 

@@ -35,16 +35,8 @@ def draw_tile(
 ) -> None:
     """Draw a tile in top view, points coloured by class and objects in boxes ([Shi2022], Fig. 3).
 
-    Parameters
-    ----------
-    figure : Figure
-        Empty figure.
-    sea : ndarray, shape (2, N), float64
-        Positions of the points of the sea in metres; a subset is drawn.
-    points : mapping of str to ndarray, shape (2, M), float64
-        Positions of the points by the name of their class, or by `LEFT_OUT`.
-    boxes : sequence of (str, ndarray of shape (4, 2))
-        Class and corners of each object.
+    A subset of the sea, shape (2, N), is drawn; the points, shape (2, M) each, have the name of their class or
+    `LEFT_OUT`.
     """
     axes = figure.add_subplot()
     corner = np.array(
@@ -74,17 +66,7 @@ def _draw_box(axes: "Axes", name: str, corners: NDArray[np.float64]) -> None:
 
 
 def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.int64]) -> None:
-    """Draw a confusion matrix with the shares of each row in percent.
-
-    Parameters
-    ----------
-    figure : Figure
-        Empty figure.
-    names : sequence of str
-        Names of the C classes.
-    matrix : ndarray, shape (C, C), int64
-        Number of points by true class (row) and predicted class (column).
-    """
+    """Draw a confusion matrix, true class by predicted class, with the shares of each row in percent."""
     axes = figure.add_subplot()
     share = matrix / np.maximum(matrix.sum(axis=1, keepdims=True), 1)
     image = axes.imshow(share, cmap="Blues", vmin=0, vmax=1)
@@ -106,18 +88,9 @@ _NARROWEST_M = 0.1
 
 @dataclass(frozen=True)
 class MapPart:
-    """Part of a map.
+    """Part of a map from one corner to the other, with I columns from west to east and J rows from south to north.
 
-    Parameters
-    ----------
-    low, high : (float, float)
-        Its corners in metres.
-    level_m : ndarray, shape (I, J), float32
-        Elevation of the water; NaN elsewhere.
-    is_land, is_object : ndarray, shape (I, J), bool
-        What is land, and what is an object.
-    shoreline : sequence of ndarray, shape (N, 2), float64
-        Lines between water and land in metres.
+    The elevation of the water, shape (I, J), is NaN elsewhere; shorelines have shape (N, 2). All are in metres.
     """
 
     low: tuple[float, float]
@@ -140,17 +113,7 @@ def _corners(parts: Sequence[MapPart]) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def draw_map(figure: "Figure", parts: Sequence[MapPart], title: str) -> None:
-    """Draw the map of a tile, or of the tiles of a survey, in top view.
-
-    Parameters
-    ----------
-    figure : Figure
-        Empty figure.
-    parts : sequence of MapPart
-        The tiles.
-    title : str
-        Line about the waves.
-    """
+    """Draw the map of a tile, or of the tiles of a survey, in top view; its title is a line about the waves."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D

@@ -55,16 +55,11 @@ def find_objects(
 ) -> Objects:
     """Return labelled boxes and, for each method, the bounding boxes of its clusters.
 
-    Returns
-    -------
-    boxes : list of dict
-        Labelled objects and areas to ignore: ``track``, ``class``, ``center``, ``size``, ``yaw``, and ``state``:
-        ``ignored``; ``hidden`` if not visible; otherwise a list with ``detected`` or ``missed`` for each method, None
-        for methods that could not process the frame.
-    clusters : list of list of dict
-        For each method, ``low`` and ``high`` corners, ``points`` and ``kind``: ``target``, ``false``, or ``unknown``
-        without labels; ``unconfirmed`` for clusters of unconfirmed points. At most the 400 largest clusters, and as
-        many unconfirmed ones.
+    A box has ``track``, ``class``, ``center``, ``size``, ``yaw``, and ``state``: ``ignored``; ``hidden`` if not
+    visible; otherwise a list with ``detected`` or ``missed`` for each method, None for methods that could not process
+    the frame. A cluster has ``low`` and ``high`` corners, ``points`` and ``kind``: ``target``, ``false``, or
+    ``unknown`` without labels; ``unconfirmed`` for clusters of unconfirmed points. There are at most the 400 largest
+    clusters, and as many unconfirmed.
     """
     scene = None if truth is None else targets_of(frame, truth, params)
     subsets = [mask for result in results if result is not None for mask in (result.keep, unconfirmed(result))]

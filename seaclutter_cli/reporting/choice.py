@@ -16,17 +16,7 @@ Why = Literal["worst", "best", "even", "picked"]
 
 @dataclass(frozen=True)
 class Chosen(Generic[T]):
-    """A selected frame.
-
-    Parameters
-    ----------
-    row : int
-        Index of the frame among all frames.
-    why : {"worst", "best", "even", "picked"}
-        Why it was selected.
-    item : object
-        Data stored for it.
-    """
+    """A selected frame: its index among all frames, why it was selected, and the data stored for it."""
 
     row: int
     why: Why
@@ -50,13 +40,9 @@ class _Item(Generic[T]):
 class Choice(Generic[T]):
     """Selection of the worst, the best and evenly spaced frames from a stream of unknown length.
 
-    Every n-th frame is stored as evenly spaced; n doubles when there are four times too many. The data of a frame is
-    created some frames later: while frames get worse and worse, each replaces the previous one and needs no data.
-
-    Parameters
-    ----------
-    frames : int
-        Number of frames to select, at least 1: half of them worst, a sixth best, the rest evenly spaced.
+    Half of the frames are the worst, a sixth the best. Every n-th frame is stored as evenly spaced; n doubles when
+    there are four times too many. The data of a frame is created some frames later: while frames get worse and worse,
+    each replaces the previous one and needs no data.
 
     Examples
     --------
@@ -84,16 +70,8 @@ class Choice(Generic[T]):
     def offer(self, row: int, *, badness: float | None, merit: float | None, make: Callable[[], T]) -> None:
         """Offer a frame for selection; rows must be in ascending order.
 
-        Parameters
-        ----------
-        row : int
-            Index of the frame among all frames.
-        badness : float or None
-            Higher is worse; a frame with 0 or None is never among the worst.
-        merit : float or None
-            Higher is better; a frame with None is never among the best.
-        make : callable
-            Returns the data to store; called if the frame is still selected a few frames later.
+        A frame with a badness of 0 or None is never among the worst, one with a merit of None never among the best.
+        ``make`` returns the data to store; it is called if the frame is still selected a few frames later.
         """
         item = _Item[T](row, [make], [])
         self._pending.append(item)

@@ -20,17 +20,7 @@ _POINTS = 24_000
 
 @dataclass(frozen=True)
 class Method:
-    """A method in a report.
-
-    Parameters
-    ----------
-    name : str
-        Name in tables and figures.
-    edges : sequence of float
-        Edges of the range rings in metres; empty for methods without range rings.
-    config : str
-        The effective configuration as YAML.
-    """
+    """A method in a report: its name, edges of its range rings in metres, if it has some, and configuration as YAML."""
 
     name: str
     edges: Sequence[float]
@@ -51,20 +41,7 @@ class Collector(ReplayListener):
 
     It stores a few hundred bytes for every frame, and points for a few dozen frames at most, however long the logs are.
     The first method determines the worst frames: those with the most false alarms and missed targets; without labels,
-    those with the largest share of points removed as clutter.
-
-    Parameters
-    ----------
-    methods : sequence of Method
-        Methods in the order of their results.
-    params : EvaluationParams
-        Parameters of clustering and matching.
-    labelled : bool
-        Whether the recordings are labelled.
-    frames : int
-        Number of frames to select.
-    picks : collection of int, optional
-        Numbers of additional frames to show.
+    those with the largest share of points removed as clutter. Frames with the numbers in ``picks`` are shown, too.
     """
 
     def __init__(

@@ -18,18 +18,10 @@ Series = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Numbers:
-    """Statistics of a method for one frame.
+    """Statistics of a method for one frame: points for each `Reason`, shape (8,), and what else the method tells.
 
-    Parameters
-    ----------
-    counts : ndarray, shape (8,)
-        Points for each `Reason`; the first entry counts the kept points.
-    rings : Rings or None
-        Thresholds and corrections, for methods with range rings.
-    scene : str, optional
-        Class of scene, for methods that distinguish scenes.
-    water : WaterState, optional
-        The water, for methods that estimate it and where there is some.
+    There are thresholds and corrections of methods with range rings, the class of scene, and the water, if there is
+    some.
     """
 
     counts: NDArray[np.int64]
@@ -44,13 +36,7 @@ class Numbers:
 
 
 class History:
-    """Statistics of one method for every frame, a few hundred bytes each.
-
-    Parameters
-    ----------
-    rings : int
-        Number of range rings of the method, K; 0 without range rings.
-    """
+    """Statistics of one method with K range rings, or none, for every frame: a few hundred bytes each."""
 
     _ALARMS = ("visible", "missed", "false_alarms")
 

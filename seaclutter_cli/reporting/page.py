@@ -30,17 +30,7 @@ _STEPS = 32767
 def report_data(
     collected: Collector, summaries: Mapping[str, Mapping[str, Any]], notes: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return the data of the page.
-
-    Parameters
-    ----------
-    collected : Collector
-        Statistics and samples.
-    summaries : mapping of str to mapping
-        Rates and counts of each method by its name, as returned by `Summary.as_dict`.
-    notes : sequence of str
-        Remarks for the reader, such as damage of the input.
-    """
+    """Return the data of the page, given rates and counts of each method by its name, and remarks for the reader."""
     timeline = collected.timeline
     starts = bin_starts(len(timeline.frame))
     chosen = collected.chosen

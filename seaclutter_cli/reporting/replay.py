@@ -57,17 +57,7 @@ def recorded_config(source: Source) -> str | None:
 
 @dataclass(frozen=True)
 class Replayed:
-    """A frame and its filter result, as recorded in a filtered log.
-
-    Parameters
-    ----------
-    frame : Frame
-        The raw frame.
-    numbers : Numbers
-        Statistics from the diagnostics of the frame.
-    removed : Message
-        Removed points with their reasons.
-    """
+    """A frame as recorded in a filtered log: raw points, statistics, and the message with the removed points."""
 
     frame: Frame
     numbers: Numbers

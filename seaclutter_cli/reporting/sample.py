@@ -21,28 +21,12 @@ _PRIORITY_SHARE = 0.75
 
 @dataclass(frozen=True)
 class Sample:
-    """A frame and n of its points.
+    """A frame and n of its points, with M methods.
 
-    Parameters
-    ----------
-    frame : int
-        Number of the frame in its topic.
-    size, valid : int
-        Number of points of the frame, and of those that are valid returns.
-    xyz : ndarray, shape (n, 3), float32
-        Coordinates in metres.
-    intensity : ndarray, shape (n,), float32
-        Intensity in the sensor's unit; NaN if unknown.
-    reasons : ndarray, shape (methods, n), uint8
-        `Reason` according to each method.
-    truth : ndarray, shape (n,), uint8
-        `UNKNOWN`, `IS_CLUTTER`, `IS_TARGET` or `IS_IGNORED`.
-    weight : ndarray, shape (n,), float32
-        Number of points of the frame that each point represents.
-    find_objects : callable
-        Returns the objects of the frame; called when boxes or clusters are first needed.
-    water : WaterState, optional
-        The water, as estimated by the first method that knows it.
+    ``xyz``, shape (n, 3), is in metres, ``intensity``, shape (n,), in the sensor's unit, NaN if unknown. ``reasons``,
+    shape (M, n), are those of each method, ``truth``, shape (n,), is `UNKNOWN`, `IS_CLUTTER`, `IS_TARGET` or
+    `IS_IGNORED`. ``weight``, shape (n,), is the number of points of the frame that each point represents. The objects
+    of the frame are found when boxes or clusters are first needed; the water is that of the first method that knows it.
     """
 
     frame: int

@@ -23,15 +23,8 @@ SHARES = (0.6, 0.2, 0.2)
 class Examples:
     """Frames with their scenes, stored as sketches of a few kilobytes, regardless of the frame size.
 
-    A sketch lists the cells with points. Its cells are four times finer than those of a `top_view`, and it extends 1.5
-    times as far, which leaves no empty corners in a rotated view.
-
-    Parameters
-    ----------
-    classes : sequence of str
-        Names of the scenes.
-    extent_m : float
-        Half the side of the square that images show.
+    A sketch lists the cells with points. Its cells are four times finer than those of a `top_view`, which shows
+    ``extent_m`` to each side, and it extends 1.5 times as far, which leaves no empty corners in a rotated view.
     """
 
     classes: Sequence[str]
@@ -104,10 +97,7 @@ class Examples:
     def split(self, seed: int) -> "Split":
         """Return the frames split by recording, each class in the shares of `SHARES`.
 
-        Raises
-        ------
-        InputError
-            If a class has fewer than three recordings.
+        `InputError` if a class has fewer than three recordings.
         """
         rng = np.random.default_rng(seed)
         part = np.zeros(len(self.recordings), np.int64)

@@ -20,21 +20,10 @@ _BLOCK = 16384
 def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
     """Return the top view of a frame: the cells of a square around the lidar that contain a point.
 
-    Parameters
-    ----------
-    xyz : ndarray, shape (3, N), float64
-        Coordinates in metres; x points forward, which is up in the image, y to the left. Points with a coordinate that
-        is not finite, and points exactly at the origin, are not returns and are ignored.
-    extent_m : float
-        Half the side of the square in metres; > 0.
+    Coordinates, shape (3, N), are in metres; x points forward, which is up in the image, y to the left. The image,
+    shape (224, 224), uint8, is 1 where there is a point, otherwise 0; the upper and the left edge of a cell belong to
+    it. Points with a coordinate that is not finite, and points exactly at the origin, are not returns and are ignored.
 
-    Returns
-    -------
-    ndarray, shape (224, 224), uint8
-        1 where there is a point, otherwise 0. The upper and the left edge of a cell belong to it.
-
-    Notes
-    -----
     This is the binary image of [Bi] (point cloud to image converter). It is computed in single precision, which may
     shift the edge of a cell by some micrometres.
 
@@ -89,17 +78,12 @@ _MAX_BYTES = 2**26
 class SceneModel:
     """A scene classifier, run by onnxruntime on one thread; the same image gives the same probabilities.
 
+    It has the names of its ``classes``, and half the side of the square in the top view, ``extent_m``.
+
     Parameters
     ----------
     name : str
         Path of an ONNX file, or name of a built-in model.
-
-    Attributes
-    ----------
-    classes : tuple of str
-        Names of the scenes.
-    extent_m : float
-        Half the side of the square in the top view.
 
     Raises
     ------

@@ -16,17 +16,7 @@ STEM_MAPS = 3
 
 @dataclass(frozen=True)
 class BottleneckBlock:
-    """A bottleneck: 1x1 expansion, 3x3 depthwise convolution, 1x1 projection; ReLU6 after the first two.
-
-    Parameters
-    ----------
-    maps : int
-        Number of output maps.
-    stride : int
-        Stride of the depthwise convolution.
-    expansion : int
-        Factor by which the expansion multiplies the number of maps.
-    """
+    """A bottleneck: 1x1 expansion, 3x3 depthwise convolution, 1x1 projection; ReLU6 after the first two."""
 
     maps: int
     stride: int

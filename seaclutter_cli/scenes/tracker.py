@@ -9,18 +9,9 @@ from seaclutter_cli.scenes.model import SceneModel, top_view
 
 @dataclass(frozen=True)
 class SceneDecision:
-    """The scene of a frame.
+    """The scene of a frame: class, its probability and those of all classes in the latest classification.
 
-    Parameters
-    ----------
-    name : str
-        Class of the scene.
-    probability : float
-        Probability of this class in the latest classification.
-    decided : bool
-        Whether this frame was classified; otherwise the decision is carried over from an earlier one.
-    probabilities : mapping of str to float
-        Probability of each class in the latest classification.
+    Unless this frame was classified itself, the decision is carried over from an earlier one.
     """
 
     name: str
@@ -32,20 +23,13 @@ class SceneDecision:
 class SceneTracker:
     """Scene of each frame of one topic.
 
-    The first frame is classified, and then one frame in ``scene_every``. The first classification decides; after that,
-    the scene changes only when ``scene_hold`` consecutive classifications find the same other scene most probable. A
-    frame with nothing in view is not classified; the next frame is used instead. Before the first classification, the
-    scene is the first class of the model, and all classes are equally probable.
+    The first frame is classified, and then one frame in ``every``. The first classification decides; after that, the
+    scene changes only when ``hold`` consecutive classifications find the same other scene most probable. A frame with
+    nothing in view is not classified; the next frame is used instead. Before the first classification, the scene is the
+    first class of the model, and all classes are equally probable.
 
     **State**: the decision, the number of frames until the next classification, and the rival scene with its number of
     consecutive classifications.
-
-    Parameters
-    ----------
-    model : SceneModel
-        The classifier.
-    every, hold : int
-        ``scene_every`` and ``scene_hold``.
     """
 
     def __init__(self, model: SceneModel, *, every: int, hold: int) -> None:

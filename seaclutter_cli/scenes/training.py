@@ -17,15 +17,7 @@ from seaclutter_cli.scenes.network import make_network
 
 @dataclass(frozen=True)
 class SceneScores(Confusion):
-    """Confusion matrix of scenes.
-
-    Parameters
-    ----------
-    counts : ndarray, shape (C, C), int64
-        Frames by true class (row) and predicted class (column).
-    classes : sequence of str
-        Names of the scenes.
-    """
+    """Confusion matrix of scenes: frames by true class (row) and predicted class (column), with their names."""
 
     classes: Sequence[str]
 
@@ -89,20 +81,9 @@ class Epoch:
 
 @dataclass(frozen=True)
 class Trained:
-    """A trained network.
+    """A torch module with the weights of its best epoch, that of the lowest loss on the validation part.
 
-    Parameters
-    ----------
-    network : object
-        Torch module with the weights of the best epoch.
-    epochs : sequence of Epoch
-        Loss and precision of each epoch.
-    best : int
-        Index of the epoch with the lowest loss on the validation part.
-    split : Split
-        Frames of each part.
-    test : SceneScores
-        Scores on the test part.
+    All epochs, the index of the best, the frames of each part, and the scores on the test part are kept, too.
     """
 
     network: Any

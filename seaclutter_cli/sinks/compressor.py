@@ -16,14 +16,9 @@ _MAX_THREADS = 4
 
 
 class Compressor(Generic[T, R]):
-    """Threads that compress items; the results come in the order of the items, whatever the number of threads.
+    """Threads that compress items; ``done`` receives each item and its result, in the thread of the caller.
 
-    Parameters
-    ----------
-    compress : callable
-        Returns the result for an item; called in other threads.
-    done : callable
-        Receives each item and its result, in the thread of the caller.
+    The results come in the order of the items, whatever the number of threads.
     """
 
     def __init__(self, compress: Callable[[T], R], done: Callable[[T, R], None]) -> None:

@@ -30,24 +30,18 @@ _COLUMNS = (
 
 
 class CsvSink(AbstractContextManager["CsvSink"]):
-    """Sink that writes one row for each frame of all recordings to a CSV file.
+    """Sink that writes one row for each frame of all recordings to a CSV file, which appears when the context ends.
+
+    The rows of a recording that fails midway are removed.
 
     Parameters
     ----------
-    path : Path or Url
-        Target; the file appears when the context exits without an error.
     rings : int
         Number of range rings of the method; 0 for methods without range rings.
     scenes : bool, optional
         Whether the method distinguishes scenes; adds a column for the class of scene.
     water : bool, optional
         Whether the method estimates the water; adds a column for unconfirmed points and those of `WaterState`.
-    group : OutputGroup, optional
-        Files that appear together with this one.
-
-    Notes
-    -----
-    The rows of a recording that fails midway are removed.
     """
 
     def __init__(

@@ -18,22 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OutputFormat:
-    """A format of outputs.
+    """A format of outputs, named by its title in the plural.
 
-    Parameters
-    ----------
-    title : str
-        Name shown to the user, in the plural.
-    make_sink : callable
-        Makes the sink: takes target, options, group and ``as_is``, as `LogSink` does.
-    suffix : str
-        Suffix of its files. Such a name selects the format, except for formats of folders only.
-    compressions : tuple of str
-        Compressions that it has, by their names in MCAP.
-    marker : str
-        File in the folder that a recording becomes, by which such a folder is recognised; empty if it becomes a file.
-    has_topics : bool
-        Whether it has other messages than the clouds of one topic.
+    ``make_sink`` takes target, options, group and ``as_is``, as `LogSink` does. A suffix selects the format, unless it
+    has folders only; ``compressions`` have their names in MCAP. If a recording becomes a folder, the file ``marker`` in
+    it tells so. Without ``has_topics``, there are no other messages than the clouds of one topic.
     """
 
     title: str

@@ -37,24 +37,10 @@ TOPIC = "/points"
 
 
 class FrameSink(AbstractContextManager["FrameSink"]):
-    """Sink that writes each frame of one topic to a file.
+    """Sink that writes each frame of one topic to a file: the target itself, or one named by its number in a folder.
 
-    The names are the numbers of the frames in their recording.
-
-    Parameters
-    ----------
-    path : Path or Url
-        Target: a folder, or a file of a single frame.
-    options : McapOptions
-        What is written of a frame.
-    group : OutputGroup, optional
-        Outputs that appear together with this one.
-    write_frame : callable
-        Writes a cloud to a file, and returns the number of points that it cannot contain.
-    suffix : str
-        Suffix of the files.
-    as_is : bool, optional
-        Whether frames are written with `keep` only.
+    ``write_frame`` writes a cloud to a file, and returns the number of points that it cannot contain. With ``as_is``,
+    frames are written with `keep` only.
     """
 
     def __init__(

@@ -17,19 +17,7 @@ Feature = tuple[Sequence[tuple[float, float]], Sequence[Any]]
 
 @dataclass(frozen=True)
 class Layer:
-    """Layer of a GeoPackage.
-
-    Parameters
-    ----------
-    name : str
-        Name of the layer.
-    shape : {"LINESTRING", "POLYGON"}
-        What its features are.
-    fields : mapping of str to type
-        Type of each attribute: str, int or float.
-    features : sequence of Feature
-        Its features.
-    """
+    """Layer of a GeoPackage: lines or polygons, and the type of each of their attributes: str, int or float."""
 
     name: str
     shape: Literal["LINESTRING", "POLYGON"]

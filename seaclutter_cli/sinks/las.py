@@ -32,15 +32,7 @@ _KEPT = ("maxs", "mins", "number_of_points_by_return")
 
 @dataclass(frozen=True)
 class TextRecord:
-    """Record (VLR) of a LAS file with text, under the user id ``seaclutter``.
-
-    Parameters
-    ----------
-    number : int
-        Record id.
-    description : str
-        Description, up to 32 bytes.
-    """
+    """Record (VLR) of a LAS file with text, under the user id ``seaclutter``; descriptions have up to 32 bytes."""
 
     number: int
     description: str
@@ -97,20 +89,8 @@ class LasSink(AbstractContextManager["LasSink"]):
     """Writer that copies the points of a LAS or LAZ file with some dimensions changed or added.
 
     Scale, offset and all other dimensions are preserved, as are the packed coordinates, the header and its records (VLR
-    and EVLR). The file extension of the target selects LAZ or LAS. LAS 1.0 becomes LAS 1.2.
-
-    Parameters
-    ----------
-    path : Path
-        Target; the file appears when the context exits without an error.
-    header : laspy.LasHeader
-        Header of the source, with its ``evlrs``.
-    extra : mapping of str to (str, str), optional
-        Dimensions to add; existing dimensions of the same name are overwritten.
-    whole : bool, optional
-        Whether all points of the source are written; its extents and counts are then kept, even if they are wrong.
-    group : OutputGroup, optional
-        Files that appear together with this one.
+    and EVLR). The file extension of the target selects LAZ or LAS. LAS 1.0 becomes LAS 1.2. If the ``whole`` source is
+    written, its extents and counts are kept, even if they are wrong.
 
     Raises
     ------
@@ -185,19 +165,9 @@ class LasSink(AbstractContextManager["LasSink"]):
         self._file.__exit__(kind, error, trace)
 
     def write(self, points: Any, columns: Mapping[str, Column]) -> None:
-        """Write points of the source, with new values for some dimensions.
+        """Write n points of the source, which are not modified, with new values, shape (n,), for some dimensions.
 
-        Parameters
-        ----------
-        points : laspy.PackedPointRecord
-            N points of the source; not modified.
-        columns : mapping of str to ndarray, shape (N,)
-            New values by the name of the dimension.
-
-        Raises
-        ------
-        OutputError
-            If the file cannot be written, or is a LAZ file with waveform packets of several scanner channels.
+        `OutputError` if the file cannot be written, or is a LAZ file with waveform packets of several scanner channels.
         """
         if self._has_layers:
             self._check_channels(points)

@@ -54,20 +54,9 @@ class _Outputs:
 
 
 class LogSink(AbstractContextManager["LogSink"]):
-    """Sink that writes a recording to a filtered log.
+    """Sink that writes a recording to a log, which appears when the context exits without an error.
 
-    Parameters
-    ----------
-    path : Path or Url
-        Target; the log appears when the context exits without an error.
-    options : McapOptions
-        Contents of the log.
-    group : OutputGroup, optional
-        Outputs that appear together with this one.
-    output : callable, optional
-        Class of the log: by default an MCAP file.
-    as_is : bool, optional
-        Whether frames are written with `keep` only, so that nothing is added to the log but the records about it.
+    With ``as_is``, frames are written with `keep` only, so that nothing is added to the log but the records about it.
     """
 
     def __init__(

@@ -54,16 +54,9 @@ class LogWriter(ABC):
 
 
 class LogOutput(AbstractContextManager["LogOutput"], ABC):
-    """A log that appears under its name when the context exits without an error.
+    """A log that appears under its name, alone or with a group, when the context exits without an error.
 
-    Parameters
-    ----------
-    path : Path or Url
-        Target.
-    group : OutputGroup, optional
-        Outputs that appear together.
-    split : bool, optional
-        Whether the log has several parts; their names then have numbers.
+    If it is ``split``, it has several parts, and their names have numbers.
     """
 
     @abstractmethod

@@ -82,14 +82,7 @@ def mcap_compression(source: Source, given: str | None) -> str:
 class McapWriter(LogWriter):
     """Writer for one MCAP file, which is written sequentially, without seeking.
 
-    Parameters
-    ----------
-    stream : BinaryIO
-        Output.
-    profile, library : str
-        Fields of the file header.
-    compression : str
-        A key of `COMPRESSIONS`.
+    Profile and library are fields of the file header; the compression is a key of `COMPRESSIONS`.
     """
 
     def __init__(

@@ -8,11 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from seaclutter_cli.clustering.dbscan import DbscanFinder, dbscan
+from seaclutter_cli.clustering.dbscan import DbscanFinder
 
 RNG = np.random.default_rng(5)
 SEARCH = settings(max_examples=80, deadline=None)
 EPS = st.sampled_from([1.5, 1.0, 0.1, 1e-6, 1e6])
+
+
+def dbscan(xyz, eps_m, min_points):
+    everything = np.ones(xyz.shape[1], np.bool_)
+    return DbscanFinder(xyz, everything, eps_m, min_points).clusters(everything, 1)
 
 
 def distances(xyz):
