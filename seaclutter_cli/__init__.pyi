@@ -45,10 +45,10 @@ from .runs.classify.train import train_forest as train_forest
 from .runs.observer import LoggingObserver as LoggingObserver
 from .runs.observer import Observer as Observer
 from .runs.recordings import ReadOptions as ReadOptions
-from .runs.scene.evaluate import evaluate_scenes as evaluate_scenes
+from .runs.scene.classify import evaluate_scenes as evaluate_scenes
+from .runs.scene.classify import predict_scenes as predict_scenes
 from .runs.scene.logs import ClassifierOptions as ClassifierOptions
 from .runs.scene.logs import LabelledLogs as LabelledLogs
-from .runs.scene.predict import predict_scenes as predict_scenes
 from .runs.scene.train import TrainSceneOptions as TrainSceneOptions
 from .runs.scene.train import train_scenes as train_scenes
 from .runs.simulate import SimulateOptions as SimulateOptions

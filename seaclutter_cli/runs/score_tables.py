@@ -1,7 +1,5 @@
 """Tables of scores: of methods as text, with what the columns mean and the best values; of frames as CSV."""
 
-import csv
-import io
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,6 +7,7 @@ from typing import Literal
 
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Summary
 from seaclutter_cli.frame import Frame
+from seaclutter_cli.runs.studies import csv_line
 from seaclutter_cli.text import UNKNOWN, legend, table
 
 BASELINE = "none"
@@ -135,7 +134,7 @@ class FrameRows:
     def write(self, method: str, frame: Frame, score: FrameScore) -> None:
         """Write a row; cells are empty for what the labels of the frame do not tell."""
         self._points_known |= score.points is not None
-        line = _csv_line((self._recording, method, frame.index, frame.stamp_ns, *score.cells()))
+        line = csv_line((self._recording, method, frame.index, frame.stamp_ns, *score.cells()))
         self._lines += self._compressor.compress(line)
 
     def packed(self) -> PackedRows:
@@ -146,13 +145,7 @@ class FrameRows:
 def frame_table(recordings: Sequence[PackedRows]) -> Iterator[bytes]:
     """Yield the parts of a table (CSV); it has columns for points if their labels are known for any frame."""
     points_known = any(rows.points_known for rows in recordings)
-    yield _csv_line((*_FRAME_COLUMNS, *(POINT_COLUMNS if points_known else ())))
+    yield csv_line((*_FRAME_COLUMNS, *(POINT_COLUMNS if points_known else ())))
     for rows in recordings:
         lines = zlib.decompress(rows.lines)
         yield lines if points_known else lines.replace(_UNKNOWN_POINTS, b"\n")
-
-
-def _csv_line(values: Iterable[object]) -> bytes:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(values)
-    return text.getvalue().encode(errors="surrogateescape")  # file names need not be UTF-8

@@ -24,7 +24,7 @@ def command(logs: "LabelledLogs", options: "ClassifierOptions", reading: "ReadOp
     FOLDERS contain one folder of logs per class, named after the class (open/, confined/); --scene gives classes and
     logs one by one. With --every and --hold, the evaluated scene is the one that a filter would use.
     """
-    from seaclutter_cli.runs.scene.evaluate import evaluate_scenes
+    from seaclutter_cli.runs.scene.classify import evaluate_scenes
 
     result = evaluate_scenes(logs, options, reading, console)
     console.finish(result, result.as_text(verbose=console.verbose))

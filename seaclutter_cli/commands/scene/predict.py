@@ -23,6 +23,6 @@ def command(logs: tuple[str, ...], options: "ClassifierOptions", reading: "ReadO
 
     --csv writes the scene of each frame and the probabilities of the classes.
     """
-    from seaclutter_cli.runs.scene.predict import predict_scenes
+    from seaclutter_cli.runs.scene.classify import predict_scenes
 
     console.finish(predict_scenes(logs, options, reading, console))

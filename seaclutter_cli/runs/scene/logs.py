@@ -1,4 +1,4 @@
-"""Recordings with known scenes, and the frames of recordings."""
+"""Recordings with known scenes, their frames, and how they are classified."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing
@@ -12,9 +12,11 @@ from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.recordings import ReadOptions, warnings_of
+from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sources import Recording, find_recordings
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
+from seaclutter_cli.text import share, table
 
 if TYPE_CHECKING:
     from seaclutter_cli.storage.locations import Location
@@ -142,3 +144,15 @@ def read_frames(
         observer.damage(source.damage)
         if not found:
             raise InputError(f"{source.name}: no frame can be read" + (f"; {source.damage[0]}" if damage else ""))
+
+
+def confusion_table(confusion: SceneScores) -> str:
+    """Return a table of frames by true class (row) and predicted class (column)."""
+    classes = list(confusion.classes)
+    rows = []
+    for name, counts, index in zip(classes, confusion.counts.tolist(), range(len(classes)), strict=True):
+        rows.append((name, *(f"{frames:,}" for frames in counts), share(counts[index], sum(counts))))
+    predicted = confusion.counts.sum(axis=0).tolist()
+    correct = confusion.counts.diagonal().tolist()
+    rows.append(("precision", *(share(part, whole) for part, whole in zip(correct, predicted, strict=True)), ""))
+    return table(("true \\ predicted", *classes, "recall"), rows)

@@ -14,8 +14,7 @@ from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import ReadOptions, Result
-from seaclutter_cli.runs.scene.logs import LabelledLog, LabelledLogs, read_frames
-from seaclutter_cli.runs.scene.table import confusion_table
+from seaclutter_cli.runs.scene.logs import LabelledLog, LabelledLogs, confusion_table, read_frames
 from seaclutter_cli.scenes.examples import Examples
 from seaclutter_cli.scenes.network import to_onnx
 from seaclutter_cli.scenes.training import Epoch, Trained, TrainingParams, check_torch, train
@@ -144,19 +143,7 @@ def _picture(trained: Trained, suffix: str) -> bytes:
 
 @dataclass(frozen=True)
 class SceneTraining(Result):
-    """A trained scene classifier.
-
-    Parameters
-    ----------
-    trained : Trained
-        The network and the course of its training.
-    examples : Examples
-        Frames for training, validation and test.
-    output : Path
-        Path of the model file.
-    damage : sequence of Damage
-        Parts of the recordings that could not be used.
-    """
+    """A trained scene classifier and its file, with the course of its training, its frames, and their damage."""
 
     is_summary = True
 
