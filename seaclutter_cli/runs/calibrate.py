@@ -1,9 +1,6 @@
 """Calibration: thresholds and the far limit of clutter, from recordings that contain clutter."""
 
-import pickle
-import zlib
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Self
@@ -16,15 +13,17 @@ from seaclutter_cli.config import Config
 from seaclutter_cli.errors import LabelError, UsageError
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+from seaclutter_cli.filters.confirmed import Confirmed
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS
-from seaclutter_cli.frame import Frame
+from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import ClutterDensity, draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
-from seaclutter_cli.runs.batch import BatchOptions, Work, inputs_of_work, run_batch
-from seaclutter_cli.runs.calibrate_choice import (
+from seaclutter_cli.runs.batch import BatchOptions
+from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
+from seaclutter_cli.runs.calibrate_trade_off import (
     Candidate,
     OnlyProgress,
     TradeOff,
@@ -33,30 +32,21 @@ from seaclutter_cli.runs.calibrate_choice import (
     is_enough,
     training_frames,
 )
-from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
-from seaclutter_cli.runs.calibrate_targets import TargetSearch
 from seaclutter_cli.runs.evaluate import EvaluateWork
-from seaclutter_cli.runs.labels import LabelFile, LabelSources
+from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import (
-    Logs,
-    Outcome,
-    ReadOptions,
-    expand,
-    expected_frames,
-    finish_labels,
-    require_frames,
-    require_selected,
-    warnings_of,
-)
+from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, expand, opened
+from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
 from seaclutter_cli.selection import cloud_channels
-from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count
-from seaclutter_cli.water import MountingSearch
+from seaclutter_cli.water import Mounting, MountingSearch
+
+_SEARCHED_S, _EVERY_S = 2.0, 20.0
+_MIN_TARGET_POINTS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,51 +134,27 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
         force=options.force,
         observer=observer,
     )
-    labels = options.labels.assign(recordings)
-    works = [CalibrateWork(config, options, *each) for each in zip(recordings, labels, strict=True)]
-    pass_ = _Pass(config, options)
+    pairs = zip(recordings, options.labels.assign(recordings), strict=True)
+    works = [_CalibrateWork(options.reading, *each, config, options) for each in pairs]
+    sums = _ClutterSums(config, options)
 
-    def add(outcome: Calibrated) -> None:
-        nonlocal pass_
-        pass_ += outcome.take()
+    def add(outcome: _Calibrated) -> None:
+        nonlocal sums
+        if outcome.sums:
+            sums += outcome.sums
+        outcome.sums = None
 
-    if options.batch.runs_here(len(works)):
-        pass_ += works[0].read(observer)
-        observer.damage(pass_.tally.damage)
-    else:
-        outcomes = run_batch(works, options.batch, observer, add, together=True)
-        require_selected(outcomes)
-        works = [work for work, outcome in zip(works, outcomes, strict=True) if not outcome.has_nothing]
-    trade_off = _trade_off(works, pass_, observer) if options.choose or options.trade_off else None
-    result = pass_.result(trade_off)
+    outcomes = study_all(works, options.batch, observer, add, together=True)
+    works = [work for work, outcome in zip(works, outcomes, strict=True) if not outcome.has_nothing]
+    trade_off = _trade_off(works, sums, observer) if options.choose or options.trade_off else None
+    result = sums.result(trade_off)
     for text in result.warnings:
         observer.warn(text)
     files = {options.output: result.config_text().encode()} if options.output else {}
     if options.plot_file:
-        files[options.plot_file] = pass_.plot(result.found, options.plot_file.suffix)
+        files[options.plot_file] = sums.plot(result.found, options.plot_file.suffix)
     write_files(files, replace=options.force)
     return result
-
-
-def _trade_off(works: Sequence["CalibrateWork"], found: "_Pass", observer: Observer) -> TradeOff:
-    """Return the scores of several filter rates and limits on held-out frames; with ``choose``, use the best one."""
-    config, options, frames = works[0].config, works[0].options, found.tally.frames_each
-    if not is_enough(frames):
-        raise LabelError(f"{count(sum(frames), 'labelled frame')}: too few to compare filter rates")
-    used = Candidate(options.filter_rate, options.max_left)
-    compared = candidates(used)
-    variants = []
-    for half in (0, 1):
-        training = _Pass(config, options)
-        for work, number in zip(works, frames, strict=True):
-            training += replace(work, labelled_frames=training_frames(number)[half]).read(OnlyProgress(observer))
-        variants += [Variant(f"{one.name} ({half})", training.config(one)) for one in compared]
-    judged = [EvaluateWork(options.reading, work.recording, work.labels, variants, in_parts=True) for work in works]
-    trade_off = TradeOff(dict(zip(compared, held_out_scores(judged, observer), strict=True)), used)
-    if not options.choose:
-        return trade_off
-    found.use(trade_off.best)
-    return replace(trade_off, used=trade_off.best)
 
 
 def _starting_config(options: ConfigOptions) -> Config:
@@ -205,88 +171,91 @@ def _starting_config(options: ConfigOptions) -> Config:
     return config
 
 
-@dataclass(kw_only=True)
-class Calibrated(Outcome):
-    """Outcome of the pass over one of several recordings.
+def _trade_off(works: Sequence["_CalibrateWork"], found: "_ClutterSums", observer: Observer) -> TradeOff:
+    """Return the scores of several filter rates and limits on held-out frames; with ``choose``, use the best one."""
+    config, options, frames = works[0].config, works[0].options, found.tally.frames_each
+    if not is_enough(frames):
+        raise LabelError(f"{count(sum(frames), 'labelled frame')}: too few to compare filter rates")
+    used = Candidate(options.filter_rate, options.max_left)
+    compared = candidates(used)
+    variants = []
+    for half in (0, 1):
+        training = _ClutterSums(config, options)
+        for work, number in zip(works, frames, strict=True):
+            training += replace(work, labelled_frames=training_frames(number)[half]).read(OnlyProgress(observer))
+        variants += [Variant(f"{one.name} ({half})", training.config(one)) for one in compared]
+    judged = [EvaluateWork(work.reading, work.recording, work.labels, variants, in_parts=True) for work in works]
+    trade_off = TradeOff(dict(zip(compared, held_out_scores(judged, observer), strict=True)), used)
+    if not options.choose:
+        return trade_off
+    found.use(trade_off.best)
+    return replace(trade_off, used=trade_off.best)
 
-    Parameters
-    ----------
-    frames, points : int
-        Number of frames, and of clutter points.
-    packed : bytes
-        Sums over the recording, compressed.
-    """
+
+@dataclass(kw_only=True)
+class _Calibrated(Outcome):
+    """Outcome of one of several recordings, with its sums until they are added to the others."""
 
     frames: int = 0
     points: int = 0
-    packed: bytes = field(default=b"", repr=False)
+    sums: "_ClutterSums | None" = field(default=None, repr=False)
 
     def figures(self) -> str:
         """Return the main figures, for a line about the outcome."""
         return f"{count(self.frames, 'frame')}, {count(self.points, 'clutter point')}, {self.seconds:.1f} s"
 
-    def take(self) -> "_Pass":
-        """Return the sums, and forget them."""
-        packed, self.packed = self.packed, b""
-        found = pickle.loads(zlib.decompress(packed))  # noqa: S301 - from a process of this run
-        assert isinstance(found, _Pass)  # noqa: S101 - see CalibrateWork.run
-        return found
-
 
 @dataclass(frozen=True)
-class CalibrateWork(Work[Calibrated]):
-    """Pass over one recording.
-
-    Parameters
-    ----------
-    config : Config
-        Configuration to start from.
-    options : CalibrateOptions
-        Input, and what to derive.
-    recording : Recording
-        The recording.
-    labels : LabelFile or None
-        Its labels.
-    labelled_frames : range, optional
-        Labelled frames to use, counted from 0; by default all.
-    """
+class _CalibrateWork(StudyWork[_Calibrated]):
+    """Sums over one recording, or over a range of its labelled frames, counted from 0."""
 
     config: Config
     options: CalibrateOptions
-    recording: Recording
-    labels: LabelFile | None
     labelled_frames: range | None = None
 
-    @property
-    def reads(self) -> Sequence[Location]:
-        """Files and folders that the work reads."""
-        return inputs_of_work(self.recording, self.options.reading, self.labels)
-
-    def run(self, observer: Observer) -> Calibrated:
-        """Return the sums over the recording; an error ends the whole run."""
-        started, found = perf_counter(), self.read(observer)
-        return Calibrated(
-            recording=self.recording.name,
-            damage=found.tally.damage,
-            seconds=perf_counter() - started,
-            frames=found.tally.frames,
-            points=found.calibration.points,
-            packed=zlib.compress(pickle.dumps(found), level=1),
-        )
-
-    def without_result(self, reason: str | None) -> Calibrated:
+    def without_result(self, reason: str | None) -> _Calibrated:
         """Return an outcome without sums."""
-        return Calibrated(recording=self.recording.name, error=reason)
+        return _Calibrated(recording=self.recording.name, error=reason)
 
-    def read(self, observer: Observer) -> "_Pass":
-        """Return the sums over the recording."""
-        found = _Pass(self.config, self.options)
-        with closing(self.options.reading.open(self.recording)) as source:
-            found.read(source, self.labels.open() if self.labels else None, observer, self.labelled_frames)
-        return found
+    def run(self, observer: Observer) -> _Calibrated:
+        """Return the sums; an error ends the whole run."""
+        started, outcome = perf_counter(), self.without_result(None)
+        labels = self.labels.open() if self.labels else None
+        with opened(self.recording, self.reading, observer, outcome) as source:
+            self.study(source, labels, outcome, observer)
+        outcome.seconds = perf_counter() - started
+        return outcome
+
+    def read(self, observer: Observer) -> "_ClutterSums":
+        """Return the sums only."""
+        sums = self.run(observer).sums
+        assert sums is not None  # noqa: S101 - see study
+        return sums
+
+    def study(self, source: Source, labels: Labels | None, outcome: _Calibrated, observer: Observer) -> None:
+        """Read the recording."""
+        selection, params, sums = self.reading.selection, self.config.filter, _ClutterSums(self.config, self.options)
+        topics = sorted({channel.topic for channel in cloud_channels(source, selection.topics)})
+        if labels and len(topics) > 1:
+            raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
+        selector = ClutterSelector(params, labels, self.config.evaluation.box_margin_m)
+        search = None if labels else _TargetSearch(params, sums.tally)
+        with frame_progress(source, selection, observer) as step:
+            for frame, clutter in map_frames(source, selection, selector.clutter):
+                if self.labelled_frames is not None and selector.frames - 1 not in self.labelled_frames:
+                    continue
+                sums.add(frame, clutter)
+                if search:
+                    search.add(frame)
+                step()
+        if search:
+            search.finish()
+        self.finish(source, labels, selector.frames + selector.unlabelled)
+        sums.tally.add(source, selector)
+        outcome.frames, outcome.points, outcome.sums = sums.tally.frames, sums.calibration.points, sums
 
 
-class _Pass:
+class _ClutterSums:
     """Sums over recordings, from a single pass over each."""
 
     def __init__(self, config: Config, options: CalibrateOptions) -> None:
@@ -301,41 +270,17 @@ class _Pass:
         if options.plot_file:
             self._density = ClutterDensity(params.start_m, params.ring_width_m, MAX_RINGS)
 
-    def read(self, source: Source, labels: Labels | None, observer: Observer, part: range | None = None) -> None:
-        """Add the clutter of a recording, or of a part of its labelled frames, counted from 0."""
-        selection = self._options.reading.selection
-        clouds = cloud_channels(source, selection.topics)
-        topics = sorted({channel.topic for channel in clouds})
-        if labels and len(topics) > 1:
-            raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
-        selector = ClutterSelector(self._config.filter, labels, self._config.evaluation.box_margin_m)
-        total = expected_frames(source, clouds, selection)
-        search = None if labels else TargetSearch(self._config.filter, self.tally.targets)
-        with warnings_of(source, observer), observer.progress(source.name, total) as step:
-            for frame, clutter in map_frames(source, selection, selector.clutter):
-                if part is not None and selector.frames - 1 not in part:
-                    continue
-                self._add(frame, clutter)
-                self.tally.note_frame(frame)
-                if search:
-                    search.add(frame)
-                step()
-        if search:
-            search.finish()
-        require_frames(source, selector.frames + selector.unlabelled, selection)
-        finish_labels(labels, source, selection)
-        self.tally.add(source, selector)
-
-    def use(self, candidate: Candidate) -> None:
-        """Use a filter rate, and a limit of the points that are left, from now on."""
-        self.calibration.filter_rate, self.calibration.max_left = candidate.filter_rate, candidate.max_left
-
-    def config(self, candidate: Candidate) -> Config:
-        """Return the configuration with the thresholds of a candidate."""
-        self.use(candidate)
-        found = self.calibration.thresholds()
-        params = replace(self._config.filter, end_m=found.end_m, initial_thresholds=found.initial_thresholds)
-        return replace(self._config, filter=params)
+    def add(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
+        """Add a frame with the indices of its clutter points."""
+        range_m, intensity = frame.range_m[clutter], frame.intensity[clutter]
+        self.calibration.see(frame.intensity[frame.valid])
+        self.calibration.add(range_m, intensity)
+        if self._density is not None:
+            self._density.add(range_m, intensity)
+        time_s = frame.stamp_ns / 1e9
+        if self._search is not None and self._search.wants(time_s):
+            self._search.add(frame.coordinates[:, clutter], time_s)
+        self.tally.note_frame(frame)
 
     def __iadd__(self, other: Self) -> Self:
         """Add the sums over later recordings, which must not be used afterwards."""
@@ -347,15 +292,16 @@ class _Pass:
             self._density += other._density
         return self
 
-    def _add(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
-        range_m, intensity = frame.range_m[clutter], frame.intensity[clutter]
-        self.calibration.see(frame.intensity[frame.valid])
-        self.calibration.add(range_m, intensity)
-        if self._density is not None:
-            self._density.add(range_m, intensity)
-        time_s = frame.stamp_ns / 1e9
-        if self._search is not None and self._search.wants(time_s):
-            self._search.add(frame.coordinates[:, clutter], time_s)
+    def use(self, candidate: Candidate) -> None:
+        """Use a filter rate, and a limit of the points that are left, from now on."""
+        self.calibration.filter_rate, self.calibration.max_left = candidate.filter_rate, candidate.max_left
+
+    def config(self, candidate: Candidate) -> Config:
+        """Return the configuration with the thresholds of a candidate."""
+        self.use(candidate)
+        found = self.calibration.thresholds()
+        params = replace(self._config.filter, end_m=found.end_m, initial_thresholds=found.initial_thresholds)
+        return replace(self._config, filter=params)
 
     def result(self, trade_off: TradeOff | None) -> CalibrationResult:
         """Return the calibration from all recordings."""
@@ -374,3 +320,51 @@ class _Pass:
         density = self._density
         assert density is not None  # noqa: S101 - always set if a plot is requested
         return render(lambda figure: draw_clutter(figure, density, found), suffix)
+
+
+class _TargetSearch:
+    """Search of one recording for objects that rise out of the water and stay, in two of every 20 seconds.
+
+    The method `Confirmed` decides, by shape and persistence alone: thresholds are not known yet. Frames without water
+    are not counted, since objects cannot be distinguished from land there.
+    """
+
+    def __init__(self, params: RingIntensityParams, tally: ClutterTally) -> None:
+        mounting = params.mounting if isinstance(params, ConfirmedParams) else Mounting()
+        self._params = ConfirmedParams(
+            start_m=params.start_m,
+            end_m=params.start_m + params.ring_width_m,  # without thresholds, one range ring is enough
+            ring_width_m=params.ring_width_m,
+            initial_thresholds=(0,),
+            exclude_boxes=params.exclude_boxes,
+            exclude_polygons=params.exclude_polygons,
+            mask=params.mask,
+            use_intensity=False,
+            mounting_roll_deg=mounting.roll_deg,
+            mounting_pitch_deg=mounting.pitch_deg,
+        )
+        self._tally = tally
+        self._topics: dict[str, tuple[float, Confirmed]] = {}
+
+    def add(self, frame: Frame) -> None:
+        """Add a frame, in order."""
+        time_s = frame.stamp_ns / 1e9
+        start_s, method = self._topics.setdefault(frame.topic, (time_s, Confirmed(self._params)))
+        if (time_s - start_s) % _EVERY_S < _SEARCHED_S:
+            self._count(method.process(frame))
+        else:
+            self._count(method.flush())
+            method.reset()
+
+    def finish(self) -> None:
+        """Count the frames that wait."""
+        for _, method in self._topics.values():
+            self._count(method.flush())
+
+    def _count(self, results: Iterable[FilterResult]) -> None:
+        for result in results:
+            if result.water is None:
+                continue
+            kept = np.count_nonzero(result.keep & (result.frame.range_m >= self._params.start_m))
+            self._tally.examined += 1
+            self._tally.with_targets += bool(kept >= _MIN_TARGET_POINTS)

@@ -10,8 +10,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Damage
-from seaclutter_cli.runs.calibrate_choice import TradeOff
-from seaclutter_cli.runs.calibrate_targets import TargetTally
+from seaclutter_cli.runs.calibrate_trade_off import TradeOff
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sensors.recognition import RecognisedSensor
@@ -21,29 +20,17 @@ from seaclutter_cli.water import Mounting
 
 _COMMENT_WIDTH = 100
 _TEXT_WIDTH = 79
-_SURVEYED = 20
+_NOTED_FRAMES = 20
+_MIN_SHARE = 0.2
 
 
 @dataclass
 class ClutterTally:
     """Sums over all recordings of a calibration, and facts about their sensors.
 
-    Parameters
-    ----------
-    frames, unlabelled : int
-        Frames used, and frames left out because they have no labels.
-    marked : int
-        Points left out because labels mark them as targets or areas to ignore.
-    frames_each : list of int
-        Frames used of each recording.
-    recordings, intensity_fields : list of str
-        Names of the recordings, and of their intensity fields.
-    damage : list of Damage
-        Parts of the recordings that could not be used.
-    seen : list of (str, RecognisedSensor)
-        Each topic, as ``recording, topic``, and its sensor.
-    targets : TargetTally
-        Frames with objects that rise out of the water, without labels.
+    Frames and points that labels leave out are ``unlabelled`` and ``marked``. Without labels, ``examined`` frames with
+    water were searched for objects that rise out of it. ``seen`` has each topic, as ``recording, topic``, with its
+    sensor.
     """
 
     frames: int = 0
@@ -54,14 +41,15 @@ class ClutterTally:
     intensity_fields: list[str] = field(default_factory=list)
     damage: list[Damage] = field(default_factory=list)
     seen: list[tuple[str, RecognisedSensor]] = field(default_factory=list)
-    targets: TargetTally = field(default_factory=TargetTally)
-    _surveys: dict[str, TopicStatistics] = field(default_factory=dict)
+    examined: int = 0
+    with_targets: int = 0
+    _topics: dict[str, TopicStatistics] = field(default_factory=dict)
 
     def note_frame(self, frame: Frame) -> None:
         """Note the layout and the intensity field of a topic, from its first frames."""
-        survey = self._surveys.setdefault(frame.topic, TopicStatistics())
-        if survey.frames < _SURVEYED:
-            survey.add(frame)
+        cloud = self._topics.setdefault(frame.topic, TopicStatistics())
+        if cloud.frames < _NOTED_FRAMES:
+            cloud.add(frame)
 
     def add(self, source: Source, selector: ClutterSelector) -> None:
         """Add the sums of a recording.
@@ -71,11 +59,11 @@ class ClutterTally:
         InputError
             If it is known to be of another sensor than a recording before, or another intensity mode.
         """
-        for topic, survey in self._surveys.items():
-            self._add_sensor(f"{source.name}, {topic}", survey.sensor(source.facts.get(topic)))
-            if survey.intensity_name and survey.intensity_name not in self.intensity_fields:
-                self.intensity_fields.append(survey.intensity_name)
-        self._surveys.clear()
+        for topic, cloud in self._topics.items():
+            self._add_sensor(f"{source.name}, {topic}", cloud.sensor(source.facts.get(topic)))
+            if cloud.intensity_name and cloud.intensity_name not in self.intensity_fields:
+                self.intensity_fields.append(cloud.intensity_name)
+        self._topics.clear()
         self.recordings.append(source.name)
         self.frames += selector.frames
         self.frames_each.append(selector.frames)
@@ -114,7 +102,8 @@ class ClutterTally:
         self.unlabelled += other.unlabelled
         self.marked += other.marked
         self.recordings += other.recordings
-        self.targets += other.targets
+        self.examined += other.examined
+        self.with_targets += other.with_targets
         self.intensity_fields += [name for name in other.intensity_fields if name not in self.intensity_fields]
         self.damage += other.damage
         return self
@@ -183,10 +172,10 @@ class CalibrationResult(Result):
         rings, tally = self.found.rings, self.tally
         used = sum(ring.points for ring in rings)
         found = []
-        if tally.targets.are_there:
+        if tally.with_targets > _MIN_SHARE * tally.examined:
             found.append(
-                f"objects rise out of the water in {tally.targets}, and raise the thresholds; label them (--labels), "
-                "or choose a log without targets"
+                f"objects rise out of the water in {tally.with_targets:,} of {count(tally.examined, 'examined frame')},"
+                " and raise the thresholds; label them (--labels), or choose a log without targets"
             )
         if used < few_points(self.calibration.filter_rate):
             found.append(f"the thresholds are from {count(used, 'clutter point')} only; use longer logs")

@@ -66,14 +66,23 @@ class StudyWork(Work[O]):
 
 
 def study_all(
-    works: Sequence[Work[O]], batch: BatchOptions, observer: Observer, in_order: Callable[[O], object] = lambda _: None
+    works: Sequence[Work[O]],
+    batch: BatchOptions,
+    observer: Observer,
+    in_order: Callable[[O], object] = lambda _: None,
+    *,
+    together: bool = False,
 ) -> list[O]:
     """Return the outcome of each recording; raise `SelectionError` if none has a frame in the selected time.
 
     The only recording of a run is studied in this process, with its progress and messages as they come; `run_batch`
-    describes several, and ``in_order``.
+    describes several, and the last parameters.
     """
-    outcomes = [works[0].run(observer)] if batch.runs_here(len(works)) else run_batch(works, batch, observer, in_order)
+    if batch.runs_here(len(works)):
+        outcomes = [works[0].run(observer)]
+        in_order(outcomes[0])
+    else:
+        outcomes = run_batch(works, batch, observer, in_order, together=together)
     require_selected(outcomes)
     return outcomes
 

@@ -32,15 +32,7 @@ _BEST, _USED = "<", "used"
 
 @dataclass(frozen=True)
 class Candidate:
-    """A way to set the thresholds.
-
-    Parameters
-    ----------
-    filter_rate : float
-        Share of the clutter points of each range ring to remove.
-    max_left : float or None
-        Number of clutter points per frame that a range ring may keep.
-    """
+    """A way to set the thresholds: the share of clutter points to remove in each range ring, and most that are left."""
 
     filter_rate: float
     max_left: float | None = None
@@ -60,15 +52,7 @@ def candidates(given: Candidate) -> list[Candidate]:
 
 @dataclass(frozen=True)
 class TradeOff:
-    """Scores of candidates on held-out frames.
-
-    Parameters
-    ----------
-    scores : mapping of Candidate to Summary
-        Scores on frames that gave no thresholds.
-    used : Candidate
-        What the calibration uses.
-    """
+    """Scores of candidates on frames that gave no thresholds, and the candidate that is used."""
 
     scores: Mapping[Candidate, Summary]
     used: Candidate
@@ -127,13 +111,8 @@ def is_enough(frames: Sequence[int]) -> bool:
 def held_out_scores(works: Sequence[EvaluateWork], observer: Observer) -> list[Summary]:
     """Return the scores of candidates on the frames that gave no thresholds.
 
-    Parameters
-    ----------
-    works : sequence of EvaluateWork
-        Evaluation of each recording. The first half of the variants are the candidates with thresholds from the first
-        frames, the second half those with thresholds from the last frames.
-    observer : Observer
-        Shows the progress.
+    The first half of the variants of each work are the candidates with thresholds from the first frames, the second
+    half those with thresholds from the last frames.
     """
     number = len(works[0].variants)
     scores = [Summary() for _ in range(number // 2)]
@@ -149,13 +128,7 @@ def held_out_scores(works: Sequence[EvaluateWork], observer: Observer) -> list[S
 
 
 class OnlyProgress(Silent):
-    """Observer that shows progress only: warnings and damage were reported when the log was read before.
-
-    Parameters
-    ----------
-    observer : Observer
-        Shows the progress.
-    """
+    """Observer that shows progress only: warnings and damage were reported when the log was read before."""
 
     def __init__(self, observer: Observer) -> None:
         self._observer = observer
