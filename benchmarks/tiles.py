@@ -25,8 +25,7 @@ from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import COLORS, LEFT_OUT, draw_confusion, draw_tile
-from seaclutter_cli.runs.classify.train import fit
-from seaclutter_cli.runs.classify.train_result import TrainingReport
+from seaclutter_cli.runs.classify.train import TrainingReport, fit
 from seaclutter_cli.simulation.airborne.recording import simulate_strips
 from seaclutter_cli.simulation.airborne.scene import TileScene, load_tile_scene
 from seaclutter_cli.truth import OBJECT_CLASSES

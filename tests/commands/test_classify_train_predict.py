@@ -117,7 +117,7 @@ def test_clusters_that_are_left_out_are_reported(trained, tiles, tmp_path):
 
 def test_objects_are_listed_with_numbers_in_80_columns():
     from seaclutter_cli.airborne.objects import FoundObject
-    from seaclutter_cli.runs.classify.predict_result import TileObjects
+    from seaclutter_cli.runs.classify.predict import TileObjects
 
     far = FoundObject(1, 7, 0.621, 123456, (833978.4, 9997964.9), (1234.5, 234.5), 0.1, 12.34, 123456.7)
     objects = [replace(far, number=number) for number in range(1, 100)]

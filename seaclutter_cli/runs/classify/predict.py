@@ -1,8 +1,13 @@
 """Classification of the points and objects of tiles with a trained model."""
 
-from dataclasses import dataclass, field
+import shutil
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,21 +15,28 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.classification import ClassifiedPoints, classify_points
 from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.model import ObjectModel, load_model
-from seaclutter_cli.airborne.objects import as_csv, as_geojson
+from seaclutter_cli.airborne.objects import FoundObject, as_csv, as_geojson
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.separation import WATER
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
-from seaclutter_cli.runs.batch import BatchOptions
-from seaclutter_cli.runs.classify.batch import TileWork, process_tiles
-from seaclutter_cli.runs.classify.geodata import NOT_WGS84, TileGeodata, check_geodata, conversions, geopackage_of
-from seaclutter_cli.runs.classify.maps import shoreline_in
-from seaclutter_cli.runs.classify.predict_result import DIMENSIONS, PredictResult, TileObjects, columns_of
-from seaclutter_cli.runs.classify.survey import tiles_of
+from seaclutter_cli.runs.batch import BatchOptions, run_batch
+from seaclutter_cli.runs.classify.maps import (
+    NOT_WGS84,
+    TileGeodata,
+    check_geodata,
+    conversions,
+    geopackage_of,
+    shoreline_in,
+)
+from seaclutter_cli.runs.classify.margins import tiles_of
 from seaclutter_cli.runs.classify.tiles import (
+    TileOutcome,
     TileSettingsOptions,
+    TileWork,
     errors_of,
+    jobs_for,
     plan_tiles,
     warn_of_doubts,
     warn_without_classes,
@@ -33,9 +45,20 @@ from seaclutter_cli.runs.classify.tiles import (
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import write_files
-from seaclutter_cli.runs.recordings import Logs, PathLike
-from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.runs.recordings import Logs, PathLike, Result, storing_errors
+from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
+from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
+from seaclutter_cli.storage.parts import part_path, release
+from seaclutter_cli.text import count, printable, table
+
+_Classified = tuple["TileObjects", bytes, list[NDArray[np.float64]]]
+"""Objects of a tile, its picture and its shoreline."""
+_DIMENSIONS = {
+    "predicted_class": ("u1", "0 none, 1 ship ... 8 garbage"),
+    "probability": ("f4", "of the predicted class"),
+    "predicted_object": ("u4", "number of the object, 0 none"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +103,7 @@ class ClassifyTilesOptions:
 
 def classify_tiles(
     tiles: Logs, output: PathLike, options: ClassifyTilesOptions, observer: Observer = SILENT
-) -> PredictResult:
+) -> "PredictResult":
     """Classify the points of tiles, find their objects, and write both.
 
     Parameters
@@ -123,7 +146,7 @@ def classify_tiles(
             raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)
     works = [
-        PredictWork(
+        _PredictWork(
             tile=head,
             target=target,
             model=model,
@@ -133,7 +156,7 @@ def classify_tiles(
         for head, target in zip(heads, targets, strict=True)
     ]
     # The tiles are the main output: they appear after the tables.
-    with process_tiles(works, options.batch, observer, replaced=options.force) as (found, files):
+    with _classified(works, options.batch, observer, replaced=options.force) as (found, files):
         result = PredictResult([tile for tile, *_ in found], model.settings.objects.min_probability)
         if options.plot_file:
             write_files({options.plot_file: found[0][1]}, files)
@@ -146,27 +169,32 @@ def classify_tiles(
 
 
 @dataclass(frozen=True, kw_only=True)
-class PredictWork(TileWork[tuple[TileObjects, bytes, list[NDArray[np.float64]]]]):
-    """Classification of one tile; the result has the objects, the picture if there is to be one, and the shoreline.
-
-    Parameters
-    ----------
-    model : ObjectModel
-        Trained model.
-    plot_file : Path or None
-        File for a picture of the tile.
-    with_shoreline : bool
-        Whether the shoreline is wanted.
-    """
+class _PredictWork(TileWork[TileOutcome[_Classified]]):
+    """Classification of one tile, whose output may be staged until those of all tiles are complete."""
 
     model: ObjectModel
     plot_file: Path | None
-    with_shoreline: bool = False
+    with_shoreline: bool
+    staged: Path | None = None
 
-    def process(
-        self, observer: Observer, files: OutputGroup | None
-    ) -> tuple[tuple[TileObjects, bytes, list[NDArray[np.float64]]], int]:
-        """Write the classified tile."""
+    def run(self, observer: Observer) -> TileOutcome[_Classified]:
+        """Classify the tile; store an error in the outcome."""
+        outcome = self.without_result(None)
+        with storing_errors(outcome, observer):
+            try:
+                with OutputGroup(replace=True) as files:
+                    outcome.result = self.process(observer, files)
+                    outcome.points = outcome.result[0].points
+            except OutputError as error:
+                raise OutputError(str(error).replace(str(self.staged), str(self.target))) from error
+        return outcome
+
+    def without_result(self, reason: str | None) -> TileOutcome[_Classified]:
+        """Return an outcome without a result."""
+        return TileOutcome(recording=self.recording.name, error=reason)
+
+    def process(self, observer: Observer, files: OutputGroup) -> _Classified:
+        """Write the classified tile; return its objects, the picture and the shoreline if they are wanted."""
         started, tile = perf_counter(), open_tile(self.path)
         warn_without_intensity(tile, self.model.settings, observer)
         warn_without_classes(tile, self.model.settings.separation, observer)
@@ -175,14 +203,48 @@ class PredictWork(TileWork[tuple[TileObjects, bytes, list[NDArray[np.float64]]]]
         warn_of_doubts(tile, found.tile.separation, observer)
         for text in doubts_about_objects(found.objects):
             observer.warn(f"{tile.path.stem}: {text}")
-        write_tile(tile, self.place, columns_of(found), DIMENSIONS, files)
+        write_tile(tile, self.staged or self.target, _columns_of(found), _DIMENSIONS, files)
         picture = _picture(tile, found, self.plot_file.suffix) if self.plot_file else b""
         objects = TileObjects.of(self.path.stem, found, perf_counter() - started, tile.crs)
         lines = shoreline_in(tile, found.tile.separation) if self.with_shoreline else []
-        return (objects, picture, lines), objects.points
+        return objects, picture, lines
 
 
-def _tables(result: PredictResult, options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
+@contextmanager
+def _classified(
+    works: Sequence[_PredictWork], batch: BatchOptions, observer: Observer, *, replaced: bool
+) -> Iterator[tuple[list[_Classified], OutputGroup]]:
+    """Classify tiles; yield their results, and the files that appear at the end of the context."""
+    if len(works) == 1:
+        with OutputGroup(replace=replaced) as files, OutputGroup(files) as written:
+            yield [works[0].process(observer, written)], files
+        return
+    with _staging(works[0].target.parent) as folder, OutputGroup(replace=replaced) as files:
+        staged = [replace(work, staged=folder / work.target.name) for work in works]
+        outcomes = run_batch(staged, jobs_for(batch, len(works)), observer, together=True)
+        with OutputGroup(files) as written:
+            for work in staged:
+                written.add(CompleteFile(folder / work.target.name, work.target))
+            yield [outcome.result for outcome in outcomes if outcome.result is not None], files
+
+
+@contextmanager
+def _staging(folder: Path) -> Iterator[Path]:
+    """Return a folder for complete files in the folder of the outputs; it is removed at the end."""
+    part = part_path(folder / "tiles")
+    try:
+        try:
+            folder.mkdir(exist_ok=True)
+            part.mkdir()
+        except OSError as error:
+            raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error
+        yield part
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+        release(part)
+
+
+def _tables(result: "PredictResult", options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
     objects = [(tile.name, tile.objects) for tile in result.tiles]
     tables: dict[Path, bytes] = {}
     if options.csv_file:
@@ -216,3 +278,88 @@ def _picture(tile: LasTile | CloudTile, found: ClassifiedPoints, suffix: str) ->
         points[LEFT_OUT] = xy[:, found.left_out > 0]
     boxes = [(one.name, one.corners) for one in found.objects]
     return render(lambda figure: draw_tile(figure, sea, points, boxes), suffix, aspect=0.92)
+
+
+def _columns_of(found: ClassifiedPoints) -> dict[str, NDArray[Any]]:
+    """Return the columns to write to a tile, a value for each of its points."""
+    separation = found.tile.separation
+    classes = separation.classification
+    out: dict[str, NDArray[Any]] = {name: np.zeros(len(classes), kind) for name, (kind, _) in _DIMENSIONS.items()}
+    for column, values in zip(out.values(), (found.code, found.probability, found.number), strict=True):
+        column[separation.other] = values
+    return {"classification": classes, **out}
+
+
+@dataclass(frozen=True)
+class TileObjects:
+    """Objects found in one tile, with centres in its coordinates.
+
+    Clusters that are too unlikely to be objects are left out.
+    """
+
+    name: str
+    points: int
+    objects: list[FoundObject]
+    clusters_left_out: int
+    points_left_out: int
+    seconds: float
+    crs: Crs = field(default_factory=Crs)
+
+    @classmethod
+    def of(cls, name: str, found: ClassifiedPoints, seconds: float, crs: Crs) -> Self:
+        """Return the objects of a classified tile."""
+        left_out = found.left_out
+        clusters, points = int(left_out.max(initial=0)), int(np.count_nonzero(left_out))
+        size = len(found.tile.separation.classification)
+        objects = [one.placed(crs.unit_m) for one in found.objects]
+        return cls(name, size, objects, clusters, points, seconds, crs)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the objects as JSON-compatible data."""
+        return {
+            "tile": self.name,
+            "objects": [{"class": one.name, **vars(one)} for one in self.objects],
+            "clusters_left_out": self.clusters_left_out,
+            "points_left_out": self.points_left_out,
+        }
+
+    def as_text(self, min_probability: float) -> str:
+        """Return the objects in lines of at most 80 characters; positions are rounded to the metre."""
+        counts = Counter(one.name for one in self.objects)
+        found = ", ".join(f"{many:,} {kind}" for kind, many in counts.items()) or "no objects"
+        lines = [f"{printable(self.name)}: {found}"]
+        if self.objects:
+            digits = len(str(len(self.objects)))
+            head = (" " * digits + " class", "prob", "points", "x", "y", "length", "width", "height", "area")
+            lines.append(table(head, [_cells(one, digits) for one in self.objects]))
+        if self.clusters_left_out:
+            points = count(self.points_left_out, "point")
+            why = f"probability below {min_probability:g} (objects.min_probability)"
+            lines.append(f"{count(self.clusters_left_out, 'cluster')} left out: {points}, {why}")
+        lines.append(f"{count(self.points, 'point')} in {self.seconds:.1f} s")
+        return "\n".join(lines)
+
+
+def _cells(one: FoundObject, digits: int) -> tuple[str, ...]:
+    lengths = (f"{value:.1f}" for value in (*one.size, one.height_m))
+    center = (f"{value:.0f}" for value in one.center)
+    label = f"{one.number:>{digits}} {one.name}"
+    return (label, f"{one.probability:.2f}", f"{one.points:,}", *center, *lengths, f"{one.area_m2:,.0f}")
+
+
+@dataclass(frozen=True)
+class PredictResult(Result):
+    """Objects found in several tiles; clusters with a lower probability were left out."""
+
+    is_summary = True
+
+    tiles: list[TileObjects]
+    min_probability: float
+
+    def as_dict(self) -> list[dict[str, Any]]:
+        """Return the objects as JSON-compatible data."""
+        return [tile.as_dict() for tile in self.tiles]
+
+    def as_text(self) -> str:
+        """Return the objects as human-readable text."""
+        return "\n".join(tile.as_text(self.min_probability) for tile in self.tiles)

@@ -15,14 +15,25 @@ from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import CloudError, SelectionError, UsageError
 from seaclutter_cli.runs.batch import BatchOptions, run_batch
-from seaclutter_cli.runs.classify.batch import TileWork, jobs_for
 from seaclutter_cli.runs.classify.maps import DrawnTile, MapOptions, drawn, map_files
-from seaclutter_cli.runs.classify.resume import LAND, RUN, land_text, record_text, recorded_run, recorded_separation
-from seaclutter_cli.runs.classify.separate_result import SeparatedTile, SeparateOutcome, SeparateResult
-from seaclutter_cli.runs.classify.survey import MARGIN_M, check_widths, margins_of, points_of, tiles_of
+from seaclutter_cli.runs.classify.margins import MARGIN_M, check_widths, margins_of, points_of, tiles_of
+from seaclutter_cli.runs.classify.separated import (
+    LAND,
+    RUN,
+    SEA_STATE,
+    SeparatedTile,
+    SeparateOutcome,
+    SeparateResult,
+    land_text,
+    record_text,
+    recorded_run,
+    recorded_separation,
+)
 from seaclutter_cli.runs.classify.tiles import (
     TileSettingsOptions,
+    TileWork,
     errors_of,
+    jobs_for,
     plan_tiles,
     warn_of_doubts,
     warn_without_classes,
@@ -35,15 +46,12 @@ from seaclutter_cli.runs.recordings import Logs, PathLike, storing_errors
 from seaclutter_cli.runs.resume import earlier_outcomes, same_output_accepted
 from seaclutter_cli.runs.run_record import RunIdentity, digest_of, digest_of_paths
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sinks.las import TextRecord
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles
 from seaclutter_cli.sources.windows import Margin, open_tile_or_window
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.validation import plain
 
-HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
-SEA_STATE = TextRecord(1, "sea state of the separation")
-"""Record of LAS and LAZ files with a `SeaState` as JSON."""
+_HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +143,7 @@ def separate_tiles(
     targets = plan_tiles(heads, output, others, inputs, force=replaced, observer=observer)
     margins = margins_of(heads, options.margin_m, observer)
     works = [
-        SeparateWork(
+        _SeparateWork(
             tile=head,
             target=target,
             replaced=replaced,
@@ -168,7 +176,7 @@ def _settings(options: SeparateTilesOptions) -> TileSettings:
 
 
 def _run(
-    works: "Sequence[SeparateWork]", batch: BatchOptions, observer: Observer, files: OutputGroup, *, force: bool
+    works: "Sequence[_SeparateWork]", batch: BatchOptions, observer: Observer, files: OutputGroup, *, force: bool
 ) -> list[SeparateOutcome]:
     """Separate tiles whose outputs are not complete; each of several appears at once, a single one with ``files``."""
     if not batch.resume and batch.runs_here(len(works)):
@@ -178,7 +186,7 @@ def _run(
     earlier = earlier_outcomes(works, observer, "separated") if batch.resume else [None] * len(works)
     todo = [work for work, outcome in zip(works, earlier, strict=True) if outcome is None]
     done = iter(run_batch(todo, jobs_for(batch, len(todo)), observer) if todo else [])
-    return [outcome or next(done) for outcome in earlier]  # type: ignore[misc]  # of works
+    return [outcome or next(done) for outcome in earlier]
 
 
 def _map_files(options: MapOptions, outcomes: Sequence[SeparateOutcome], observer: Observer) -> dict[Path, bytes]:
@@ -186,7 +194,7 @@ def _map_files(options: MapOptions, outcomes: Sequence[SeparateOutcome], observe
     return map_files(options, [one for one, _ in found], [sea for _, sea in found], observer)
 
 
-def _check_resumable(works: "Sequence[SeparateWork]", *, force: bool) -> None:
+def _check_resumable(works: "Sequence[_SeparateWork]", *, force: bool) -> None:
     for work in works:
         if work.target.suffix.lower() not in (".las", ".laz"):
             raise UsageError(f"{work.target}: --resume needs LAS or LAZ outputs, which say which run wrote them")
@@ -195,25 +203,15 @@ def _check_resumable(works: "Sequence[SeparateWork]", *, force: bool) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SeparateWork(TileWork[SeparatedTile]):
+class _SeparateWork(TileWork[SeparateOutcome]):
     """Separation of one tile.
 
-    Parameters
-    ----------
-    params : SeparationParams
-        Settings of the separation.
-    objects : ObjectFindingParams or None
-        Search for the objects of the geodata; None: there is no geodata.
-    with_height : bool
-        Also write each point's height above the sea surface.
-    margin : Margin or None
-        Margin with points of other tiles.
-    is_recorded : bool
-        Write the record of the run, by which a later one recognises the output.
-    pixel_m : float or None
-        Width of the pixels of a map; 0: as the tile requires; None: no map.
+    With ``margin``, points of other tiles count. If it ``is_recorded``, a later run recognises the output. ``pixel_m``
+    is the width of the pixels of a map, 0 as the tile requires, None without a map; ``objects`` are searched for the
+    geodata.
     """
 
+    replaced: bool
     params: SeparationParams
     objects: ObjectFindingParams | None
     with_height: bool
@@ -256,11 +254,6 @@ class SeparateWork(TileWork[SeparatedTile]):
     def _into(self, outcome: SeparateOutcome, observer: Observer, files: OutputGroup) -> None:
         outcome.result, outcome.map = self._separate(observer, files)
         outcome.points = outcome.result.points
-
-    def process(self, observer: Observer, files: OutputGroup | None) -> tuple[SeparatedTile, int]:
-        """Write the separated tile."""
-        result, _ = self._separate(observer, files)
-        return result, result.points
 
     def identity(self) -> RunIdentity:
         """Return what the separated tile depends on."""
@@ -319,7 +312,7 @@ class SeparateWork(TileWork[SeparatedTile]):
         if self.is_recorded:
             texts[RUN] = record_text(self.identity(), {**counts, "sea_state": asdict(found.sea)})
             texts[LAND] = land_text(found.land)
-        write_tile(tile, self.place, columns, HEIGHT if self.with_height else {}, files, texts)
+        write_tile(tile, self.target, columns, _HEIGHT if self.with_height else {}, files, texts)
         own_map = None if self.pixel_m is None else self._drawn(tile, found, self.pixel_m)
         seconds = perf_counter() - started
         result = SeparatedTile(self.tile.name, str(self.target), **counts, sea_state=found.sea, seconds=seconds)

@@ -1,10 +1,10 @@
-"""Settings, output files and writing of tiles."""
+"""What all commands for tiles share: settings, warnings, output files, and work on each tile."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Generic, TypeVar
 
 from numpy.typing import NDArray
 
@@ -13,19 +13,27 @@ from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings, load_settings
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.jobs.budget import default_jobs
+from seaclutter_cli.runs.batch import BatchOptions, Work
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.output_plan import is_folder
 from seaclutter_cli.runs.outputs import Paths, is_file, prepare_outputs
-from seaclutter_cli.runs.recordings import PathLike
+from seaclutter_cli.runs.recordings import Outcome, PathLike
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns, write_points
+from seaclutter_cli.sources import Recording
 from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name, read_columns
 from seaclutter_cli.text import count
 
+R = TypeVar("R")
+O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
+
 _LAS = (".las", ".laz")
+_MEMORY_PER_TILE = 1500 * 2**20
+"""Memory in bytes that a tile may need: some ten million points."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,18 +109,8 @@ def plan_tiles(
 ) -> list[Path]:
     """Return the output file of each tile: ``output`` itself for one, files named after the tiles in it for several.
 
-    Parameters
-    ----------
-    tiles : sequence of TileHead
-        Input tiles.
-    output : path
-        File for one tile, folder for several or if it is a `str` that ends in a slash.
-    other_outputs, inputs : mapping of str to path, paths or None
-        Additional output and input files by option.
-    force : bool
-        Whether existing files may be replaced.
-    observer : Observer
-        Receives a note about incomplete files of earlier runs that are removed.
+    ``output`` is a folder if there are several tiles, or if it is a `str` that ends in a slash. Additional output and
+    input files are given by option.
 
     Raises
     ------
@@ -168,3 +166,59 @@ def write_tile(
         return
     cloud = FRAME_READERS[tile.path.suffix.lower()](tile.path) if isinstance(tile, LasTile) else tile.cloud
     write_points(target, with_columns(cloud, columns), group)
+
+
+@dataclass(kw_only=True)
+class TileOutcome(Outcome, Generic[R]):
+    """Outcome of the work on one tile: its number of points, and a result unless there is an error."""
+
+    points: int = 0
+    result: R | None = None
+
+    def figures(self) -> str:
+        """Return the number of points and the duration, for a line about the outcome."""
+        return f"{count(self.points, 'point')}, {self.seconds:.1f} s"
+
+
+@dataclass(frozen=True)
+class _Window(Recording):
+    """A window of a file."""
+
+    tile: TileHead = field(kw_only=True)
+
+    @property
+    def name(self) -> str:
+        """Name of the window."""
+        return self.tile.name
+
+    @property
+    def size(self) -> int:
+        """Size of its chunks in bytes."""
+        return self.tile.size
+
+
+@dataclass(frozen=True, kw_only=True)
+class TileWork(Work[O]):
+    """Work on one tile, and its output."""
+
+    noun: ClassVar[str] = "tile"
+
+    tile: TileHead
+    target: Path
+
+    @property
+    def path(self) -> Path:
+        """File of the tile."""
+        return self.tile.path
+
+    @property
+    def recording(self) -> Recording:  # type: ignore[override]
+        """The tile."""
+        return _Window((self.path,), tile=self.tile) if self.tile.window else Recording((self.path,))
+
+
+def jobs_for(batch: BatchOptions, tiles: int) -> BatchOptions:
+    """Return the options with a number of processes that the memory is enough for, unless one is given."""
+    if batch.jobs is not None or batch.cluster is not None:
+        return batch
+    return replace(batch, jobs=default_jobs(tiles, _MEMORY_PER_TILE))

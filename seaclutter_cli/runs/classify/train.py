@@ -2,12 +2,14 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import fill
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classification import tile_features
-from seaclutter_cli.airborne.forest import Samples, join, predict, split_samples, train
+from seaclutter_cli.airborne.forest import Samples, class_name, join, predict, split_samples, train
 from seaclutter_cli.airborne.model import ObjectModel
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.clustering.euclidean import euclidean_clusters
@@ -21,11 +23,11 @@ from seaclutter_cli.runs.classify.tiles import (
     warn_without_classes,
     warn_without_intensity,
 )
-from seaclutter_cli.runs.classify.train_result import TrainingReport
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Logs
+from seaclutter_cli.runs.recordings import Logs, Result
 from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile, read_columns
+from seaclutter_cli.text import UNKNOWN, count, table
 from seaclutter_cli.truth import OBJECT_CLASSES
 
 
@@ -63,7 +65,7 @@ class TrainForestOptions:
     force: bool = False
 
 
-def train_forest(tiles: Logs, options: TrainForestOptions, observer: Observer = SILENT) -> TrainingReport:
+def train_forest(tiles: Logs, options: TrainForestOptions, observer: Observer = SILENT) -> "TrainingReport":
     """Train a random forest on labelled tiles, test it on held-out data, and write it.
 
     Parameters
@@ -134,7 +136,7 @@ def _samples(
     return Samples(found_points.features, code, np.full(len(code), number), objects)
 
 
-def fit(samples: Samples, settings: TileSettings) -> tuple[ObjectModel, TrainingReport]:
+def fit(samples: Samples, settings: TileSettings) -> "tuple[ObjectModel, TrainingReport]":
     """Return a model trained on a part of the samples, and a report of its test on the rest."""
     test, split = split_samples(samples, settings.forest)
     names = ("features", "code", "tile", "number")
@@ -163,11 +165,11 @@ def _by_object(samples: Samples, predicted: NDArray[np.int64]) -> tuple[NDArray[
     return objects[2], votes.argmax(axis=1)
 
 
-def _picture(report: TrainingReport, suffix: str) -> bytes:
+def _picture(report: "TrainingReport", suffix: str) -> bytes:
     return render(lambda figure: draw_confusion(figure, report.names, report.points.counts), suffix, aspect=0.85)
 
 
-def _warn_of_untested(report: TrainingReport, plot_file: Path | None, observer: Observer) -> None:
+def _warn_of_untested(report: "TrainingReport", plot_file: Path | None, observer: Observer) -> None:
     missing = [name for name, points in zip(report.names, report.points.counts.sum(axis=1), strict=True) if not points]
     if not missing:
         return
@@ -177,3 +179,82 @@ def _warn_of_untested(report: TrainingReport, plot_file: Path | None, observer: 
         if plot_file:
             observer.warn(f"{plot_file}: not drawn, because there is no test")
     observer.warn(f"{message}; train on more tiles, or on more objects")
+
+
+@dataclass(frozen=True)
+class TrainingReport(Result):
+    """Test report of a forest on held-out points, and on objects with the class predicted for most of their points.
+
+    ``split`` is the unit that was held out, ``tile`` or ``object``; ``trained`` and ``tested`` are numbers of points.
+    """
+
+    is_summary = True
+
+    codes: tuple[int, ...]
+    points: Confusion
+    objects: Confusion
+    importances: dict[str, float]
+    split: str
+    trained: int
+    tested: int
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the classes."""
+        return [class_name(code) for code in self.codes]
+
+    @property
+    def kappa(self) -> float:
+        """Cohen's kappa of points; NaN if all tested points are of one class, where it is meaningless."""
+        several = np.count_nonzero(self.points.counts.sum(axis=1)) > 1
+        return self.points.kappa if several else float("nan")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the report as JSON-compatible data."""
+        points, keys = self.points, ("class", "precision", "recall", "f1", "points", "object_f1")
+        return {
+            "held_out": self.split if self.tested else None,
+            "points_trained": self.trained,
+            "points_tested": self.tested,
+            "accuracy": _plain(points.accuracy),
+            "kappa": _plain(self.kappa),
+            "macro_f1": _plain(points.macro_f1),
+            "object_macro_f1": _plain(self.objects.macro_f1),
+            "classes": [dict(zip(keys, map(_plain, row), strict=True)) for row in self._rows()],
+            "confusion": points.counts.tolist(),
+            "importances": self.importances,
+        }
+
+    def _rows(self) -> list[tuple[Any, ...]]:
+        """Return name, precision, recall, F1 and number of points, and F1 of objects, of each class."""
+        points = self.points
+        columns = (points.precision, points.recall, points.f1, points.counts.sum(axis=1), self.objects.f1)
+        return list(zip(self.names, *columns, strict=True))
+
+    def as_text(self) -> str:
+        """Return the report as human-readable text; one line if nothing was tested."""
+        trained = f"trained on {count(self.trained, 'point')}"
+        if not self.tested:
+            return f"{trained}; no test, because nothing could be held out"
+        points, objects = self.points, self.objects
+        rows = [(n, _3(p), _3(r), _3(f), f"{c:,}", _3(o)) for n, p, r, f, c, o in self._rows()]
+        head = ("class", "precision", "recall", "F1", "points", "  object F1")
+        rows.append(("mean", "", "", _3(points.macro_f1), f"{points.counts.sum():,}", _3(objects.macro_f1)))
+        ranked = sorted(self.importances.items(), key=lambda item: -item[1])
+        return "\n".join(
+            (
+                f"{trained}, tested on {count(self.tested, 'point')} of other {self.split}s",
+                table(head, rows),
+                f"overall accuracy {_3(points.accuracy)}, kappa {_3(self.kappa)}",
+                fill("importance: " + ", ".join(f"{name} {value:.2f}" for name, value in ranked), 80),
+            )
+        )
+
+
+def _3(value: float) -> str:
+    return f"{value:.3f}" if np.isfinite(value) else UNKNOWN
+
+
+def _plain(value: Any) -> Any:
+    number = value.item() if hasattr(value, "item") else value
+    return None if isinstance(number, float) and not np.isfinite(number) else number

@@ -1,4 +1,4 @@
-"""Tiles of one survey: which of them are neighbours, and the margins that they share."""
+"""Tiles that are processed together: which of them are neighbours, and the margins that they share."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,19 +15,19 @@ from seaclutter_cli.text import count
 MARGIN_M = 100.0
 """Width of the margin around a tile from which points of its neighbours are used."""
 
-MARGINS_M, WINDOWS_M = (0.0, 1000.0), (50.0, 100_000.0)
+_MARGINS_M, _WINDOWS_M = (0.0, 1000.0), (50.0, 100_000.0)
 """Least and greatest width of margins and windows."""
 
 
 def check_widths(margin_m: float, window_m: float | None) -> None:
     """Raise `UsageError` if the width of a margin or window is out of range."""
-    for name, value, (least, most) in (("margin_m", margin_m, MARGINS_M), ("window_m", window_m, WINDOWS_M)):
+    for name, value, (least, most) in (("margin_m", margin_m, _MARGINS_M), ("window_m", window_m, _WINDOWS_M)):
         if value is not None and not least <= value <= most:
             raise UsageError(f"{name}: must be {least:g} to {most:g} m, got {value:g}")
 
 
 def tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer) -> list[TileHead]:
-    """Return the tiles of a survey: files, or with ``window_m`` the windows of that width in those that are COPC files.
+    """Return the tiles in files: whole ones, or with ``window_m`` the windows of that width in COPC files.
 
     Raises
     ------
@@ -53,17 +53,7 @@ def tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer) 
 
 
 def margins_of(heads: Sequence[TileHead], margin_m: float, observer: Observer) -> list[Margin | None]:
-    """Return the margin of each tile; None for those without neighbours.
-
-    Parameters
-    ----------
-    heads : sequence of TileHead
-        The tiles of a survey.
-    margin_m : float
-        Width of the margin, more around small tiles; 0: each tile is processed alone.
-    observer : Observer
-        Receives a warning if tiles have different coordinate reference systems, and details.
-    """
+    """Return the margin of each tile, wider around small ones; None for those without neighbours, or a width of 0."""
     if len(heads) < 2 or margin_m <= 0:
         return [None] * len(heads)
     systems = {head.crs.by_code for head in heads if head.extent}
