@@ -16,7 +16,7 @@ from seaclutter_cli.sources.tiles import LasTile
 from seaclutter_cli.sources.windows import CopcWindow, windows_of
 from tests.airborne.copc import write_copc
 from tests.airborne.tiles import raw_records, read, write
-from tests.runs.test_survey_of_tiles import classes, contents, scene
+from tests.runs.test_tile_margins import classes, contents, scene
 
 laspy = pytest.importorskip("laspy")
 OFFSET = np.array([500_000, 4_000_000])
