@@ -44,7 +44,7 @@ PRESETS: Mapping[str, Preset] = {
 They suit the angular steps of an RS-LiDAR-32: 0.2° horizontally and, where its beams are dense, 0.33° vertically. K is
 3.3 and 4.9 times the point spacing per metre of range. A surface that faces the lidar then has about 35 and 75 points
 within the radius. N is a quarter and a seventh of these numbers, found by ``tune`` on simulated scenes
-(docs/density.md). `seaclutter_cli.sensors.density.radius_ratio` returns K for the angular steps of another lidar.
+(docs/density.md, which has the formula of K for the angular steps of another lidar).
 """
 
 

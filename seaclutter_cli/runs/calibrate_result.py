@@ -13,7 +13,7 @@ from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.calibrate_trade_off import TradeOff
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
-from seaclutter_cli.sensors.recognition import RecognisedSensor
+from seaclutter_cli.sensors.catalog import RecognisedSensor
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count, printable, share, table
 from seaclutter_cli.water import Mounting

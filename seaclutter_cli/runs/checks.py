@@ -11,8 +11,7 @@ from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
-from seaclutter_cli.sensors.catalog import SENSORS
-from seaclutter_cli.sensors.recognition import RecognisedSensor
+from seaclutter_cli.sensors.catalog import SENSORS, RecognisedSensor
 from seaclutter_cli.water import Mounting, MountingSearch
 
 _FARTHEST_M = 10_000.0  # no lidar on a vessel measures farther

@@ -12,7 +12,7 @@ from seaclutter_cli.cloud import PointField
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.recognition import RecognisedSensor, recognise
+from seaclutter_cli.sensors.catalog import RecognisedSensor, recognise
 
 _RING_NAMES = ("ring", "channel", "line", "laser_id")
 _NANO = 1_000_000_000

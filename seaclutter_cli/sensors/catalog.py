@@ -1,27 +1,20 @@
-"""Known lidar models, which `info` compares with a log."""
+"""Known lidars: models, recognition of the one that made a cloud, and those whose packets are not decoded."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.records import SensorFacts
+
 
 @dataclass(frozen=True)
 class SensorModel:
-    """A lidar.
+    """A lidar: its maker, its number of lasers or rings, and its firings per revolution at 10 Hz in its usual mode.
 
-    Parameters
-    ----------
-    maker : str
-        Manufacturer.
-    beams : int
-        Number of lasers, which is the number of rings in its clouds.
-    columns : int
-        Firings per revolution at 10 Hz in its usual mode.
-    intensity : str
-        Unit of the intensity that its driver writes.
-    fields : frozenset of str
-        Field names that its driver uses in addition to x, y, z and intensity.
-    repeats : bool, optional
-        Whether its scans repeat; otherwise frames have any number of points.
+    ``intensity`` is the unit that its driver writes, ``fields`` are those that it adds to x, y, z and intensity. If
+    scans do not repeat, frames have any number of points.
     """
 
     maker: str
@@ -124,13 +117,122 @@ def guess_sensors(fields: Collection[str], rings: int | None, points: int) -> li
     fitting = [
         (sensor.beams, abs(sensor.beams * sensor.columns - points), name)
         for name, sensor in SENSORS.items()
-        if can_be(name, fields, rings)
+        if _can_be(name, fields, rings)
         and (not sensor.repeats or points <= _MOST_RETURNS * sensor.beams * sensor.columns)
     ]
     return [name for beams, _, name in sorted(fitting) if beams == min(fitting)[0]]
 
 
-def can_be(model: str, fields: Collection[str], rings: int | None) -> bool:
+def _can_be(model: str, fields: Collection[str], rings: int | None) -> bool:
     """Return whether a cloud with these fields and rings can be of a sensor in the catalogue; see `guess_sensors`."""
     sensor = SENSORS[model]
     return rings is not None and rings <= sensor.beams and sensor.fields <= {name.lower() for name in fields}
+
+
+@dataclass(frozen=True)
+class RecognisedSensor:
+    """The sensor of a cloud topic, as far as the recording shows it.
+
+    ``models`` are the model that packets or metadata state (``is_stated``), or else those that the clouds resemble,
+    most likely first; ``possible`` are all that the clouds can be of. The intensity mode is known only from packets.
+    """
+
+    models: tuple[str, ...] = ()
+    possible: frozenset[str] = frozenset()
+    intensity: str | None = None
+    is_stated: bool = False
+
+    def __str__(self) -> str:
+        """Return the sensor in a few words."""
+        if not self.models:
+            return "not recognised"
+        return self.models[0] if self.is_stated else f"resembles {' or '.join(self.models)}"
+
+    @property
+    def described(self) -> str:
+        """The sensor with its intensity mode, if that is known."""
+        return f"{self} ({self.intensity})" if self.intensity else str(self)
+
+    def is_other_than(self, model: str | None, intensity: str | None = None) -> bool:
+        """Return whether this sensor is known not to be of a model, or not to have an intensity mode."""
+        other_model = model is not None and bool(self.models) and model not in self.possible
+        other_mode = None not in (self.intensity, intensity) and self.intensity != intensity
+        return other_model or other_mode
+
+    def differs_from(self, other: "RecognisedSensor") -> bool:
+        """Return whether two topics are known to be of different sensors, or to have different intensity modes."""
+        known = bool(self.models and other.models)
+        return (known and not self.possible & other.possible) or self.is_other_than(None, other.intensity)
+
+
+def recognise(
+    fields: Collection[str], rings: int | None, points: int, facts: SensorFacts | None = None
+) -> RecognisedSensor:
+    """Return the sensor of a topic, from the facts about it or, without any, from the layout of its clouds.
+
+    Parameters
+    ----------
+    fields, rings, points
+        As for `guess_sensors`.
+    facts : SensorFacts, optional
+        Facts from packets or metadata.
+
+    Examples
+    --------
+    >>> print(recognise(["x", "y", "z", "intensity", "ring", "time"], 16, 28000))
+    resembles Puck Hi-Res or VLP-16
+    >>> print(recognise([], None, 28000, SensorFacts("OS1-32")))
+    OS1-32
+    """
+    if facts:
+        return RecognisedSensor((facts.model,), frozenset({facts.model}), facts.details.get("intensity"), True)
+    models = guess_sensors(fields, rings, points)
+    possible = frozenset(model for model in SENSORS if _can_be(model, fields, rings))
+    return RecognisedSensor(tuple(models), possible if models else frozenset())
+
+
+ADVICE = "record the sensor_msgs/PointCloud2 of the maker's driver"
+"""What to do with a sensor whose packets are not decoded."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Packets of a sensor: their first bytes and their lengths (any if empty)."""
+
+    name: str
+    begins: bytes
+    lengths: tuple[int, ...] = ()
+
+
+_MEMS_ID = bytes.fromhex("55aa5aa5")
+_HESAI_MARK = b"\xee\xff"
+
+_KINDS = (
+    _Kind("RoboSense RS-M2", _MEMS_ID, (1342,)),
+    _Kind("RoboSense RS-M3", _MEMS_ID, (1448,)),
+    _Kind("RoboSense RS-MX", _MEMS_ID, (1404,)),
+    _Kind("RoboSense RS-EMX", _MEMS_ID, (812,)),
+    _Kind("RoboSense RS-M1 Jumbo", _MEMS_ID, (62152,)),
+    _Kind("Hesai JT128, or another with protocol 1.4 that is not a Pandar128 or OT128", _HESAI_MARK + bytes((1, 4))),
+    _Kind("Hesai JT16 (protocol 1.8)", _HESAI_MARK + bytes((1, 8))),
+    _Kind("Hesai PandarQT with 32 lasers (protocol 3.1)", _HESAI_MARK + bytes((3, 1, 0, 0, 32))),
+    _Kind("Hesai AT128 (protocol 4.1)", _HESAI_MARK + bytes((4, 1))),
+    _Kind("Hesai ATX (protocol 4.7)", _HESAI_MARK + bytes((4, 7))),
+    _Kind("Hesai FT120 (protocol 7.2)", _HESAI_MARK + bytes((7, 2))),
+)
+"""Kinds of packets, the most particular first. Remove those that get a decoder."""
+
+
+def name_unsupported(payload: NDArray[np.uint8]) -> str | None:
+    """Return the name of a known sensor without a decoder that sent a UDP payload, shape (L,); None if it is unknown.
+
+    Examples
+    --------
+    >>> name_unsupported(np.frombuffer(bytes((0xEE, 0xFF, 4, 7)) + bytes(1000), np.uint8))
+    'Hesai ATX (protocol 4.7)'
+    """
+    for kind in _KINDS:
+        fits = not kind.lengths or len(payload) in kind.lengths
+        if fits and payload[: len(kind.begins)].tobytes() == kind.begins:
+            return kind.name
+    return None

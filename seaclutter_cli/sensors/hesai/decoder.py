@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
+from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.hesai.clock import SensorClock
 from seaclutter_cli.sensors.hesai.losses import LossCounter
 from seaclutter_cli.sensors.hesai.models import MODELS, HesaiModel
@@ -15,7 +16,6 @@ from seaclutter_cli.sensors.hesai.packets import DUAL_MODES, RETURN_MODES, utc_n
 from seaclutter_cli.sensors.hesai.revolutions import FULL_CIRCLE
 from seaclutter_cli.sensors.hesai.scans import Scan, make_scan
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
-from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 
 _GPS_LENGTH = 512
 _NAMES = [model.name for model in MODELS]

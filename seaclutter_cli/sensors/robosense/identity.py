@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.robosense.device import guess_helios, guess_model
 from seaclutter_cli.sensors.robosense.models import (
     AIRY,
@@ -18,7 +19,6 @@ from seaclutter_cli.sensors.robosense.models import (
     RUBY_PLUS_80V,
     RobosenseModel,
 )
-from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 
 _CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Bpearl")
 _HELIOS = ("RS-Helios", "RS-Helios-16P")

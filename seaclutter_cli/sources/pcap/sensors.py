@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.groups import group_starts
+from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import Packets, SelfCalibrating, of_other_length
-from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.log_file import LogFile
 from seaclutter_cli.text import count

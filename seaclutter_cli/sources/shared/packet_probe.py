@@ -8,6 +8,7 @@ import numpy as np
 
 from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
 from seaclutter_cli.records import Buffer, Channel, Message, Record
+from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.packets import (
     DecoderOptions,
     PacketDecoder,
@@ -16,7 +17,6 @@ from seaclutter_cli.sensors.packets import (
     SelfCalibrating,
     of_other_length,
 )
-from seaclutter_cli.sensors.unsupported import ADVICE, name_unsupported
 from seaclutter_cli.sources.shared.packet_companions import contains_packets, find_companion, read_recorded
 from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_packets, runs
 

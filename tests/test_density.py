@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.sensors.density import STEPS_DEG, density, density_slope, mean_spacing, points_in_rectangle
 from seaclutter_cli.simulation.lidar.models import LIDARS
+
+formulas = pytest.importorskip("benchmarks.density", reason="benchmarks are not in the source distribution")
+STEPS_DEG, points_in_rectangle, mean_spacing = formulas.STEPS_DEG, formulas.points_in_rectangle, formulas.mean_spacing
+density, density_slope = formulas.density, formulas.density_slope
 
 UNIT = (1.0, 1.0)
 
