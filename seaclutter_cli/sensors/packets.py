@@ -1,4 +1,4 @@
-"""Packets of a sensor and the interface of their decoders."""
+"""Packets of a sensor, the interface of their decoders, and what decoders share."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +12,10 @@ from seaclutter_cli.records import SensorFacts
 
 CALIBRATION_SUFFIXES: Mapping[str, str] = {"ouster": ".json"}
 """Suffix of the calibration file that usually accompanies a capture, by family."""
+
+DAY_NS = 86_400 * 10**9
+_DRIFT_NS = 1_000_000_000
+_MAX_GAP = 100_000
 
 
 @dataclass(frozen=True)
@@ -115,12 +119,6 @@ class PacketFamily(Protocol):
         ...
 
 
-def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
-    """Return the dtype of decoded points: RoboSense's driver layout, plus ``return_number`` for two returns."""
-    fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")]
-    return np.dtype([*fields, ("return_number", "u1")] if returns else fields)
-
-
 @runtime_checkable
 class SelfCalibrating(Protocol):
     """A family whose sensors send their calibration in packets."""
@@ -128,3 +126,94 @@ class SelfCalibrating(Protocol):
     def is_calibration(self, payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Return which UDP payloads, shape (P, L), contain a calibration."""
         ...
+
+
+def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
+    """Return the dtype of decoded points: RoboSense's driver layout, plus ``return_number`` for two returns."""
+    fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")]
+    return np.dtype([*fields, ("return_number", "u1")] if returns else fields)
+
+
+class SensorClock:
+    """Correction of sensor clocks that are not set.
+
+    A clock within a day of the recording time is used as it is. Otherwise, only time differences are used, relative to
+    the recording time of a reference packet. A new reference is chosen if the clocks diverge by more than a second.
+
+    Notes
+    -----
+    State: the current correction.
+    """
+
+    def __init__(self) -> None:
+        self._shift_ns: int | None = None
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the last packet needed a correction."""
+        return self._shift_ns is not None
+
+    def shifts(self, sensor_ns: NDArray[np.int64], recorded_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the corrections to add to the times of packets, shape (P,), in nanoseconds.
+
+        Parameters
+        ----------
+        sensor_ns, recorded_ns : ndarray, shape (P,), int64
+            Time of each packet by the sensor clock and by the recorder's clock.
+        """
+        behind = recorded_ns - sensor_ns
+        right = (behind > -DAY_NS) & (behind < DAY_NS)
+        found = np.zeros(len(behind), np.int64)
+        start = 0
+        while start < len(behind):
+            shift = self._begin(int(behind[start]), right=bool(right[start]))
+            rest = behind[start:]
+            other = ~right[start:] if shift is None else right[start:] | (abs(rest - shift) > _DRIFT_NS)
+            end = start + int(other.argmax()) if other.any() else len(behind)
+            found[start : max(end, start + 1)] = shift or 0
+            start = max(end, start + 1)
+        return found
+
+    def _begin(self, behind_ns: int, *, right: bool) -> int | None:
+        """Return the correction that starts at a packet; None if the clock is correct."""
+        if right:
+            self._shift_ns = None
+        elif self._shift_ns is None or abs(behind_ns - self._shift_ns) > _DRIFT_NS:
+            self._shift_ns = behind_ns
+        return self._shift_ns
+
+
+class LossCounter:
+    """Counter of missing packets, based on a number that grows by a constant from packet to packet.
+
+    Late packets are not missing. A jump of more than 100,000 packets restarts the count.
+
+    Parameters
+    ----------
+    wrap : int, optional
+        Number at which counting wraps to 0.
+
+    Attributes
+    ----------
+    lost : int
+        Packets lost so far.
+    """
+
+    def __init__(self, wrap: int = 1 << 62) -> None:
+        self.lost = 0
+        self._wrap = wrap
+        self._last: int | None = None
+        self._position = self._top = self._received = 0
+
+    def add(self, numbers: NDArray[np.int64], period: float = 1.0) -> None:
+        """Add the numbers of the next packets, shape (P,), which grow by ``period`` from packet to packet."""
+        first = int(numbers[0]) if self._last is None else self._last
+        half = self._wrap // 2
+        steps = np.rint(((np.diff(numbers, prepend=first) + half) % self._wrap - half) / period)
+        if self._last is None:
+            steps[0] = 1
+        positions = self._position + np.cumsum(np.where(abs(steps) > _MAX_GAP, 1, steps))
+        self._top = max(self._top, int(positions.max()))
+        self._position, self._last = int(positions[-1]), int(numbers[-1])
+        self._received += len(numbers)
+        self.lost = max(self._top - self._received, 0)

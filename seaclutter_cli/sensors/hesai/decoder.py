@@ -9,13 +9,10 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
-from seaclutter_cli.sensors.hesai.clock import SensorClock
-from seaclutter_cli.sensors.hesai.losses import LossCounter
 from seaclutter_cli.sensors.hesai.models import MODELS, HesaiModel
 from seaclutter_cli.sensors.hesai.packets import DUAL_MODES, RETURN_MODES, utc_ns
-from seaclutter_cli.sensors.hesai.revolutions import FULL_CIRCLE
-from seaclutter_cli.sensors.hesai.scans import Scan, make_scan
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
+from seaclutter_cli.sensors.hesai.scans import FULL_CIRCLE, Scan, make_scan
+from seaclutter_cli.sensors.packets import DecoderOptions, LossCounter, PacketFrame, Packets, SensorClock, point_dtype
 
 _GPS_LENGTH = 512
 _NAMES = [model.name for model in MODELS]

@@ -1,39 +1,58 @@
-"""Ways in which Hesai sensors scan: what a frame is, and the directions of beams."""
+"""Ways in which Hesai sensors scan: what a frame is, and the directions of beams.
+
+A scan numbers the frames of firings: of P packets with F firings and C channels. `RotorScan` says what its methods do.
+"""
 
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sensors.hesai.angles import parse_angles
-from seaclutter_cli.sensors.hesai.corrections import DEGREE, MirrorAngles, parse_corrections
+from seaclutter_cli.sensors.hesai.angles import DEGREE, MirrorAngles, parse_angles, parse_corrections
 from seaclutter_cli.sensors.hesai.models import HesaiModel
-from seaclutter_cli.sensors.hesai.revolutions import RevolutionCounter
 from seaclutter_cli.sensors.packets import DecoderOptions
 
+FULL_CIRCLE = 36_000
+"""Hundredths of a degree in a revolution."""
+_EDGE = 100
+_MAX_GAP_NS = 10_000_000_000
 _FINE = DEGREE // 100
 _TURN_NS = 300_000_000
 _FIRST_DEG, _LAST_DEG = 32, 148
 
+Directions = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Azimuth in radians, cosine and sine of the elevation of N points."""
 
-class Scan(Protocol):
-    """Frames and directions of a sensor. Its state is the number of the current frame."""
 
-    @property
-    def done(self) -> int:
-        """Number of the first incomplete frame."""
-        ...
+class RotorScan:
+    """Scan of a rotor: a frame is a revolution, positions are azimuths in hundredths of a degree.
+
+    Azimuths are unwrapped with the clock and the motor speed, so jitter, late packets and gaps longer than a revolution
+    do not disturb the count. The first packet determines the direction of rotation, or the first two firings.
+
+    Parameters
+    ----------
+    elevation_deg, azimuth_deg : ndarray, shape (C,), float64
+        Elevation of each channel, and its offset from the azimuth of the rotor, in degrees. A channel enters the next
+        revolution when it crosses azimuth 0 itself.
+    """
+
+    def __init__(self, elevation_deg: NDArray[np.float64], azimuth_deg: NDArray[np.float64]) -> None:
+        self._azimuth_deg, self._offsets = azimuth_deg, azimuth_deg * 100
+        self._cos, self._sin = np.cos(np.radians(elevation_deg)), np.sin(np.radians(elevation_deg))
+        self._sign = 0
+        self._knows_direction = False
+        self._azimuth = self._time_ns = self._first = self._angle = self._top = 0
 
     def positions(self, blocks: NDArray[np.void]) -> NDArray[np.int64]:
         """Return the position of the motor in blocks, any shape, in the unit of the scan."""
-        ...
+        return np.asarray(blocks["azimuth"].astype(np.int64))
 
     def count(
         self, positions: NDArray[np.int64], times_ns: NDArray[np.int64], rpm: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """Return the frame of each of C channels of F firings in P packets, shape (P, F, C), at least `done`.
+        """Return the number of the frame of each firing and channel, shape (P, F, C), at least `done`.
 
         Parameters
         ----------
@@ -42,66 +61,62 @@ class Scan(Protocol):
         rpm : ndarray, shape (P,), int64
             Motor speed in revolutions per minute; 0 if unknown.
         """
-        ...
+        if not self._knows_direction:
+            self._begin(positions, int(times_ns[0, 0]))
+        waits_ns = np.clip(np.diff(times_ns.ravel(), prepend=self._time_ns), 0, _MAX_GAP_NS)
+        speeds = np.repeat(np.where(rpm > 0, rpm, 600) * (FULL_CIRCLE / 60e9), positions.shape[1])
+        steps = self._sign * np.diff(positions.ravel(), prepend=self._azimuth) % FULL_CIRCLE
+        steps += FULL_CIRCLE * np.rint((waits_ns * speeds - steps) / FULL_CIRCLE).astype(np.int64)
+        angles = self._angle + np.cumsum(steps)
+        tops = np.maximum(np.maximum.accumulate(angles), self._top)
+        self._azimuth, self._time_ns = int(positions[-1, -1]), int(times_ns[-1, -1])
+        self._angle, self._top = int(angles[-1]), int(tops[-1])
+        revolutions = np.floor((angles[:, None] + self._sign * self._offsets) / FULL_CIRCLE).astype(np.int64)
+        completed = np.floor((tops + (self._sign * self._offsets).min()) / FULL_CIRCLE).astype(np.int64)
+        return np.asarray(np.maximum(revolutions, completed[:, None]).reshape(*positions.shape, -1))
 
     def directions(
         self, positions: NDArray[np.int64], firings: NDArray[np.int64], channels: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return azimuth in radians, cosine and sine of the elevation of points, shape (N,).
+    ) -> Directions:
+        """Return the directions of points, given the position in each of F firings, and firing and channel of each."""
+        azimuths = np.radians(positions / 100)[firings] + np.radians(self._azimuth_deg)[channels]
+        return azimuths, self._cos[channels], self._sin[channels]
 
-        Parameters
-        ----------
-        positions : ndarray, shape (F,), int64
-            Position of the motor in each firing.
-        firings, channels : ndarray, shape (N,), int64
-            Firing and channel of each point.
-        """
-        ...
+    @property
+    def done(self) -> int:
+        """Number of the first incomplete frame."""
+        return int((self._top + (self._sign * self._offsets).min()) // FULL_CIRCLE)
 
     def is_partial(self, frame: int) -> bool:
-        """Return whether the firings so far begin or end within a frame."""
-        ...
+        """Return whether the firings so far begin or end within a frame, by more than 1° in any channel."""
+        late = self._first + (self._sign * self._offsets).max() > frame * FULL_CIRCLE + _EDGE
+        early = self._top + (self._sign * self._offsets).min() < (frame + 1) * FULL_CIRCLE - _EDGE
+        return bool(late or early)
 
     def skip(self) -> None:
         """Start a new frame although the motor has not reached it."""
-        ...
+        self._angle += FULL_CIRCLE
+        self._top = max(self._top, self._angle)
 
-
-class RotorScan(RevolutionCounter):
-    """Scan of a rotor: a frame is a revolution, positions are azimuths in hundredths of a degree.
-
-    Parameters
-    ----------
-    elevation_deg, azimuth_deg : ndarray, shape (C,), float64
-        Elevation of each channel, and its offset from the azimuth of the rotor, in degrees.
-    """
-
-    def __init__(self, elevation_deg: NDArray[np.float64], azimuth_deg: NDArray[np.float64]) -> None:
-        super().__init__(azimuth_deg * 100)
-        self._azimuth_deg = azimuth_deg
-        self._cos, self._sin = np.cos(np.radians(elevation_deg)), np.sin(np.radians(elevation_deg))
-
-    def positions(self, blocks: NDArray[np.void]) -> NDArray[np.int64]:
-        """Return the azimuths of blocks."""
-        return np.asarray(blocks["azimuth"].astype(np.int64))
-
-    def directions(
-        self, positions: NDArray[np.int64], firings: NDArray[np.int64], channels: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the directions of points, as `Scan.directions`."""
-        azimuths = np.radians(positions / 100)[firings] + np.radians(self._azimuth_deg)[channels]
-        return azimuths, self._cos[channels], self._sin[channels]
+    def _begin(self, azimuths: NDArray[np.int64], time_ns: int) -> None:
+        """Set the direction and the start azimuth from the first packets, shape (P, F)."""
+        first = azimuths[0]
+        if self._sign or len(first) == 1:  # packets with one firing show no direction by themselves
+            flat = azimuths.ravel() if self._sign == 0 else np.append(self._azimuth, azimuths)
+            first = np.append(flat[0], flat[flat != flat[0]][:1])
+        steps = (np.diff(first) + FULL_CIRCLE // 2) % FULL_CIRCLE - FULL_CIRCLE // 2
+        self._knows_direction = len(first) > 1
+        self._sign, before = -1 if steps.sum() < 0 else 1, self._sign
+        if before == 0:
+            self._azimuth, self._time_ns = int(first[0]), time_ns
+        if before != self._sign:
+            self._first = self._angle = self._top = self._sign * self._azimuth % FULL_CIRCLE
 
 
 class MirrorScan:
     """Scan of rotating mirrors: a frame is one mirror's field, positions are those of the motor in 1/25600 of a degree.
 
     Fields are counted with the clock, so that late packets and gaps longer than a turn do not disturb the count.
-
-    Parameters
-    ----------
-    angles : MirrorAngles
-        Angles of the unit.
     """
 
     def __init__(self, angles: MirrorAngles) -> None:
@@ -120,7 +135,7 @@ class MirrorScan:
         times_ns: NDArray[np.int64],
         rpm: NDArray[np.int64],  # noqa: ARG002 - the mirrors have one speed
     ) -> NDArray[np.int64]:
-        """Return the field of each firing and channel, as `Scan.count`."""
+        """Return the field of each firing and channel, as `RotorScan.count`."""
         if self._first < 0:
             self._first = self._position = int(positions[0, 0])
             self._time_ns = int(times_ns[0, 0])
@@ -139,8 +154,8 @@ class MirrorScan:
 
     def directions(
         self, positions: NDArray[np.int64], firings: NDArray[np.int64], channels: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the directions of points, as `Scan.directions`."""
+    ) -> Directions:
+        """Return the directions of points, as `RotorScan.directions`."""
         azimuths, elevations = (
             np.radians(angles / DEGREE) for angles in self._angles.directions(positions[firings], channels)
         )
@@ -154,6 +169,9 @@ class MirrorScan:
     def skip(self) -> None:
         """Start a new frame in the same field."""
         self._number = self.done = self.done + 1
+
+
+Scan = RotorScan | MirrorScan
 
 
 def make_scan(model: HesaiModel, options: DecoderOptions) -> tuple[Scan, str]:

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.hesai.clock import SensorClock
 from seaclutter_cli.sensors.ouster.frame_ids import FrameIdCheck
 from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, parse_metadata, read_metadata
 from seaclutter_cli.sensors.ouster.packets import (
@@ -20,7 +19,7 @@ from seaclutter_cli.sensors.ouster.packets import (
     valid_columns,
     valid_packets,
 )
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, SensorClock, point_dtype
 
 _IMU_LENGTH = 48
 _MAX_LOST_FRAMES = 1000

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.hesai.clock import SensorClock
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, SensorClock, point_dtype
 from seaclutter_cli.sensors.robosense.clock import header_times
 from seaclutter_cli.sensors.robosense.packets import HELIOS_TIME
 

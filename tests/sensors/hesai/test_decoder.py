@@ -16,8 +16,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Message
 from seaclutter_cli.sensors.hesai.angles import parse_angles
 from seaclutter_cli.sensors.hesai.decoder import Hesai
-from seaclutter_cli.sensors.hesai.losses import LossCounter
-from seaclutter_cli.sensors.packets import DecoderOptions, Packets
+from seaclutter_cli.sensors.packets import DecoderOptions, LossCounter, Packets
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
 from tests.paths import shared
 
