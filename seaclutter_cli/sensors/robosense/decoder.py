@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets
-from seaclutter_cli.sensors.robosense.angles import file_angles
-from seaclutter_cli.sensors.robosense.blocks import Blocks, join, second_returns, steps, valid_blocks
-from seaclutter_cli.sensors.robosense.clock import RobosenseClock, header_times, wrong_times
-from seaclutter_cli.sensors.robosense.device import Device, assumed_device, read_device
+from seaclutter_cli.sensors.robosense.clock import RobosenseClock, RobosenseLosses, header_times, wrong_times
+from seaclutter_cli.sensors.robosense.device import Device, assumed_device, file_angles, read_device
 from seaclutter_cli.sensors.robosense.identity import find_model
-from seaclutter_cli.sensors.robosense.losses import RobosenseLosses
 from seaclutter_cli.sensors.robosense.models import (
     CHECKED,
     CLASSIC_ID,
@@ -25,7 +22,7 @@ from seaclutter_cli.sensors.robosense.models import (
     RobosenseModel,
 )
 from seaclutter_cli.sensors.robosense.packets import INFO_ID, data_packets, temperatures_degc
-from seaclutter_cli.sensors.robosense.points import Geometry
+from seaclutter_cli.sensors.robosense.points import Geometry, block_dtype, second_returns, steps, valid_blocks
 
 _TOLERANCE = 100
 _MAX_WAITING = 512
@@ -151,7 +148,7 @@ class RoboSenseDecoder:
         self._geometry = Geometry(device, device.angles)
         self._is_utc = device.model.format.is_utc
         self._clock, self._losses = RobosenseClock(device.model.packet_ns), RobosenseLosses(device)
-        self._parts: list[Blocks] = []
+        self._parts: list[NDArray[np.void]] = []
         self._waiting: list[tuple[NDArray[np.uint8], NDArray[np.int64]]] = []
         self._azimuth = self._last_azimuth = -1
         self._frames = 0
@@ -188,8 +185,7 @@ class RoboSenseDecoder:
         """Yield the last revolution."""
         yield from self._decode()
         if self._parts:
-            blocks = join(self._parts)
-            self._parts = []
+            blocks = self._joined()
             yield self._frame(blocks, partial=not self._ends_whole(blocks))
 
     def _may_end(self, payloads: NDArray[np.uint8]) -> bool:
@@ -217,17 +213,15 @@ class RoboSenseDecoder:
         starts = np.flatnonzero(np.diff(revolution, prepend=0))
         begin = 0
         for start in starts.tolist():
-            self._keep(blocks.part(begin, start))
+            self._keep(blocks[begin:start])
             begin = start
             if self._parts:
-                frame = join(self._parts)
-                self._parts = []
-                yield self._frame(frame, partial=False)
-        self._keep(blocks.part(begin, len(blocks)).copy())
+                yield self._frame(self._joined(), partial=False)
+        self._keep(blocks[begin:].copy())
 
     def _blocks(
         self, packets: NDArray[Any], record_ns: NDArray[np.int64], valid: NDArray[np.bool_]
-    ) -> tuple[Blocks, NDArray[np.int64]]:
+    ) -> tuple[NDArray[np.void], NDArray[np.int64]]:
         """Return the valid blocks of packets, and the revolution of each, shape (B,); 0 for the current one."""
         raw = packets["blocks"]
         azimuth = raw["azimuth"].astype(np.int64)
@@ -242,13 +236,22 @@ class RoboSenseDecoder:
         times_ns = self._clock.times(header_ns, record_ns, first)[:, None] + after_ns
         self._losses.add(header_ns, after_ns, azimuth)
         self.facts.lost_packets = self._losses.packets
-        return Blocks(used, step[valid], times_ns[valid], second[valid], raw["channels"][valid]), revolution
+        blocks = np.empty(len(used), block_dtype(self._device.model))
+        for name, values in (("step", step), ("times_ns", times_ns), ("second", second), ("channels", raw["channels"])):
+            blocks[name] = values[valid]
+        blocks["azimuth"] = used
+        return blocks, revolution
 
-    def _keep(self, blocks: Blocks) -> None:
+    def _keep(self, blocks: NDArray[np.void]) -> None:
         if len(blocks):
             if not self._parts and not self._frames:
-                self._starts_whole = abs(int(blocks.azimuth[0]) - self._limits[0]) <= _TOLERANCE
+                self._starts_whole = abs(int(blocks["azimuth"][0]) - self._limits[0]) <= _TOLERANCE
             self._parts.append(blocks)
+
+    def _joined(self) -> NDArray[np.void]:
+        blocks = np.concatenate(self._parts)
+        self._parts = []
+        return blocks
 
     @property
     def _limits(self) -> tuple[int, int]:
@@ -256,11 +259,11 @@ class RoboSenseDecoder:
         start, end = self._device.fov
         return (start, end) if start < end else (0, 36000)
 
-    def _ends_whole(self, blocks: Blocks) -> bool:
-        return abs(self._limits[1] - int(blocks.azimuth[-1] + blocks.step[-1])) <= _TOLERANCE
+    def _ends_whole(self, blocks: NDArray[np.void]) -> bool:
+        return abs(self._limits[1] - int(blocks["azimuth"][-1] + blocks["step"][-1])) <= _TOLERANCE
 
-    def _frame(self, blocks: Blocks, *, partial: bool) -> PacketFrame:
-        stamp_ns = int(blocks.times_ns[-1]) + self._geometry.last_ns
+    def _frame(self, blocks: NDArray[np.void], *, partial: bool) -> PacketFrame:
+        stamp_ns = int(blocks["times_ns"][-1]) + self._geometry.last_ns
         partial = partial or (self._frames == 0 and not self._starts_whole)
         self._frames += 1
         return PacketFrame(self._geometry.points(blocks), stamp_ns, partial=partial)

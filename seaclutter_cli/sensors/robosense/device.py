@@ -1,14 +1,20 @@
-"""Device information packets (DIFOP) of RoboSense sensors."""
+"""Device information packets (DIFOP) of RoboSense sensors: settings, and the angles of lasers, also from a file."""
 
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.sensors.robosense.angles import Angles, packet_angles
+from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.robosense.models import RUBY, RobosenseModel, with_old_firmware
 
-CLASSIC_MODELS = ("RS-LiDAR-32", "RS-LiDAR-16")
+VERTICAL_AT = 468
+"""Offset of the vertical angles in device information."""
+_MIN_ANGLE, _ANGLE_LIMIT = -9000, 18000
+_SIXTEEN = 16
+_CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16")
 """Models that state how their intensities are calibrated, and of which there is old firmware."""
 _OLD_VERSIONS = {bytes.fromhex(text) for text in ("000000", "ffffff", "55aa5a", "e90100")}
 _TWO_RETURNS_SINCE = bytes((8, 2, 9))
@@ -18,25 +24,90 @@ _INTENSITY |= dict.fromkeys((0x00, 0xFF, 0xA1), "raw (mode 1)")
 
 
 @dataclass(frozen=True)
+class Angles:
+    """Elevation and azimuth offset of each channel of a block, shape (C,), in hundredths of a degree."""
+
+    vertical: NDArray[np.int64]
+    horizontal: NDArray[np.int64]
+
+    @property
+    def rings(self) -> NDArray[np.uint16]:
+        """Ring of each channel, shape (C,): the number of lasers with a lower elevation."""
+        first, second = np.split(self.vertical, 2)
+        lasers = first if np.array_equal(first, second) else self.vertical
+        return np.searchsorted(np.sort(lasers), self.vertical).astype(np.uint16)
+
+
+def make_angles(vertical: NDArray[np.int64], horizontal: NDArray[np.int64]) -> Angles | None:
+    """Return the angles of all channels of a block from those of its lasers; None if an angle is out of range.
+
+    The channels of 16 lasers repeat.
+    """
+    both = np.stack([vertical, horizontal])
+    if ((both < _MIN_ANGLE) | (both >= _ANGLE_LIMIT)).any():
+        return None
+    vertical, horizontal = np.tile(both, 2 if both.shape[1] == _SIXTEEN else 1)
+    return Angles(vertical, horizontal)
+
+
+def _packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles | None:
+    """Return the angles in a device information packet, shape (1248,); None if they are not programmed."""
+    if model.name != "RS-LiDAR-16":
+        begins, size = (VERTICAL_AT, model.format.horizontal_at), 3 * model.lasers
+        tables = np.stack([packet[begin : begin + size] for begin in begins]).astype(np.int64).reshape(2, -1, 3)
+        if (tables[..., 0] == 0xFF).any() or (model.name == "RS-LiDAR-32" and not tables[0, 0].any()):
+            return None
+        raw = (tables[..., 1] << 8 | tables[..., 2]).astype(np.float32)
+        # Single precision, and halves rounded up, as in the vendor's driver.
+        sizes = np.floor((raw * np.float32(model.angle_unit)).astype(np.float64) + 0.5).astype(np.int64)
+        vertical, horizontal = np.where(tables[..., 0] != 0, -sizes, sizes)
+        return make_angles(vertical, horizontal)
+    table = packet[1165:1213].astype(np.int64).reshape(16, 3)
+    if (packet[1165:1169] == 0).all() or (packet[1165:1169] == 0xFF).all():
+        return None
+    sizes = (table[:, 0] << 16 | table[:, 1] << 8 | table[:, 2]) // 100
+    return make_angles(np.where(np.arange(16) < 8, -sizes, sizes), np.zeros(16, np.int64))
+
+
+def file_angles(model: RobosenseModel, path: Path) -> Angles:
+    """Return the angles in a file that RoboSense ships with a unit.
+
+    The file has one line per laser: its elevation and, after a comma, its azimuth offset, in degrees.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or does not contain one line per laser.
+    """
+    try:
+        lines = path.read_text("utf-8", "replace").splitlines()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    rows = [row for line in lines if (row := _numbers(line))]
+    if len(rows) != model.lasers:
+        raise InputError(f"{path}: expected {model.lasers} lines of angles for the {model.name}, got {len(rows)}")
+    table = np.array([[*row, 0.0][:2] for row in rows])
+    hundredths = np.where(np.isfinite(table), np.rint(np.clip(table, -1000, 1000) * 100), _ANGLE_LIMIT).astype(np.int64)
+    angles = make_angles(*hundredths.T)
+    if angles is None:
+        raise InputError(f"{path}: angles must be between -90 and 180 degrees")
+    return angles
+
+
+def _numbers(line: str) -> list[float]:
+    try:
+        return [float(part) for part in re.split(r"[,;\s]+", line.strip()) if part]
+    except ValueError:
+        return []
+
+
+@dataclass(frozen=True)
 class Device:
     """A sensor and its settings.
 
-    Parameters
-    ----------
-    model : RobosenseModel
-        Model, with the units of its firmware.
-    angles : Angles or None
-        Directions of its lasers; None if they are not programmed.
-    dual : bool
-        Whether it sends two returns.
-    rotation_hz : int
-        Revolutions per second.
-    fov : tuple of int
-        Start and end of the field of view, in hundredths of a degree.
-    details : dict of str to str
-        Facts for display.
-    reversed : bool
-        Whether azimuths grow anticlockwise.
+    The model has the units of its firmware; angles are None if they are not programmed. ``fov`` is the start and the
+    end of the field of view in hundredths of a degree, ``details`` are facts for display. If it is reversed, azimuths
+    grow anticlockwise.
     """
 
     model: RobosenseModel
@@ -73,9 +144,9 @@ class Device:
 
 def read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
     """Return the sensor described by a device information packet, shape (1248,)."""
-    is_classic = model.name in CLASSIC_MODELS
+    is_classic = model.name in _CLASSIC
     old = is_classic and packet[41:44].tobytes() in _OLD_VERSIONS
-    angles = packet_angles(model, packet)
+    angles = _packet_angles(model, packet)
     rpm, start, end = (int(packet[offset]) << 8 | int(packet[offset + 1]) for offset in (8, 32, 34))
     mode = int(packet[300])
     dual = mode in model.format.dual_modes and not (old and packet[45:48].tobytes() < _TWO_RETURNS_SINCE)
@@ -119,24 +190,3 @@ def assumed_device(model: RobosenseModel, azimuth: NDArray[np.int64]) -> Device:
 
 def _rotation_hz(steps: NDArray[np.int64], step_ns: int) -> int:
     return round(float(np.median(steps)) / 36000 / (step_ns / 10**9)) if steps.size else 0
-
-
-def guess_model(packet: NDArray[np.uint8]) -> str | None:
-    """Return the classic model that sent a device information packet; None if its tables do not identify it."""
-    of_32 = _is_used(packet[468:564])
-    of_16 = _is_used(packet[1165:1213])
-    if of_32 == of_16:
-        return None
-    if of_16:
-        return "RS-LiDAR-16"
-    # All lasers of an RS-Bpearl look up, half of those of an RS-LiDAR-32 look down.
-    return "RS-LiDAR-32" if packet[468:564:3].any() else "RS-Bpearl"
-
-
-def guess_helios(packet: NDArray[np.uint8]) -> str:
-    """Return the RS-Helios that sent a device information packet: one with 16 lasers lacks the angles of others."""
-    return "RS-Helios-16P" if _is_used(packet[468:516]) and not _is_used(packet[516:564]) else "RS-Helios"
-
-
-def _is_used(table: NDArray[np.uint8]) -> bool:
-    return bool(((table != 0) & (table != 0xFF)).any())

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
-from seaclutter_cli.sensors.robosense.device import guess_helios, guess_model
 from seaclutter_cli.sensors.robosense.models import (
     AIRY,
     AIRY_BY_MOUNTING,
@@ -76,7 +75,7 @@ def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
         return _CLASSIC
     if len(data) != INFO_BYTES:
         return _RUBIES[-1]
-    if is_airy(data):
+    if _is_airy(data):
         return ("RS-Airy-48" if data[32] == _AIRY_48 else "RS-Airy",)
     for names in _RUBIES:
         model = MODELS[names[0]]
@@ -89,13 +88,13 @@ def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
 def _guess(allowed: Sequence[str], info: NDArray[np.uint8]) -> str | None:
     """Return the model that device information shows; None if it does not."""
     if allowed == _CLASSIC:
-        return next((name for packet in info if (name := guess_model(packet))), None)
+        return next((name for packet in info if (name := _guess_classic(packet))), None)
     if allowed == _HELIOS:
-        return guess_helios(info[0]) if len(info) else "RS-Helios"
+        return _guess_helios(info[0]) if len(info) else "RS-Helios"
     return allowed[0] if len(allowed) == 1 else None
 
 
-def is_airy(data: NDArray[np.uint8]) -> bool:
+def _is_airy(data: NDArray[np.uint8]) -> bool:
     """Return whether a packet has eight blocks of 48 channels, of which each begins with FF EE."""
     return bool((data[AIRY.begin : AIRY.begin + 1184].reshape(8, 148)[:, :2] == (0xFF, 0xEE)).all())
 
@@ -109,3 +108,24 @@ def _version(model: RobosenseModel, data: NDArray[np.uint8], info: NDArray[np.ui
     if model.name == BPEARL_4.name and tuple(data[31:33].tolist()) == _BPEARL_4_TYPE:
         return BPEARL_4
     return RUBY_PLUS_80V if model.name == RUBY_PLUS_80V.name and data[31] == _80V_MODEL else model
+
+
+def _guess_classic(packet: NDArray[np.uint8]) -> str | None:
+    """Return the classic model that sent a device information packet; None if its tables do not identify it."""
+    of_32 = _is_used(packet[468:564])
+    of_16 = _is_used(packet[1165:1213])
+    if of_32 == of_16:
+        return None
+    if of_16:
+        return "RS-LiDAR-16"
+    # All lasers of an RS-Bpearl look up, half of those of an RS-LiDAR-32 look down.
+    return "RS-LiDAR-32" if packet[468:564:3].any() else "RS-Bpearl"
+
+
+def _guess_helios(packet: NDArray[np.uint8]) -> str:
+    """Return the RS-Helios that sent a device information packet: one with 16 lasers lacks the angles of others."""
+    return "RS-Helios-16P" if _is_used(packet[468:516]) and not _is_used(packet[516:564]) else "RS-Helios"
+
+
+def _is_used(table: NDArray[np.uint8]) -> bool:
+    return bool(((table != 0) & (table != 0xFF)).any())

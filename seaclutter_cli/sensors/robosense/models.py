@@ -15,30 +15,13 @@ INFO_BYTES = 1248
 
 @dataclass(frozen=True)
 class PacketFormat:
-    """Layout of the packets of several models.
+    """Layout of the packets of several models; offsets are in bytes.
 
-    Parameters
-    ----------
-    id : bytes
-        First bytes of a data packet.
-    begin : int
-        Offset of the first block.
-    block_id : tuple of int
-        Mask and value of the first two bytes of a block, big-endian.
-    time_at, is_utc : int, bool
-        Offset of the time in a data packet; whether it is in seconds instead of date and time.
-    temperature_at, temperature_big_endian : int, bool
-        Offset and byte order of the temperature.
-    horizontal_at : int
-        Offset of the horizontal angles in device information; those of the vertical angles is 468.
-    dual_modes : tuple of int
-        Return modes with two returns.
-    mode_at : int or None
-        Offset of the return mode in a data packet; None if it is in device information.
-    has_halves : bool
-        Whether a block consists of two blocks, each with id, azimuth and half of the channels.
-    distance_mask : int
-        Bits of a distance; others have another meaning.
+    A data packet begins with ``id``, its blocks at ``begin``. The first two bytes of a block, big-endian, have a mask
+    and a value. The time is in seconds (``is_utc``) instead of date and time. The horizontal angles in device
+    information are at ``horizontal_at``. The return mode, which says whether there are two returns, is at ``mode_at``
+    of data packets, or in device information (None). With halves, a block consists of two blocks, each with id, azimuth
+    and half of the channels. Other bits of a distance than those of the mask have another meaning.
     """
 
     id: bytes
@@ -70,33 +53,11 @@ RUBY_PLUS = replace(RUBY, dual_modes=(3, 4, 5))
 class RobosenseModel:
     """A sensor model, with the units of its firmware.
 
-    Parameters
-    ----------
-    name : str
-        Name as in `SENSORS`.
-    lasers : int
-        Number of lasers. With 16 lasers, the 32 channels of a block contain two firings or two returns.
-    unit_m : float
-        Distance unit in metres.
-    range_m : tuple of float
-        Least and greatest valid distance in metres.
-    block_ns : int
-        Time between firings in nanoseconds.
-    lens_m : tuple of float
-        Offset of the lens from the axis, forward and up, in metres.
-    firing_ns : tuple of int
-        Time of each laser relative to the start of its firing, in nanoseconds; if there are times of all channels, they
-        are those of a block with two firings.
-    format : PacketFormat, optional
-        Layout of its packets.
-    channels, blocks : int, optional
-        Channels of a block and blocks of a packet.
-    angle_unit : float, optional
-        Unit of the angles in device information, in hundredths of a degree.
-    swaps_halves : bool, optional
-        Whether the halves of a block are swapped if the highest bit of its first distance is set (old firmware).
-    packet_bytes : int, optional
-        Size of a data packet.
+    With 16 lasers, the 32 channels of a block contain two firings or two returns. ``block_ns`` is the time between
+    firings, ``lens_m`` the offset of the lens from the axis, forward and up. ``firing_ns`` are the times of lasers
+    since the start of their firing or, if there is one for each channel, since the start of a block with two firings.
+    Old firmware swaps the halves of a block if the highest bit of its first distance is set. The unit of angles in
+    device information is in hundredths of a degree.
     """
 
     name: str
@@ -178,7 +139,6 @@ _RUBY_PLUS_48_NS = _ns(
     "0x2 1.217x2 2.434x2 3.652x2 4.869x2 6.086x2 7.304x2 8.521x2 9.739x2 11.323x2 12.907x2 14.924x2 16.941x2 18.959x2 "
     "20.976x2 23.127x2 25.278x2 27.428x2 29.579x2 31.963x2 34.347x2 36.498x2 38.648x2 40.666x2"
 )
-_RUBY_RANGE_M, _RUBY_48_BYTES = (0.4, 250), 1268
 _AIRY_NS = {
     "upright": _ns(
         "0x8 5.712x8 12.376x8 19.04x8 25.704x8 33.32x8 41.888x8 50.456x8 59.024x8 70.448x8 81.872x8 93.296x8"
@@ -189,6 +149,13 @@ _AIRY_NS = {
 
 _AIRY_48_NS = _AIRY_NS["M"][::2]
 _AIRY_LENS_M = (hypot(0.0075, 0.00664), 0.04532)
+
+
+def _ruby(name: str, blocks: int, block_ns: int, firing_ns: tuple[int, ...], layout: PacketFormat) -> RobosenseModel:
+    lasers, lens_m = len(firing_ns), (0.03615 if layout is RUBY else 0.02892, 0)
+    model = RobosenseModel(name, lasers, 0.005, (0.4, 250), block_ns, lens_m, firing_ns, layout, lasers, blocks)
+    return replace(model, packet_bytes=1268) if lasers == 48 else model
+
 
 BPEARL_4 = RobosenseModel(
     "RS-Bpearl", 32, 0.0025, (0.1, 150), 55560, (0.01619, 0.09571), _BPEARL_4_NS, replace(CLASSIC, is_utc=True)
@@ -203,40 +170,12 @@ MODELS: Mapping[str, RobosenseModel] = {
         RobosenseModel("RS-Bpearl", 32, 0.005, (0.1, 150), 55520, (0.01473, 0.09427), _BPEARL_NS),
         RobosenseModel("RS-Helios", 32, 0.0025, (0.1, 180), 55560, (0.03498, 0), _HELIOS_NS, HELIOS),
         RobosenseModel("RS-Helios-16P", 16, 0.0025, (0.1, 180), 55560, (0.03498, 0), _HELIOS_NS, HELIOS),
-        RobosenseModel("RS-Ruby", 128, 0.005, _RUBY_RANGE_M, 55550, (0.03615, 0), _RUBY_NS, RUBY, 128, 3),
-        RobosenseModel("RS-Ruby-80", 80, 0.005, _RUBY_RANGE_M, 55552, (0.03615, 0), _RUBY_80_NS, RUBY, 80, 4),
-        RobosenseModel(
-            "RS-Ruby-48",
-            48,
-            0.005,
-            _RUBY_RANGE_M,
-            55552,
-            (0.03615, 0),
-            _RUBY_48_NS,
-            RUBY,
-            48,
-            8,
-            packet_bytes=_RUBY_48_BYTES,
-        ),
-        RobosenseModel(
-            "RS-Ruby-Plus", 128, 0.005, _RUBY_RANGE_M, 55560, (0.02892, 0), _RUBY_PLUS_NS, RUBY_PLUS, 128, 3
-        ),
-        RobosenseModel(
-            "RS-Ruby-Plus-80", 80, 0.005, _RUBY_RANGE_M, 55560, (0.02892, 0), _RUBY_PLUS_80_NS, RUBY_PLUS, 80, 4
-        ),
-        RobosenseModel(
-            "RS-Ruby-Plus-48",
-            48,
-            0.005,
-            _RUBY_RANGE_M,
-            55560,
-            (0.02892, 0),
-            _RUBY_PLUS_48_NS,
-            RUBY_PLUS,
-            48,
-            8,
-            packet_bytes=_RUBY_48_BYTES,
-        ),
+        _ruby("RS-Ruby", 3, 55550, _RUBY_NS, RUBY),
+        _ruby("RS-Ruby-80", 4, 55552, _RUBY_80_NS, RUBY),
+        _ruby("RS-Ruby-48", 8, 55552, _RUBY_48_NS, RUBY),
+        _ruby("RS-Ruby-Plus", 3, 55560, _RUBY_PLUS_NS, RUBY_PLUS),
+        _ruby("RS-Ruby-Plus-80", 4, 55560, _RUBY_PLUS_80_NS, RUBY_PLUS),
+        _ruby("RS-Ruby-Plus-48", 8, 55560, _RUBY_PLUS_48_NS, RUBY_PLUS),
         RobosenseModel("RS-Airy", 96, 0.005, (0.1, 60), 111080, _AIRY_LENS_M, _AIRY_NS["M"], AIRY, 96, 4),
         RobosenseModel("RS-Airy-48", 48, 0.005, (0.1, 60), 111080, _AIRY_LENS_M, _AIRY_48_NS, AIRY_48, 48, 8),
     )

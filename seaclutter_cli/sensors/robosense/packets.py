@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.sensors.robosense.angles import VERTICAL_AT, Angles
+from seaclutter_cli.sensors.robosense.device import VERTICAL_AT, Angles
 from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, INFO_BYTES, PacketFormat, RobosenseModel
 
 _HALF_HEADER = 4
 DATA_PORT, INFO_PORT = 6699, 7788
 INFO_ID = bytes.fromhex("a5ff005a11115555")
-NO_BLOCK = 65535
-"""Invalid azimuth for blocks to leave out of a packet."""
+
+_VERSIONS, _SERIAL, _CALIBRATED = bytes.fromhex("06020900000803010000"), bytes.fromhex("5ea000000001"), 0xC1
 
 CHANNEL = np.dtype([("distance", ">u2"), ("intensity", "u1")])
 CLASSIC_TIME = np.dtype([("date", "u1", (6,)), ("milliseconds", ">u2"), ("microseconds", ">u2")])
@@ -82,16 +82,9 @@ def temperatures_degc(packets: NDArray[Any], layout: PacketFormat) -> NDArray[np
 class Columns:
     """Measurements of a sensor by block: P packets of B blocks with C channels.
 
-    Parameters
-    ----------
-    azimuth : ndarray, shape (B P,), integer
-        Azimuth of each block in hundredths of a degree, clockwise seen from above; or `NO_BLOCK`.
-    distance_m : ndarray, shape (B P, C)
-        Distance of each channel in metres; 0 for no return.
-    intensity : ndarray, shape (B P, C), uint8
-        Intensity of each channel.
-    times_ns : ndarray, shape (P,), int64
-        Unix time of the first firing of each packet.
+    Azimuths of blocks, shape (B P,), are in hundredths of a degree, clockwise seen from above. Distances, shape
+    (B P, C), are in metres, 0 for no return. Times, shape (P,), are those of the first firing of each packet, in
+    nanoseconds of Unix time.
     """
 
     azimuth: NDArray[Any]
@@ -103,22 +96,12 @@ class Columns:
 def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
     """Return data packets, shape (P, L), with distances rounded to the unit of the model."""
     packets = np.zeros(len(columns.times_ns), data_layout(model))
-    blocks = packets["blocks"].reshape(-1)
-    missing = columns.azimuth == NO_BLOCK
-    blocks["id"] = np.where(missing, 0, model.format.block_id[1])
-    blocks["azimuth"] = np.where(missing, 0, columns.azimuth)
+    blocks = packets["blocks"]
+    blocks["id"], blocks["azimuth"] = model.format.block_id[1], columns.azimuth.reshape(blocks.shape)
     units = np.rint(np.asarray(columns.distance_m, np.float64) / model.unit_m)
     measured = np.empty(units.shape, CHANNEL)
     measured["distance"], measured["intensity"] = np.clip(units, 0, 65535), columns.intensity
-    if model.format.has_halves:
-        first, second = np.split(measured.view(np.uint8), 2, axis=1)
-        header = np.ascontiguousarray(blocks[["id", "azimuth"]]).view(np.uint8).reshape(len(blocks), -1)
-        raw = np.ascontiguousarray(np.concatenate([first, header[:, :_HALF_HEADER], second], axis=1))
-    else:
-        raw = measured
-    blocks["channels"] = raw.view(blocks["channels"].dtype)[:, 0]
-    packets["blocks"] = blocks.reshape(packets["blocks"].shape)
-    payloads = packets.view(np.uint8).reshape(-1, model.packet_bytes)
+    blocks["channels"] = measured.view(blocks["channels"].dtype).reshape(blocks.shape)
     is_classic = model.format.id == CLASSIC_ID
     packets["id"] = CLASSIC_ID + bytes.fromhex("5aa550a0") if is_classic else model.format.id
     if model.format.is_utc:
@@ -127,7 +110,7 @@ def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
         packets["time"]["microseconds"] = rest // 1000
     else:
         _write_classic_time(packets, columns.times_ns)
-    return payloads
+    return packets.view(np.uint8).reshape(-1, model.packet_bytes)
 
 
 def _write_classic_time(packets: NDArray[Any], times_ns: NDArray[np.int64]) -> None:
@@ -143,59 +126,21 @@ def _write_classic_time(packets: NDArray[Any], times_ns: NDArray[np.int64]) -> N
     time["milliseconds"], time["microseconds"] = times_ns // 10**6 % 1000, times_ns // 1000 % 1000
 
 
-@dataclass(frozen=True)
-class DeviceSettings:
-    """Settings in a device information packet.
-
-    Parameters
-    ----------
-    rpm : int
-        Revolutions per minute.
-    fov : tuple of int
-        Start and end of the field of view, in hundredths of a degree.
-    return_mode : int
-        Mode number of the model; 0 for two returns.
-    versions : tuple of bytes
-        Firmware versions of the top and the bottom board, five bytes each.
-    intensity_mode : int
-        0xC1 if the sensor calibrates its intensities.
-    serial : bytes
-        Serial number, six bytes.
-    reversed : bool
-        Whether azimuths grow anticlockwise (RS-Bpearl).
-    """
-
-    rpm: int = 600
-    fov: tuple[int, int] = (0, 36000)
-    return_mode: int = 1
-    versions: tuple[bytes, bytes] = (bytes((6, 2, 9, 0, 0)), bytes((8, 3, 1, 0, 0)))
-    intensity_mode: int = 0xC1
-    serial: bytes = bytes.fromhex("5ea000000001")
-    reversed: bool = False
-
-
-def write_info(
-    model: RobosenseModel, angles: Angles | None, settings: DeviceSettings | None = None
-) -> NDArray[np.uint8]:
-    """Return a device information packet (DIFOP), shape (1248,); without angles, its tables are unprogrammed."""
-    settings = settings or DeviceSettings()
+def write_info(model: RobosenseModel, angles: Angles) -> NDArray[np.uint8]:
+    """Return a device information packet (DIFOP), shape (1248,), of a sensor with 600 rpm and one return."""
     packet = np.zeros(INFO_BYTES, np.uint8)
-    start, end = settings.fov
-    pieces = {0: INFO_ID, 40: settings.versions[0], 45: settings.versions[1], 292: settings.serial}
-    pieces |= {offset: number.to_bytes(2, "big") for offset, number in ((8, settings.rpm), (32, start), (34, end))}
-    pieces[24] = DATA_PORT.to_bytes(2, "big") * 2 + INFO_PORT.to_bytes(2, "big") * 2
+    ports = DATA_PORT.to_bytes(2, "big") * 2 + INFO_PORT.to_bytes(2, "big") * 2
+    pieces = {0: INFO_ID, 8: (600).to_bytes(2, "big"), 24: ports, 34: (36000).to_bytes(2, "big")}
+    pieces |= {40: _VERSIONS, 291: bytes((_CALIBRATED,)), 292: _SERIAL, 300: b"\1"}
     for offset, piece in pieces.items():
         packet[offset : offset + len(piece)] = np.frombuffer(piece, np.uint8)
-    packet[300], packet[291], packet[337] = settings.return_mode, settings.intensity_mode, settings.reversed
-    if angles is None:
-        packet[468:660] = packet[1165:1213] = 0xFF
-    elif model.name != "RS-LiDAR-16":
-        for begin, values in ((VERTICAL_AT, angles.vertical), (model.format.horizontal_at, angles.horizontal)):
-            units = np.rint(values[: model.lasers] / model.angle_unit).astype(np.int64)
-            packet[begin : begin + 3 * model.lasers] = _signed(units)
-    else:
+    if model.name == "RS-LiDAR-16":
         values = np.abs(angles.vertical[: model.lasers]) * 100
         packet[1165:1213] = np.stack([values >> 16, values >> 8 & 255, values & 255], 1).astype(np.uint8).reshape(-1)
+        return packet
+    for begin, values in ((VERTICAL_AT, angles.vertical), (model.format.horizontal_at, angles.horizontal)):
+        units = np.rint(values[: model.lasers] / model.angle_unit).astype(np.int64)
+        packet[begin : begin + 3 * model.lasers] = _signed(units)
     return packet
 
 

@@ -1,4 +1,7 @@
-"""Conversion of RoboSense blocks to points, in single precision and the order of operations of RoboSense's driver."""
+"""Blocks of RoboSense data packets: validity, firing times, rotation, and conversion to points.
+
+Points are computed in single precision, in the order of operations of RoboSense's driver.
+"""
 
 from functools import cache
 from typing import Any
@@ -7,26 +10,101 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.packets import point_dtype
-from seaclutter_cli.sensors.robosense.angles import Angles
-from seaclutter_cli.sensors.robosense.blocks import BLIND, Blocks
-from seaclutter_cli.sensors.robosense.device import Device
-from seaclutter_cli.sensors.robosense.models import RobosenseModel
-from seaclutter_cli.sensors.robosense.packets import channels
+from seaclutter_cli.sensors.robosense.device import Angles, Device
+from seaclutter_cli.sensors.robosense.models import PacketFormat, RobosenseModel
+from seaclutter_cli.sensors.robosense.packets import channels, data_layout
 
+_WHOLE = 0xFFFF
+BLIND = 100
+"""Azimuth step between blocks, in hundredths of a degree, above which a blind sector separates them."""
 _MIN_AZIMUTH, _MAX_AZIMUTH = -9000, 45000
-_SWAPPED, _ALL_BITS = 0x8000, 0xFFFF
+_SWAPPED = 0x8000
 
 
-class Geometry:
-    """Converter from the blocks of one sensor to points.
+@cache
+def block_dtype(model: RobosenseModel) -> np.dtype[Any]:
+    """Return the layout of decoded blocks.
+
+    They have the azimuth at their start and the rotation until the next one in hundredths of a degree, their start time
+    in nanoseconds of Unix time, whether they contain second returns, and the raw bytes of distances and intensities.
+    """
+    numbers: list[Any] = [(name, np.int64) for name in ("azimuth", "step", "times_ns")]
+    return np.dtype([*numbers, ("second", np.bool_), ("channels", data_layout(model)["blocks"].base["channels"])])
+
+
+def valid_blocks(blocks: NDArray[Any], layout: PacketFormat) -> NDArray[np.bool_]:
+    """Return which blocks, shape (P, B), are valid: azimuth below 360° and no invalid id up to the block."""
+    mask, value = layout.block_id
+    ids = blocks["id"] if mask == _WHOLE else blocks["id"] & mask
+    return np.logical_and.accumulate(ids == value, axis=1) & (blocks["azimuth"] < 36000)
+
+
+def steps(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rotation during each block, and its start time relative to the first block of its packet.
 
     Parameters
     ----------
+    azimuth : ndarray, shape (P, B), int64
+        Azimuths of the blocks in hundredths of a degree.
     device : Device
         The sensor.
-    angles : Angles
-        Directions of its lasers.
+
+    Returns
+    -------
+    step, time_ns : ndarray, shape (P, B), int64
+        Rotation in hundredths of a degree, and start time in nanoseconds.
     """
+    if device.paired and azimuth.shape[1] % 2:
+        return _steps_of_one_and_a_half(azimuth, device)
+    stride = 2 if device.paired else 1
+    first = azimuth[:, ::stride]
+    step = np.diff(first, axis=1)
+    step += np.where(step < 0, 36000, 0)
+    blind = step > BLIND
+    step[blind] = device.step
+    time_ns = np.zeros(first.shape, np.int64)
+    np.cumsum(np.where(blind, device.gap_ns, device.step_ns), axis=1, out=time_ns[:, 1:])
+    last = np.full((len(first), 1), device.step, np.int64)
+    step = np.concatenate([step, last], axis=1)
+    return np.repeat(step, stride, axis=1), np.repeat(time_ns, stride, axis=1)
+
+
+def _steps_of_one_and_a_half(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the result of `steps` for packets of three blocks: a pair and half a pair, or the other way round."""
+    step = azimuth[:, 2] - azimuth[:, 0]
+    step += np.where(step < 0, 36000, 0)
+    blind = step > BLIND
+    step[blind] = device.step
+    late_ns = np.where(blind, device.gap_ns, device.step_ns)
+    begins_with_pair = azimuth[:, 0] == azimuth[:, 1]
+    steps, time_ns = np.full(azimuth.shape, device.step, np.int64), np.zeros(azimuth.shape, np.int64)
+    steps[:, 0], time_ns[:, 2] = step, late_ns
+    steps[begins_with_pair, 1] = step[begins_with_pair]
+    time_ns[~begins_with_pair, 1] = late_ns[~begins_with_pair]
+    return steps, time_ns
+
+
+def second_returns(azimuth: NDArray[np.int64], device: Device, before: int) -> NDArray[np.bool_]:
+    """Return which blocks of P packets contain second returns, shape (P, B).
+
+    Parameters
+    ----------
+    azimuth : ndarray, shape (P, B), int64
+        Azimuths of the blocks in hundredths of a degree.
+    device : Device
+        The sensor.
+    before : int
+        Azimuth of the block before.
+    """
+    blocks = azimuth.shape[1]
+    if device.paired and blocks % 2:
+        # Pairs extend from one packet into the next.
+        return np.asarray(np.diff(azimuth.ravel(), prepend=before) == 0).reshape(azimuth.shape)
+    return np.broadcast_to((np.arange(blocks) % 2 == 1) & device.paired, azimuth.shape)
+
+
+class Geometry:
+    """Converter from the blocks of a sensor, whose lasers have some angles, to points."""
 
     def __init__(self, device: Device, angles: Angles) -> None:
         model = device.model
@@ -47,10 +125,10 @@ class Geometry:
         self._dtype = point_dtype(returns=device.dual)
         self._packed = _packed(self._dtype)
 
-    def points(self, blocks: Blocks) -> NDArray[np.void]:
+    def points(self, blocks: NDArray[np.void]) -> NDArray[np.void]:
         """Return the points of blocks, shape (N,), in firing order."""
-        distance, intensity = self._measured(channels(blocks.channels))
-        azimuth = blocks.azimuth[:, None] + self._rotation[blocks.step] - _MIN_AZIMUTH
+        distance, intensity = self._measured(channels(blocks["channels"]))
+        azimuth = blocks["azimuth"][:, None] + self._rotation[blocks["step"]] - _MIN_AZIMUTH
         range_m = distance * self._unit
         points = np.empty(distance.shape, self._packed)
         positions = self._directions.take(azimuth + self._horizontal, mode="clip")
@@ -60,7 +138,7 @@ class Geometry:
         points["z"] = range_m * self._sin + self._up
         points["intensity"] = intensity
         points["ring"] = self._rings
-        points["timestamp"] = (blocks.times_ns / 1e9)[:, None] + self._channel_s
+        points["timestamp"] = (blocks["times_ns"] / 1e9)[:, None] + self._channel_s
         if self._device.dual:
             points["return_number"] = self._return_numbers(blocks)
         least, most = self._limits
@@ -69,7 +147,7 @@ class Geometry:
     def _measured(self, measured: NDArray[Any]) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
         """Return distances in units and intensities, shape (B, C)."""
         distance, intensity = measured["distance"].astype(np.uint16), measured["intensity"]
-        if (mask := self._device.model.format.distance_mask) != _ALL_BITS:
+        if (mask := self._device.model.format.distance_mask) != _WHOLE:
             distance &= mask
         if self._device.model.swaps_halves:
             swapped = distance[:, 0] >= _SWAPPED
@@ -79,9 +157,9 @@ class Geometry:
                 values[swapped] = np.roll(values[swapped], values.shape[1] // 2, axis=1)
         return distance, intensity
 
-    def _return_numbers(self, blocks: Blocks) -> NDArray[np.int64]:
+    def _return_numbers(self, blocks: NDArray[np.void]) -> NDArray[np.int64]:
         if self._device.paired:
-            return 1 + blocks.second[:, None].astype(np.int64)
+            return 1 + blocks["second"][:, None].astype(np.int64)
         return 1 + np.arange(self._device.model.channels) // self._device.model.lasers
 
 

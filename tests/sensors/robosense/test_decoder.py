@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
-from seaclutter_cli.sensors.robosense.angles import make_angles
-from seaclutter_cli.sensors.robosense.blocks import steps
 from seaclutter_cli.sensors.robosense.decoder import RoboSense
-from seaclutter_cli.sensors.robosense.device import read_device
+from seaclutter_cli.sensors.robosense.device import make_angles, read_device
 from seaclutter_cli.sensors.robosense.models import BPEARL_4, MODELS, with_old_firmware
-from seaclutter_cli.sensors.robosense.packets import NO_BLOCK, Columns, DeviceSettings, write_data, write_info
+from seaclutter_cli.sensors.robosense.packets import Columns
+from seaclutter_cli.sensors.robosense.points import steps
+from tests.sensors.robosense.packets import write_data, write_info
 from tests.sensors.robosense.reference import Reference
 
 START_NS = 1_760_000_000 * 10**9
@@ -32,7 +32,6 @@ NAMES = (
     "RS-Airy-48",
 )
 DUAL_MODES = {"RS-Ruby": 3, "RS-Ruby-80": 3, "RS-Ruby-48": 3, "RS-Ruby-Plus-48": 4}
-OLD = DeviceSettings(versions=(bytes(5), bytes((8, 2, 8, 0, 0))), intensity_mode=0xA1)
 
 
 def angles_of(model, seed=3):
@@ -114,7 +113,7 @@ def test_agrees_with_the_reference(name, dual, wrap):
         azimuth = np.repeat(azimuth[::2], 2)
     fov = (500, 35000)
     mode = DUAL_MODES.get(name, 0) if dual else 5 if "Hel" in name else 1
-    info = write_info(model, angles_of(model), DeviceSettings(fov=fov, return_mode=mode))
+    info = write_info(model, angles_of(model), fov=fov, return_mode=mode)
     columns = columns_of(model, azimuth)
     payloads = write_data(model, columns)
     if name.startswith("RS-Airy"):
@@ -134,7 +133,7 @@ def test_agrees_with_the_reference(name, dual, wrap):
 def test_versions_with_two_returns_in_several_modes(name, dual):
     model, azimuth = MODELS[name], np.repeat(np.arange(48) * 20, 2)
     columns = columns_of(model, azimuth)
-    info = write_info(model, angles_of(model), DeviceSettings(return_mode=5 if dual else 2))
+    info = write_info(model, angles_of(model), return_mode=5 if dual else 2)
     decoder, frames = decode(write_data(model, columns), columns.times_ns, info, DecoderOptions(model=name))
     assert decoder.facts.details["return mode"] == ("dual" if dual else "single (mode 2)")
     assert ("return_number" in frames[0].points.dtype.names) == dual
@@ -145,7 +144,7 @@ def test_versions_with_two_returns_in_several_modes(name, dual):
 def test_an_upside_down_bpearl_is_mirrored():
     model = MODELS["RS-Bpearl"]
     columns = columns_of(model, np.arange(96) * 20)
-    info = write_info(model, angles_of(model), DeviceSettings(reversed=True))
+    info = write_info(model, angles_of(model), is_reversed=True)
     payloads = write_data(model, columns)
     _, frames = decode(payloads, columns.times_ns, info)
     assert_same(frames, reference_of(model.name, angles_of(model), payloads, reverse=True))
@@ -300,7 +299,7 @@ def test_a_blind_sector_is_not_a_loss():
     gap_ns = round(0.05 * 10**9)
     times = START_NS + np.arange(len(columns.times_ns)) * model.packet_ns
     times += np.arange(len(times)) * 12 // 900 * (gap_ns - model.block_ns)
-    info = write_info(model, angles_of(model), DeviceSettings(fov=(9000, 27000)))
+    info = write_info(model, angles_of(model), fov=(9000, 27000))
     decoder, frames = decode(write_data(model, replace(columns, times_ns=times)), times, info)
     assert decoder.facts.lost_packets == 0
     assert [frame.partial for frame in frames] == [False] * 4
@@ -324,7 +323,7 @@ def test_old_firmware_of_32_lasers():
     payloads = write_data(old, columns)
     for block in range(0, 12, 2):
         payloads[:, 42 + 100 * block + 4] |= 0x80
-    decoder, frames = decode(payloads, columns.times_ns, write_info(model, angles, replace(OLD, return_mode=0)))
+    decoder, frames = decode(payloads, columns.times_ns, write_info(model, angles, return_mode=0, is_old=True))
     assert_same(frames, reference_of("old RS-LiDAR-32", angles, payloads))
     assert decoder.facts.details["distance unit"] == "10 mm"
     assert decoder.facts.details["intensity"].startswith("raw")
@@ -334,10 +333,9 @@ def test_old_firmware_of_32_lasers():
 
 def test_an_invalid_block_ends_its_packet():
     model, angles = MODELS["RS-LiDAR-32"], angles_of(MODELS["RS-LiDAR-32"])
-    azimuth = np.arange(48) * 20
-    azimuth[7:12] = azimuth[24:36] = NO_BLOCK
     columns = columns_of(model, np.arange(48) * 20)
-    payloads = write_data(model, replace(columns, azimuth=azimuth))
+    payloads = write_data(model, columns)
+    payloads[0, 42 + 7 * 100 :: 100] = payloads[2, 42::100] = 0
     decoder, frames = decode(payloads, columns.times_ns, write_info(model, angles))
     assert_same(frames, reference_of(model.name, angles, payloads))
     assert decoder.facts.bad_packets == 1

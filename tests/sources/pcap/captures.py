@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 
-from seaclutter_cli.sensors.robosense.angles import make_angles
+from seaclutter_cli.sensors.robosense.device import make_angles
 from seaclutter_cli.sensors.robosense.models import MODELS
 from seaclutter_cli.sensors.robosense.packets import Columns, write_data, write_info
 

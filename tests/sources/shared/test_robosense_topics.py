@@ -89,7 +89,7 @@ def test_ros_2_scans_of_older_drivers_equal_the_capture(packets, expected, tmp_p
 
 
 def test_two_sensors_have_their_own_device_information(packets, expected, tmp_path):
-    from seaclutter_cli.sensors.robosense.angles import make_angles
+    from seaclutter_cli.sensors.robosense.device import make_angles
     from seaclutter_cli.sensors.robosense.models import MODELS
     from seaclutter_cli.sensors.robosense.packets import write_info
 
