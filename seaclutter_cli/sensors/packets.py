@@ -13,6 +13,9 @@ from seaclutter_cli.records import SensorFacts
 CALIBRATION_SUFFIXES: Mapping[str, str] = {"ouster": ".json"}
 """Suffix of the calibration file that usually accompanies a capture, by family."""
 
+EXPERIMENTAL = {"decoder": "experimental, not checked with packets of a real sensor"}
+"""Fact about sensors of which no real packets were available."""
+
 DAY_NS = 86_400 * 10**9
 _DRIFT_NS = 1_000_000_000
 _MAX_GAP = 100_000
@@ -128,6 +131,11 @@ class SelfCalibrating(Protocol):
         ...
 
 
+def view_packets(payloads: NDArray[np.uint8], layout: np.dtype[Any]) -> NDArray[np.void]:
+    """Return payloads, shape (P, L), as packets of a layout of L bytes, shape (P,)."""
+    return np.ascontiguousarray(payloads).view(layout)[:, 0]
+
+
 def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
     """Return the dtype of decoded points: RoboSense's driver layout, plus ``return_number`` for two returns."""
     fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")]
@@ -135,7 +143,7 @@ def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
 
 
 class SensorClock:
-    """Correction of sensor clocks that are not set.
+    """Correction of a sensor clock that is not set, which is noted among the facts about the sensor.
 
     A clock within a day of the recording time is used as it is. Otherwise, only time differences are used, relative to
     the recording time of a reference packet. A new reference is chosen if the clocks diverge by more than a second.
@@ -145,13 +153,9 @@ class SensorClock:
     State: the current correction.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, facts: SensorFacts) -> None:
+        self._facts = facts
         self._shift_ns: int | None = None
-
-    @property
-    def is_wrong(self) -> bool:
-        """Whether the last packet needed a correction."""
-        return self._shift_ns is not None
 
     def shifts(self, sensor_ns: NDArray[np.int64], recorded_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the corrections to add to the times of packets, shape (P,), in nanoseconds.
@@ -172,6 +176,8 @@ class SensorClock:
             end = start + int(other.argmax()) if other.any() else len(behind)
             found[start : max(end, start + 1)] = shift or 0
             start = max(end, start + 1)
+        if self._shift_ns is not None:
+            self._facts.details["clock"] = "not synchronised, shifted to the recording time"
         return found
 
     def _begin(self, behind_ns: int, *, right: bool) -> int | None:

@@ -12,7 +12,16 @@ from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.hesai.models import MODELS, HesaiModel
 from seaclutter_cli.sensors.hesai.packets import DUAL_MODES, RETURN_MODES, utc_ns
 from seaclutter_cli.sensors.hesai.scans import FULL_CIRCLE, Scan, make_scan
-from seaclutter_cli.sensors.packets import DecoderOptions, LossCounter, PacketFrame, Packets, SensorClock, point_dtype
+from seaclutter_cli.sensors.packets import (
+    EXPERIMENTAL,
+    DecoderOptions,
+    LossCounter,
+    PacketFrame,
+    Packets,
+    SensorClock,
+    point_dtype,
+    view_packets,
+)
 
 _GPS_LENGTH = 512
 _NAMES = [model.name for model in MODELS]
@@ -32,31 +41,16 @@ class HesaiDecoder:
     """Decoder for the packets of one Hesai sensor.
 
     Points are in the frame of Hesai's own drivers: y at azimuth 0, x to its right, z up. Two identical returns of a
-    firing give one point.
-
-    Parameters
-    ----------
-    model : HesaiModel
-        The sensor.
-    scan : Scan
-        Its frames and directions.
-    returns : bool
-        Whether points have a ``return_number``.
-
-    Attributes
-    ----------
-    facts : SensorFacts
-        Facts about the sensor.
+    firing give one point. If asked for ``returns``, points have a ``return_number``.
     """
 
     def __init__(self, model: HesaiModel, scan: Scan, *, returns: bool) -> None:
         self.facts = SensorFacts(model.name, {"intensity": "reflectivity, 0 to 255"})
-        if model.is_experimental:
-            self.facts.details["decoder"] = "experimental, not checked with packets of a real sensor"
+        self.facts.details |= EXPERIMENTAL if model.is_experimental else {}
         self._model, self._scan = model, scan
         self._dtype = point_dtype(returns=returns)
         self._revolutions: dict[int, _Revolution] = {}
-        self._clock = SensorClock()
+        self._clock = SensorClock(self.facts)
         self._numbered, self._timed = LossCounter(wrap=1 << 32), LossCounter()
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
@@ -65,14 +59,14 @@ class HesaiDecoder:
         if layout is None or not len(packets):
             self.facts.bad_packets += len(packets) if packets.payloads.shape[1] != _GPS_LENGTH else 0
             return
-        data = np.ascontiguousarray(packets.payloads).view(layout)[:, 0]
+        data = view_packets(packets.payloads, layout)
         bad = ~self._model.matches(data) | ~np.isin(data["mode"], list(RETURN_MODES))
         bad |= (data["blocks"]["azimuth"] >= FULL_CIRCLE).any(axis=1)
         self.facts.bad_packets += int(bad.sum())
         valid = np.flatnonzero(~bad)
         for part in np.split(valid, np.flatnonzero(np.diff(data["mode"][valid])) + 1):
             if len(part):
-                self._decode(packets.payloads[part].view(layout)[:, 0], packets.times_ns[part])
+                self._decode(view_packets(packets.payloads[part], layout), packets.times_ns[part])
         yield from self._complete()
 
     def finish(self) -> Iterator[PacketFrame]:
@@ -102,8 +96,6 @@ class HesaiDecoder:
         positions = self._scan.positions(data["blocks"][:, ::returns])
         numbers = self._scan.count(positions, fired_ns, data["rpm"].astype(np.int64))
         shifted_ns = fired_ns + self._clock.shifts(clock_ns, times_ns)[:, None]
-        if self._clock.is_wrong:
-            self.facts.details["clock"] = "not synchronised, shifted to the recording time"
         point_ns = shifted_ns[..., None] + self._model.channels_ns(data, returns)
         points, slots = self._points(data, positions, point_ns)
         for number in np.unique(numbers):
@@ -213,5 +205,5 @@ def _matching(model: HesaiModel, payloads: NDArray[np.uint8]) -> NDArray[np.void
     layout = model.layout(payloads.shape[1])
     if layout is None:
         return np.empty(0, next(iter(model.layouts().values())))
-    data = np.ascontiguousarray(payloads).view(layout)[:, 0]
+    data = view_packets(payloads, layout)
     return data[model.matches(data)]

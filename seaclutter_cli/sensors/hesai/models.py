@@ -27,29 +27,12 @@ PacketMask = Callable[[NDArray[np.void]], NDArray[np.bool_]]
 class HesaiModel:
     """A Hesai sensor with C channels. Each block in a packet contains one firing or one return.
 
-    Parameters
-    ----------
-    name : str
-        Name as in `SENSORS`, and of the file with its nominal angles and firing times.
-    layouts : callable
-        Returns the layouts of its packets.
-    matches : callable
-        Returns which packets, shape (P,), come from this sensor.
-    block_ns, last_block_ns : int
-        Time between two firings of all channels, and from the packet's time to its last firing, in nanoseconds.
-    first_block_ns : int, optional
-        Time from the packet's time to its first firing, which is then the reference instead of the last one.
-    states : callable, optional
-        Returns the firing state of each block, shape (P, B), for sensors whose channels do not always fire at the same
-        times. Without it, there is one state.
-    pace : callable, optional
-        Returns how many times ``block_ns`` are between two firings of each packet, shape (P,).
-    least_distance : int, optional
-        Smallest distance that is one, in units; smaller ones are codes.
-    has_mirrors : bool, optional
-        Whether mirrors rotate instead of the lasers. Directions are then those of the unit, which has no nominal ones.
-    is_experimental : bool, optional
-        Whether no real packets were available to check the decoder.
+    Its name is that of the file with its nominal angles and firing times. ``matches`` says which packets, shape (P,),
+    come from this sensor. ``block_ns`` is the time between two firings of all channels, or ``pace`` times as much, by
+    packet; the packet's time is ``last_block_ns`` before its last firing or, if there is one, ``first_block_ns`` before
+    its first. Channels that do not always fire at the same times have ``states``, by block, shape (P, B). Distances
+    below the least one are codes. If mirrors rotate instead of the lasers, directions are those of the unit, which has
+    no nominal ones. Experimental decoders are not checked with real packets.
     """
 
     name: str

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.ouster.frame_ids import FrameIdCheck
 from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, parse_metadata, read_metadata
 from seaclutter_cli.sensors.ouster.packets import (
     PROFILES,
+    FrameIdCheck,
     first_columns,
     frame_ids,
     is_data_packet,
@@ -19,7 +19,7 @@ from seaclutter_cli.sensors.ouster.packets import (
     valid_columns,
     valid_packets,
 )
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, SensorClock, point_dtype
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, SensorClock, point_dtype, view_packets
 
 _IMU_LENGTH = 48
 _MAX_LOST_FRAMES = 1000
@@ -30,16 +30,6 @@ class OusterDecoder:
 
     Points are in the sensor frame, x away from the connector and z up, column by column. The intensity is the signal in
     photons, or the reflectivity for profiles without a signal.
-
-    Parameters
-    ----------
-    metadata : OusterMetadata
-        Metadata of the sensor.
-
-    Attributes
-    ----------
-    facts : SensorFacts
-        Facts about the sensor.
 
     Notes
     -----
@@ -58,7 +48,7 @@ class OusterDecoder:
         directions, origins = metadata.directions()
         self._directions, self._origins = directions * unit_m, origins
         self._dtype = point_dtype(returns=returns == 2)
-        self._clock = SensorClock()
+        self._clock = SensorClock(self.facts)
         self._frame_id: int | None = None
         self._frame_ids = FrameIdCheck(len(self._expected))
         self._waiting: tuple[int, NDArray[np.uint8], NDArray[np.int64]] | None = None
@@ -72,7 +62,7 @@ class OusterDecoder:
         if length != self._layout.itemsize or not len(packets):
             self.facts.bad_packets += len(packets) if length != _IMU_LENGTH else 0
             return
-        data = self._view(packets.payloads)
+        data = view_packets(packets.payloads, self._layout)
         valid = valid_packets(data, self._metadata.columns)
         self.facts.bad_packets += int((~valid).sum())
         useful = np.flatnonzero(valid & valid_columns(data).any(axis=1))
@@ -104,9 +94,6 @@ class OusterDecoder:
         if self._pending:
             yield self._complete(is_last=True)
 
-    def _view(self, payloads: NDArray[np.uint8]) -> NDArray[np.void]:
-        return np.ascontiguousarray(payloads).view(self._layout)[:, 0]
-
     def _collect(
         self, frame_id: int, payloads: NDArray[np.uint8], times_ns: NDArray[np.int64]
     ) -> Iterator[PacketFrame]:
@@ -131,15 +118,13 @@ class OusterDecoder:
 
     def _complete(self, *, is_last: bool = False) -> PacketFrame:
         """Return the frame of the pending packets."""
-        data = self._view(np.concatenate([part for part, _ in self._pending]))
+        data = view_packets(np.concatenate([part for part, _ in self._pending]), self._layout)
         times_ns = np.concatenate([times for _, times in self._pending])
         self._pending, self._count = [], 0
         partial = self._count_lost(data, is_last=is_last)
         valid = valid_columns(data)
         column_ns = np.where(valid, data["columns"]["time_ns"], 0).astype(np.int64)
         column_ns += self._clock.shifts(column_ns.max(axis=1), times_ns)[:, None]
-        if self._clock.is_wrong:
-            self.facts.details["clock"] = "not synchronised, shifted to the recording time"
         ids, indices = np.unique(np.where(valid, data["columns"]["id"].astype(np.int64), -1), return_index=True)
         ids, indices = ids[ids >= 0], indices[ids >= 0]
         column_ns = column_ns.ravel()[indices]

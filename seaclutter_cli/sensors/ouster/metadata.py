@@ -19,26 +19,12 @@ _MAX_COLUMNS = 1 << 16
 
 @dataclass(frozen=True)
 class OusterMetadata:
-    """Metadata of an Ouster sensor with H rows and W columns per revolution.
+    """Metadata of an Ouster sensor with H rows and W columns per revolution; texts are empty if they are missing.
 
-    Parameters
-    ----------
-    model : str
-        Name as in `SENSORS`.
-    serial, firmware, clock : str
-        Serial number, firmware version and timestamp source; empty if missing.
-    profile : str
-        Packet layout, such as ``LEGACY`` or ``RNG19_RFL8_SIG16_NIR16``.
-    columns, packet_columns : int
-        Columns per revolution and per packet.
-    window : tuple of int
-        First and last column that the sensor sends; the first may be greater than the last.
-    altitude_rad, azimuth_rad : ndarray, shape (H,), float64
-        Beam angles in radians.
-    beam_offset_m : tuple of float
-        Origin of the beams: distance from the axis, and height, in metres.
-    to_sensor : ndarray, shape (4, 4), float64
-        Transform from the lidar frame to the sensor frame, in metres.
+    The profile is a packet layout, such as ``LEGACY`` or ``RNG19_RFL8_SIG16_NIR16``. The window is the first and the
+    last column that the sensor sends; the first may be greater than the last. Beams have angles, shape (H,), and begin
+    at a distance from the axis and a height. ``to_sensor``, shape (4, 4), transforms the lidar frame to the sensor
+    frame, in metres.
     """
 
     model: str

@@ -37,12 +37,8 @@ def wrong_times(header_ns: NDArray[np.int64], record_ns: NDArray[np.int64]) -> N
 class RobosenseClock:
     """Converter from sensor time to Unix time.
 
-    If the sensor clock is wrong, only the time since the start of a revolution is used.
-
-    Parameters
-    ----------
-    packet_ns : int
-        Time from the first firing of a packet to its transmission, in nanoseconds.
+    If the sensor clock is wrong, only the time since the start of a revolution is used. ``packet_ns`` is the time from
+    the first firing of a packet to its transmission.
 
     Notes
     -----
@@ -82,11 +78,6 @@ class RobosenseClock:
 
 class RobosenseLosses:
     """Counter of lost packets. A gap of more than an hour is treated as a clock adjustment.
-
-    Parameters
-    ----------
-    device : Device
-        The sensor.
 
     Notes
     -----

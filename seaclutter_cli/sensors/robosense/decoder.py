@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets
+from seaclutter_cli.sensors.packets import EXPERIMENTAL, DecoderOptions, PacketFrame, Packets
 from seaclutter_cli.sensors.robosense.clock import RobosenseClock, RobosenseLosses, header_times, wrong_times
 from seaclutter_cli.sensors.robosense.device import Device, assumed_device, file_angles, read_device
 from seaclutter_cli.sensors.robosense.identity import find_model
@@ -123,16 +123,7 @@ def _find_device(
 
 
 class RoboSenseDecoder:
-    """Decoder for the packets of one sensor.
-
-    Parameters
-    ----------
-    device : Device
-        The sensor, with known angles.
-    warnings : list of str
-        Warnings for the user.
-    sample : Packets
-        Some of its data packets, used to check its clock.
+    """Decoder for the packets of one sensor, with known angles; some of them show whether its clock is right.
 
     Notes
     -----
@@ -160,8 +151,7 @@ class RoboSenseDecoder:
         temperature = temperatures_degc(packets[:1], device.model.format)[0]
         self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
         self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
-        if device.model.name not in CHECKED:
-            self.facts.details["decoder"] = "experimental, not checked with packets of a real sensor"
+        self.facts.details |= EXPERIMENTAL if device.model.name not in CHECKED else {}
         if wrong:
             warnings.append("the sensor clock is off by more than a day: times are shifted to the recording time")
 

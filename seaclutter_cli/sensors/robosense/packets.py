@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.sensors.packets import view_packets
 from seaclutter_cli.sensors.robosense.device import VERTICAL_AT, Angles
 from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, INFO_BYTES, PacketFormat, RobosenseModel
 
@@ -43,7 +44,7 @@ def data_layout(model: RobosenseModel) -> np.dtype[Any]:
 
 def data_packets(model: RobosenseModel, payloads: NDArray[np.uint8]) -> NDArray[Any]:
     """Return data packets, shape (P,), structured, from payloads, shape (P, L)."""
-    return np.ascontiguousarray(payloads).view(data_layout(model))[:, 0]
+    return view_packets(payloads, data_layout(model))
 
 
 def channels(raw: NDArray[Any]) -> NDArray[Any]:

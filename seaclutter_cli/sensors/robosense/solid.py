@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, SensorClock, point_dtype
+from seaclutter_cli.sensors.packets import (
+    EXPERIMENTAL,
+    DecoderOptions,
+    PacketFrame,
+    Packets,
+    SensorClock,
+    point_dtype,
+    view_packets,
+)
 from seaclutter_cli.sensors.robosense.clock import header_times
 from seaclutter_cli.sensors.robosense.packets import HELIOS_TIME
 
@@ -39,18 +47,9 @@ _MAX_POINTS = 4_000_000
 
 @dataclass(frozen=True)
 class SolidModel:
-    """A model.
+    """A model: its data packets, whose blocks have a time and channels, and its least valid distance.
 
-    Parameters
-    ----------
-    name : str
-        Name as in `SENSORS`.
-    packet : dtype
-        Layout of a data packet; a block has a time and C channels.
-    least_m : float
-        Least valid distance in metres.
-    positions : callable
-        Returns x, y, z, shape (3, ...), of channels and their distances in metres, shape (...,).
+    ``positions`` returns x, y, z, shape (3, ...), of channels and their distances in metres, shape (...,).
     """
 
     name: str
@@ -120,16 +119,6 @@ def _model(length: int) -> SolidModel | None:
 class SolidDecoder:
     """Decoder for the packets of one sensor. A frame ends where the numbers of packets begin again.
 
-    Parameters
-    ----------
-    model : SolidModel
-        The sensor.
-
-    Attributes
-    ----------
-    facts : SensorFacts
-        Facts about the sensor.
-
     Notes
     -----
     State: the points of the current frame, and the highest number of its packets.
@@ -137,9 +126,8 @@ class SolidDecoder:
 
     def __init__(self, model: SolidModel) -> None:
         details = {"angles": "in the packets", "intensity": "reflectivity, 0 to 255"}
-        details["decoder"] = "experimental, not checked with packets of a real sensor"
-        self.facts = SensorFacts(model.name, details)
-        self._model, self._clock = model, SensorClock()
+        self.facts = SensorFacts(model.name, details | EXPERIMENTAL)
+        self._model, self._clock = model, SensorClock(self.facts)
         self._parts: list[NDArray[np.void]] = []
         self._size = self._end_ns = self._frames = self._longest = 0
         self._number: int | None = None
@@ -149,7 +137,7 @@ class SolidDecoder:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
         if packets.payloads.shape[1] != self._model.packet.itemsize:
             return  # device information
-        data = np.ascontiguousarray(packets.payloads).view(self._model.packet)[:, 0]
+        data = view_packets(packets.payloads, self._model.packet)
         valid = data["id"] == _ID
         self.facts.bad_packets += int((~valid).sum())
         data, recorded_ns = data[valid], packets.times_ns[valid]
@@ -157,8 +145,6 @@ class SolidDecoder:
             return
         times_ns = header_times(data, is_utc=True)
         times_ns = times_ns + self._clock.shifts(times_ns, recorded_ns)
-        if self._clock.is_wrong:
-            self.facts.details["clock"] = "not synchronised, shifted to the recording time"
         begin = 0
         for start in self._starts(data["number"].astype(int).tolist()):
             self._keep(data[begin:start], times_ns[begin:start])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.sensors.ouster.frame_ids import FrameIdCheck
+from seaclutter_cli.sensors.ouster.packets import FrameIdCheck
 
 PER_REVOLUTION = 4
 
