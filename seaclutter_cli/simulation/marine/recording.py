@@ -15,7 +15,7 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Metadata
-from seaclutter_cli.sensors.robosense.angles import Angles, make_angles
+from seaclutter_cli.sensors.robosense.device import Angles
 from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, MODELS
 from seaclutter_cli.sensors.robosense.packets import DATA_PORT, INFO_PORT, Columns, write_data, write_info
 from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar
@@ -101,12 +101,12 @@ class _CaptureLog:
         """Do nothing: there are no resources to free."""
 
 
-def _angles(lidar: Lidar) -> Angles | None:
+def _angles(lidar: Lidar) -> Angles:
     vertical, horizontal = (
         np.round(100 * np.array(degrees)).astype(np.int64)
         for degrees in (lidar.elevations_deg, lidar.azimuth_offsets_deg)
     )
-    return make_angles(vertical, horizontal)
+    return Angles(vertical, horizontal)
 
 
 FORMATS: Mapping[str, type[_McapLog | _CaptureLog]] = {"mcap": _McapLog, "pcap": _CaptureLog}
