@@ -1,8 +1,7 @@
 """Frames of a fixed duration, for lidars whose scans do not repeat."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,8 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import limits
 from seaclutter_cli.messages import CODECS, find_codec, has_fixed_fields, main_clouds
 from seaclutter_cli.messages.definitions import points_channel
-from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, SensorFacts
+from seaclutter_cli.records import Channel, Message, Record
+from seaclutter_cli.sources.shared.base import SourceWrapper
 
 _RELATIVE = ("offset_time", "t", "time")
 """Point times relative to the stamp, of Livox, Ouster and Velodyne: whole nanoseconds, or seconds as float32."""
@@ -31,37 +31,21 @@ class _Window:
     frames: int = 0
 
 
-class Integrated:
+class Integrated(SourceWrapper):
     """A recording in which the clouds of each time window are one cloud.
 
     Windows of a topic have the same duration and begin with its first cloud. A cloud belongs to the window of its
     stamp, a late one to the window that is open. Joined clouds are not organised and have their earliest stamp. They
     come before the message that begins the next window, with its times. Messages whose points have fixed fields become
-    ``sensor_msgs/PointCloud2``.
-
-    Parameters
-    ----------
-    inner : Source
-        The recording.
-    window_ns : int
-        Duration of a window in nanoseconds.
-    topics : collection of str, optional
-        Topics of the clouds; if empty, those that are meant if no topic is named.
+    ``sensor_msgs/PointCloud2``. Without topics, those are joined that are meant if no topic is named.
     """
 
     def __init__(self, inner: Source, window_ns: int, topics: Collection[str] = ()) -> None:
-        self._inner, self._window_ns = inner, window_ns
+        super().__init__(inner)
+        self._window_ns = window_ns
         clouds = [channel for channel in inner.channels if find_codec(channel)]
         chosen = [channel for channel in clouds if channel.topic in topics] if topics else main_clouds(clouds)
         self._clouds = {channel.id for channel in chosen}
-        self.name, self.format = inner.name, inner.format
-        self.profile, self.compression = inner.profile, inner.compression
-        self.damage, self.warnings = inner.damage, inner.warnings
-
-    @property
-    def metadata(self) -> Sequence[Metadata]:
-        """Metadata records of the recording."""
-        return self._inner.metadata
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -74,27 +58,9 @@ class Integrated:
         """Messages per channel id; the number of joined clouds is not known."""
         return {number: messages for number, messages in self._inner.counts.items() if number not in self._clouds}
 
-    @property
-    def facts(self) -> Mapping[str, SensorFacts]:
-        """Facts about the sensor of each cloud topic."""
-        return self._inner.facts
-
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """Log times of the first and the last message of the recording."""
-        return self._inner.span_ns
-
-    def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
-        """Return an empty mapping: windows are counted from the first cloud on."""
-        return {}
-
     def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
         """Return the last message before a time of each of some channels whose clouds are not joined."""
         return self._inner.latest([number for number in channels if number not in self._clouds], before_ns)
-
-    def close(self) -> None:
-        """Close the recording."""
-        self._inner.close()
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
         """Yield the records before ``end_ns``, with joined clouds; can be called again."""
@@ -141,8 +107,8 @@ class Integrated:
         window.clouds, window.stamps_ns, window.size = [], [], 0
         if not clouds:
             return
-        joined = _joined(channel)
-        number, window.frames = window.frames, window.frames + 1
+        joined, number = _joined(channel), window.frames
+        window.frames += 1
         codec = CODECS[joined.schema.name if joined.schema else "", joined.message_encoding]
         try:
             data = codec.encode(join(clouds, stamps_ns))
@@ -150,11 +116,6 @@ class Integrated:
             self._note(f"frame {number} of {channel.topic} cannot be written ({error})", 0)
             return
         yield Message(joined, *times, number, data)
-
-    def _note(self, problem: str, lost_bytes: int) -> None:
-        damage = Damage(Path(self.name), None, problem, lost_bytes, 1)
-        if damage not in self.damage:
-            self.damage.append(damage)
 
 
 def _joined(channel: Channel) -> Channel:
@@ -168,16 +129,9 @@ def _fits(one: Cloud, other: Cloud) -> bool:
 
 
 def join(clouds: Sequence[Cloud], stamps_ns: Sequence[int]) -> Cloud:
-    """Return an unorganised cloud of the points of clouds with the same layout, with the earliest stamp.
+    """Return an unorganised cloud of the points of one or more clouds with the same layout, with the earliest stamp.
 
     Times of points that are relative to the stamp of their cloud become relative to the earliest one.
-
-    Parameters
-    ----------
-    clouds : sequence of Cloud
-        At least one.
-    stamps_ns : sequence of int
-        Their stamps in nanoseconds.
     """
     first, start_ns = clouds[0], min(stamps_ns)
     shifted = [_shifted(cloud, stamp_ns - start_ns) for cloud, stamp_ns in zip(clouds, stamps_ns, strict=True)]

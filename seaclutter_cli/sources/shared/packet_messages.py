@@ -1,8 +1,9 @@
-"""Messages of lidar drivers that contain packets: their layouts and readers."""
+"""Messages of lidar drivers that contain packets: their layouts, and their packets, of one or of many at once."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import groupby
 from struct import unpack_from
 
 import numpy as np
@@ -13,31 +14,18 @@ from seaclutter_cli.records import Buffer, Channel, Message
 from seaclutter_cli.sensors.packets import Packets
 from seaclutter_cli.text import count
 
-NANO = 1_000_000_000
-LATEST_NS = np.iinfo(np.int64).max
+_NANO = 1_000_000_000
+_LATEST_NS = np.iinfo(np.int64).max
 _MAX_SLACK = 8
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Fields of a packet message.
+    """Fields of a packet message: a ``std_msgs/Header``, ``flags`` bytes, and one packet, or a sequence of ``many``.
 
-    Parameters
-    ----------
-    header : bool, optional
-        Whether it begins with a ``std_msgs/Header``.
-    flags : int, optional
-        Bytes after the header.
-    many : bool, optional
-        Whether it contains a sequence of packets instead of one.
-    stamp : bool, optional
-        Whether each packet begins with a time.
-    length : int, optional
-        Bytes reserved for each packet; None if its length precedes it.
-    sized : bool, optional
-        Whether the number of used bytes follows each packet.
-    spare : bool, optional
-        Whether some drivers append an unused byte to packets, whose lengths are multiples of 4.
+    Each packet begins with a ``stamp``, and has ``length`` reserved bytes, or is preceded by its length. If ``sized``,
+    the number of used bytes follows it. If ``spare``, some drivers append an unused byte to packets, whose lengths are
+    multiples of 4.
     """
 
     header: bool = True
@@ -137,52 +125,6 @@ def has_single_packets(channel: Channel) -> bool:
     return not PACKET_LAYOUTS[packet_type(channel) or ""][0].many
 
 
-@dataclass(frozen=True)
-class PacketMessage:
-    """The packets in a message.
-
-    Parameters
-    ----------
-    frame_id : str or None
-        Coordinate frame; None if the message names none.
-    times_ns : sequence of int
-        Time of each packet in nanoseconds of Unix time; the log time if the message has none.
-    payloads : sequence of bytes, memoryview or ndarray
-        UDP payloads.
-    """
-
-    frame_id: str | None
-    times_ns: Sequence[int]
-    payloads: Sequence[Buffer]
-
-    @property
-    def packets(self) -> list[Packets]:
-        """The packets in order, in runs of equal length."""
-        return list(runs(self.times_ns, self.payloads))
-
-
-@dataclass(frozen=True)
-class Places:
-    """Where messages of equal length with one packet may differ.
-
-    Parameters
-    ----------
-    payload : slice
-        Bytes of the UDP payload.
-    stamp : int or None
-        Offset of the stamp: two integers of 32 bits, seconds and nanoseconds; None if there is none.
-    order : str
-        Byte order of the integers, ``<`` or ``>``.
-    fixed : ndarray, shape (F,)
-        Bytes that do not differ: all but payload, stamp, sequence number and flags.
-    """
-
-    payload: slice
-    stamp: int | None
-    order: str
-    fixed: NDArray[np.intp]
-
-
 def runs(times_ns: Sequence[int], payloads: Sequence[Buffer]) -> Iterator[Packets]:
     """Yield packets in order, in runs of equal length."""
     sizes = np.array([len(payload) for payload in payloads], np.int64)
@@ -193,39 +135,28 @@ def runs(times_ns: Sequence[int], payloads: Sequence[Buffer]) -> Iterator[Packet
             yield Packets(np.array(times_ns[first:end], np.int64), data)
 
 
-def read_packets(message: Message) -> PacketMessage:
+def read_packets(message: Message) -> "PacketMessage":
     """Return the packets in a message; `CloudError` if it is truncated or has another layout."""
-    return _read(message)[0]
-
-
-def read_places(message: Message) -> tuple[PacketMessage, Places]:
-    """Return the packet in a message that has one, and its place; `CloudError` as from `read_packets`."""
-    read, reader = _read(message)
-    is_fixed = np.ones(len(message.data), np.bool_)
-    for place in (reader.payload, *reader.other):
-        is_fixed[place] = False
-    if reader.stamp is not None:
-        is_fixed[reader.stamp : reader.stamp + 8] = False
-    return read, Places(reader.payload, reader.stamp, reader.order, np.flatnonzero(is_fixed))
-
-
-def _read(message: Message) -> tuple[PacketMessage, "_Reader"]:
     first: CloudError | None = None
     for layout in PACKET_LAYOUTS[packet_type(message.channel) or ""]:
         try:
-            reader = _Reader(message)
-            return reader.read(layout), reader
+            return PacketMessage(message, layout)
         except CloudError as error:
             first = first or error
     raise first or CloudError("the message has no known layout")
 
 
-class _Reader:
-    """Reader of the fields of a message, in order."""
+class PacketMessage:
+    """The packets in a message, and the places of what differs between messages of equal length with one packet.
 
-    def __init__(self, message: Message) -> None:
+    ``frame_id`` is None if the message names none. ``times_ns`` are in Unix time, and the log time if the message has
+    none. ``payload`` are the bytes of the last packet, ``stamp`` the offset of its seconds and nanoseconds, two
+    integers of 32 bits in the byte order ``order``.
+    """
+
+    def __init__(self, message: Message, layout: Layout) -> None:
         data = message.data
-        self._data, self._size, self._log_ns = data, len(data), min(message.log_time_ns, LATEST_NS)
+        self._data, self._size, self._log_ns = data, len(data), min(message.log_time_ns, _LATEST_NS)
         self._ros1 = message.channel.message_encoding == "ros1"
         if not self._ros1 and (len(data) < 4 or data[0] != 0 or data[1] > 1):
             raise CloudError("the message does not start with a plain CDR header")
@@ -234,19 +165,33 @@ class _Reader:
         self._at = self._start
         self.payload = slice(0)
         self.stamp: int | None = None
-        self.other: list[slice] = []
-
-    def read(self, layout: Layout) -> PacketMessage:
-        """Return the packets in the message."""
-        frame_id, stamp_ns = self._header() if layout.header else (None, 0)
-        self.other.append(slice(self._at, self._at + layout.flags))
+        self._other: list[slice] = []
+        self.frame_id: str | None = None
+        stamp_ns = self._read_header() if layout.header else 0
+        self._other.append(slice(self._at, self._at + layout.flags))
         self._at += layout.flags
         number = self._number() if layout.many else 1
+        self.times_ns: list[int] = []
+        self.payloads: list[Buffer] = []
         if layout.length is not None:
-            times_ns, payloads = self._reserved(layout, layout.length, number)
+            self._read_reserved(layout, layout.length, number)
         else:
-            times_ns, payloads = self._counted(layout, number, stamp_ns)
-        return PacketMessage(frame_id, times_ns, payloads)
+            self._read_counted(layout, number, stamp_ns)
+
+    @property
+    def packets(self) -> list[Packets]:
+        """The packets in order, in runs of equal length."""
+        return list(runs(self.times_ns, self.payloads))
+
+    @property
+    def fixed(self) -> NDArray[np.intp]:
+        """Bytes that do not differ, shape (F,): all but payload, stamp, sequence number and flags."""
+        is_fixed = np.ones(self._size, np.bool_)
+        for place in (self.payload, *self._other):
+            is_fixed[place] = False
+        if self.stamp is not None:
+            is_fixed[self.stamp : self.stamp + 8] = False
+        return np.flatnonzero(is_fixed)
 
     def _numbers(self, number: int) -> tuple[int, ...]:
         """Return unsigned integers of 32 bits, which are aligned."""
@@ -259,10 +204,10 @@ class _Reader:
     def _number(self) -> int:
         return self._numbers(1)[0]
 
-    def _header(self) -> tuple[str, int]:
-        """Return the frame id and the stamp of a header."""
+    def _read_header(self) -> int:
+        """Read the frame id, and return the stamp."""
         if self._ros1:
-            self.other.append(slice(self._at, self._at + 4))
+            self._other.append(slice(self._at, self._at + 4))
             self._at += 4
         self.stamp = self._at
         sec, nanosec, size = self._numbers(3)
@@ -273,10 +218,11 @@ class _Reader:
             )
         self._at += size
         name = bytes(self._data[begin : self._at]).decode(errors="surrogateescape")
-        return name if self._ros1 else name.removesuffix("\0"), sec * NANO + nanosec
+        self.frame_id = name if self._ros1 else name.removesuffix("\0")
+        return sec * _NANO + nanosec
 
-    def _reserved(self, layout: Layout, length: int, number: int) -> tuple[list[int], list[Buffer]]:
-        """Return times and payloads of packets of a fixed size."""
+    def _read_reserved(self, layout: Layout, length: int, number: int) -> None:
+        """Read packets of a fixed size."""
         at = self._at + -(self._at - self._start) % self._align
         number_type = self.order + "u4"
         fields = [("sec", number_type), ("nanosec", number_type), ("data", "u1", (length,))]
@@ -291,23 +237,18 @@ class _Reader:
         view, begin = memoryview(self._data), at + 8
         self.stamp, self.payload = at, slice(begin, begin + length)
         spans = zip(range(begin, begin + number * step, step), sizes, strict=True)
-        return self._times(packets), [view[start : start + size] for start, size in spans]
-
-    def _times(self, packets: NDArray[np.void]) -> list[int]:
-        times_ns = packets["sec"].astype(np.int64) * NANO + packets["nanosec"]
+        times_ns = packets["sec"].astype(np.int64) * _NANO + packets["nanosec"]
         times_ns[times_ns == 0] = self._log_ns
-        times: list[int] = times_ns.tolist()
-        return times
+        self.times_ns += times_ns.tolist()
+        self.payloads += [view[start : start + size] for start, size in spans]
 
-    def _counted(self, layout: Layout, number: int, stamp_ns: int) -> tuple[list[int], list[Buffer]]:
-        """Return times and payloads of packets whose lengths precede them."""
-        times_ns: list[int] = []
-        payloads: list[Buffer] = []
+    def _read_counted(self, layout: Layout, number: int, stamp_ns: int) -> None:
+        """Read packets whose lengths precede them."""
         view = memoryview(self._data)
         for _ in range(number):
             if layout.stamp:
                 sec, nanosec, size = self._numbers(3)
-                stamp_ns = sec * NANO + nanosec
+                stamp_ns = sec * _NANO + nanosec
             else:
                 size = self._number()
             begin, self._at = self._at, self._at + size
@@ -321,8 +262,73 @@ class _Reader:
             if layout.spare and size % 4 == 1:
                 size -= 1
             self.payload = slice(begin, begin + size)
-            times_ns.append(stamp_ns or self._log_ns)
-            payloads.append(view[begin : begin + size])
+            self.times_ns.append(stamp_ns or self._log_ns)
+            self.payloads.append(view[begin : begin + size])
         if self._size - self._at > _MAX_SLACK:
             raise CloudError(f"{count(self._size - self._at, 'byte')} follow the packets in the message")
-        return times_ns, payloads
+
+
+@dataclass
+class Batch:
+    """The packets of messages of one topic in order, in runs of equal length.
+
+    The frame id is that in the last message that names one; ``problems`` are messages that cannot be read, by position.
+    """
+
+    packets: list[Packets] = field(default_factory=list)
+    frame_id: str | None = None
+    problems: list[tuple[int, CloudError]] = field(default_factory=list)
+
+
+def read_batch(messages: Sequence[Message]) -> Batch:
+    """Return the packets of messages of one topic.
+
+    Messages with one packet differ only in stamps, flags and payloads if their lengths are equal. They are read as
+    one array, which is several times faster than one after the other.
+    """
+    batch, at = Batch(), 0
+    for _, group in groupby(messages, key=lambda message: len(message.data)):
+        alike = list(group)
+        if len(alike) == 1 or not _read_alike(alike, batch):
+            _read_each(alike, batch, at)
+        at += len(alike)
+    return batch
+
+
+def _read_each(messages: Sequence[Message], batch: Batch, first: int) -> None:
+    """Add the packets of messages, of which the first has a position in the batch."""
+    times_ns: list[int] = []
+    payloads: list[Buffer] = []
+    for number, message in enumerate(messages, first):
+        try:
+            read = read_packets(message)
+        except CloudError as error:
+            batch.problems.append((number, error))
+            continue
+        times_ns += read.times_ns
+        payloads += read.payloads
+        batch.frame_id = batch.frame_id if read.frame_id is None else read.frame_id
+    batch.packets += runs(times_ns, payloads)
+
+
+def _read_alike(messages: Sequence[Message], batch: Batch) -> bool:
+    """Add the packets of messages of equal length with one packet each; return whether they are alike."""
+    if not has_single_packets(messages[0].channel):
+        return False
+    try:
+        first = read_packets(messages[0])
+    except CloudError:
+        return False
+    rows = np.frombuffer(b"".join(message.data for message in messages), np.uint8).reshape(len(messages), -1)
+    fixed = first.fixed
+    if (rows[:, fixed] != rows[0, fixed]).any():
+        return False
+    times_ns = np.array([min(message.log_time_ns, _LATEST_NS) for message in messages], np.int64)
+    if first.stamp is not None:
+        stamps = np.ascontiguousarray(rows[:, first.stamp : first.stamp + 8]).view(first.order + "u4")
+        sec, nanosec = stamps.astype(np.int64).T
+        stamps_ns = sec * _NANO + nanosec
+        times_ns = np.where(stamps_ns == 0, times_ns, stamps_ns)
+    batch.packets.append(Packets(times_ns, rows[:, first.payload]))
+    batch.frame_id = batch.frame_id if first.frame_id is None else first.frame_id
+    return True

@@ -1,8 +1,12 @@
-"""Search of a log for packet topics that can be decoded, and for what their decoders need."""
+"""Search of a log for packet topics that can be decoded, and for what their decoders need.
+
+A companion is a topic beside a packet topic that contains the calibration of the same sensor.
+"""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,13 +21,64 @@ from seaclutter_cli.sensors.packets import (
     SelfCalibrating,
     of_other_length,
 )
-from seaclutter_cli.sources.shared.packet_companions import contains_packets, find_companion, read_recorded
-from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_packets, runs
+from seaclutter_cli.sources.shared.packet_messages import (
+    has_single_packets,
+    packet_type,
+    read_packets,
+    ros2_type,
+    runs,
+)
 
 _MAX_TRIES = 10
 _SAMPLES, _CALIBRATIONS = 64, 32
 _IMU_BYTES = (48,)
 """Lengths of Ouster's IMU packets, which the driver publishes in messages of the same type."""
+
+
+class _Companion(NamedTuple):
+    """A kind of companion: its ROS 2 message type, a word in its topic, and the message types of its packet topics."""
+
+    typename: str
+    word: str
+    serves: Collection[str]
+
+
+_COMPANIONS = (
+    _Companion("rslidar_msgs/msg/rslidarPacket", "", ("rslidar_msgs/msg/rslidarScan",)),
+    _Companion("rslidar_msg/msg/RslidarPacket", "difop", ("rslidar_msg/msg/RslidarScan",)),
+    _Companion("std_msgs/msg/String", "metadata", ("ouster_ros/msg/PacketMsg", "ouster_sensor_msgs/msg/PacketMsg")),
+    _Companion("std_msgs/msg/UInt8MultiArray", "correction", ("hesai_ros_driver/msg/UdpFrame",)),
+)
+
+
+def _find_companion(packets: Channel, channels: Iterable[Channel]) -> Channel | None:
+    """Return the topic with the calibration of a packet topic: of several, the one whose name begins most alike."""
+    kinds = [kind for kind in _COMPANIONS if ros2_type(packets) in kind.serves]
+    found = [channel for channel in channels if any(_is_of(channel, kind) for kind in kinds)]
+    return max(found, key=lambda channel: _alike(channel.topic, packets.topic), default=None)
+
+
+def _alike(one: str, other: str) -> int:
+    """Return how many first characters two names share."""
+    equal = [a == b for a, b in zip(one, other, strict=False)]
+    return [*equal, False].index(False)
+
+
+def _is_of(channel: Channel, kind: _Companion) -> bool:
+    return ros2_type(channel) == kind.typename and kind.word in channel.topic.lower()
+
+
+def _read_recorded(message: Message) -> bytes:
+    """Return the file in a ``std_msgs/String`` or ``std_msgs/UInt8MultiArray``; `CloudError` if it is damaged."""
+    from rosbags.typesys import Stores, get_typestore
+
+    store, typename = get_typestore(Stores.ROS1_NOETIC), ros2_type(message.channel) or ""
+    read = store.deserialize_ros1 if message.channel.message_encoding == "ros1" else store.deserialize_cdr
+    try:
+        data: Any = read(bytes(message.data), typename).data  # type: ignore[attr-defined]
+    except Exception as error:  # the library does not wrap errors of damaged messages
+        raise CloudError(f"the message is not a valid {typename}: {error}") from error
+    return data.encode(errors="surrogateescape") if isinstance(data, str) else bytes(data.tobytes())
 
 
 def find_families(channel: Channel, families: Iterable[PacketFamily]) -> list[PacketFamily]:
@@ -34,19 +89,7 @@ def find_families(channel: Channel, families: Iterable[PacketFamily]) -> list[Pa
 
 @dataclass
 class Candidate:
-    """A packet topic of which it is not yet known whether it can be decoded.
-
-    Parameters
-    ----------
-    channel : Channel
-        Channel of the packets.
-    families : sequence of PacketFamily
-        Families that may have sent them.
-    options : DecoderOptions
-        Settings that packets do not contain.
-    companion : Channel or None
-        Topic with the calibration of the sensor.
-    """
+    """A packet topic of which it is not yet known whether it can be decoded, and the families that may have sent it."""
 
     channel: Channel
     families: Sequence[PacketFamily]
@@ -84,11 +127,11 @@ class Candidate:
     def add_calibration(self, message: Message) -> PacketDecoder | None:
         """Add a message of the companion topic; return a decoder if the packets so far suffice for one."""
         try:
-            if contains_packets(message.channel):
+            if packet_type(message.channel):
                 packets = read_packets(message)
                 return self._gather(packets.times_ns, packets.payloads)
             if self.options.recorded is None:
-                self.options = replace(self.options, recorded=read_recorded(message))
+                self.options = replace(self.options, recorded=_read_recorded(message))
         except CloudError as error:
             self._note(f"{message.channel.topic}: {error}")
         return self._try() if self._is_ready else None
@@ -202,7 +245,7 @@ def make_candidates(
     found = {}
     for channel in channels:
         if of_channel := find_families(channel, known):
-            companion = find_companion(channel, channels)
+            companion = _find_companion(channel, channels)
             found[channel.id] = Candidate(channel, of_channel, options, companion)
     companions = {candidate.companion.id for candidate in found.values() if candidate.companion}
     return {number: candidate for number, candidate in found.items() if number not in companions}

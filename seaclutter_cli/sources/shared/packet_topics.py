@@ -3,21 +3,16 @@
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros1_cloud_schema, ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
+from seaclutter_cli.records import Channel, Message, Record, SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
-from seaclutter_cli.sources.shared.packet_batches import read_batch
-from seaclutter_cli.sources.shared.packet_messages import (
-    advice_on,
-    has_single_packets,
-    packet_type,
-)
+from seaclutter_cli.sources.shared.base import SourceWrapper
+from seaclutter_cli.sources.shared.packet_messages import advice_on, has_single_packets, packet_type, read_batch
 from seaclutter_cli.sources.shared.packet_probe import find_families, make_candidates, probe
 from seaclutter_cli.text import count
 
@@ -30,16 +25,8 @@ def wrap_packets(
 ) -> Source:
     """Return a source with point clouds for its packet topics; a source without them is returned as it is.
 
-    Known topics that cannot be decoded become warnings.
-
-    Parameters
-    ----------
-    source : Source
-        A log. The first messages of its packet topics are read.
-    options : DecoderOptions, optional
-        Settings that packets do not contain.
-    families : mapping of str to PacketFamily, optional
-        Sensors that can be decoded; all if not given.
+    The first messages of packet topics are read. Known topics that cannot be decoded become warnings. All families can
+    be decoded unless some are given.
     """
     source.warnings += [
         f"{channel.topic} is not decoded: {channel.schema.name} is not supported; {advice}"
@@ -86,46 +73,25 @@ class _Stream:
     partial: int = 0
 
 
-class PacketTopics:
+class PacketTopics(SourceWrapper):
     """A log with additional point clouds for its packet topics, as the sensor's driver would publish them.
 
     Every message is kept. The cloud of a frame follows the scan message that completes it, and has the times of this
     message. Messages with one packet are decoded 64 at once, or those of 50 ms: the cloud follows the last of them.
     Frames that are incomplete at the end of the log come last. Topics that cannot be decoded are kept without clouds,
-    with a warning.
-
-    Parameters
-    ----------
-    inner : Source
-        The log.
-    families : mapping of str to PacketFamily
-        Sensors that can be decoded.
-    options : DecoderOptions
-        Settings that packets do not contain.
-
-    Attributes
-    ----------
-    facts : dict of str to SensorFacts
-        Facts about the sensor of each cloud topic; filled while the records are read.
+    with a warning. The facts about sensors are filled while the records are read.
     """
 
     def __init__(self, inner: Source, families: Mapping[str, PacketFamily], options: DecoderOptions) -> None:
         """Read the first scan of every packet topic."""
-        self._inner, self._options = inner, options
-        self.name, self.format = inner.name, inner.format
-        self.profile, self.compression = inner.profile, inner.compression
-        self.damage, self.warnings = inner.damage, list(inner.warnings)
-        self.facts = dict(inner.facts)
+        super().__init__(inner)
+        self._options = options
+        self.facts: dict[str, SensorFacts] = dict(inner.facts)
         self._topics: dict[int, _Topic] = {}
         topics = {channel.topic for channel in inner.channels}
         # Topics whose clouds were recorded too, as in the output of `filter`, are not decoded.
         undecoded = [channel for channel in inner.channels if _points_topic(channel) not in topics]
         self._probe([channel for channel in undecoded if inner.counts.get(channel.id) != 0], families)
-
-    @property
-    def metadata(self) -> Sequence[Metadata]:
-        """Metadata records of the log."""
-        return self._inner.metadata
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -140,10 +106,6 @@ class PacketTopics:
         counts |= {topic.clouds.id: counts[number] for number, topic in scans.items()}
         return counts
 
-    def close(self) -> None:
-        """Close the log."""
-        self._inner.close()
-
     def _probe(self, undecoded: Sequence[Channel], families: Mapping[str, PacketFamily]) -> None:
         """Determine from the first packets of each topic whether it can be decoded."""
         candidates = make_candidates(undecoded, families.values(), self._options)
@@ -153,11 +115,8 @@ class PacketTopics:
                 clouds, single = self._cloud_channel(candidate.channel), has_single_packets(candidate.channel)
                 self._topics[number] = _Topic(clouds, candidate.family, candidate.sample, candidate.options, single)
                 self.facts[clouds.topic] = facts
-                self._warn(*(f"{clouds.topic}: {text}" for text in facts.warnings))
-        self._warn(*(candidate.problems[0] for candidate in candidates.values() if candidate.problems))
-
-    def _warn(self, *texts: str) -> None:
-        self.warnings += [text for text in texts if text not in self.warnings]
+                self.warn(*(f"{clouds.topic}: {text}" for text in facts.warnings))
+        self.warn(*(candidate.problems[0] for candidate in candidates.values() if candidate.problems))
 
     def _cloud_channel(self, packets: Channel) -> Channel:
         """Return the channel of a packet topic's clouds."""
@@ -168,15 +127,6 @@ class PacketTopics:
         schema = ros1_cloud_schema() if ros1 else ros2_schema("sensor_msgs/msg/PointCloud2")
         topic = _points_topic(packets)
         return Channel(number, topic, packets.message_encoding, schema)
-
-    def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
-        """Return an empty mapping: nothing is left out because clouds are numbered by decoding all packets."""
-        return {}
-
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """Log times of the first and the last message of the log."""
-        return self._inner.span_ns
 
     def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
         """Return the last message before a time of each of some channels of the log."""
@@ -223,7 +173,7 @@ class PacketTopics:
         for number, error in batch.problems:
             topic = messages[number].channel.topic
             problem = f"scan {stream.scans + number} of {topic} cannot be read ({error})"
-            self._note(problem, len(messages[number].data), 1)
+            self._note(problem, len(messages[number].data))
         stream.scans += len(messages)
         stream.frame_id = stream.frame_id if batch.frame_id is None else batch.frame_id
         for packets in batch.packets:
@@ -242,7 +192,7 @@ class PacketTopics:
             try:
                 data = codec.encode(replace(cloud, extra=number))
             except CloudError as error:
-                self._note(f"frame {number} of {channel.topic} cannot be written ({error})", len(cloud.data), 1)
+                self._note(f"frame {number} of {channel.topic} cannot be written ({error})", len(cloud.data))
                 continue
             yield Message(channel, *stream.times, number, data)
 
@@ -251,18 +201,13 @@ class PacketTopics:
         topic, facts = stream.topic.clouds.topic, stream.decoder.facts
         if stream.partial:
             facts.details["partial revolutions"] = f"{stream.partial}, where the recording begins, pauses or ends"
-        self._warn(*(f"{topic}: {text}" for text in facts.warnings))
+        self.warn(*(f"{topic}: {text}" for text in facts.warnings))
         if facts.lost_packets:
-            self._warn(f"{topic}: {count(facts.lost_packets, 'packet')} missing, counted from gaps")
+            self.warn(f"{topic}: {count(facts.lost_packets, 'packet')} missing, counted from gaps")
         if facts.bad_packets:
             size = stream.topic.sample.payloads.shape[1]
             problem = f"{topic}: {count(facts.bad_packets, 'packet')} that cannot be decoded"
             self._note(problem, facts.bad_packets * size, None)
-
-    def _note(self, problem: str, lost_bytes: int, lost_messages: int | None) -> None:
-        damage = Damage(Path(self.name), None, problem, lost_bytes, lost_messages)
-        if damage not in self.damage:
-            self.damage.append(damage)
 
 
 def _points_topic(packets: Channel) -> str:

@@ -5,8 +5,8 @@ import random
 import pytest
 
 from seaclutter_cli.records import Channel, Message, Schema
-from seaclutter_cli.sources.shared import packet_batches
-from seaclutter_cli.sources.shared.packet_batches import read_batch
+from seaclutter_cli.sources.shared import packet_messages
+from seaclutter_cli.sources.shared.packet_messages import read_batch
 from tests.sources.shared.slow_messages import SINGLE, Form
 
 START = 1_700_000_000 * 10**9
@@ -54,7 +54,7 @@ def found(batch):
 def test_equal_messages_are_read_as_one_array(kind, form, monkeypatch):
     rng = random.Random(1)
     sent = messages(kind, form, [values(rng, number) for number in range(20)])
-    monkeypatch.setattr(packet_batches, "_read_each", None)  # the slow way must not be needed
+    monkeypatch.setattr(packet_messages, "_read_each", None)  # the slow way must not be needed
     batch = read_batch(sent)
     assert found(batch) == expected(kind, form, sent)
     assert len(batch.packets) == 1
