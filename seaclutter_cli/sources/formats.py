@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError
@@ -10,7 +11,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
-from seaclutter_cli.sources.pcap.magics import CAPTURE_MAGICS
+from seaclutter_cli.sources.pcap import CAPTURE_MAGICS
 from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder, open_rosbag2
 from seaclutter_cli.sources.shared.packet_topics import wrap_packets
 from seaclutter_cli.threads import keep_freed_memory
@@ -22,16 +23,8 @@ _HEAD_BYTES = 16
 class Format:
     """A log format with single-file recordings.
 
-    Parameters
-    ----------
-    title : str
-        Name shown to the user.
-    suffixes : tuple of str
-        Usual file name suffixes.
-    magics : tuple of bytes
-        First bytes of a file; they take precedence over the suffix.
-    open : callable
-        Opens a file as a source, given the settings that packets do not contain.
+    The first bytes of a file (``magics``) take precedence over the usual suffixes of its name. Opening it takes the
+    settings that packets do not contain.
     """
 
     title: str
@@ -40,45 +33,24 @@ class Format:
     open: Callable[[Path, DecoderOptions], Source]
 
 
-# Each source is imported on demand, which keeps the start of a run fast.
+def _opener(module: str, source: str, *, decodes: bool = False) -> Callable[[Path, DecoderOptions], Source]:
+    """Return a function that imports a source when it opens its first file, so that the start of a run is fast."""
+
+    def open_log(path: Path, decoding: DecoderOptions) -> Source:
+        make = getattr(import_module(f"seaclutter_cli.sources.{module}"), source)
+        opened: Source = make(path, decoding) if decodes else make(path)
+        return opened
+
+    return open_log
 
 
-def _open_mcap(path: Path, _: DecoderOptions) -> Source:
-    from seaclutter_cli.sources.mcap.source import McapSource
-
-    return McapSource(path)
-
-
-def _open_bag(path: Path, _: DecoderOptions) -> Source:
-    from seaclutter_cli.sources.rosbag1.source import BagSource
-
-    return BagSource(path)
-
-
-def _open_db3(path: Path, _: DecoderOptions) -> Source:
-    from seaclutter_cli.sources.rosbag2.db3 import Db3Source
-
-    return Db3Source(path)
-
-
-def _open_capture(path: Path, decoding: DecoderOptions) -> Source:
-    from seaclutter_cli.sources.pcap.source import CaptureSource
-
-    return CaptureSource(path, decoding)
-
-
-def _open_detections(path: Path, _: DecoderOptions) -> Source:
-    from seaclutter_cli.sources.detections import DetectionSource
-
-    return DetectionSource(path)
-
-
+_OF_CAPTURES = _opener("pcap.source", "CaptureSource", decodes=True)
 SOURCES: Mapping[str, Format] = {
-    "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), _open_mcap),
-    "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), _open_bag),
-    "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), _open_db3),
-    "detections": Format("Autoferry detections", ("_detections.json",), (), _open_detections),
-    "capture": Format("PCAP", (".pcap", ".pcapng", ".cap"), CAPTURE_MAGICS, _open_capture),
+    "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), _opener("mcap.source", "McapSource")),
+    "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), _opener("rosbag1.source", "BagSource")),
+    "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), _opener("rosbag2.db3", "Db3Source")),
+    "detections": Format("Autoferry detections", ("_detections.json",), (), _opener("detections", "DetectionSource")),
+    "capture": Format("PCAP", (".pcap", ".pcapng", ".cap"), CAPTURE_MAGICS, _OF_CAPTURES),
 }
 """Formats of log files. Add a new format here; formats of single frames are in `FRAME_READERS`."""
 
@@ -88,19 +60,8 @@ LOG_SUFFIXES = tuple(suffix for form in SOURCES.values() for suffix in form.suff
 def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
     """Open a recording: a log file, a rosbag2 folder, a folder of frames, or a single frame.
 
-    Parameters
-    ----------
-    path : Path
-        File or folder.
-    rate_hz : float, optional
-        Frames per second if the frames have no times.
-    decoding : DecoderOptions, optional
-        Settings that packets do not contain.
-
-    Raises
-    ------
-    InputError
-        If the path is not a readable recording.
+    Frames without times have a rate; ``decoding`` are the settings that packets do not contain. `InputError` if the
+    path is not a readable recording.
     """
     keep_freed_memory()
     decoding = decoding or DecoderOptions()

@@ -35,16 +35,7 @@ def joined(
 
     A file continues a recording if it begins at the end of the file before it, at most `MAX_GAP_S` after and
     `MAX_OVERLAP_S` before, and has the same cloud topics, or some of them. A file that cannot be opened, or has no
-    messages, does not part a recording.
-
-    Parameters
-    ----------
-    files : sequence of Path
-        Files in the order of their numbers.
-    open_file : callable
-        Opens a file.
-    note : callable
-        Receives a line that says which files are joined, or why not.
+    messages, does not part a recording. ``note`` receives lines that say which files are joined, or why not.
     """
     groups, last, reasons = [[files[0]]], _content(files[0], open_file), []
     for file in files[1:]:

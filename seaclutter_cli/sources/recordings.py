@@ -16,8 +16,9 @@ from seaclutter_cli.sources.formats import LOG_SUFFIXES, SOURCES, format_names, 
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.frame_files.sidecars import times_beside
 from seaclutter_cli.sources.joining import difference, joined
-from seaclutter_cli.sources.rosbag2.folder import SplitSource, is_rosbag2_folder, split_groups
+from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder, split_groups
 from seaclutter_cli.sources.shared.packet_topics import wrap_packets
+from seaclutter_cli.sources.shared.split import SplitSource
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.real_paths import RealPaths
 from seaclutter_cli.text import count
@@ -100,14 +101,9 @@ def metadata_beside(log: Path) -> list[Path]:
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """How folders are searched for recordings.
+    """How folders are searched for recordings: with the folders in them if ``recursive``.
 
-    Parameters
-    ----------
-    join : bool or None
-        Whether files with consecutive numbers are one recording; None: if their times and topics fit.
-    recursive : bool
-        Whether folders in folders are searched.
+    Files with consecutive numbers are one recording if ``join``; by default, if their times and topics fit.
     """
 
     join: bool | None = None
@@ -120,21 +116,9 @@ def find_recordings(
     """Return the recordings that names, folders and globs on the command line refer to.
 
     A folder that is not a recording itself refers to the recordings in it. Globs are expanded here because not every
-    shell expands them; an existing name is never treated as a glob.
-
-    Parameters
-    ----------
-    patterns : iterable of str
-        Names, folders and globs.
-    search : Search, optional
-        How folders are searched.
-    note : callable, optional
-        Receives lines about files that are joined, and about what is left out.
-
-    Raises
-    ------
-    UsageError
-        If a glob or a folder contains no recording, or a path does not exist.
+    shell expands them; an existing name is never treated as a glob. ``note`` receives lines about files that are
+    joined, and about what is left out. `UsageError` if a glob or a folder contains no recording, or a path does not
+    exist.
     """
     search = search or Search()
     found: dict[Location, Recording] = {}

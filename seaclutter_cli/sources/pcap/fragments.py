@@ -30,12 +30,7 @@ class _Incomplete:
 
 
 class Fragments:
-    """Reassembly of IPv4 datagrams from fragments.
-
-    Notes
-    -----
-    State: up to 64 incomplete datagrams; a new one replaces the oldest. ``lost`` counts the discarded ones.
-    """
+    """Reassembly of up to 64 IPv4 datagrams; a new one replaces the oldest. ``lost`` counts the discarded ones."""
 
     def __init__(self) -> None:
         self._open: OrderedDict[Key, _Incomplete] = OrderedDict()
@@ -44,16 +39,7 @@ class Fragments:
     def add(self, key: Key, offset: int, more: bool, piece: bytes) -> bytes | None:
         """Return the datagram that a fragment completes; None if it is still incomplete.
 
-        Parameters
-        ----------
-        key : tuple of int
-            Sender, receiver and identification.
-        offset : int
-            Offset of the fragment in the datagram, in bytes.
-        more : bool
-            Whether more fragments follow.
-        piece : bytes
-            Content of the fragment.
+        The key is sender, receiver and identification, the offset that of the fragment in the datagram in bytes.
         """
         waiting = self._open.get(key)
         if waiting is not None and offset in waiting.pieces and waiting.pieces[offset] != piece:

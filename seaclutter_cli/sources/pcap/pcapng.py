@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.records import Damage
-from seaclutter_cli.sources.pcap.magics import PCAPNG_MAGIC
-from seaclutter_cli.sources.pcap.records import BATCH, MAX_PACKET, Records
+from seaclutter_cli.sources.pcap import PCAPNG_MAGIC
+from seaclutter_cli.sources.pcap.records import BATCH, MAX_PACKET, RecordReader, Records
 from seaclutter_cli.sources.shared.log_file import LogFile, unpack
 
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
@@ -49,23 +48,14 @@ class Interface:
         return ticks * whole + self.offset_s * 10**9
 
 
-class PcapngReader:
-    """Reader of a PCAPNG capture.
-
-    Parameters
-    ----------
-    file : LogFile
-        The capture.
-    path : Path
-        Path of the capture, for messages.
-    """
+class PcapngReader(RecordReader):
+    """Reader of a PCAPNG capture."""
 
     def __init__(self, file: LogFile, path: Path) -> None:
-        self._file, self._path, self._size = file, path, len(file)
+        super().__init__(file, path)
         self._interfaces: list[Interface] = []
         self._time_ns = 0
         self._use_order("<")
-        self.damage: list[Damage] = []
 
     def _use_order(self, order: str) -> None:
         self._order = order
@@ -185,9 +175,6 @@ class PcapngReader:
         problem = "the capture ends within a block" if found == self._size else "no packet can be read here"
         self._note(offset, problem, found - offset)
         return found
-
-    def _note(self, offset: int, problem: str, size: int) -> None:
-        self.damage.append(Damage(self._path, offset, problem, size))
 
     def _find(self, offset: int) -> int:
         """Return the next offset after ``offset`` where a block begins; the file size without one."""

@@ -1,23 +1,23 @@
 """Records of captures: location of each packet in the file, and capture time."""
 
 import struct
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Damage
-from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS
+from seaclutter_cli.sources.pcap import PCAP_MAGICS
 from seaclutter_cli.sources.shared.log_file import LogFile, unpack
 
 BATCH = 1024
 MAX_PACKET = 262144
 """Maximum bytes of a captured packet: libpcap's own limit."""
-DAY_NS = 86400 * 10**9
+_DAY_S = 86400
 
 _HEADER_BYTES, _RECORD_BYTES = 24, 16
 _WINDOW = 2**20
@@ -26,16 +26,9 @@ _RUN, _SINGLY = 16, 128
 
 @dataclass(frozen=True)
 class Records:
-    """R records of one link type.
+    """R records of one link type: offset and captured length of each packet in the file, and its capture time.
 
-    Parameters
-    ----------
-    link : int
-        Link type.
-    offsets, lengths : ndarray, shape (R,), int64
-        Offset and captured length of each packet, in bytes of the file.
-    times_ns : ndarray, shape (R,), int64
-        Capture times in nanoseconds of Unix time.
+    All arrays have the shape (R,); times are in nanoseconds of Unix time.
     """
 
     link: int
@@ -44,43 +37,34 @@ class Records:
     times_ns: NDArray[np.int64]
 
 
-class RecordReader(Protocol):
+class RecordReader(ABC):
     """Reader for one pass over a capture."""
 
-    damage: list[Damage]
+    def __init__(self, file: LogFile, path: Path) -> None:
+        self._file, self._path, self._size = file, path, len(file)
+        self.damage: list[Damage] = []
 
+    @abstractmethod
     def batches(self) -> Iterator[Records]:
         """Yield all records in order, in batches."""
-        ...
+
+    def _note(self, offset: int, problem: str, size: int) -> None:
+        self.damage.append(Damage(self._path, offset, problem, size))
 
 
-class PcapReader:
-    """Reader of a classic capture.
-
-    Parameters
-    ----------
-    file : LogFile
-        The capture.
-    path : Path
-        Path of the capture, for messages.
-
-    Raises
-    ------
-    InputError
-        If the file is shorter than the header.
-    """
+class PcapReader(RecordReader):
+    """Reader of a classic capture; `InputError` if the file is shorter than the header."""
 
     def __init__(self, file: LogFile, path: Path) -> None:
         if len(file) < _HEADER_BYTES:
             raise InputError(f"{path}: the capture ends within its header")
+        super().__init__(file, path)
         order, self._tick_ns = PCAP_MAGICS[bytes(file[:4])]
-        self._file, self._path, self._size = file, path, len(file)
         self._word = np.dtype(order + "u4")
         self._record = struct.Struct(order + "IIII")
         # The upper bits describe checksums.
         self._link = int(struct.unpack(order + "I", file[20:24])[0]) & 0xFFFF
         self._time_ns: int | None = None
-        self.damage: list[Damage] = []
 
     def batches(self) -> Iterator[Records]:
         """Yield all records in order, in batches."""
@@ -142,7 +126,7 @@ class PcapReader:
         found = self._find(offset)
         cut = found == self._size and self._is_truncated(offset)
         problem = "the capture ends within a packet" if cut else "no packet can be read here"
-        self.damage.append(Damage(self._path, offset, problem, found - offset))
+        self._note(offset, problem, found - offset)
         return found
 
     def _is_truncated(self, offset: int) -> bool:
@@ -166,7 +150,7 @@ class PcapReader:
         seconds, fraction, length, original = words
         likely = (fraction < 10**9 // self._tick_ns) & (length <= MAX_PACKET) & (length <= original) & (length > 0)
         if self._time_ns is not None:
-            likely &= np.abs(seconds.astype(np.int64) - self._time_ns // 10**9) <= DAY_NS // 10**9
+            likely &= np.abs(seconds.astype(np.int64) - self._time_ns // 10**9) <= _DAY_S
         return (np.flatnonzero(likely) + start).tolist()
 
     def _is_followed(self, offset: int) -> bool:
@@ -176,4 +160,4 @@ class PcapReader:
             return end == self._size
         after, fraction, length, original = unpack(self._record, self._file, end)
         likely = fraction < 10**9 // self._tick_ns and length <= MAX_PACKET and length <= original and original > 0
-        return bool(likely and abs(after - seconds) <= DAY_NS // 10**9)
+        return bool(likely and abs(after - seconds) <= _DAY_S)

@@ -25,24 +25,10 @@ Kind = tuple[int, int]
 
 @dataclass
 class Flow:
-    """Datagrams of one length from one source port to one target port.
+    """Datagrams with payloads of one length from one port of a sender to one port.
 
-    Parameters
-    ----------
-    address : str
-        Sender.
-    source_port, port : int
-        Ports of sender and receiver.
-    length : int
-        Bytes of the payload.
-    family : str or None
-        Sensor family, once it is known.
-    count : int
-        Number of datagrams.
-    samples, calibrations : list of (int, ndarray)
-        Times and payloads of some data packets and of some calibration packets.
-    unsupported : str or None
-        Name of the sensor if it is known, but not decoded.
+    Samples and calibrations are times and payloads of some data packets and of some calibration packets;
+    ``unsupported`` names a sensor that is known, but not decoded.
     """
 
     address: str
@@ -68,24 +54,10 @@ class Flow:
 
 @dataclass
 class CapturedSensor:
-    """A sensor in a capture.
+    """A sensor in a capture: its address, the port that its data packets are sent to, and its flows.
 
-    Parameters
-    ----------
-    family : str
-        Sensor family.
-    address : str
-        Address of the sensor.
-    port : int
-        Port that its data packets are sent to.
-    kinds : set of (int, int)
-        Flows of the sensor.
-    sample : Packets
-        Some packets of the sensor, calibrations of the same length first.
-    info : ndarray, shape (I, M), uint8, or None
-        Calibrations of another length.
-    shares : bool
-        Whether several sensors share the address.
+    The sample are some of its packets, calibrations of the same length first; ``info``, shape (I, M), calibrations of
+    another length. ``shares`` if several sensors have its address.
     """
 
     family: str
@@ -107,14 +79,8 @@ def each_kind(datagrams: Datagrams) -> list[tuple[Kind, NDArray[np.int64]]]:
     return [((int(datagrams.flows[rows[0]]), int(datagrams.lengths[rows[0]])), rows) for rows in parts]
 
 
-class CaptureSurvey:
-    """Search for sensors among the datagrams of a capture.
-
-    Parameters
-    ----------
-    udp : Udp
-        Parser that gives access to the payloads.
-    """
+class SensorSearch:
+    """Search for sensors among the datagrams of a capture, whose parser gives access to the payloads."""
 
     def __init__(self, udp: Udp) -> None:
         self._udp = udp

@@ -1,7 +1,7 @@
 """Captures of lidar packets: PCAP and PCAPNG."""
 
 from collections import defaultdict, deque
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,14 +11,15 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message, Metadata, SensorFacts
+from seaclutter_cli.records import Channel, Damage, Message, SensorFacts
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions, PacketDecoder, PacketFrame, Packets
-from seaclutter_cli.sources.pcap.magics import PCAP_MAGICS, PCAPNG_MAGIC
+from seaclutter_cli.sources.pcap import PCAP_MAGICS, PCAPNG_MAGIC
 from seaclutter_cli.sources.pcap.pcapng import PcapngReader
 from seaclutter_cli.sources.pcap.records import PcapReader, RecordReader
-from seaclutter_cli.sources.pcap.sensors import CapturedSensor, CaptureSurvey, Kind, each_kind
+from seaclutter_cli.sources.pcap.sensors import CapturedSensor, Kind, SensorSearch, each_kind
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
+from seaclutter_cli.sources.shared.base import SourceBase
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.text import count
 
@@ -29,38 +30,22 @@ _SHOWN_FLOWS = 5
 _WINDOW = 4 * 2**20
 
 
-class CaptureSource:
+class CaptureSource(SourceBase):
     """A capture of one or several sensors; each revolution is a ROS 2 point cloud.
 
     One sensor is on ``/points``, several are on ``/points/<address>``, or ``/points/<address>/<port>`` if they share an
-    address.
-
-    Parameters
-    ----------
-    path : Path
-        The capture.
-    options : DecoderOptions, optional
-        Settings that packets do not contain. Ouster metadata next to the capture is found without them.
-
-    Raises
-    ------
-    InputError
-        If the file is not a capture, or none of its packets can be decoded.
+    address. Nothing is skipped, because frames are numbered by decoding all packets. `InputError` if the file is not a
+    capture, or none of its packets can be decoded.
     """
 
-    profile = "ros2"
-    compression: str | None = None
-    metadata: Sequence[Metadata] = ()
-
     def __init__(self, path: Path, options: DecoderOptions | None = None) -> None:
+        super().__init__()
         self.name, self._path = path.stem, path
         self._options = options or DecoderOptions()
         self._file = LogFile(path, _WINDOW)
-        self.damage: list[Damage] = []
-        self.warnings: list[str] = []
         self._span_ns: tuple[int, int] | None = None
         try:
-            decoders = self._usable(self._survey())
+            decoders = self._usable(self._search())
         except BaseException:
             self._file.close()
             raise
@@ -95,16 +80,15 @@ class CaptureSource:
             for datagrams in self._datagrams(self._reader(), udp):
                 yield datagrams, list(_packets(datagrams, udp, kinds))
         except LostDataError as error:
-            damage = Damage(self._path, None, f"{error.problem}; the frames after this are missing")
-            self.damage += [] if damage in self.damage else [damage]
+            self.add_damage(Damage(self._path, None, f"{error.problem}; the frames after this are missing"))
 
-    def _survey(self) -> CaptureSurvey:
-        """Survey the whole capture: a sensor's calibration may be anywhere in it."""
+    def _search(self) -> SensorSearch:
+        """Search the whole capture: a sensor's calibration may be anywhere in it."""
         reader, udp = self._reader(), Udp(self._file)
-        survey = CaptureSurvey(udp)
+        search = SensorSearch(udp)
         cut = 0
         for datagrams in self._datagrams(reader, udp):
-            survey.add(datagrams)
+            search.add(datagrams)
             if len(datagrams.times_ns):
                 first, last = int(datagrams.times_ns.min()), int(datagrams.times_ns.max())
                 known = self._span_ns or (first, last)
@@ -112,31 +96,25 @@ class CaptureSource:
             cut += len(datagrams.cut)
         udp.fragments.finish()
         self.damage += reader.damage
-        self.damage += [
-            Damage(
-                self._path,
-                None,
-                f"{count(flow.count, 'packet')} from {flow.ends}, too few for a sensor",
-                flow.count * flow.length,
-            )
-            for flow in survey.damaged_flows()
-        ]
-        for flow, number in survey.headless(self._file):
+        for flow in search.damaged_flows():
+            problem = f"{count(flow.count, 'packet')} from {flow.ends}, too few for a sensor"
+            self.damage.append(Damage(self._path, None, problem, flow.count * flow.length))
+        for flow, number in search.headless(self._file):
             problem = f"{count(number, 'packet')} like those from {flow.ends}, with damaged headers"
             self.damage.append(Damage(self._path, None, problem, number * flow.length))
         if udp.fragments.lost:
             self.warnings.append(f"fragments of {count(udp.fragments.lost, 'datagram')} are missing")
-        if not survey.sensors():
-            found = _found(survey, cut, udp.other, self.damage)
+        if not search.sensors():
+            found = _found(search, cut, udp.other, self.damage)
             raise InputError(f"{self._path}: no packets of a supported lidar; {found}")
-        self.warnings += [f"{flow} are not decoded" for flow in survey.flows.values() if flow.unsupported]
-        return survey
+        self.warnings += [f"{flow} are not decoded" for flow in search.flows.values() if flow.unsupported]
+        return search
 
-    def _usable(self, survey: CaptureSurvey) -> list[tuple[CapturedSensor, PacketDecoder]]:
+    def _usable(self, search: SensorSearch) -> list[tuple[CapturedSensor, PacketDecoder]]:
         """Return the sensors that can be decoded, and their decoders; `InputError` if there are no such sensors."""
         usable: list[tuple[CapturedSensor, PacketDecoder]] = []
         problems = []
-        for sensor in survey.sensors():
+        for sensor in search.sensors():
             try:
                 usable.append((sensor, self._decoder(sensor)))
             except InputError as error:
@@ -163,22 +141,9 @@ class CaptureSource:
         return self._channels
 
     @property
-    def counts(self) -> dict[int, int]:
-        """Empty mapping: frames are only known when they are decoded."""
-        return {}
-
-    def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - the interface of all sources
-        """Return an empty mapping: nothing is left out because frames are numbered by decoding all packets."""
-        return {}
-
-    @property
     def span_ns(self) -> tuple[int, int] | None:
         """Times of arrival of the first and the last packet."""
         return self._span_ns
-
-    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:  # noqa: ARG002
-        """Return an empty list: a capture has clouds only."""
-        return []
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:  # noqa: ARG002
         """Yield the frames of all sensors in the order of their stamps; one at a time is decoded.
@@ -213,20 +178,17 @@ class CaptureSource:
         if partial:
             facts.details["partial revolutions"] = f"{partial}, where the capture begins or ends"
         self.facts[channel.topic] = facts
-        self._warn(*(f"{channel.topic}: {text}" for text in facts.warnings))
-
-    def _warn(self, *texts: str) -> None:
-        self.warnings += [text for text in texts if text not in self.warnings]
+        self.warn(*(f"{channel.topic}: {text}" for text in facts.warnings))
 
     def _count(self, channel: Channel, facts: SensorFacts, cut: int) -> None:
         if facts.lost_packets:
-            self._warn(f"{channel.topic}: {count(facts.lost_packets, 'packet')} missing, counted from gaps")
+            self.warn(f"{channel.topic}: {count(facts.lost_packets, 'packet')} missing, counted from gaps")
         counted = {"that cannot be decoded": facts.bad_packets, "truncated by the capture": cut}
         size = self._sensors[channel.id - 1].sample.payloads.shape[1]
         for problem, number in counted.items():
-            damage = Damage(self._path, None, f"{channel.topic}: {count(number, 'packet')} {problem}", number * size)
-            if number and damage not in self.damage:
-                self.damage.append(damage)
+            if number:
+                text = f"{channel.topic}: {count(number, 'packet')} {problem}"
+                self.add_damage(Damage(self._path, None, text, number * size))
 
     def close(self) -> None:
         """Close the file."""
@@ -245,12 +207,7 @@ def _packets(datagrams: Datagrams, udp: Udp, kinds: Mapping[Kind, int]) -> Itera
 
 
 class _Merge:
-    """Merger of the frames of several sensors in the order of their stamps.
-
-    Notes
-    -----
-    State: frames that wait for frames of the other sensors, at most 16 per sensor.
-    """
+    """Merger of the frames of several sensors in the order of their stamps; at most 16 of a sensor wait for others."""
 
     def __init__(self, channels: Sequence[Channel]) -> None:
         self._channels = channels
@@ -289,9 +246,9 @@ class _Merge:
         return Message(channel, stamp_ns, stamp_ns, self._sequence[number] - 1, CODECS[_TYPE, "cdr"].encode(cloud))
 
 
-def _found(survey: CaptureSurvey, cut: int, other: int, damage: Sequence[Damage]) -> str:
+def _found(search: SensorSearch, cut: int, other: int, damage: Sequence[Damage]) -> str:
     """Return a description of a capture without sensors, and advice."""
-    flows = sorted(survey.flows.values(), key=lambda flow: flow.count * flow.length, reverse=True)
+    flows = sorted(search.flows.values(), key=lambda flow: flow.count * flow.length, reverse=True)
     found = [str(flow) for flow in flows[:_SHOWN_FLOWS]]
     if len(flows) > _SHOWN_FLOWS:
         found.append(f"{count(len(flows) - _SHOWN_FLOWS, 'other flow')}")

@@ -1,6 +1,7 @@
 """UDP datagrams in the records of a capture, parsed in batches."""
 
 import ipaddress
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.sources.pcap.fragments import Fragments
-from seaclutter_cli.sources.pcap.headers import UnreadRecords
 from seaclutter_cli.sources.pcap.records import Records
 from seaclutter_cli.sources.shared.log_file import LogFile
 
@@ -19,24 +19,16 @@ _VLAN = (0x8100, 0x88A8, 0x9100)
 _MAX_TAGS = 4
 _IPV4, _IPV6, _UDP = 0x0800, 0x86DD, 17
 _MAX_ADDRESSES = 2**15
+_MAX_OTHERS = 10_000
 
 
 @dataclass(frozen=True)
 class Datagrams:
-    """D UDP datagrams in order.
+    """D UDP datagrams in order; all arrays but ``cut`` have the shape (D,).
 
-    Parameters
-    ----------
-    flows : ndarray, shape (D,), int64
-        Sender and ports of each as one number, see `Udp.ends`.
-    times_ns : ndarray, shape (D,), int64
-        Capture time in nanoseconds of Unix time.
-    offsets, lengths : ndarray, shape (D,), int64
-        Offset and length of each payload in the file; offset ``-1 - i`` refers to ``joined[i]``.
-    joined : list of bytes
-        Payloads that were sent in fragments.
-    cut : ndarray, int64
-        Flows of the datagrams that the capture truncates.
+    Flows are sender and ports as one number, see `Udp.ends`; times are in nanoseconds of Unix time. Offsets and lengths
+    are those of payloads in the file; offset ``-1 - i`` refers to ``joined[i]``, a payload that was sent in fragments.
+    ``cut`` are the flows of the datagrams that the capture truncates.
     """
 
     flows: NDArray[np.int64]
@@ -45,6 +37,40 @@ class Datagrams:
     lengths: NDArray[np.int64]
     joined: list[bytes]
     cut: NDArray[np.int64]
+
+
+@dataclass
+class UnreadRecords:
+    """Records of a capture without a datagram, because their Ethernet or IP header is damaged, or of other protocols.
+
+    ``others`` are offset and length of at most 10,000 of them. They are compared with records of sensors: ``shapes``
+    are the length of a record and the offset of the payload in it, by the length of the payload.
+    """
+
+    shapes: dict[int, tuple[int, int]] = field(default_factory=dict)
+    others: list[tuple[int, int]] = field(default_factory=list)
+
+    def add(
+        self, records: Records, used: NDArray[np.int64], rows: NDArray[np.int64], payloads: NDArray[np.int64]
+    ) -> None:
+        """Add records, given those with a datagram or a part of one, and those with a complete datagram.
+
+        ``payloads``, shape (2, D), are the offset in the record, and the length, of the payloads of the latter.
+        """
+        _, firsts = np.unique(payloads[1], return_index=True)
+        for first in firsts.tolist():
+            start, length = payloads[:, first].tolist()
+            self.shapes.setdefault(length, (int(records.lengths[rows[first]]), start))
+        if len(used) < len(records.offsets) and len(self.others) < _MAX_OTHERS:
+            other = np.setdiff1d(np.arange(len(records.offsets)), used)
+            self.others += zip(records.offsets[other].tolist(), records.lengths[other].tolist(), strict=True)
+            del self.others[_MAX_OTHERS:]
+
+    def count(self, file: LogFile, length: int, recognises: Callable[[NDArray[np.uint8]], bool]) -> int:
+        """Return the number of records without a datagram that have length and payload of a sensor's records."""
+        size, start = self.shapes[length]
+        found = (file[offset + start : offset + start + length] for offset, other in self.others if other == size)
+        return sum(recognises(np.frombuffer(payload, np.uint8)) for payload in found)
 
 
 @dataclass
@@ -58,16 +84,9 @@ class _Parsed:
 
 
 class Udp:
-    """Parser of the datagrams in a capture.
+    """Parser of the datagrams in a capture; it keeps known addresses, and incomplete datagrams.
 
-    Parameters
-    ----------
-    file : LogFile
-        The capture.
-
-    Notes
-    -----
-    State: known addresses, and incomplete datagrams. ``other`` counts records without a datagram, ``unread`` has some.
+    ``other`` counts records without a datagram, ``unread`` has some.
     """
 
     def __init__(self, file: LogFile) -> None:

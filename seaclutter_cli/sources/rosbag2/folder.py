@@ -12,8 +12,6 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Damage
 from seaclutter_cli.sources.shared.split import SplitSource
 
-__all__ = ["SplitSource", "is_rosbag2_folder", "open_rosbag2", "split_groups"]
-
 METADATA = "metadata.yaml"
 
 _KEY = "rosbag2_bagfile_information"
@@ -51,19 +49,8 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
     """Open a rosbag2 folder as one source.
 
     The files that ``metadata.yaml`` lists are read, then those that continue their numbers. Topics come from the files;
-    no message is lost if ``metadata.yaml`` is wrong or incomplete.
-
-    Parameters
-    ----------
-    folder : Path
-        With or without a ``metadata.yaml``.
-    open_file : callable
-        Opens one storage file.
-
-    Raises
-    ------
-    InputError
-        If the recording has no files, no file can be read, or their compression is not supported.
+    no message is lost if ``metadata.yaml`` is wrong or incomplete. `InputError` if the recording has no files, no file
+    can be read, or their compression is not supported.
     """
     metadata, damage = _read_metadata(folder)
     if metadata.compression_mode in {"file", "message"} and metadata.compression_format not in {"", "zstd"}:
