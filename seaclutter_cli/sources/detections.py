@@ -19,7 +19,7 @@ from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message
 from seaclutter_cli.sources.frame_files.sidecars import Pose, pose_message
-from seaclutter_cli.sources.shared.base import SourceBase
+from seaclutter_cli.sources.shared import SourceBase
 
 _SUFFIX = "_detections.json"
 _CLOUD, _POSE = "sensor_msgs/msg/PointCloud2", "geometry_msgs/msg/PoseStamped"

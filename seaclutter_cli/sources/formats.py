@@ -12,7 +12,7 @@ from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
 from seaclutter_cli.sources.pcap import CAPTURE_MAGICS
-from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder, open_rosbag2
+from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder, open_rosbag2
 from seaclutter_cli.sources.shared.packet_topics import wrap_packets
 from seaclutter_cli.threads import keep_freed_memory
 

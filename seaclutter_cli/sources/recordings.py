@@ -15,10 +15,9 @@ from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
 from seaclutter_cli.sources.formats import LOG_SUFFIXES, SOURCES, format_names, open_file, open_source
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.frame_files.sidecars import times_beside
-from seaclutter_cli.sources.joining import difference, joined
-from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder, split_groups
+from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
 from seaclutter_cli.sources.shared.packet_topics import wrap_packets
-from seaclutter_cli.sources.shared.split import SplitSource
+from seaclutter_cli.sources.shared.split import SplitSource, difference, joined, split_groups
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.real_paths import RealPaths
 from seaclutter_cli.text import count

@@ -8,12 +8,11 @@ from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.sources import extents, windows
-from seaclutter_cli.sources.extents import Extent
+from seaclutter_cli.sources import extents
+from seaclutter_cli.sources.extents import CopcWindow, Extent, windows_of
 from seaclutter_cli.sources.frame_files import laz_worker
-from seaclutter_cli.sources.frame_files.copc import read_index
+from seaclutter_cli.sources.frame_files.las import read_index
 from seaclutter_cli.sources.tiles import LasTile
-from seaclutter_cli.sources.windows import CopcWindow, windows_of
 from tests.airborne.copc import write_copc
 from tests.airborne.tiles import raw_records, read, write
 from tests.runs.test_tile_margins import classes, contents, scene
@@ -73,7 +72,7 @@ def test_windows_are_a_survey(survey, tmp_path, monkeypatch):
 
 def test_only_the_chunks_of_a_window_are_read(survey, monkeypatch):
     read_points = []
-    monkeypatch.setattr(windows, "read_chunks", lambda _, chunks: read_points.append(sum(n for *_, n in chunks)) or ())
+    monkeypatch.setattr(extents, "read_chunks", lambda _, chunks: read_points.append(sum(n for *_, n in chunks)) or ())
     path = survey / "survey.copc.laz"
     for head in windows_of(path, 50):
         CopcWindow(path, head.window)

@@ -7,9 +7,18 @@ from seaclutter_cli.errors import CloudError, InputError, UsageError
 from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.sources.crs import Crs
-from seaclutter_cli.sources.extents import TileHead, neighbors_of, read_head, region_of
+from seaclutter_cli.sources.extents import (
+    Margin,
+    PointsWithMargin,
+    TileHead,
+    is_indexed,
+    neighbors_of,
+    read_head,
+    read_margin,
+    region_of,
+    windows_of,
+)
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader
-from seaclutter_cli.sources.windows import Margin, PointsWithMargin, is_indexed, read_margin, windows_of
 from seaclutter_cli.text import count
 
 MARGIN_M = 100.0

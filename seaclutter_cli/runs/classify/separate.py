@@ -46,8 +46,8 @@ from seaclutter_cli.runs.recordings import Logs, PathLike, storing_errors
 from seaclutter_cli.runs.resume import earlier_outcomes, same_output_accepted
 from seaclutter_cli.runs.run_record import RunIdentity, digest_of, digest_of_paths
 from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sources.extents import Margin, open_tile_or_window
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles
-from seaclutter_cli.sources.windows import Margin, open_tile_or_window
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.validation import plain
 

@@ -15,7 +15,7 @@ from seaclutter_cli.runs.recordings import ReadOptions, warnings_of
 from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sources import Recording, find_recordings
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
-from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder
+from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
 from seaclutter_cli.text import share, table
 
 if TYPE_CHECKING:

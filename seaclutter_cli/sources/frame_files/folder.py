@@ -22,7 +22,7 @@ from seaclutter_cli.sources.frame_files.sidecars import (
     pose_message,
     poses_beside,
 )
-from seaclutter_cli.sources.shared.base import SourceBase
+from seaclutter_cli.sources.shared import SourceBase
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "points", "")

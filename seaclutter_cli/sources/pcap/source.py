@@ -15,11 +15,10 @@ from seaclutter_cli.records import Channel, Damage, Message, SensorFacts
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions, PacketDecoder, PacketFrame, Packets
 from seaclutter_cli.sources.pcap import PCAP_MAGICS, PCAPNG_MAGIC
-from seaclutter_cli.sources.pcap.pcapng import PcapngReader
-from seaclutter_cli.sources.pcap.records import PcapReader, RecordReader
+from seaclutter_cli.sources.pcap.records import PcapngReader, PcapReader, RecordReader
 from seaclutter_cli.sources.pcap.sensors import CapturedSensor, Kind, SensorSearch, each_kind
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
-from seaclutter_cli.sources.shared.base import SourceBase
+from seaclutter_cli.sources.shared import SourceBase
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.text import count
 

@@ -1,6 +1,7 @@
 """UDP datagrams in the records of a capture, parsed in batches."""
 
 import ipaddress
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -8,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.sources.pcap.fragments import Fragments
 from seaclutter_cli.sources.pcap.records import Records
 from seaclutter_cli.sources.shared.log_file import LogFile
 
@@ -20,6 +20,7 @@ _MAX_TAGS = 4
 _IPV4, _IPV6, _UDP = 0x0800, 0x86DD, 17
 _MAX_ADDRESSES = 2**15
 _MAX_OTHERS = 10_000
+_MAX_OPEN, _MAX_BYTES = 64, 2**17
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Datagrams:
 
 
 @dataclass
-class UnreadRecords:
+class _UnreadRecords:
     """Records of a capture without a datagram, because their Ethernet or IP header is damaged, or of other protocols.
 
     ``others`` are offset and length of at most 10,000 of them. They are compared with records of sensors: ``shapes``
@@ -74,6 +75,68 @@ class UnreadRecords:
 
 
 @dataclass
+class _Incomplete:
+    """A datagram with missing fragments; pieces by their offset."""
+
+    pieces: dict[int, bytes] = field(default_factory=dict)
+    size: int = 0
+    length: int | None = None
+
+    def whole(self) -> bytes | None:
+        """Return the datagram if it is complete, otherwise None."""
+        if self.length is None or self.size < self.length:
+            return None
+        data = b""
+        for offset in sorted(self.pieces):
+            if offset != len(data):
+                return None
+            data += self.pieces[offset]
+        return data
+
+
+class _Fragments:
+    """Reassembly of up to 64 IPv4 datagrams; a new one replaces the oldest. ``lost`` counts the discarded ones."""
+
+    def __init__(self) -> None:
+        self._open: OrderedDict[tuple[int, int, int], _Incomplete] = OrderedDict()
+        self.lost = 0
+
+    def add(self, key: tuple[int, int, int], offset: int, more: bool, piece: bytes) -> bytes | None:
+        """Return the datagram that a fragment completes; None if it is still incomplete.
+
+        The key is sender, receiver and identification, the offset that of the fragment in the datagram in bytes.
+        """
+        waiting = self._open.get(key)
+        if waiting is not None and offset in waiting.pieces and waiting.pieces[offset] != piece:
+            self._discard(key)  # the identification is reused
+            waiting = None
+        if waiting is None:
+            if len(self._open) >= _MAX_OPEN:
+                self._discard(next(iter(self._open)))
+            waiting = self._open[key] = _Incomplete()
+        if offset not in waiting.pieces:
+            waiting.pieces[offset] = piece
+            waiting.size += len(piece)
+        if not more:
+            waiting.length = offset + len(piece)
+        data = waiting.whole()
+        if data is not None:
+            del self._open[key]
+        elif waiting.size > _MAX_BYTES:
+            self._discard(key)
+        return data
+
+    def finish(self) -> None:
+        """Count the incomplete datagrams as lost."""
+        self.lost += len(self._open)
+        self._open.clear()
+
+    def _discard(self, key: tuple[int, int, int]) -> None:
+        del self._open[key]
+        self.lost += 1
+
+
+@dataclass
 class _Parsed:
     """Rows of one batch that are UDP over IP, with the offsets of their headers."""
 
@@ -93,9 +156,9 @@ class Udp:
         self._file = file
         self._addresses: dict[bytes, int] = {}
         self._names: list[bytes] = []
-        self.fragments = Fragments()
+        self.fragments = _Fragments()
         self.other = 0
-        self.unread = UnreadRecords()
+        self.unread = _UnreadRecords()
 
     def ends(self, flow: int) -> tuple[str, int, int]:
         """Return the address of the sender, its port, and the port of the receiver."""

@@ -14,7 +14,7 @@ from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import from_custom_data
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.rosbag2.database import BROKEN, has_table, latest_row, open_database, read_rows
-from seaclutter_cli.sources.shared.base import SourceBase
+from seaclutter_cli.sources.shared import SourceBase
 from seaclutter_cli.sources.shared.unpacking import is_large, unpack_file, unpack_message
 
 # Optional columns of topics, and their names in rosbag2's MCAP storage.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 from seaclutter_cli.limits import above_in_file, limits
 from seaclutter_cli.records import Damage, Message
-from seaclutter_cli.sources.shared.base import SourceBase
+from seaclutter_cli.sources.shared import SourceBase
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.threads import executor, threads
 

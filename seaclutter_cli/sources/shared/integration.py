@@ -13,7 +13,7 @@ from seaclutter_cli.limits import limits
 from seaclutter_cli.messages import CODECS, find_codec, has_fixed_fields, main_clouds
 from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.records import Channel, Message, Record
-from seaclutter_cli.sources.shared.base import SourceWrapper
+from seaclutter_cli.sources.shared import SourceWrapper
 
 _RELATIVE = ("offset_time", "t", "time")
 """Point times relative to the stamp, of Livox, Ouster and Velodyne: whole nanoseconds, or seconds as float32."""

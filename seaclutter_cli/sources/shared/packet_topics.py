@@ -11,7 +11,7 @@ from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros1_cloud_schema, ros2_schema
 from seaclutter_cli.records import Channel, Message, Record, SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
-from seaclutter_cli.sources.shared.base import SourceWrapper
+from seaclutter_cli.sources.shared import SourceWrapper
 from seaclutter_cli.sources.shared.packet_messages import advice_on, has_single_packets, packet_type, read_batch
 from seaclutter_cli.sources.shared.packet_probe import find_families, make_candidates, probe
 from seaclutter_cli.text import count

@@ -13,8 +13,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sinks.pcap import Endpoints, ethernet_udp, pcap_header, pcap_record
 from seaclutter_cli.sources import open_source
-from seaclutter_cli.sources.pcap.pcapng import PcapngReader
-from seaclutter_cli.sources.pcap.records import PcapReader
+from seaclutter_cli.sources.pcap.records import PcapngReader, PcapReader
 from seaclutter_cli.sources.shared.log_file import LogFile
 from tests.sources.pcap import captures
 from tests.sources.pcap.captures import LINKS, START_NS, enhanced, frames, interface, ipv4, ipv6, pcap, section, udp

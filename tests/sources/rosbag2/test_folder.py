@@ -19,9 +19,9 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Message
 from seaclutter_cli.sources.mcap.source import McapSource
 from seaclutter_cli.sources.rosbag1.source import BagSource
+from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder, open_rosbag2
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
-from seaclutter_cli.sources.rosbag2.folder import is_rosbag2_folder, open_rosbag2, split_groups
-from seaclutter_cli.sources.shared.split import SplitSource
+from seaclutter_cli.sources.shared.split import SplitSource, split_groups
 from tests.attacks import YAML_DOCUMENTS, YAML_VALUES
 from tests.paths import SHARED_DATA
 
