@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import CloudError, InputError
 from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.frame_files.las import is_copc, read_chunks, read_index
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, Tile, TilePointReader, open_tile
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, Tile, TilePointReader, open_tile, read_columns
 
 _REPEATED = 0.5
 LEAST_M = 600.0
@@ -145,34 +145,31 @@ def _are_neighbors(tile: TileHead, other: TileHead) -> bool:
     return tile.extent.overlap(other.extent) <= _REPEATED * min(tile.extent.area, other.extent.area)
 
 
-class CopcWindow(LasTile):
-    """The points of a COPC file in a rectangle, which are kept in memory; `CloudError` if the file is damaged."""
-
-    def __init__(self, path: Path, window: Extent) -> None:
-        super().__init__(path)
-        self._kept = list(read_within(self, window))
-        self.size = sum(map(len, self._kept))
-
-
-def read_within(tile: LasTile, window: Extent, without: Extent | None = None) -> Iterator[Any]:
-    """Yield the points of a tile in a rectangle, but not those in a part of it, without keeping them in memory.
+class TilePart(LasTile):
+    """The points of a LAS or LAZ file in a rectangle, but not those in a part of it; only these are kept in memory.
 
     Of a COPC file, only the chunks that the rectangle needs are read. `CloudError` if the file is damaged.
     """
-    for part in _read_near(tile, window):
-        xyz = tile.xyz(part)
-        inside = window.contains(xyz)
-        if without is not None:
-            inside &= ~without.contains(xyz)
-        if inside.any():
-            yield part[inside]
 
+    def __init__(self, path: Path, window: Extent, without: Extent | None = None) -> None:
+        super().__init__(path)
+        self._kept = list(self._within(window, without))
+        self.size = sum(map(len, self._kept))
 
-def _read_near(tile: LasTile, window: Extent) -> Iterator[Any]:
-    if not _is_indexed(tile):
-        return tile.read()
-    low, high = (np.array(corner) / tile.crs.unit_m for corner in (window.low, window.high))
-    return read_chunks(tile.path, read_index(tile.path, tile.header).within(low, high))
+    def _within(self, window: Extent, without: Extent | None) -> Iterator[Any]:
+        for part in self._near(window):
+            xyz = self.xyz(part)
+            inside = window.contains(xyz)
+            if without is not None:
+                inside &= ~without.contains(xyz)
+            if inside.any():
+                yield part[inside]
+
+    def _near(self, window: Extent) -> Iterator[Any]:
+        if not _is_indexed(self):
+            return self.read()
+        low, high = (np.array(corner) / self.crs.unit_m for corner in (window.low, window.high))
+        return read_chunks(self.path, read_index(self.path, self.header).within(low, high))
 
 
 def open_tile_or_window(path: Path, window: Extent | None) -> LasTile | CloudTile:
@@ -180,7 +177,7 @@ def open_tile_or_window(path: Path, window: Extent | None) -> LasTile | CloudTil
     if window is None:
         return open_tile(path)
     try:
-        return CopcWindow(path, window)
+        return TilePart(path, window)
     except (CloudError, OSError) as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -230,57 +227,33 @@ class Margin:
     window: Extent | None = None
 
 
-class MarginPoints:
-    """Points of one neighbour in a region, but not in a part of it; of the neighbour, no more is kept in memory.
-
-    `CloudError` if the neighbour cannot be read.
-    """
-
-    def __init__(self, path: Path, region: Extent, without: Extent | None = None) -> None:
-        self._tile = LasTile(path)
-        self._parts = list(read_within(self._tile, region, without))
-
-    @property
-    def size(self) -> int:
-        """Number of points."""
-        return sum(map(len, self._parts))
-
-    def __iter__(self) -> Iterator[NDArray[np.float64]]:
-        """Yield coordinates in metres, shape (3, n)."""
-        return (self._tile.xyz(part) for part in self._parts)
-
-    def column(self, name: str) -> NDArray[Any]:
-        """Return an attribute of all points by its LAS name, shape (N,); NaN if the neighbour does not have it."""
-        if name not in self._tile.names:
-            return np.full(self.size, np.nan)
-        return np.concatenate([self._tile.column(part, name) for part in self._parts])
-
-
 class PointsWithMargin(TilePointReader):
     """The points of a tile, followed by those of its neighbours in a margin around it."""
 
-    def __init__(self, tile: Tile, margin: Sequence[MarginPoints]) -> None:
+    def __init__(self, tile: Tile, margin: Sequence[TilePart]) -> None:
         super().__init__(tile)
         self._margin = [own for own in margin if own.size]
 
     def __iter__(self) -> Iterator[NDArray[np.float64]]:
         """Yield coordinates in metres, shape (3, n), of each part of the tile, then of each part of the margin."""
-        return chain(super().__iter__(), *self._margin)
+        return chain(super().__iter__(), (tile.xyz(part) for tile in self._margin for part in tile.parts()))
 
     def column(self, name: str) -> NDArray[Any] | None:
         """Return an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
         own = super().column(name)
         if own is None or not self._margin:
             return own
-        return np.concatenate([own, *(margin.column(name) for margin in self._margin)])
+        # NaN where a neighbour does not have the attribute.
+        others = (read_columns(tile, [name]).get(name, np.full(tile.size, np.nan)) for tile in self._margin)
+        return np.concatenate([own, *others])
 
 
-def read_margin(path: Path, margin: Margin) -> tuple[list[MarginPoints], dict[Path, str]]:
+def read_margin(path: Path, margin: Margin) -> tuple[list[TilePart], dict[Path, str]]:
     """Return the points in the margin of a tile of a file, and why neighbours could not be read."""
     found, failed = [], {}
     for neighbor in margin.neighbors:
         try:
-            found.append(MarginPoints(neighbor, margin.region, margin.window if neighbor == path else None))
+            found.append(TilePart(neighbor, margin.region, margin.window if neighbor == path else None))
         except (CloudError, OSError) as error:
             failed[neighbor] = str(error)
     return found, failed

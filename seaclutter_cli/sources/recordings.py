@@ -25,14 +25,9 @@ from seaclutter_cli.text import count
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording named on the command line: one path, or the files of a split recording.
+    """A recording named on the command line: a file or folder, or the files of a split recording in order.
 
-    Parameters
-    ----------
-    paths : tuple of Path
-        File or folder, or several files in order; in object storage, URLs.
-    inside : tuple of str, optional
-        Folders below the one that was searched, which contain it.
+    ``inside`` are the folders below the one that was searched, which contain it.
     """
 
     paths: tuple[Location, ...]

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.sources import extents
-from seaclutter_cli.sources.extents import CopcWindow, Extent, windows_of
+from seaclutter_cli.sources.extents import Extent, TilePart, windows_of
 from seaclutter_cli.sources.frame_files import laz_worker
 from seaclutter_cli.sources.frame_files.las import read_index
 from seaclutter_cli.sources.tiles import LasTile
@@ -44,7 +44,7 @@ def test_windows_have_the_points_that_laspy_finds(survey):
     with laspy.CopcReader.open(path) as reader:
         assert len(reader.query()) == len(points())
         for low in OFFSET + np.array([[0, 0], [70.5, 30.2], [150, 190]]):
-            found = CopcWindow(path, Extent(tuple(low), tuple(low + 60.0)))
+            found = TilePart(path, Extent(tuple(low), tuple(low + 60.0)))
             expected = reader.query(laspy.copc.Bounds(low, low + 60.0 - 0.0011))  # whose bounds belong to it
             own = np.concatenate([part.array for part in found.parts()])
             assert found.size == len(expected) > 0
@@ -75,7 +75,7 @@ def test_only_the_chunks_of_a_window_are_read(survey, monkeypatch):
     monkeypatch.setattr(extents, "read_chunks", lambda _, chunks: read_points.append(sum(n for *_, n in chunks)) or ())
     path = survey / "survey.copc.laz"
     for head in windows_of(path, 50):
-        CopcWindow(path, head.window)
+        TilePart(path, head.window)
     assert len(read_points) == 16
     assert read_points[0] < 0.4 * len(points())  # the root and a quarter of the rest; one in the middle needs all
 

@@ -28,16 +28,9 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Excerpt:
-    """First frames of a log, and its summary.
+    """An MCAP file with the first chunks of each topic with clouds, and what the summary of the whole log says.
 
-    Parameters
-    ----------
-    data : bytes
-        An MCAP file with the first chunks of each topic with clouds.
-    messages : dict of int to int
-        Messages of the whole log by channel id.
-    start_ns, end_ns : int
-        Log times of its first and last message.
+    ``messages`` are those of the whole log by channel id; start and end are its first and last log time.
     """
 
     data: bytes
@@ -47,14 +40,9 @@ class Excerpt:
 
 
 def excerpt(read: ReadRange, size: int) -> Excerpt | None:
-    """Return an excerpt of an MCAP file; None if its summary cannot be used, or it has no clouds.
+    """Return an excerpt of an MCAP file of a size; None if its summary cannot be used, or it has no clouds.
 
-    Parameters
-    ----------
-    read : callable
-        Returns parts of the file; a few are read, at its beginning, at its end, and the first chunks.
-    size : int
-        Size of the file in bytes.
+    A few parts of the file are read, at its beginning, at its end, and the first chunks.
     """
     try:
         return _excerpt(read, size)
@@ -86,7 +74,7 @@ def _excerpt(read: ReadRange, size: int) -> Excerpt | None:
     return Excerpt(data, dict(found.channel_message_counts), found.message_start_time, found.message_end_time)
 
 
-def _broken(_: int, problem: str, __: int) -> None:
+def _broken(_: int, problem: str, *__: object) -> None:
     raise BrokenRecordError(problem)
 
 
@@ -96,7 +84,7 @@ def _parsed(summary: bytes, spans: Iterable[Span], op: Opcode, read: Callable[..
 
 def _first_chunks(summary: bytes, spans: Sequence[Span]) -> list[mcap_records.ChunkIndex]:
     """Return the index of the first chunks with each topic that has clouds, in the order of the file."""
-    declarations = Declarations(_broken_declaration)
+    declarations = Declarations(_broken)
     for span in spans:
         declarations.add(span.op, summary[span.start : span.end], span.offset, Trust.SUMMARY)
     indexed = _parsed(summary, spans, Opcode.CHUNK_INDEX, mcap_records.ChunkIndex.read)
@@ -111,10 +99,6 @@ def _first_chunks(summary: bytes, spans: Sequence[Span]) -> list[mcap_records.Ch
         if left >= 0:
             taken.append(chosen[offset])
     return taken
-
-
-def _broken_declaration(_: int, problem: str, __: int, ___: int | None = None) -> None:
-    raise BrokenRecordError(problem)
 
 
 def _length(chunk: mcap_records.ChunkIndex) -> int:

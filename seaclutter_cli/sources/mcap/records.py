@@ -114,17 +114,7 @@ class ChunkHeader:
 
 
 def walk(data: Bytes[Buffer], report: Gap, at: int = 0) -> Iterator[Span]:
-    """Yield the records from an offset on; damaged data is skipped.
-
-    Parameters
-    ----------
-    data : Bytes
-        A file, or the unpacked records of a chunk.
-    report : callable
-        Called for skipped data.
-    at : int, optional
-        Offset of the first record.
-    """
+    """Yield the records of a file, or of an unpacked chunk, from an offset on; skipped damaged data is reported."""
     walker = _Walker(data, report)
     while not walker.is_end(at):
         span = walker.record(at)
@@ -329,10 +319,7 @@ def parse(read: Callable[[ReadDataStream], R], content: Buffer) -> R:
 def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
     """Return the records of a chunk.
 
-    Raises
-    ------
-    BrokenRecordError
-        If they cannot be decompressed, have a wrong size or checksum, or exceed the limit of a chunk.
+    `BrokenRecordError` if they cannot be decompressed, have a wrong size or checksum, or exceed the limit of a chunk.
     """
     size = max(header.size, header.data_end - header.data_start)
     if size > limits().chunk_bytes_of(len(data)):
