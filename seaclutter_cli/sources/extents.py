@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -121,7 +122,8 @@ def neighbors_of(tiles: Sequence[TileHead], margin_m: float) -> list[list[TileHe
     Neighbours have the same coordinate reference system. Of two tiles that share more than half of the smaller one,
     neither is a neighbour of the other: they show the same place at different times, or are alternatives.
     """
-    ordered = sorted((tile for tile in tiles if tile.extent), key=_place)
+    placed = [(tile.extent.low, str(tile.path), tile) for tile in tiles if tile.extent]
+    ordered = [tile for *_, tile in sorted(placed, key=itemgetter(0, 1))]
     low, high = (np.array([getattr(tile.extent, side) for tile in ordered]).reshape(-1, 2) for side in ("low", "high"))
     found: list[list[TileHead]] = []
     for tile in tiles:
@@ -132,10 +134,6 @@ def neighbors_of(tiles: Sequence[TileHead], margin_m: float) -> list[list[TileHe
         near = ((low < region.high) & (high > region.low)).all(axis=1)
         found.append([ordered[at] for at in np.flatnonzero(near) if _are_neighbors(tile, ordered[at])])
     return found
-
-
-def _place(tile: TileHead) -> tuple[tuple[float, float], str]:
-    return (tile.extent.low if tile.extent else (0.0, 0.0)), str(tile.path)
 
 
 def _are_neighbors(tile: TileHead, other: TileHead) -> bool:

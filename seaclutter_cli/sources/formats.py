@@ -71,33 +71,27 @@ def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions |
         if is_frame_folder(path):
             return FolderSource(path, rate_hz=rate_hz)
         raise InputError(f"{path}: no logs or frames in this folder; supported formats: {format_names()}")
-    if path.suffix.lower() in FRAME_READERS and not _has_magic(path):
+    if path.suffix.lower() in FRAME_READERS and _form_of(path) is None:
         return FolderSource(path, rate_hz=rate_hz)
     return wrap_packets(open_file(path, decoding), decoding)
 
 
 def open_file(path: Path, decoding: DecoderOptions) -> Source:
     """Open a log file, whose format its first bytes show, else its name; raise `InputError` if it cannot be read."""
-    head = _head(path)
-    for form in SOURCES.values():
-        if head.startswith(form.magics):
-            return form.open(path, decoding)
-    for form in SOURCES.values():
-        if path.name.lower().endswith(form.suffixes):
-            return form.open(path, decoding)
-    raise InputError(f"{path}: unknown format; supported formats: {format_names()}")
+    form = _form_of(path) or next((f for f in SOURCES.values() if path.name.lower().endswith(f.suffixes)), None)
+    if form is None:
+        raise InputError(f"{path}: unknown format; supported formats: {format_names()}")
+    return form.open(path, decoding)
 
 
-def _head(path: Path) -> bytes:
+def _form_of(path: Path) -> Format | None:
+    """Return the format that the first bytes of a file show."""
     try:
         with path.open("rb") as file:
-            return file.read(_HEAD_BYTES)
+            head = file.read(_HEAD_BYTES)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from error
-
-
-def _has_magic(path: Path) -> bool:
-    return _head(path).startswith(tuple(magic for form in SOURCES.values() for magic in form.magics))
+    return next((form for form in SOURCES.values() if head.startswith(form.magics)), None)
 
 
 def format_names() -> str:

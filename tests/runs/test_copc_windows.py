@@ -97,7 +97,7 @@ def test_large_chunks_are_decompressed_in_parts(survey, monkeypatch):
     chunks = read_index(path, header).chunks.tolist()
     assert max(points for *_, points in chunks) > 2000
     with path.open("rb") as file:
-        blocks = list(laz_worker._read_chunks(lazrs, file, chunks, described, size, 0))
+        blocks = list(laz_worker._read(lazrs, file, chunks, described, size, 0))
         file.seek(chunks[0][0])
         data = file.read(sum(length for _, length, _ in chunks))
     whole = bytearray(header.point_count * size)

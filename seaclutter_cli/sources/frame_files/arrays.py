@@ -126,13 +126,11 @@ def read_npz(path: Path) -> Cloud:
             raise CloudError(f"the arrays have {above(count(size, 'byte'), 'file_ratio')}")
         if len(entries) > _MAX_ARRAYS:
             raise CloudError(f"{len(entries):,} arrays; at most {_MAX_ARRAYS} are supported")
-        arrays = {entry.filename.removesuffix(".npy"): _array(archive, entry) for entry in entries}
+        arrays = {}
+        for entry in entries:
+            with archive.open(entry) as file:
+                arrays[entry.filename.removesuffix(".npy")] = _checked(file, entry.file_size)
     return _cloud(arrays)
-
-
-def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
-    with archive.open(entry) as file:
-        return _checked(file, entry.file_size)
 
 
 def _cloud(arrays: dict[str, NDArray[Any]]) -> Cloud:

@@ -58,18 +58,15 @@ def _head(content: bytes) -> tuple[tuple[str, ...], str | None, bytes, int]:
         delimiter = next((mark for mark in ";,\t" if mark in line), None)
         cells = [cell.strip(" \"'") for cell in line.lstrip("#/ ").split(delimiter)]
         if {"x", "y", "z"} <= {cell.lower() for cell in cells}:
-            return _named(cells), delimiter, content[at + len(raw) :], number + 1
+            named = (cell or f"field_{index}" for index, cell in enumerate(cells))
+            names = tuple(name.lower() if name.lower() in ("x", "y", "z") else name for name in named)
+            return names, delimiter, content[at + len(raw) :], number + 1
         if any(cells) and all(is_number(cell) for cell in cells if cell):
             return column_names(len(cells)), delimiter, content[at:], number
         if line and not line.startswith(("#", "//")):
             raise CloudError(f"line {number} contains neither numbers nor the column names x, y and z: {line[:60]!r}")
         at += len(raw)
     raise CloudError("the file contains no points and no column names")
-
-
-def _named(cells: list[str]) -> tuple[str, ...]:
-    named = (cell or f"field_{index}" for index, cell in enumerate(cells))
-    return tuple(name.lower() if name.lower() in ("x", "y", "z") else name for name in named)
 
 
 def _fill_empty_cells(body: bytes, mark: bytes) -> bytes:

@@ -2,9 +2,11 @@
 
 import os
 import re
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from operator import itemgetter
 from pathlib import Path
 
 from seaclutter_cli.documents import MAX_JSON_BYTES
@@ -28,6 +30,7 @@ _TYPE = "sensor_msgs/msg/PointCloud2"
 _LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "points", "")
 _POSE = "geometry_msgs/msg/PoseStamped"
 _MAX_MESSAGE_BYTES = 2**32 - 2**16
+_ANY_TIME = 2**63
 
 
 class FolderSource(SourceBase):
@@ -94,8 +97,11 @@ class FolderSource(SourceBase):
     @property
     def counts(self) -> dict[int, int]:
         """Number of frame files, and of their poses, by channel id."""
-        poses = {self._pose_channel.id: len(self._poses)} if self._pose_channel else {}
-        return {self._channel.id: len(self._frames), **poses}
+        return self._count(_ANY_TIME)
+
+    def _count(self, before_ns: int) -> dict[int, int]:
+        poses = {self._pose_channel.id: sum(one < before_ns for one in self._poses)} if self._pose_channel else {}
+        return {self._channel.id: self._index_at(before_ns), **poses}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield metadata, then a message for each readable frame, one at a time; add the others to the damage.
@@ -105,7 +111,7 @@ class FolderSource(SourceBase):
         """
         yield from self.metadata
         first = 0 if start_ns is None else self._index_at(start_ns)
-        last = len(self._frames) if end_ns is None else self._index_at(end_ns)
+        last = self._index_at(_ANY_TIME if end_ns is None else end_ns)
         for index, (stamp_ns, file) in list(enumerate(self._frames))[first:last]:
             if self._pose_channel and stamp_ns in self._poses:
                 data = pose_message(self._poses[stamp_ns], stamp_ns)
@@ -120,8 +126,7 @@ class FolderSource(SourceBase):
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the number of frames and poses, by channel id, that `records` leaves out before ``start_ns``."""
-        poses = {self._pose_channel.id: sum(one < start_ns for one in self._poses)} if self._pose_channel else {}
-        return {self._channel.id: self._index_at(start_ns), **poses}
+        return self._count(start_ns)
 
     @property
     def span_ns(self) -> tuple[int, int] | None:
@@ -130,7 +135,7 @@ class FolderSource(SourceBase):
 
     def _index_at(self, time_ns: int) -> int:
         """Return the index of the first frame with a stamp of at least ``time_ns``."""
-        return next((index for index, (stamp, _) in enumerate(self._frames) if stamp >= time_ns), len(self._frames))
+        return bisect_left(self._frames, time_ns, key=itemgetter(0))
 
     def _message(self, index: int, stamp_ns: int, file: Path) -> Message:
         cloud = replace(self._read(file), stamp_ns=stamp_ns, frame_id="lidar")
@@ -185,13 +190,11 @@ def _find_frames(path: Path) -> list[Path]:
 def _frames_in(folder: Path) -> Iterator[Path]:
     if folder.is_dir():
         with os.scandir(folder) as entries:
-            yield from (Path(entry.path) for entry in entries if _is_frame(entry))
-
-
-def _is_frame(entry: os.DirEntry[str]) -> bool:
-    name = entry.name.lower()
-    known = Path(name).suffix in FRAME_READERS and not name.startswith(".") and not name.endswith("labels.csv")
-    return known and not entry.is_dir()
+            for entry in entries:
+                name = entry.name.lower()
+                is_frame = Path(name).suffix in FRAME_READERS and not name.startswith(".")
+                if is_frame and not name.endswith("labels.csv") and not entry.is_dir():
+                    yield Path(entry.path)
 
 
 def _of_one_format(path: Path, files: list[Path]) -> list[Path]:

@@ -29,10 +29,9 @@ def main() -> None:
     with suppress(EOFError, BrokenPipeError):
         while True:
             path, *request = pickle.load(requests)  # noqa: S301 - from the process that started this one
-            read = _read_chunks if isinstance(request[0], list) else _read_all
             try:
                 with Path(path).open("rb") as file:
-                    for block in read(lazrs, file, *request):
+                    for block in _read(lazrs, file, *request):
                         out.write(SIZE.pack(len(block)))
                         out.write(block)
             except BrokenPipeError:
@@ -43,9 +42,17 @@ def main() -> None:
             out.flush()
 
 
-def _read_all(lazrs: Any, file: BinaryIO, at: int, described: bytes, size: int, left: int) -> Iterator[bytearray]:
-    file.seek(at)
-    return _blocks(lazrs.LasZipDecompressor(file, described), size, left)
+def _read(
+    lazrs: Any, file: BinaryIO, place: int | list[tuple[int, int, int]], described: bytes, size: int, left: int
+) -> Iterator[bytearray]:
+    if isinstance(place, int):
+        file.seek(place)
+        yield from _blocks(lazrs.LasZipDecompressor(file, described), size, left)
+        return
+    for offset, length, points in place:
+        file.seek(offset)
+        alone = _alone(lazrs, file.read(length), described, points)
+        yield from _blocks(lazrs.LasZipDecompressor(alone, described), size, points)
 
 
 def _blocks(points: Any, size: int, left: int) -> Iterator[bytearray]:
@@ -54,15 +61,6 @@ def _blocks(points: Any, size: int, left: int) -> Iterator[bytearray]:
         points.decompress_many(block)
         yield block
         left -= len(block) // size
-
-
-def _read_chunks(
-    lazrs: Any, file: BinaryIO, chunks: list[tuple[int, int, int]], described: bytes, size: int, _: int
-) -> Iterator[bytearray]:
-    for offset, length, points in chunks:
-        file.seek(offset)
-        alone = _alone(lazrs, file.read(length), described, points)
-        yield from _blocks(lazrs.LasZipDecompressor(alone, described), size, points)
 
 
 def _alone(lazrs: Any, chunk: bytes, described: bytes, points: int) -> BinaryIO:

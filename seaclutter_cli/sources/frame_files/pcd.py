@@ -36,18 +36,14 @@ def read_pcd(path: Path) -> Cloud:
         match = _DATA_LINE.search(content[:_MAX_HEADER])
         if match is None:
             raise CloudError("no PCD header with a DATA line")
-        header = _parse_header(content[: match.start()].decode("utf-8", "replace"))
+        lines = (line.split() for line in content[: match.start()].decode("utf-8", "replace").splitlines())
+        header = {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
         dtype, (height, width) = _layout(header), _shape(header)
         points = np.empty(0, dtype)
         if height * width:
             points = _decode(content, match, dtype, height * width)
         kept = [name for name in dtype.names or () if not name.startswith(_GAP)]
         return from_array(points if len(kept) == len(dtype.names or ()) else points[kept], height=max(height, 1))
-
-
-def _parse_header(text: str) -> dict[str, list[str]]:
-    lines = (line.split() for line in text.splitlines())
-    return {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
 
 
 def _layout(header: dict[str, list[str]]) -> np.dtype[np.void]:

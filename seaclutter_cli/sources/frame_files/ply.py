@@ -56,7 +56,11 @@ def read_ply(path: Path) -> Cloud:
         head, body = content[: match.end()], memoryview(content)[match.end() :]
         if encoding == "ascii":
             return from_array(_read_ascii(body, elements[:at], elements[at], head.count(b"\n") + 1))
-        return from_array(_read_binary(body, elements[:at], elements[at], _ORDERS[encoding]))
+        order, vertex = _ORDERS[encoding], elements[at]
+        dtype = vertex.dtype(order)
+        start = sum(element.count * element.dtype(order).itemsize for element in elements[:at])
+        check_size(start + vertex.count * dtype.itemsize, len(body))
+        return from_array(np.frombuffer(body, dtype, vertex.count, start))
 
 
 def _parse_header(text: str) -> tuple[str, list[_Element]]:
@@ -78,13 +82,6 @@ def _parse_header(text: str) -> tuple[str, list[_Element]]:
     if not encoding:
         raise CloudError("the PLY header has no format line")
     return encoding, elements
-
-
-def _read_binary(body: memoryview, before: Sequence[_Element], vertex: _Element, order: str) -> NDArray[Any]:
-    dtype = vertex.dtype(order)
-    start = sum(element.count * element.dtype(order).itemsize for element in before)
-    check_size(start + vertex.count * dtype.itemsize, len(body))
-    return np.frombuffer(body, dtype, vertex.count, start)
 
 
 def _read_ascii(body: memoryview, before: Sequence[_Element], vertex: _Element, line: int) -> NDArray[Any]:

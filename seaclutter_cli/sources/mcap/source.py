@@ -87,7 +87,11 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
 
         Chunks outside ``[start_ns, end_ns)`` are left out.
         """
-        yield from map(_in_memory, self._extras)
+        for extra in self._extras:
+            if isinstance(extra, Attachment) and len(extra.data) <= _SMALL:  # so that it outlives the source
+                yield replace(extra, data=bytes(extra.data))
+            else:
+                yield extra
         found = 0
         messages, is_all = self._in_time_order(start_ns, end_ns)
         for message in messages:
@@ -231,16 +235,12 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         elif lost and not chunk.suspect:
             problem = f"the index of this chunk lists {count(lost, 'message')} that it does not contain"
             self._report(chunk.offset, problem, 0)
-        if not chunk.suspect:
-            self._check_messages(chunk, messages, undeclared)
+        if not chunk.suspect:  # all channels and times are known
+            for number, lost in undeclared.items():
+                self._report(chunk.offset, f"messages of channel {number}, which is not declared", 0, lost)
+            if not all(chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
+                self._report(chunk.offset, "messages of this chunk are outside the times that it states", 0)
         return messages
-
-    def _check_messages(self, chunk: McapChunk, messages: Sequence[Message], undeclared: Counter[int]) -> None:
-        """Report messages of undeclared channels or wrong times, once all channels and times are known."""
-        for number, lost in undeclared.items():
-            self._report(chunk.offset, f"messages of channel {number}, which is not declared", 0, lost)
-        if not all(chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
-            self._report(chunk.offset, "messages of this chunk are outside the times that it states", 0)
 
     def _salvage_declarations(self, chunk: McapChunk) -> None:
         """Add the channels of a damaged chunk: without a summary, the rest of the log depends on them."""
@@ -295,10 +295,3 @@ def _simulated_facts(records: Sequence[Metadata]) -> Mapping[str, SensorFacts]:
             if isinstance(model, str) and model in SENSORS:
                 return {"/points": SensorFacts(model, {"origin": "simulated"}, from_packets=False)}
     return MappingProxyType({})
-
-
-def _in_memory(extra: Attachment | Metadata) -> Attachment | Metadata:
-    """Return an attachment of usual size with its data in memory, so that it outlives the source."""
-    if isinstance(extra, Attachment) and len(extra.data) <= _SMALL:
-        return replace(extra, data=bytes(extra.data))
-    return extra

@@ -42,25 +42,22 @@ class CaptureSource(SourceBase):
         self.name, self._path = path.stem, path
         self._options = options or DecoderOptions()
         self._file = LogFile(path, _WINDOW)
-        self._span_ns: tuple[int, int] | None = None
+        self.span_ns: tuple[int, int] | None = None
         try:
             decoders = self._usable(self._search())
         except BaseException:
             self._file.close()
             raise
         self._sensors = [sensor for sensor, _ in decoders]
-        self._channels = tuple(
+        self.channels = tuple(
             Channel(number, topic, "cdr", ros2_schema(_TYPE)) for number, topic in enumerate(self._topics(), 1)
         )
         self.facts: dict[str, SensorFacts] = {}
-        for channel, (_, decoder) in zip(self._channels, decoders, strict=True):
+        for channel, (_, decoder) in zip(self.channels, decoders, strict=True):
             self._add_facts(channel, decoder.facts)
         models = dict.fromkeys(facts.model for facts in self.facts.values())
-        self.format = f"{self._kind} of {', '.join(models)}"
-
-    @property
-    def _kind(self) -> str:
-        return "PCAPNG" if self._file[:4] == PCAPNG_MAGIC else "PCAP"
+        kind = "PCAPNG" if self._file[:4] == PCAPNG_MAGIC else "PCAP"
+        self.format = f"{kind} of {', '.join(models)}"
 
     def _reader(self) -> RecordReader:
         if self._file[:4] == PCAPNG_MAGIC:
@@ -90,8 +87,8 @@ class CaptureSource(SourceBase):
             search.add(datagrams)
             if len(datagrams.times_ns):
                 first, last = int(datagrams.times_ns.min()), int(datagrams.times_ns.max())
-                known = self._span_ns or (first, last)
-                self._span_ns = (min(known[0], first), max(known[1], last))
+                known = self.span_ns or (first, last)
+                self.span_ns = (min(known[0], first), max(known[1], last))
             cut += len(datagrams.cut)
         udp.fragments.finish()
         self.damage += reader.damage
@@ -134,16 +131,6 @@ class CaptureSource(SourceBase):
             return ["/points"]
         return [f"/points/{sensor.address}" + f"/{sensor.port}" * sensor.shares for sensor in self._sensors]
 
-    @property
-    def channels(self) -> Sequence[Channel]:
-        """A channel for each sensor."""
-        return self._channels
-
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """Times of arrival of the first and the last packet."""
-        return self._span_ns
-
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:  # noqa: ARG002
         """Yield the frames of all sensors in the order of their stamps; one at a time is decoded.
 
@@ -152,7 +139,7 @@ class CaptureSource(SourceBase):
         decoders = [self._decoder(sensor) for sensor in self._sensors]
         kinds = {kind: number for number, sensor in enumerate(self._sensors) for kind in sensor.kinds}
         flows = {flow: number for (flow, _), number in kinds.items()}
-        merge = _Merge(self._channels)
+        merge = _Merge(self.channels)
         udp, cut = Udp(self._file), np.zeros(len(decoders), np.int64)
         for datagrams, found in self._packets(udp, kinds):
             for number, packets in found:
@@ -168,7 +155,7 @@ class CaptureSource(SourceBase):
             for frame in decoder.finish():
                 yield from merge.add(number, frame)
         yield from merge.finish()
-        for number, channel in enumerate(self._channels):
+        for number, channel in enumerate(self.channels):
             self._add_facts(channel, decoders[number].facts, merge.partial[number])
             self._count(channel, decoders[number].facts, int(cut[number]))
 

@@ -18,6 +18,7 @@ from seaclutter_cli.text import count
 _COUNT, _ENTRY = Struct("<II"), Struct("<II4x")
 _MAX_RATIO = 256
 _RUN_BYTES = 4 * 2**20
+ANY_TIME = (0, 2**63)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,10 +99,9 @@ class BagContents:
     """Chunks, channels and counts of a bag.
 
     Messages outside chunks, which remain of a chunk with a destroyed header, are combined into runs that are read like
-    a chunk. Chunks with known times, and the sizes of ``untimed`` ones, which must be unpacked for times and counts,
-    have their offsets as keys, as have ``unpacked`` sizes; ``first_use`` has the offset of a chunk with messages of
-    each connection, ``counts`` the messages per connection without those of untimed chunks, and ``indexed`` their
-    number in the index at the end of the bag, unless it is missing or incomplete.
+    a chunk. Chunks have their offsets as keys; ``untimed`` ones must be unpacked for times and counts. ``first_use``
+    has the offset of a chunk with messages of each connection, ``counts`` the messages per connection without those of
+    untimed chunks, and ``indexed`` their number in the index at the end of the bag, unless it is missing or incomplete.
     """
 
     def __init__(self, view: Bytes[Buffer]) -> None:
@@ -109,8 +109,7 @@ class BagContents:
         self.compression: bytes | None = None
         self.channels: dict[int, Channel] = {}
         self.chunks: dict[int, Chunk] = {}
-        self.untimed: dict[int, int] = {}
-        self.unpacked: dict[int, int] = {}
+        self.untimed: dict[int, Chunk] = {}
         self.first_use: dict[int, int] = {}
         self.counts: Counter[int] = Counter()
         self.indexed: int | None = None
@@ -119,43 +118,39 @@ class BagContents:
         self._seen: Counter[Op] = Counter()
         self._infos: dict[int, int] = {}
         self._runs: list[tuple[int, int]] = []
-        take = {
-            Op.MESSAGE: self._take_message,
-            Op.BAG_HEADER: self._take_header,
-            Op.CHUNK: self._take_chunk,
-            Op.CHUNK_INFO: self._take_info,
-            Op.CONNECTION: self._take_connection,
-        }
         for record in walk(view, len(MAGIC), self._gaps):
             self._seen[record.op] += 1
-            if record.op in take:
-                take[record.op](record)
+            match record.op:
+                case Op.MESSAGE:
+                    self._take_message(record)
+                case Op.BAG_HEADER:
+                    self.header = self.header or record
+                case Op.CHUNK:
+                    self._take_chunk(record)
+                case Op.CHUNK_INFO:
+                    self._take_info(record)
+                case Op.CONNECTION:
+                    self.channels.setdefault(record.number(b"conn"), channel_of(view, record))
         self._close_runs()
         if self.header is not None and self._infos and not self._index_incomplete(self.header):
             self.indexed = sum(self._infos.values())
 
-    def _take_header(self, record: BagRecord) -> None:
-        self.header = self.header or record
-
-    def _take_connection(self, record: BagRecord) -> None:
-        self.channels.setdefault(record.number(b"conn"), channel_of(self._view, record))
-
     def _take_chunk(self, record: BagRecord) -> None:
         self.compression = self.compression or record.fields[b"compression"]
-        size = record.end - record.start
-        self.unpacked[record.start] = min(record.number(b"size"), limits().chunk_bytes_of(len(self._view)))
+        unpacked = min(record.number(b"size"), limits().chunk_bytes_of(len(self._view)))
+        chunk = Chunk(record.start, record.end - record.start, *ANY_TIME, unpacked=unpacked)
         index = None if record.repaired else read_index(self._view, record.end)
         if index is None:
-            self.untimed[record.start] = size
-            return
-        self._add_chunk(Chunk(record.start, size, index.start_ns, index.end_ns), index.counts)
+            self.untimed[record.start] = chunk
+        else:
+            self._add_chunk(chunk, index)
 
-    def _add_chunk(self, chunk: Chunk, counts: Counter[int]) -> None:
-        offset = chunk.offset
-        self.chunks[offset] = replace(chunk, unpacked=self.unpacked[offset], messages=counts.total())
+    def _add_chunk(self, chunk: Chunk, index: ChunkIndex) -> None:
+        start_ns, end_ns, counts = index.start_ns, index.end_ns, index.counts
+        self.chunks[chunk.offset] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=counts.total())
         self.counts += counts
         for connection in counts:
-            self.first_use.setdefault(connection, offset)
+            self.first_use.setdefault(connection, chunk.offset)
 
     def _take_info(self, record: BagRecord) -> None:
         """Add or check the times of a chunk, and count its messages in case it is lost."""
@@ -167,17 +162,14 @@ class BagContents:
             counts[connection] += messages
         self._infos[offset] = counts.total()
         if offset in self.untimed and counts:
-            self._add_chunk(Chunk(offset, self.untimed.pop(offset), start_ns, end_ns), counts)
+            self._add_chunk(self.untimed.pop(offset), ChunkIndex(start_ns, end_ns, counts))
         chunk = self.chunks.get(offset)
         if chunk is not None and (chunk.start_ns, chunk.end_ns) != (start_ns, end_ns):
-            self._unpack_later(self.chunks.pop(offset))
-
-    def _unpack_later(self, chunk: Chunk) -> None:
-        """Mark a chunk for unpacking because its index and its chunk info contradict each other."""
-        self.untimed[chunk.offset] = chunk.size
-        index = read_index(self._view, chunk.offset + chunk.size)
-        if index is not None:
-            self.counts -= index.counts
+            # Its index and its chunk info contradict each other.
+            self.untimed[offset] = Chunk(offset, chunk.size, *ANY_TIME, unpacked=chunk.unpacked)
+            del self.chunks[offset]
+            if index := read_index(self._view, offset + chunk.size):
+                self.counts -= index.counts
 
     def _take_message(self, record: BagRecord) -> None:
         """Append a message outside chunks to the run before it, or start a run."""
@@ -190,7 +182,7 @@ class BagContents:
     def _close_runs(self) -> None:
         """Keep the messages outside chunks; in a compressed bag, treat them as part of damaged data."""
         if self.compression in {None, b"none"}:
-            self.untimed |= {start: end - start for start, end in self._runs}
+            self.untimed |= {start: Chunk(start, end - start, *ANY_TIME) for start, end in self._runs}
         else:
             self._gaps += self._runs
             self._runs = []

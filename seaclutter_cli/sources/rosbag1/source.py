@@ -2,18 +2,18 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
 from seaclutter_cli.messages.metadata import from_message, is_carrier
 from seaclutter_cli.records import Channel, Message, Metadata, Record
-from seaclutter_cli.sources.rosbag1.contents import BagContents, channel_of, read_index, unpack
+from seaclutter_cli.sources.rosbag1.contents import ANY_TIME, BagContents, channel_of, read_index, unpack
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
 from seaclutter_cli.sources.shared.chunked import Chunk, ChunkedSource
 from seaclutter_cli.text import count
 
 _COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
-_ANY_TIME = (0, 2**63)
 
 Content = tuple[memoryview, int, str | None]
 
@@ -50,7 +50,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
         """Return the records that this program writes to a bag as a message, whose channels are then hidden."""
         self._hidden: set[int] = set()
         carriers = {number for number, channel in self._channels.items() if is_carrier(channel)}
-        found = [from_message(message.data) for message in self.latest(carriers, _ANY_TIME[1])] if carriers else []
+        found = [from_message(message.data) for message in self.latest(carriers, ANY_TIME[1])] if carriers else []
         if not all(found):
             return ()
         self._hidden = carriers
@@ -90,12 +90,11 @@ class BagSource(ChunkedSource[Chunk, Content]):
         for connection, offset in found.first_use.items():
             if connection not in self._channels and offset in found.chunks:
                 self._read(found.chunks[offset])
-        for offset, size in found.untimed.items():
-            messages = self._read(Chunk(offset, size, *_ANY_TIME))
+        for chunk in found.untimed.values():
+            messages = self._read(chunk)
             if messages:
-                times, unpacked = [message.log_time_ns for message in messages], found.unpacked.get(offset, 0)
-                chunk = Chunk(offset, size, min(times), max(times), unpacked=unpacked, messages=len(messages))
-                self._chunks.append(chunk)
+                times, size = [message.log_time_ns for message in messages], len(messages)
+                self._chunks.append(replace(chunk, start_ns=min(times), end_ns=max(times), messages=size))
                 self._counts.update(message.channel.id for message in messages)
 
     def _messages(self, chunk: Chunk, unpacked: Callable[[], Content]) -> list[Message]:

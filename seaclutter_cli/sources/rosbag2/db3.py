@@ -145,7 +145,7 @@ class Db3Source(SourceBase):
         rows = self._texts(f"SELECT {', '.join(('rowid, name, type, serialization_format', *extra))} FROM topics")  # noqa: S608
         for number, *texts in rows:
             topic, typename, encoding, *values = map(str, texts)
-            schema = self._schema(topic, _full_name(typename), definitions)
+            schema = self._schema(topic, typename, definitions)
             metadata = tuple((_METADATA[name], text) for name, text in zip(extra, values, strict=True) if text)
             channels[number] = Channel(number, topic, encoding or _USUAL_ENCODING, schema, metadata)
         return channels
@@ -188,6 +188,9 @@ class Db3Source(SourceBase):
         return rows
 
     def _schema(self, topic: str, typename: str, definitions: dict[str, Schema]) -> Schema:
+        package, slash, name = typename.partition("/")
+        if slash and "/" not in name:  # the first ROS 2 versions left out msg
+            typename = f"{package}/msg/{name}"
         if typename in definitions:
             return definitions[typename]
         try:
@@ -195,12 +198,6 @@ class Db3Source(SourceBase):
         except KeyError:
             self.warnings.append(f"{topic}: the definition of {typename} is unknown; the output will lack it")
             return Schema(typename, "ros2msg", b"")
-
-
-def _full_name(typename: str) -> str:
-    """Return a type name in its current form; the first ROS 2 versions left out ``msg``."""
-    package, slash, name = typename.partition("/")
-    return f"{package}/msg/{name}" if slash and "/" not in name else typename
 
 
 def _is_text(value: object) -> bool:

@@ -25,7 +25,6 @@ class _Window:
 
     number: int = 0
     clouds: list[Cloud] = field(default_factory=list)
-    stamps_ns: list[int] = field(default_factory=list)
     size: int = 0
     first_ns: int | None = None
     frames: int = 0
@@ -97,21 +96,19 @@ class Integrated(SourceWrapper):
         if number > window.number or not fits or window.size + data > limits().message_bytes:
             yield from self._join(message.channel, window, (message.log_time_ns, message.publish_time_ns))
         window.number = number
-        window.clouds.append(cloud)
-        window.stamps_ns.append(stamp_ns)
+        window.clouds.append(replace(cloud, stamp_ns=stamp_ns))
         window.size += data
 
     def _join(self, channel: Channel, window: _Window, times: tuple[int, int]) -> Iterator[Message]:
         """Yield the joined cloud of a window, if it has any."""
-        clouds, stamps_ns = window.clouds, window.stamps_ns
-        window.clouds, window.stamps_ns, window.size = [], [], 0
+        clouds, window.clouds, window.size = window.clouds, [], 0
         if not clouds:
             return
         joined, number = _joined(channel), window.frames
         window.frames += 1
         codec = CODECS[joined.schema.name if joined.schema else "", joined.message_encoding]
         try:
-            data = codec.encode(join(clouds, stamps_ns))
+            data = codec.encode(_one(clouds))
         except CloudError as error:
             self._note(f"frame {number} of {channel.topic} cannot be written ({error})", 0)
             return
@@ -128,22 +125,22 @@ def _fits(one: Cloud, other: Cloud) -> bool:
     return keys[0] == keys[1]
 
 
-def join(clouds: Sequence[Cloud], stamps_ns: Sequence[int]) -> Cloud:
-    """Return an unorganised cloud of the points of one or more clouds with the same layout, with the earliest stamp.
+def _one(clouds: Sequence[Cloud]) -> Cloud:
+    """Return an unorganised cloud of the points of clouds with the same layout, with the earliest stamp.
 
     Times of points that are relative to the stamp of their cloud become relative to the earliest one.
     """
-    first, start_ns = clouds[0], min(stamps_ns)
-    shifted = [_shifted(cloud, stamp_ns - start_ns) for cloud, stamp_ns in zip(clouds, stamps_ns, strict=True)]
-    data = memoryview(b"".join(points.tobytes() for points in shifted))
-    width = sum(map(len, shifted))
+    start_ns = min(cloud.stamp_ns for cloud in clouds)
+    shifted = [_shifted(cloud, start_ns) for cloud in clouds]
+    data, width = memoryview(b"".join(points.tobytes() for points in shifted)), sum(map(len, shifted))
     dense = all(cloud.dense for cloud in clouds)
-    return replace(first, stamp_ns=start_ns, height=1, width=width, row_step=len(data), data=data, dense=dense)
+    return replace(clouds[0], stamp_ns=start_ns, height=1, width=width, row_step=len(data), data=data, dense=dense)
 
 
-def _shifted(cloud: Cloud, late_ns: int) -> NDArray[np.void]:
+def _shifted(cloud: Cloud, start_ns: int) -> NDArray[np.void]:
     """Return the points of a cloud, shape (N,), with their times relative to an earlier stamp."""
     points: NDArray[np.void] = cloud.points
+    late_ns = cloud.stamp_ns - start_ns
     names = [name for name in points.dtype.names or () if name in _RELATIVE and points.dtype[name].itemsize == 4]
     if not late_ns or not names:
         return points
