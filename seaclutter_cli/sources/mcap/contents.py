@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 from mcap import records as mcap_records
@@ -30,7 +30,7 @@ from seaclutter_cli.sources.shared.chunked import Chunk
 from seaclutter_cli.sources.shared.log_file import Bytes, FilePart, LogFile
 
 _LOOSE_BYTES = 4 * 2**20
-_INDEX = struct.Struct("<HI")
+_INDEX, _TIMES = struct.Struct("<HI"), struct.Struct("<QQ")
 _END_OPS = (
     Opcode.SCHEMA,
     Opcode.CHANNEL,
@@ -63,9 +63,6 @@ def index_counts(view: Bytes[Buffer], at: int) -> Counter[int]:
         channel, size = log_file.unpack(_INDEX, view, start)
         counts[channel] += size // 16
     return counts
-
-
-D = TypeVar("D", mcap_records.Schema, mcap_records.Channel)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,27 +108,28 @@ class Declarations:
 
     def add(self, op: int, content: Buffer, offset: int, trust: Trust) -> None:
         """Add a schema or channel; other records are ignored."""
+        if op not in (Opcode.SCHEMA, Opcode.CHANNEL):
+            return
         number = int.from_bytes(content[:2], "little")
-        known = self._schemas if op == Opcode.SCHEMA else self._records
-        if op in (Opcode.SCHEMA, Opcode.CHANNEL) and number not in known:
+        known: dict[int, tuple[Trust, Any]] = self._schemas if op == Opcode.SCHEMA else self._records
+        if number not in known:
             self._room -= len(content) + CHANNEL_BYTES
             if self._room < 0:
                 self._report(offset, f"{name_of(op)}s of {above('more bytes', 'message_mib')}", len(content))
                 return
         try:
-            if op == Opcode.SCHEMA:
-                differs = _put(self._schemas, parse(mcap_records.Schema.read, content), trust)
-            elif op == Opcode.CHANNEL:
-                differs = _put(self._records, parse(mcap_records.Channel.read, content), trust)
-            else:
-                return
+            kind = mcap_records.Schema if op == Opcode.SCHEMA else mcap_records.Channel
+            record = parse(kind.read, content)
         except BrokenRecordError as error:
             self._report(offset, f"damaged {name_of(op)} ({error})", len(content))
             return
+        before, other = known.setdefault(record.id, (trust, record))
+        if trust > before:
+            known[record.id] = trust, record
         self._channels = {}
         if op == Opcode.CHANNEL:
             self._offsets.setdefault(number, offset)
-        if differs and (op, number) not in self._contradicted:
+        if other != record and (op, number) not in self._contradicted:
             self._contradicted.add((op, number))
             self._report(offset, f"{name_of(op)} {number} is declared again, with different content", 0)
 
@@ -166,14 +164,6 @@ class Declarations:
     def _lacks_schema(self, number: int) -> bool:
         schema = self._records[number][1].schema_id
         return schema != 0 and schema not in self._schemas
-
-
-def _put(known: dict[int, tuple[Trust, D]], record: D, trust: Trust) -> bool:
-    """Store a record under its id if it is the first or more trusted; return whether it differs from a stored one."""
-    before, other = known.setdefault(record.id, (trust, record))
-    if trust > before:
-        known[record.id] = trust, record
-    return other != record
 
 
 class McapContents:
@@ -270,8 +260,8 @@ class McapContents:
         stated = int.from_bytes(file[span.end - 4 : span.end], "little")
         if stated not in (0, FilePart(file, span.start, span.end - 4).crc32()):
             raise BrokenRecordError("its checksum is wrong")
-        log_time, create_time = (int.from_bytes(file[at : at + 8], "little") for at in (span.start, span.start + 8))
-        at = span.start + 16
+        log_time, create_time = log_file.unpack(_TIMES, file, span.start)
+        at = span.start + _TIMES.size
         strings: list[str] = []
         for _ in range(2):
             size = int.from_bytes(file[at : at + 4], "little")

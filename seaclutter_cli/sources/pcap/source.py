@@ -48,10 +48,10 @@ class CaptureSource(SourceBase):
         except BaseException:
             self._file.close()
             raise
-        self._sensors = [sensor for sensor, _ in decoders]
-        self.channels = tuple(
-            Channel(number, topic, "cdr", ros2_schema(_TYPE)) for number, topic in enumerate(self._topics(), 1)
-        )
+        self._sensors = sensors = [sensor for sensor, _ in decoders]
+        topics = [f"/points/{sensor.address}" + f"/{sensor.port}" * sensor.shares for sensor in sensors]
+        topics = topics if len(topics) > 1 else ["/points"]
+        self.channels = [Channel(number, topic, "cdr", ros2_schema(_TYPE)) for number, topic in enumerate(topics, 1)]
         self.facts: dict[str, SensorFacts] = {}
         for channel, (_, decoder) in zip(self.channels, decoders, strict=True):
             self._add_facts(channel, decoder.facts)
@@ -66,14 +66,10 @@ class CaptureSource(SourceBase):
             return PcapReader(self._file, self._path)
         raise InputError(f"{self._path}: not a packet capture: it does not begin with PCAP or PCAPNG magic bytes")
 
-    def _datagrams(self, reader: RecordReader, udp: Udp) -> Iterator[Datagrams]:
-        for records in reader.batches():
-            yield udp.datagrams(records)
-
     def _packets(self, udp: Udp, kinds: Mapping[Kind, int]) -> Iterator[tuple[Datagrams, list[tuple[int, Packets]]]]:
         """Yield datagrams and the packets of each sensor among them, up to data that can no longer be read."""
         try:
-            for datagrams in self._datagrams(self._reader(), udp):
+            for datagrams in map(udp.datagrams, self._reader().batches()):
                 yield datagrams, list(_packets(datagrams, udp, kinds))
         except LostDataError as error:
             self.add_damage(Damage(self._path, None, f"{error.problem}; the frames after this are missing"))
@@ -83,7 +79,7 @@ class CaptureSource(SourceBase):
         reader, udp = self._reader(), Udp(self._file)
         search = SensorSearch(udp)
         cut = 0
-        for datagrams in self._datagrams(reader, udp):
+        for datagrams in map(udp.datagrams, reader.batches()):
             search.add(datagrams)
             if len(datagrams.times_ns):
                 first, last = int(datagrams.times_ns.min()), int(datagrams.times_ns.max())
@@ -125,11 +121,6 @@ class CaptureSource(SourceBase):
         if options.calibration is None and (suffix := CALIBRATION_SUFFIXES.get(sensor.family)):
             options = replace(options, calibration=_find_beside(self._path, suffix))
         return PACKET_FAMILIES[sensor.family].decoder(sensor.sample, options)
-
-    def _topics(self) -> list[str]:
-        if len(self._sensors) == 1:
-            return ["/points"]
-        return [f"/points/{sensor.address}" + f"/{sensor.port}" * sensor.shares for sensor in self._sensors]
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:  # noqa: ARG002
         """Yield the frames of all sensors in the order of their stamps; one at a time is decoded.

@@ -23,6 +23,9 @@ _MAX_OTHERS = 10_000
 _MAX_OPEN, _MAX_BYTES = 64, 2**17
 
 
+_Key = tuple[int, int, int]
+
+
 @dataclass(frozen=True)
 class Datagrams:
     """D UDP datagrams in order; all arrays but ``cut`` have the shape (D,).
@@ -87,10 +90,10 @@ class _Incomplete:
         if self.length is None or self.size < self.length:
             return None
         data = b""
-        for offset in sorted(self.pieces):
+        for offset, piece in sorted(self.pieces.items()):
             if offset != len(data):
                 return None
-            data += self.pieces[offset]
+            data += piece
         return data
 
 
@@ -98,10 +101,10 @@ class _Fragments:
     """Reassembly of up to 64 IPv4 datagrams; a new one replaces the oldest. ``lost`` counts the discarded ones."""
 
     def __init__(self) -> None:
-        self._open: OrderedDict[tuple[int, int, int], _Incomplete] = OrderedDict()
+        self._open: OrderedDict[_Key, _Incomplete] = OrderedDict()
         self.lost = 0
 
-    def add(self, key: tuple[int, int, int], offset: int, more: bool, piece: bytes) -> bytes | None:
+    def add(self, key: _Key, offset: int, more: bool, piece: bytes) -> bytes | None:
         """Return the datagram that a fragment completes; None if it is still incomplete.
 
         The key is sender, receiver and identification, the offset that of the fragment in the datagram in bytes.
@@ -131,7 +134,7 @@ class _Fragments:
         self.lost += len(self._open)
         self._open.clear()
 
-    def _discard(self, key: tuple[int, int, int]) -> None:
+    def _discard(self, key: _Key) -> None:
         del self._open[key]
         self.lost += 1
 
@@ -238,7 +241,8 @@ class Udp:
         if not len(rows6):
             return _Parsed(rows4[usable], udp[usable], sources[usable], fragments)
         rows6 = rows6[heads[rows6, network[rows6] + 6] == _UDP]
-        sources6 = self._numbers6(heads, rows6, network[rows6])
+        pairs = zip(rows6.tolist(), network[rows6].tolist(), strict=True)
+        sources6 = np.array([self._number(heads[row, at6 + 8 : at6 + 24].tobytes()) for row, at6 in pairs], np.int64)
         rows6, sources6 = rows6[sources6 >= 0], sources6[sources6 >= 0]
         rows = np.concatenate([rows4[usable], rows6])
         order = np.argsort(rows, kind="stable")
@@ -251,10 +255,6 @@ class Udp:
         different, inverse = np.unique(values, return_inverse=True)
         numbers = [self._number(int(value).to_bytes(4, "big")) for value in different]
         return np.array(numbers, np.int64)[inverse] if numbers else np.empty(0, np.int64)
-
-    def _numbers6(self, heads: NDArray[np.uint8], rows: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.int64]:
-        pairs = zip(rows.tolist(), at.tolist(), strict=True)
-        return np.array([self._number(heads[row, start + 8 : start + 24].tobytes()) for row, start in pairs], np.int64)
 
     def _number(self, address: bytes) -> int:
         number = self._addresses.get(address)

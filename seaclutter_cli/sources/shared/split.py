@@ -275,15 +275,11 @@ def joined(
 def _lines(groups: Sequence[Sequence[Path]], reasons: Sequence[str]) -> Iterator[str]:
     for group in groups:
         if len(group) > 1:
-            yield f"{_named(group[0], group[-1])} are one recording; --no-join separates them"
+            yield f"{group[0]} to {group[-1].name} are one recording; --no-join separates them"
     if reasons:
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
-        files = _named(groups[0][0], groups[-1][-1])
+        files = f"{groups[0][0]} to {groups[-1][-1].name}"
         yield f"{files} are {len(groups)} recordings: {reasons[0]}{more}; --join makes them one"
-
-
-def _named(first: Path, last: Path) -> str:
-    return f"{first} to {last.name}"
 
 
 def difference(files: Sequence[Path], open_file: Callable[[Path], Source]) -> str | None:
