@@ -30,7 +30,7 @@ _TYPE = "sensor_msgs/msg/PointCloud2"
 _LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "points", "")
 _POSE = "geometry_msgs/msg/PoseStamped"
 _MAX_MESSAGE_BYTES = 2**32 - 2**16
-_ANY_TIME = 2**63
+_ANY_TIME = float("inf")
 
 
 class FolderSource(SourceBase):
@@ -46,8 +46,6 @@ class FolderSource(SourceBase):
     `InputError` if the path contains no frames or frames of several formats, or cannot be read.
     """
 
-    _pose_channel: Channel | None = None
-
     def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
         """List the frames without reading them."""
         super().__init__()
@@ -61,7 +59,9 @@ class FolderSource(SourceBase):
         self._frames = self._stamped(files, rate_hz)
         self._read = FRAME_READERS[files[0].suffix.lower()]
         self._channel = Channel(1, "/points", "cdr", ros2_schema(_TYPE))
+        self._pose_channel = Channel(2, "/pose", "cdr", ros2_schema(_POSE))
         self._poses = self._read_poses(files[0].parent)
+        self.channels = [self._channel, self._pose_channel] if self._poses else [self._channel]
         kind = files[0].suffix[1:].upper()
         single = files == [path]
         self.format = f"{kind} file" if single else f"folder of {kind}"
@@ -74,9 +74,7 @@ class FolderSource(SourceBase):
             self.warnings.append(f"{error}; the log has no poses")
             return {}
         stamps = {stamp_ns for stamp_ns, _ in self._frames}
-        found = {stamp_ns: pose for stamp_ns, pose in poses.items() if stamp_ns in stamps}
-        self._pose_channel = Channel(2, "/pose", "cdr", ros2_schema(_POSE)) if found else None
-        return found
+        return {stamp_ns: pose for stamp_ns, pose in poses.items() if stamp_ns in stamps}
 
     def _stamped(self, files: list[Path], rate_hz: float) -> list[tuple[int, Path]]:
         stamps = from_names(files)
@@ -90,17 +88,12 @@ class FolderSource(SourceBase):
         return list(zip(stamps or [round(index * period_ns) for index in range(len(files))], files, strict=True))
 
     @property
-    def channels(self) -> Sequence[Channel]:
-        """The channel ``/points``, and ``/pose`` if the frames have poses."""
-        return (self._channel, self._pose_channel) if self._pose_channel else (self._channel,)
-
-    @property
     def counts(self) -> dict[int, int]:
         """Number of frame files, and of their poses, by channel id."""
         return self._count(_ANY_TIME)
 
-    def _count(self, before_ns: int) -> dict[int, int]:
-        poses = {self._pose_channel.id: sum(one < before_ns for one in self._poses)} if self._pose_channel else {}
+    def _count(self, before_ns: float) -> dict[int, int]:
+        poses = {self._pose_channel.id: sum(one < before_ns for one in self._poses)} if self._poses else {}
         return {self._channel.id: self._index_at(before_ns), **poses}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
@@ -113,7 +106,7 @@ class FolderSource(SourceBase):
         first = 0 if start_ns is None else self._index_at(start_ns)
         last = self._index_at(_ANY_TIME if end_ns is None else end_ns)
         for index, (stamp_ns, file) in list(enumerate(self._frames))[first:last]:
-            if self._pose_channel and stamp_ns in self._poses:
+            if stamp_ns in self._poses:
                 data = pose_message(self._poses[stamp_ns], stamp_ns)
                 yield Message(self._pose_channel, stamp_ns, stamp_ns, index, data)
             try:
@@ -133,7 +126,7 @@ class FolderSource(SourceBase):
         """Stamps of the first and the last frame."""
         return self._frames[0][0], self._frames[-1][0]
 
-    def _index_at(self, time_ns: int) -> int:
+    def _index_at(self, time_ns: float) -> int:
         """Return the index of the first frame with a stamp of at least ``time_ns``."""
         return bisect_left(self._frames, time_ns, key=itemgetter(0))
 
