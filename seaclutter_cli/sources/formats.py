@@ -8,12 +8,12 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.sensors.packets import DecoderOptions
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
 from seaclutter_cli.sources.pcap import CAPTURE_MAGICS
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder, open_rosbag2
-from seaclutter_cli.sources.shared.packet_topics import wrap_packets
+from seaclutter_cli.sources.shared.packet_messages import advice_on, packet_type
 from seaclutter_cli.threads import keep_freed_memory
 
 _HEAD_BYTES = 16
@@ -92,6 +92,37 @@ def _form_of(path: Path) -> Format | None:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from error
     return next((form for form in SOURCES.values() if head.startswith(form.magics)), None)
+
+
+def wrap_packets(
+    source: Source, options: DecoderOptions | None = None, families: Mapping[str, PacketFamily] | None = None
+) -> Source:
+    """Return a source with point clouds for its packet topics; a source without them is returned as it is.
+
+    The first messages of packet topics are read. Known topics that cannot be decoded become warnings. All families can
+    be decoded unless some are given.
+    """
+    source.warnings += [
+        f"{channel.topic} is not decoded: {channel.schema.name} is not supported; {advice}"
+        for channel in source.channels
+        if channel.schema and (advice := advice_on(channel))
+    ]
+    if not any(map(packet_type, source.channels)):
+        return source
+    from seaclutter_cli.sources.shared.packet_probe import find_families
+    from seaclutter_cli.sources.shared.packet_topics import PacketTopics
+
+    if families is None:
+        from seaclutter_cli.sensors.families import PACKET_FAMILIES
+
+        families = PACKET_FAMILIES
+    if not any(find_families(channel, families.values()) for channel in source.channels):
+        return source
+    try:
+        return PacketTopics(source, families, options or DecoderOptions())
+    except BaseException:
+        source.close()
+        raise
 
 
 def format_names() -> str:

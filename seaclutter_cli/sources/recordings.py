@@ -12,11 +12,10 @@ from pathlib import Path
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
-from seaclutter_cli.sources.formats import LOG_SUFFIXES, SOURCES, format_names, open_file, open_source
+from seaclutter_cli.sources.formats import LOG_SUFFIXES, SOURCES, format_names, open_file, open_source, wrap_packets
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.frame_files.sidecars import times_beside
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
-from seaclutter_cli.sources.shared.packet_topics import wrap_packets
 from seaclutter_cli.sources.shared.split import SplitSource, difference, joined, split_groups
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.real_paths import RealPaths

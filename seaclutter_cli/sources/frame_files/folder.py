@@ -16,7 +16,6 @@ from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import SIDECAR, from_text
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sources.frame_files import FRAME_READERS
-from seaclutter_cli.sources.frame_files.csv import is_point_table
 from seaclutter_cli.sources.frame_files.sidecars import (
     Pose,
     from_names,
@@ -160,6 +159,8 @@ def is_frame_folder(path: Path) -> bool:
     Only names are checked and, because they may be any table, the first lines of CSV files. False for a folder that
     cannot be listed.
     """
+    from seaclutter_cli.sources.frame_files.csv import is_point_table
+
     try:
         frames = (file for layout in _LAYOUTS for file in _frames_in(path / layout))
         return any(file.suffix.lower() != ".csv" or is_point_table(file) for file in frames)

@@ -12,40 +12,12 @@ from seaclutter_cli.messages.definitions import ros1_cloud_schema, ros2_schema
 from seaclutter_cli.records import Channel, Message, Record, SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.sources.shared import SourceWrapper
-from seaclutter_cli.sources.shared.packet_messages import advice_on, has_single_packets, packet_type, read_batch
-from seaclutter_cli.sources.shared.packet_probe import find_families, make_candidates, probe
+from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_batch
+from seaclutter_cli.sources.shared.packet_probe import make_candidates, probe
 from seaclutter_cli.text import count
 
 _MAX_IDS = 65_535
 _DECODED_AT_ONCE, _DECODED_WITHIN_NS = 64, 50_000_000
-
-
-def wrap_packets(
-    source: Source, options: DecoderOptions | None = None, families: Mapping[str, PacketFamily] | None = None
-) -> Source:
-    """Return a source with point clouds for its packet topics; a source without them is returned as it is.
-
-    The first messages of packet topics are read. Known topics that cannot be decoded become warnings. All families can
-    be decoded unless some are given.
-    """
-    source.warnings += [
-        f"{channel.topic} is not decoded: {channel.schema.name} is not supported; {advice}"
-        for channel in source.channels
-        if channel.schema and (advice := advice_on(channel))
-    ]
-    if not any(map(packet_type, source.channels)):
-        return source
-    if families is None:
-        from seaclutter_cli.sensors.families import PACKET_FAMILIES
-
-        families = PACKET_FAMILIES
-    if not any(find_families(channel, families.values()) for channel in source.channels):
-        return source
-    try:
-        return PacketTopics(source, families, options or DecoderOptions())
-    except BaseException:
-        source.close()
-        raise
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,10 @@ from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Message, Metadata, Schema, SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, point_dtype
 from seaclutter_cli.sensors.velodyne.decoder import VELODYNE
+from seaclutter_cli.sources.formats import wrap_packets
 from seaclutter_cli.sources.rosbag1.source import BagSource
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
-from seaclutter_cli.sources.shared.packet_topics import PacketTopics, wrap_packets
+from seaclutter_cli.sources.shared.packet_topics import PacketTopics
 from seaclutter_cli.sources.shared.split import SplitSource
 from tests.paths import shared
 
