@@ -166,23 +166,18 @@ def _ahead(
     with executor(_UNPACKERS, "unpack") as pool:
         pending: deque[tuple[C, Future[P]]] = deque()
         try:
-            for chunk in chunks:
-                while pending and _memory(chunk, *(other for other, _ in pending)) > MAX_AHEAD_BYTES:
+            for chunk in (*chunks, None):
+                while pending and (chunk is None or len(pending) > ahead or _memory(chunk, pending) > MAX_AHEAD_BYTES):
                     first, content = pending.popleft()
                     yield first, load(first, content.result)
-                pending.append((chunk, pool.submit(unpack, chunk)))
-                if len(pending) > ahead:
-                    first, content = pending.popleft()
-                    yield first, load(first, content.result)
-            while pending:
-                first, content = pending.popleft()
-                yield first, load(first, content.result)
+                if chunk is not None:
+                    pending.append((chunk, pool.submit(unpack, chunk)))
         finally:
             pool.shutdown(cancel_futures=True)
 
 
-def _memory(*chunks: Chunk) -> int:
-    return sum(max(chunk.size, chunk.unpacked) for chunk in chunks)
+def _memory(chunk: Chunk, pending: Iterable[tuple[Chunk, object]]) -> int:
+    return sum(max(one.size, one.unpacked) for one in (chunk, *(other for other, _ in pending)))
 
 
 def keep_latest(
