@@ -94,18 +94,16 @@ class SplitSource(SourceBase):
     @cached_property
     def counts(self) -> dict[int, int]:
         """Messages per channel id, as far as known before reading."""
-        counts: Counter[int] = Counter()
-        for file, channels in self._relabelled.items():
-            for channel, messages in self._source(file).counts.items():
-                if channel in channels:
-                    counts[channels[channel].id] += messages
-        return dict(counts)
+        return dict(self._sum(lambda source: source.counts))
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the number of messages per channel id that `records` leaves out before ``start_ns``."""
+        return self._sum(lambda source: source.skipped(start_ns))
+
+    def _sum(self, counts_of: Callable[[Source], Mapping[int, int]]) -> Counter[int]:
         counts = Counter[int]()
         for file, channels in self._relabelled.items():
-            for channel, messages in self._source(file).skipped(start_ns).items():
+            for channel, messages in counts_of(self._source(file)).items():
                 if channel in channels:
                     counts[channels[channel].id] += messages
         return counts
