@@ -74,25 +74,11 @@ class FarLimit:
 
 @dataclass(frozen=True)
 class RingCalibration:
-    """The calibration of one range ring.
+    """The initial threshold, :math:`I_0`, of one range ring from ``start_m`` to before ``end_m``.
 
-    Parameters
-    ----------
-    start_m, end_m : float
-        Its limits; the end is exclusive.
-    points : int
-        Number of clutter points.
-    threshold : float
-        Initial threshold, :math:`I_0`.
-    below : int
-        Number of clutter points whose intensity is below the threshold.
-    few : bool
-        Whether there are too few points for a threshold of its own.
-    source : (int, int)
-        Numbers, from 1, of the first and last range ring whose points determine the threshold.
-    saturated : bool
-        Whether more points than the threshold may leave have the highest intensity of the recordings, which is the
-        threshold then.
+    ``below`` is the number of its clutter points whose intensity is below the threshold. If there are too ``few`` for a
+    threshold of its own, ``source`` has the numbers, from 1, of the first and last range ring whose points determine
+    it. If more points than may be left have the highest intensity, that is the threshold: it is ``saturated``.
     """
 
     start_m: float
@@ -112,18 +98,10 @@ class RingCalibration:
 
 @dataclass(frozen=True)
 class Thresholds:
-    """The result of a calibration.
+    """The range rings from ``start_m`` to the far limit, :math:`d_e`, which is ``end_m``.
 
-    Parameters
-    ----------
-    rings : tuple of RingCalibration
-        Range rings from ``start_m`` to the far limit.
-    end_m : float
-        Far limit, :math:`d_e`.
-    last_m : float or None
-        First range past which all consecutive clutter ranges differ by more than 1 m; None without clutter points.
-    beyond : int
-        Number of clutter points at ``end_m`` or beyond.
+    Past ``last_m``, all consecutive clutter ranges differ by more than 1 m. ``beyond`` is the number of clutter points
+    at ``end_m`` or farther.
     """
 
     rings: tuple[RingCalibration, ...]
@@ -144,17 +122,8 @@ class Calibration:
     A histogram is created when the first point appears in a range ring, for at most 250 range rings and up to 10 km.
     A histogram takes at most 1 MB for whole-number intensities and at most 5 MB for others.
 
-    Parameters
-    ----------
-    params : RingIntensityParams
-        Provides ``start_m``, ``ring_width_m`` and, with ``keep_end``, ``end_m``.
-    filter_rate : float, optional
-        Share of the clutter points of each range ring to remove.
-    max_left : float or None, optional
-        Number of clutter points per frame that a range ring may keep; where it would keep more, its filter rate is
-        higher.
-    keep_end : bool, optional
-        Keep ``end_m`` instead of deriving it.
+    ``filter_rate`` is the share of the clutter points of each range ring to remove. Where more than ``max_left`` points
+    per frame would be left, it is higher. With ``keep_end``, ``params.end_m`` is not derived.
     """
 
     def __init__(
@@ -344,17 +313,9 @@ def _shortened(threshold: float, limit: float) -> float:
 class ClutterSelector:
     """Selection of the clutter points of one recording.
 
-    Clutter is every valid point at ``start_m`` or beyond outside the excluded boxes. With labels, points in the
-    inflated boxes of targets and ignored areas, and points labelled as such, are not clutter either.
-
-    Parameters
-    ----------
-    params : RingIntensityParams
-        Provides ``start_m`` and ``exclude_boxes``.
-    labels : Labels or None
-        Ground truth of the recording; frames without are left out.
-    margin_m : float
-        Margin by which boxes are inflated on every side.
+    Clutter is every valid point at ``start_m`` or beyond outside the excluded boxes. With labels, frames without them
+    are left out, and points in boxes of targets and ignored areas, inflated by a margin on every side, and points
+    labelled as such, are not clutter either.
     """
 
     def __init__(self, params: RingIntensityParams, labels: Labels | None = None, margin_m: float = 0.0) -> None:

@@ -52,24 +52,14 @@ class ClutterTally:
             cloud.add(frame)
 
     def add(self, source: Source, selector: ClutterSelector) -> None:
-        """Add the sums of a recording.
-
-        Raises
-        ------
-        InputError
-            If it is known to be of another sensor than a recording before, or another intensity mode.
-        """
+        """Add what is known at the end of the only recording."""
         for topic, cloud in self._topics.items():
-            self._add_sensor(f"{source.name}, {topic}", cloud.sensor(source.facts.get(topic)))
-            if cloud.intensity_name and cloud.intensity_name not in self.intensity_fields:
-                self.intensity_fields.append(cloud.intensity_name)
+            self.seen.append((f"{source.name}, {topic}", cloud.sensor(source.facts.get(topic))))
+            self.intensity_fields += [cloud.intensity_name] if cloud.intensity_name else []
         self._topics.clear()
-        self.recordings.append(source.name)
-        self.frames += selector.frames
-        self.frames_each.append(selector.frames)
-        self.unlabelled += selector.unlabelled
-        self.marked += selector.marked
-        self.damage += source.damage
+        self.recordings, self.damage = [source.name], source.damage
+        self.frames, self.frames_each = selector.frames, [selector.frames]
+        self.unlabelled, self.marked = selector.unlabelled, selector.marked
 
     def _add_sensor(self, where: str, sensor: RecognisedSensor) -> None:
         for earlier, other in self.seen:
@@ -94,17 +84,20 @@ class ClutterTally:
         return f"resembles {' or '.join(self.sensors)}" if self.sensors else "not recognised"
 
     def __iadd__(self, other: Self) -> Self:
-        """Add the sums over later recordings; raise `InputError` as `add` does."""
+        """Add the sums over later recordings.
+
+        Raises
+        ------
+        InputError
+            If a topic is known to be of another sensor than one before, or another intensity mode.
+        """
         for where, sensor in other.seen:
             self._add_sensor(where, sensor)
-        self.frames += other.frames
+        for name in ("frames", "unlabelled", "marked", "examined", "with_targets"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
         self.frames_each += other.frames_each
-        self.unlabelled += other.unlabelled
-        self.marked += other.marked
         self.recordings += other.recordings
-        self.examined += other.examined
-        self.with_targets += other.with_targets
-        self.intensity_fields += [name for name in other.intensity_fields if name not in self.intensity_fields]
+        self.intensity_fields = list(dict.fromkeys((*self.intensity_fields, *other.intensity_fields)))
         self.damage += other.damage
         return self
 
