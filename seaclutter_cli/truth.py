@@ -10,16 +10,7 @@ CLUTTER = 0
 IGNORED = 65535
 _ROUNDING = 1e-9
 
-OBJECT_CLASSES = (
-    "ship",
-    "reef",
-    "shoal",
-    "aquaculture",
-    "seaweed",
-    "island",
-    "fishing fence",
-    "garbage patch",
-)
+OBJECT_CLASSES = ("ship", "reef", "shoal", "aquaculture", "seaweed", "island", "fishing fence", "garbage patch")
 """Classes of objects in airborne tiles [Shi2022]. Tiles store a class as its index here plus 1; 0 means no class."""
 
 

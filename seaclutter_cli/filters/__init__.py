@@ -6,11 +6,7 @@ from seaclutter_cli.filters.adaptive_radius import AdaptiveRadius
 from seaclutter_cli.filters.baselines import GlobalIntensity, Naive, Nothing
 from seaclutter_cli.filters.confirmed import Confirmed
 from seaclutter_cli.filters.joint import Joint, RingIntensity, RingIntensityOutlier
-from seaclutter_cli.filters.radius import (
-    DynamicRadiusOutlierRemoval,
-    LowIntensityOutlierRemoval,
-    RadiusOutlierRemoval,
-)
+from seaclutter_cli.filters.radius import DynamicRadiusOutlierRemoval, LowIntensityOutlierRemoval, RadiusOutlierRemoval
 from seaclutter_cli.filters.sea_surface import SeaSurface
 from seaclutter_cli.filters.statistical import (
     DynamicStatisticalOutlierRemoval,

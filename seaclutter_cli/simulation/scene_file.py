@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, fields
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from seaclutter_cli.parameters import descriptions, name_choices, summary, yaml_value
@@ -16,34 +17,32 @@ _COLUMN = 40
 _ENTRIES = {"objects": "an object", "land": "a piece of land"}
 
 
-def scene_text(
-    sections: Mapping[str, Any], absent: Mapping[str, Any], lists: Mapping[str, tuple[type[Any], Sequence[Any]]]
-) -> str:
-    """Return the text of a scene file from the parameters of its sections, and the dataclass and items of its lists.
+def write_scene(
+    path: Path,
+    group: OutputGroup | None,
+    sections: Mapping[str, Any],
+    lists: Mapping[str, tuple[type[Any], Sequence[Any]]],
+    absent: Mapping[str, Any] = MappingProxyType({}),
+) -> None:
+    """Write a scene file of the parameters of its sections, and the dataclass and items of its lists.
 
     Sections that are absent from the scene become comments. A comment describes the keys of a list; its items are one
-    per line, without default values.
+    per line, without default values. Raises `OutputError` on failure.
     """
     lines: list[str] = []
     for name, params in sections.items():
         lines += [*_commented(f"{name}:", summary(type(params))), *_keys(plain(params), type(params)), ""]
     for name, params in absent.items():
         meaning = f"{summary(type(params))}; without this section, those of the lidar"
-        lines += [f"# {line}" for line in (*_commented(f"{name}:", meaning), *_keys(plain(params), type(params)))] + [
-            ""
-        ]
+        lines += [f"# {line}" for line in (*_commented(f"{name}:", meaning), *_keys(plain(params), type(params)))]
+        lines.append("")
     for name, (kind, items) in lists.items():
         lines.append(f"# {summary(kind)}. Keys that {_ENTRIES[name]} leaves out have these values:")
         lines += [f"# {line}" for line in _keys(_defaults(kind), kind)]
         lines.append(f"{name}:" if items else f"{name}: []")
         lines += [f"  - {yaml_value(_changed(item))}" for item in items]
-    return "\n".join(lines) + "\n"
-
-
-def write_scene(text: str, path: Path, group: OutputGroup | None = None) -> None:
-    """Write the text of a scene file; raises `OutputError` on failure."""
     with AtomicFile(path, group) as file:
-        file.stream.write(text.encode())
+        file.stream.write(("\n".join(lines) + "\n").encode())
 
 
 def _keys(values: Mapping[str, Any], kind: type[Any]) -> Iterator[str]:

@@ -180,7 +180,7 @@ class _Maps:
         """Cover the maps with a piece of land; outside, its slope is the bottom of the water if nothing is higher."""
         values = land.relief
         distance = land.distance(self._x[:, None], self._y[None, :]) + values.ragged_m * self._noise(rng, 25.0)
-        own, level = land.profile(distance, values)
+        own, level = land.kind.profile(distance, values)
         own = own + values.relief_m * (0.9 * self._noise(rng, 12.0) + 0.4 * self._noise(rng, 2.5))
         inside = distance > 0
         reach = inside | (own > self._ground)

@@ -74,7 +74,7 @@ class LandParams:
         """Return the land with the values of its kind for those that are null."""
         kind = LANDS[self.kind]
         given = {key: getattr(self, key) for key in vars(kind.typical) if getattr(self, key, None) is not None}
-        return Land(self, kind.profile, replace(kind.typical, **given), is_round=kind.is_round)
+        return Land(self, kind, replace(kind.typical, **given))
 
 
 @dataclass(frozen=True)
@@ -96,13 +96,22 @@ Profile = Callable[[Map, Relief], tuple[Map, Map | float | None]]
 
 
 @dataclass(frozen=True)
+class LandKind:
+    """A kind of land: its meaning for the reference of keys, its ground and water, its values, and its outline."""
+
+    meaning: str
+    profile: Profile
+    typical: Relief
+    is_round: bool = False
+
+
+@dataclass(frozen=True)
 class Land:
     """Land of a scene with all its values."""
 
     params: LandParams
-    profile: Profile
+    kind: LandKind
     relief: Relief
-    is_round: bool
 
     def distance(self, x: Map, y: Map) -> Map:
         """Return how far positions are inside the outline, in metres; negative outside."""
@@ -111,7 +120,7 @@ class Land:
         dx, dy = x - self.params.position_m[0], y - self.params.position_m[1]
         along, across = np.abs(c * dx + s * dy), np.abs(c * dy - s * dx)
         half = [side / 2 for side in self.params.size_m]
-        if self.is_round:
+        if self.kind.is_round:
             return np.asarray((1 - np.hypot(along / half[0], across / half[1])) * min(half))
         beyond = np.maximum(along - half[0], 0), np.maximum(across - half[1], 0)
         return np.asarray(np.minimum(half[0] - along, half[1] - across).clip(min=0) - np.hypot(*beyond))
@@ -137,16 +146,6 @@ def _polder(distance: Map, relief: Relief) -> tuple[Map, float]:
 def _basin(distance: Map, relief: Relief) -> tuple[Map, float]:
     """Return a wall, and water at its own level inside."""
     return np.where((distance > 0) & (distance < _WALL_M), relief.crest_m, DEEP_M), relief.height_m
-
-
-@dataclass(frozen=True)
-class LandKind:
-    """A kind of land: its meaning for the reference of keys, its ground and water, its values, and its outline."""
-
-    meaning: str
-    profile: Profile
-    typical: Relief
-    is_round: bool = False
 
 
 LANDS: Mapping[str, LandKind] = {

@@ -328,12 +328,7 @@ def _groups(hits: Hits, block: NDArray[np.intp], lidar: AirborneParams) -> list[
     return found
 
 
-def _points(
-    pulses: Pulses,
-    echoes: Groups,
-    lidar: AirborneParams,
-    rng: np.random.Generator,
-) -> NDArray[np.void]:
+def _points(pulses: Pulses, echoes: Groups, lidar: AirborneParams, rng: np.random.Generator) -> NDArray[np.void]:
     pulse, height, power, label, code = echoes
     out = np.zeros(len(pulse), POINT)
     z = height + rng.normal(0, lidar.range_noise_m, len(pulse))

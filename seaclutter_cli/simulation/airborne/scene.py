@@ -12,7 +12,7 @@ from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.parameters import OneOf, check_names
 from seaclutter_cli.simulation.airborne.land import LandParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, Size
-from seaclutter_cli.simulation.scene_file import KEYS, scene_text, write_scene
+from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.truth import OBJECT_CLASSES
 from seaclutter_cli.validation import (
@@ -280,15 +280,9 @@ def load_tile_scene(name: str) -> TileScene:
 
 
 def save_tile_scene(scene: TileScene, path: Path, group: OutputGroup | None = None) -> None:
-    """Write a scene to a file for `load_tile_scene`, with default values and a comment for every key.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
+    """Write a scene to a file for `load_tile_scene`, with default values and a comment for every key."""
     lists = {"land": (LandParams, scene.land), "objects": (TileObjectParams, scene.objects)}
-    write_scene(scene_text(scene.sections, {}, lists), path, group)
+    write_scene(path, group, scene.sections, lists)
 
 
 def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:

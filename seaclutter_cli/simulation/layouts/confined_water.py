@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from seaclutter_cli.simulation.layouts.plan import Plan
-from seaclutter_cli.simulation.layouts.shore import Line, moor, shore
+from seaclutter_cli.simulation.layouts.plan import Line, Plan, moor, shore
 from seaclutter_cli.simulation.marine.scene import Scene
 
 _SMALL = ("speedboat", "sailing_boat", "kayak")

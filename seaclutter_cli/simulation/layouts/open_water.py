@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from seaclutter_cli.simulation.layouts.plan import Plan
-from seaclutter_cli.simulation.layouts.shore import Line, shore
+from seaclutter_cli.simulation.layouts.plan import Line, Plan, shore
 from seaclutter_cli.simulation.marine.scene import Scene
 
 _SMALL = ("speedboat", "sailing_boat", "kayak")

@@ -60,10 +60,8 @@ def _plantation(plan: Plan, trees: Trees, description: str) -> Scene:
     for across in rows[np.abs(rows) <= trees.reach_m]:
         for along in np.arange(-2.0, ends, step) + plan.uniform(0, step):
             x, y = float(along) + plan.uniform(-0.1, 0.1), float(across) + shift + plan.uniform(-0.08, 0.08)
-            position = (
-                x * float(np.cos(rotation)) - y * float(np.sin(rotation)),
-                x * np.sin(rotation) + y * np.cos(rotation),
-            )
+            cos, sin = float(np.cos(rotation)), float(np.sin(rotation))
+            position = x * cos - y * sin, x * sin + y * cos
             if not plan.bernoulli(missing) and np.hypot(*position) > 1.2:
                 _tree(plan, trees, position, step)
     return _scene(plan, description)
@@ -74,20 +72,12 @@ def _tree(plan: Plan, trees: Trees, position: tuple[float, float], step_m: float
     width, height, reflectivity = plan.uniform(*trees.width_m), plan.uniform(*trees.height_m), plan.uniform(0.3, 0.65)
     length = max(width, 1.15 * step_m) if trees is APPLE else width
     heading = 180.0 * plan.integer(0, 1) if trees is APPLE else plan.uniform(-180, 180)
-    plan.add(
-        trees.shape,
-        position,
-        (length, width, height),
-        heading,
-        class_name=trees.kind,
-        reflectivity=reflectivity,
-        wave_response=0.0,
-    )
+    still = {"class_name": trees.kind, "reflectivity": reflectivity, "wave_response": 0.0}
+    plan.add(trees.shape, position, (length, width, height), heading, **still)
     if trees.crown_m:
         crown = trees.crown_m * plan.uniform(0.8, 1.2)
-        plan.add_fixed(
-            "crown", position, (crown, crown, height + plan.uniform(3, 6)), class_name="crown", reflectivity=0.3
-        )
+        size = crown, crown, height + plan.uniform(3, 6)
+        plan.add_fixed("crown", position, size, class_name="crown", reflectivity=0.3)
 
 
 def _scene(plan: Plan, description: str) -> Scene:

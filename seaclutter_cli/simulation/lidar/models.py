@@ -39,33 +39,12 @@ class NoiseParams:
 class Lidar:
     """A rotating or flash lidar with K beams and C columns per frame.
 
-    Parameters
-    ----------
-    elevations_deg : tuple of float
-        Elevation of each beam in firing order, in degrees; K values.
-    azimuth_offsets_deg : tuple of float
-        Azimuth of each beam relative to its column, clockwise in top view, in degrees; K values.
-    firing_us : tuple of float
-        Firing time of each beam, in microseconds from the start of its column; K values.
-    columns : int
-        Columns per frame, C.
-    detection_m : float
-        Range at which a surface of reflectivity 0.1 at normal incidence gives an echo of intensity 1.
-    max_range_m, min_range_m : float
-        Ranges between which echoes are reported.
-    range_noise_m : float
-        Standard deviation of the range.
-    lens_m : float
-        Distance of the lens from the axis, in the direction of the column.
-    clockwise : bool
-        Sense of rotation in top view.
-    rate_hz : float
-        Frames per second.
-    field_deg : float
-        Horizontal field of view; 360 for a rotating lidar. In a smaller field, the columns are evenly spaced around
-        straight ahead, and all shots are fired at once.
-    noise : NoiseParams
-        False returns, unless a scene overrides them.
+    Each beam, in firing order, has an elevation, an azimuth relative to its column, clockwise in top view, and a firing
+    time from the start of its column. ``detection_m`` is the range at which a surface of reflectivity 0.1 at normal
+    incidence gives an echo of intensity 1; echoes are reported between ``min_range_m`` and ``max_range_m``, with a
+    standard deviation of ``range_noise_m``. The lens is ``lens_m`` from the axis in the direction of the column. In a
+    horizontal field of view of less than 360°, the columns are evenly spaced around straight ahead, and all shots are
+    fired at once. A scene overrides the noise.
     """
 
     elevations_deg: tuple[float, ...]

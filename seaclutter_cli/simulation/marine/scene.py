@@ -1,5 +1,6 @@
 """Scenes to simulate, and their files."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
 from seaclutter_cli.simulation.marine.motion import Track
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, terrain_name
-from seaclutter_cli.simulation.scene_file import KEYS, scene_text, write_scene
+from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.validation import (
     build_list,
@@ -146,20 +147,9 @@ class SceneObjectParams(MovingParams):
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene to simulate.
+    """A scene to simulate: sea or ground, own ship or the vehicle, and all other objects.
 
-    Parameters
-    ----------
-    recording : RecordingParams
-        Lidar, length, seed.
-    terrain : SeaParams or GroundParams
-        Sea or ground; its section has a name from `TERRAINS`.
-    vessel : VesselParams
-        Own ship, or the vehicle on land.
-    objects : tuple of SceneObjectParams
-        All other objects.
-    noise : NoiseParams, optional
-        False returns; by default those of the lidar.
+    Without ``noise``, false returns are those of the lidar.
     """
 
     recording: RecordingParams
@@ -169,13 +159,7 @@ class Scene:
     noise: NoiseParams | None = None
 
     def with_recording(self, **changes: Any) -> "Scene":
-        """Return the scene with other frames, seed or lidar; None keeps a value.
-
-        Raises
-        ------
-        ConfigError
-            If a value is not valid.
-        """
+        """Return the scene with other frames, seed or lidar; None keeps a value. Raises `ConfigError`."""
         given = {name: value for name, value in changes.items() if value is not None}
         try:
             return replace(self, recording=replace(self.recording, **given))
@@ -203,27 +187,15 @@ def builtin_scenes() -> Mapping[str, Path]:
 
 
 def load_scene(name: str) -> Scene:
-    """Return the scene in a file, or a built-in one by its name.
-
-    Raises
-    ------
-    ConfigError
-        If the scene is not valid; lists all problems.
-    """
+    """Return the scene in a file, or a built-in one by its name; raises `ConfigError` with all problems."""
     path = find_file(name, "scenes", "scene file")
     return parse_scene(read_yaml(path, _SECTIONS), str(path))
 
 
 def save_scene(scene: Scene, path: Path, group: OutputGroup | None = None) -> None:
-    """Write a scene to a file for `load_scene`, with default values and a comment for every key.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
+    """Write a scene to a file for `load_scene`, with default values and a comment for every key."""
     absent = {} if scene.noise else {"noise": LIDARS[scene.recording.lidar].noise}
-    write_scene(scene_text(scene.sections, absent, {"objects": (SceneObjectParams, scene.objects)}), path, group)
+    write_scene(path, group, scene.sections, {"objects": (SceneObjectParams, scene.objects)}, absent)
 
 
 def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
@@ -248,8 +220,6 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
 
 def _objects(raw: Any, problems: list[str]) -> list[SceneObjectParams]:
     found: list[SceneObjectParams] = build_list(SceneObjectParams, raw, "objects", "an object", problems)
-    ids = [item.track_id for item in found]
-    problems += [
-        f"objects: track_id {number} is used more than once" for number in sorted({i for i in ids if ids.count(i) > 1})
-    ]
+    uses = Counter(item.track_id for item in found)
+    problems += [f"objects: track_id {number} is used more than once" for number in sorted(uses) if uses[number] > 1]
     return found

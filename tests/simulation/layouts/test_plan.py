@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.simulation.layouts.plan import Plan
-from seaclutter_cli.simulation.layouts.shore import Line, moor, shore
+from seaclutter_cli.simulation.layouts.plan import Line, Plan, moor, shore
 
 
 @pytest.mark.parametrize("side", [1, -1])
