@@ -76,24 +76,9 @@ def _free_name(name: str, taken: Collection[str]) -> str:
 class Cloud:
     """A point cloud whose points remain in the bytes of the message.
 
-    Parameters
-    ----------
-    stamp_ns : int
-        Stamp of the header; 0 if unknown.
-    frame_id : str
-        Coordinate frame.
-    height, width : int
-        Number of rows and of points per row. An unorganised cloud has one row.
-    fields : tuple of PointField
-        Layout of a point.
-    point_step, row_step : int
-        Bytes from point to point and from row to row.
-    big_endian, dense : bool
-        Byte order of the points; whether the message declares all points valid.
-    data : bytes or memoryview
-        The bytes of the points.
-    extra : object
-        Data that only the message encoding uses, needed to write the cloud again.
+    The stamp of the header is 0 if unknown. Height and width are the number of rows, one for an unorganised cloud, and
+    of points per row; the steps are in bytes. A cloud is ``dense`` if the message declares all points valid. ``extra``
+    is what only the message encoding uses, needed to write the cloud again.
     """
 
     stamp_ns: int
@@ -208,19 +193,9 @@ def _field_type(dtype: np.dtype[Any]) -> str:
 
 
 def from_array(points: NDArray[Any], *, stamp_ns: int = 0, frame_id: str = "lidar", height: int = 1) -> Cloud:
-    """Return a cloud made from a structured array.
+    """Return a cloud made from a structured array, shape (N,), with a number of rows that divides N.
 
-    Parameters
-    ----------
-    points : ndarray, shape (N,)
-        Structured array. Types that point fields lack are converted: 64-bit integers to float64, booleans to uint8,
-        float16 to float32.
-    stamp_ns : int, optional
-        Stamp of the header.
-    frame_id : str, optional
-        Coordinate frame.
-    height : int, optional
-        Number of rows; must divide N.
+    Types that point fields lack are converted: 64-bit integers to float64, booleans to uint8, float16 to float32.
 
     Examples
     --------

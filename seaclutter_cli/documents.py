@@ -20,15 +20,7 @@ _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # some builds of PyY
 
 
 class DocumentError(ValueError):
-    """A text is not valid YAML or JSON, or exceeds a limit; says what is wrong, on one line.
-
-    Parameters
-    ----------
-    problem : str
-        Problem, as for the user.
-    line, column : int, optional
-        Place of the problem, from 1; 0 if unknown.
-    """
+    """A text is not valid YAML or JSON, or exceeds a limit; says what is wrong and where, both from 1, on one line."""
 
     def __init__(self, problem: str, line: int = 0, column: int = 0) -> None:
         super().__init__(f"line {line}, column {column}: {problem}" if line else problem)
@@ -39,11 +31,6 @@ def load_yaml(text: str) -> Any:
 
     Nulls, Booleans, numbers, text, lists and mappings are known; dates are text. Duplicate keys, aliases and other
     types are refused.
-
-    Parameters
-    ----------
-    text : str
-        One document.
 
     Raises
     ------
@@ -143,14 +130,7 @@ class _Loader(_Base):  # type: ignore[misc]
 
 
 def load_json(data: bytes | str, *, max_bytes: int = MAX_JSON_BYTES) -> Any:
-    """Return the content of a JSON document.
-
-    Parameters
-    ----------
-    data : bytes or str
-        One document; bytes in UTF-8, UTF-16 or UTF-32.
-    max_bytes : int, optional
-        Limit of its length.
+    """Return the content of a JSON document; bytes are in UTF-8, UTF-16 or UTF-32.
 
     Raises
     ------

@@ -152,27 +152,6 @@ class Filter(Protocol):
         ...
 
 
-class NamedScene(Protocol):
-    """The class of scene of a frame."""
-
-    @property
-    def name(self) -> str:
-        """Name of the class of scene."""
-        ...
-
-
-class SceneSource(Protocol):
-    """A classifier of scenes, with state from frame to frame of one topic of one recording."""
-
-    def scene(self, frame: Frame) -> NamedScene:
-        """Return the class of scene of a frame; called once for each frame, in order."""
-        ...
-
-    def reset(self) -> None:
-        """Discard all state before another recording."""
-        ...
-
-
 class Labels(Protocol):
     """Ground truth of one recording, independent of the format of its labels."""
 

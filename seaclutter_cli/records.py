@@ -94,18 +94,9 @@ Record = Message | Attachment | Metadata
 class SensorFacts:
     """Facts about a sensor and its packets, if there are any, updated while they are decoded.
 
-    Parameters
-    ----------
-    model : str
-        Name of the sensor model.
-    details : dict of str to str
-        Firmware, return mode, intensity mode and similar facts, for display.
-    lost_packets, bad_packets : int
-        Packets missing according to gaps in the sequence, and packets that cannot be decoded.
-    warnings : list of str
-        Warnings for the user.
-    from_packets : bool
-        Whether packets identify the sensor, not the metadata of the log.
+    ``details`` are firmware, return mode, intensity mode and similar facts, for display. Packets are lost according to
+    gaps in the sequence, and bad if they cannot be decoded. ``from_packets`` is whether they identify the sensor, not
+    the metadata of the log.
     """
 
     model: str

@@ -18,18 +18,8 @@ OBJECT_CLASSES = ("ship", "reef", "shoal", "aquaculture", "seaweed", "island", "
 class Boxes:
     """M upright boxes in the coordinate frame of the cloud.
 
-    Parameters
-    ----------
-    tracks : tuple of str
-        Identifiers of the objects, the same from frame to frame.
-    classes : tuple of str
-        Names of their classes.
-    centers : ndarray, shape (M, 3), float64
-        Metres.
-    sizes : ndarray, shape (M, 3), float64
-        Length along the box's own x, width along its y, height along z; metres.
-    yaws : ndarray, shape (M,), float64
-        Rotation around +z in radians.
+    ``tracks`` identify the objects from frame to frame. Centres and sizes, shape (M, 3), are in metres; a size is the
+    length along the box's own x, the width along its y, and the height. Yaws, shape (M,), are around +z in radians.
     """
 
     tracks: tuple[str, ...] = ()
@@ -47,18 +37,10 @@ class Boxes:
         return Boxes(tracks, classes, self.centers[rows], self.sizes[rows], self.yaws[rows])
 
     def contains(self, xyz: NDArray[np.float64], margin_m: float) -> NDArray[np.bool_]:
-        """Return which points are inside which box, inflated by a margin on every side; faces count as inside.
+        """Return which of N points, shape (3, N), are inside which box, shape (M, N).
 
-        Parameters
-        ----------
-        xyz : ndarray, shape (3, N), float64
-            Points in metres. A point with a non-finite coordinate is in no box.
-        margin_m : float
-            Margin on every side in metres.
-
-        Returns
-        -------
-        ndarray, shape (M, N), bool
+        Boxes are inflated by a margin on every side, and faces count as inside. A point with a non-finite coordinate is
+        in no box.
 
         Examples
         --------
@@ -94,14 +76,9 @@ class Boxes:
 class Truth:
     """Ground truth of one frame.
 
-    Parameters
-    ----------
-    targets : Boxes or None
-        None if only points are labelled; a target then consists of the points with its track number.
-    ignored : Boxes
-        Areas whose clusters count neither as detections nor as false alarms.
-    points : ndarray, shape (N,), int64, optional
-        `CLUTTER`, `IGNORED` or the track number of its target for each point of the frame; None if unknown.
+    Targets are None if only points are labelled; a target then consists of the points with its track number. Clusters
+    in areas to ignore count neither as detections nor as false alarms. ``points``, shape (N,), are `CLUTTER`, `IGNORED`
+    or the track number of its target for each point of the frame; None if unknown.
     """
 
     targets: Boxes | None

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -12,8 +12,10 @@ from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
 from seaclutter_cli.filters.radius import isolated
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.interfaces import SceneSource
 from seaclutter_cli.scenes import SceneParams, make_scene_tracker
+
+if TYPE_CHECKING:
+    from seaclutter_cli.scenes.tracker import SceneTracker
 
 AUTO = "auto"
 """Value of ``scene`` that leaves the choice of the preset to the scene classifier."""
@@ -98,14 +100,6 @@ def isolated_by_range(points: NDArray[np.float64], radius_ratio: float, min_neig
 class AdaptiveRadius(WholeFrameFilter[AdaptiveRadiusParams]):
     r"""Radius outlier removal, radius proportional to range [Bi].
 
-    Parameters
-    ----------
-    params : AdaptiveRadiusParams
-        Config keys of the method.
-    scenes : SceneSource, optional
-        Source of the class of scene of each frame; by default the configuration or, for ``auto``, the classifier, which
-        needs the extra ``scene``.
-
     Notes
     -----
     A point at distance :math:`d_i` from the lidar is removed if fewer than N other valid points lie within [1]_
@@ -121,7 +115,8 @@ class AdaptiveRadius(WholeFrameFilter[AdaptiveRadiusParams]):
     angular steps of :math:`r_h` and :math:`r_v` radians between beams, and at least
     :math:`2 \lfloor K / r_h \rfloor` along a row where K is less than :math:`r_v`.
 
-    **State**: that of the scene source; none if the configuration names the class of scene.
+    **State**: that of the scene classifier, which needs the extra ``scene``; none if the configuration names the class
+    of scene.
 
     References
     ----------
@@ -131,7 +126,7 @@ class AdaptiveRadius(WholeFrameFilter[AdaptiveRadiusParams]):
 
     Params: ClassVar[type[AdaptiveRadiusParams]] = AdaptiveRadiusParams
 
-    def __init__(self, params: AdaptiveRadiusParams, scenes: SceneSource | None = None) -> None:
+    def __init__(self, params: AdaptiveRadiusParams, scenes: "SceneTracker | None" = None) -> None:
         super().__init__(params)
         self._scenes = scenes or (make_scene_tracker(params) if params.scene == AUTO else None)
 
