@@ -69,18 +69,8 @@ class IntensityHistogram:
     def threshold(self, filter_rate: float, *, whole: bool | None = None) -> float:
         """Return the smallest threshold T for which at least ``filter_rate`` of the intensities are below T.
 
-        Parameters
-        ----------
-        filter_rate : float
-            Share of the intensities below the threshold, from 0 to 1.
-        whole : bool, optional
-            Whether T must be a whole number; by default, if all intensities are whole numbers.
-
-        Returns
-        -------
-        float
-            The next whole number, or the next floating-point number, above the greatest intensity to remove; 0 for an
-            empty histogram.
+        T is the next whole number, or the next floating-point number, above the greatest intensity to remove; by
+        default a whole number if all intensities are. It is 0 for an empty histogram.
 
         Examples
         --------
@@ -181,10 +171,8 @@ class QuantileSketch:
         self._counts[index[known]] += counts[known]
         self._values = np.insert(self._values, index[~known], values[~known])
         self._counts = np.insert(self._counts, index[~known], counts[~known])
-        if len(self._values) > _DISTINCT:
-            self._move_to_levels()
-
-    def _move_to_levels(self) -> None:
+        if len(self._values) <= _DISTINCT:
+            return
         # The binary digits of a count select the levels: a count of 5 is one value each on levels 2 and 0.
         for level in range(int(self._counts.max()).bit_length()):
             self._put(level, self._values[(self._counts >> level) & 1 == 1])
@@ -195,7 +183,11 @@ class QuantileSketch:
         level = 0
         while level < len(self._levels):
             if len(self._levels[level]) >= _LEVEL:
-                self._thin(level)
+                values = np.sort(self._levels[level])
+                paired = len(values) // 2 * 2
+                self._put(level + 1, values[self._thinned[level] % 2 : paired : 2])
+                self._levels[level] = values[paired:].copy()
+                self._thinned[level] += 1
             level += 1
 
     def _put(self, level: int, values: NDArray[np.float64]) -> None:
@@ -203,13 +195,6 @@ class QuantileSketch:
             self._levels.append(np.zeros(0))
             self._thinned.append(0)
         self._levels[level] = np.append(self._levels[level], values)
-
-    def _thin(self, level: int) -> None:
-        values = np.sort(self._levels[level])
-        paired = len(values) // 2 * 2
-        self._put(level + 1, values[self._thinned[level] % 2 : paired : 2])
-        self._levels[level] = values[paired:].copy()
-        self._thinned[level] += 1
 
 
 def _ascending(values: NDArray[np.float64], counts: NDArray[np.int64]) -> Distribution:

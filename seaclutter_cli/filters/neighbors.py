@@ -163,7 +163,8 @@ def _over_neighbors(
 def _distinct(points: Points) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return the indices of the distinct points, the distinct point of every point, and the count of each."""
     key = _keys(points)
-    if _are_distinct(key):
+    ordered = np.sort(key)
+    if (ordered[1:] != ordered[:-1]).all():
         every = np.arange(len(points))
         return every, every, np.ones_like(every)
     _, first, inverse, multiplicity = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
@@ -185,11 +186,6 @@ def _keys(points: Points) -> NDArray[np.uint64]:
         mixed >>= np.uint64(shift)
         key ^= mixed
     return key
-
-
-def _are_distinct(key: NDArray[np.uint64]) -> bool:
-    ordered = np.sort(key)
-    return bool((ordered[1:] != ordered[:-1]).all())
 
 
 def _searcher(points: Points) -> Search:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from seaclutter_cli.config import Config, SensorParams
 from seaclutter_cli.filters.confirmation.params import ConfirmedParams
-from seaclutter_cli.filters.fit import ThresholdCheck
+from seaclutter_cli.filters.threshold_check import ThresholdCheck
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.records import SensorFacts

@@ -38,7 +38,8 @@ def write_scene(
         lines.append("")
     for name, (kind, items) in lists.items():
         lines.append(f"# {summary(kind)}. Keys that {_ENTRIES[name]} leaves out have these values:")
-        lines += [f"# {line}" for line in _keys(_defaults(kind), kind)]
+        defaults = {key.name: key.default if key.default is MISSING else plain(key.default) for key in fields(kind)}
+        lines += [f"# {line}" for line in _keys(defaults, kind)]
         lines.append(f"{name}:" if items else f"{name}: []")
         lines += [f"  - {yaml_value(_changed(item))}" for item in items]
     with AtomicFile(path, group) as file:
@@ -61,11 +62,6 @@ def _commented(line: str, comment: str) -> tuple[str, ...]:
     if len(line) <= _COLUMN:
         return (f"{line:<{_COLUMN}} # {comment}",)
     return f"{line[: len(line) - len(line.lstrip())]}# {comment}", line
-
-
-def _defaults(kind: type[Any]) -> dict[str, Any]:
-    """Return the default of each key; `MISSING` for keys that must be given."""
-    return {one.name: one.default if one.default is MISSING else plain(one.default) for one in fields(kind)}
 
 
 def _changed(params: Any) -> dict[str, Any]:

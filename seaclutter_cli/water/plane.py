@@ -147,11 +147,7 @@ class WaterEchoes:
         if not len(used):
             return 0.0, 0.0
         share = 1 / np.bincount(self.cell[used])[self.cell[used]]
-        low, middle = _weighted_quantiles(self.height_m[used], share, (0.16, 0.5))
+        order = np.argsort(self.height_m[used])
+        total, height = np.cumsum(share[order]), self.height_m[used][order]
+        low, middle = (float(height[np.searchsorted(total, total[-1] * part)]) for part in (0.16, 0.5))
         return middle, middle - low
-
-
-def _weighted_quantiles(values: Floats, weights: Floats, shares: Sequence[float]) -> list[float]:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return [float(values[order[np.searchsorted(total, total[-1] * share)]]) for share in shares]

@@ -65,8 +65,10 @@ class WaterTracker:
         if self._plane is None:
             return None
         flat = np.flatnonzero(~stands)
-        grid = GridCells.of(x, y)
-        swell = self._swell(GridCells(grid.number[flat]), (z - self._plane.height(x, y))[flat])
+        grid, band = GridCells.of(x, y), _band(self._sigma_m)
+        cells_of_flat, height = GridCells(grid.number[flat]), (z - self._plane.height(x, y))[flat]
+        swell = Swell.of(cells_of_flat, height, np.abs(height) <= band)
+        swell = Swell.of(cells_of_flat, height, np.abs(height - swell.at(cells_of_flat)[0]) <= band)
         return WaterSurface(self._plane, self._sigma_m, swell, stands, grid)
 
     def _update(self, lowest: Plane, echoes: WaterEchoes, time_s: float) -> None:
@@ -84,12 +86,6 @@ class WaterTracker:
     @property
     def _known_sigma_m(self) -> float:
         return _START_SIGMA_M if self._plane is None else self._sigma_m
-
-    def _swell(self, cells: GridCells, height: Floats) -> Swell:
-        """Return the swell through the echoes of the water among points, by their heights above the plane."""
-        band = _band(self._sigma_m)
-        swell = Swell.of(cells, height, np.abs(height) <= band)
-        return Swell.of(cells, height, np.abs(height - swell.at(cells)[0]) <= band)
 
 
 def _upright(x: Floats, y: Floats, height: Floats, span_m: float) -> NDArray[np.bool_]:

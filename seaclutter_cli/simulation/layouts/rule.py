@@ -88,19 +88,14 @@ def scene_class(scene: Scene) -> str | None:
     if their median is at most 0.1 m, which makes a row one facade; sparse if it is at least 1.5 m.
     """
     if isinstance(scene.terrain, GroundParams):
-        return _plantation_class(scene)
+        trees = [item for item in scene.objects if not item.ignore]
+        positions = np.array([item.path[0] for item in trees])
+        distance, _ = cKDTree(positions).query(positions, k=2)
+        gap = float(np.median(distance[:, 1] - [float(item.size_m[0]) for item in trees]))
+        return "dense" if gap <= 0.1 else "sparse" if gap >= 1.5 else None
     seconds = scene.recording.frames / 10
     classes = {horizon(scene, time_s).scene_class for time_s in np.linspace(0, seconds, 4).tolist()}
     return classes.pop() if len(classes) == 1 else None
-
-
-def _plantation_class(scene: Scene) -> str | None:
-    """Return the class of a plantation, or None."""
-    trees = [item for item in scene.objects if not item.ignore]
-    positions = np.array([item.path[0] for item in trees])
-    distance, _ = cKDTree(positions).query(positions, k=2)
-    gap = float(np.median(distance[:, 1] - [float(item.size_m[0]) for item in trees]))
-    return "dense" if gap <= 0.1 else "sparse" if gap >= 1.5 else None
 
 
 def _distances(rays: Floats, origin: Floats, item: SceneObjectParams, time_s: float) -> Floats:

@@ -18,7 +18,7 @@ from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.sensors.robosense.device import Angles
 from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, MODELS
 from seaclutter_cli.sensors.robosense.packets import DATA_PORT, INFO_PORT, Columns, write_data, write_info
-from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar
+from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.marine.render import Renderer, SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
@@ -69,7 +69,9 @@ class _CaptureLog:
             known = ", ".join(name for name in LIDARS if name in MODELS)
             raise UsageError(f"pcap: cannot write packets of {name}; choose one of {known}, or write an .mcap file")
         self._lidar, self._model, self._stream = LIDARS[name], MODELS[name], stream
-        self._info = write_info(self._model, _angles(self._lidar)).tobytes()
+        degrees = np.array((self._lidar.elevations_deg, self._lidar.azimuth_offsets_deg))
+        angles = Angles(*np.round(100 * degrees).astype(np.int64))
+        self._info = write_info(self._model, angles).tobytes()
         self._stream.write(pcap_header())
 
     def add(self, frame: SimulatedFrame) -> None:
@@ -99,14 +101,6 @@ class _CaptureLog:
 
     def abort(self) -> None:
         """Do nothing: there are no resources to free."""
-
-
-def _angles(lidar: Lidar) -> Angles:
-    vertical, horizontal = (
-        np.round(100 * np.array(degrees)).astype(np.int64)
-        for degrees in (lidar.elevations_deg, lidar.azimuth_offsets_deg)
-    )
-    return Angles(vertical, horizontal)
 
 
 FORMATS: Mapping[str, type[_McapLog | _CaptureLog]] = {"mcap": _McapLog, "pcap": _CaptureLog}

@@ -212,14 +212,9 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
     if "noise" in raw:
         kinds["noise"] = NoiseParams
     parts = build_sections(kinds, raw, problems)
-    objects = _objects(raw.get("objects") or [], problems)
+    objects = build_list(SceneObjectParams, raw.get("objects") or [], "objects", "an object", problems)
+    uses = Counter(item.track_id for item in objects)
+    problems += [f"objects: track_id {number} is used more than once" for number in sorted(uses) if uses[number] > 1]
     raise_problems(where, problems, KEYS)
     parts["terrain"] = parts.pop(chosen[0])
     return Scene(**parts, objects=tuple(objects))
-
-
-def _objects(raw: Any, problems: list[str]) -> list[SceneObjectParams]:
-    found: list[SceneObjectParams] = build_list(SceneObjectParams, raw, "objects", "an object", problems)
-    uses = Counter(item.track_id for item in found)
-    problems += [f"objects: track_id {number} is used more than once" for number in sorted(uses) if uses[number] > 1]
-    return found

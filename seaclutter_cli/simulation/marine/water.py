@@ -22,12 +22,6 @@ _DIVERGENCE = 0.003
 _PULSE_M = 0.75
 
 
-def _pulse_loss(range_m: Floats, sine: Floats) -> Floats:
-    """Return the factor on an echo's peak for water lit by the beam over a depth greater than the pulse length."""
-    depth = _DIVERGENCE * range_m / np.maximum(sine, 1e-6)
-    return np.minimum(1.0, _PULSE_M / depth)
-
-
 class MarineWater:
     r"""The sea at one moment, as a lidar sees it: waves, wakes, and foam in patches that depend on a seed.
 
@@ -75,17 +69,15 @@ class MarineWater:
         x, y = positions[:, 0], positions[:, 1]
         slope_x, slope_y = self._surface.slope(x, y)
         facing = (rays[:, 0] * slope_x + rays[:, 1] * slope_y - rays[:, 2]) / np.sqrt(slope_x**2 + slope_y**2 + 1)
-        reflectance = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * self._speckle(len(hit), rng)
+        shape = self._params.spikiness
+        speckle = rng.gamma(shape, 1 / shape, len(hit)) * rng.standard_exponential(len(hit))
+        reflectance = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * speckle
         foamy = self._foam(x, y) > patches(x, y, self._seed)
         foam = self._params.foam_reflectivity * rng.random(len(hit)) * rng.standard_exponential(len(hit))
-        echoes.add(hit, distance, np.where(foamy, foam, reflectance) * _pulse_loss(distance, -rays[:, 2]), CLUTTER)
+        depth = _DIVERGENCE * distance / np.maximum(-rays[:, 2], 1e-6)  # of the water that a beam lights
+        echoes.add(hit, distance, np.where(foamy, foam, reflectance) * np.minimum(1.0, _PULSE_M / depth), CLUTTER)
         for wake in self._wakes:
             wake.add_spray_echoes(shots, echoes, self._time_s, self._params.foam_reflectivity, rng)
-
-    def _speckle(self, count: int, rng: np.random.Generator) -> Floats:
-        """Return K-distributed factors of mean 1, shape (N,)."""
-        shape = self._params.spikiness
-        return np.asarray(rng.gamma(shape, 1 / shape, count) * rng.standard_exponential(count))
 
     def _foam(self, x: Floats, y: Floats) -> Floats:
         """Return the share of foam at given positions, shape (N,)."""
@@ -100,7 +92,9 @@ class MarineWater:
         angles = 2 * np.pi / _ROWS * np.arange(_ROWS)
         x = origin[0] + np.outer(np.cos(angles), _RADII_M)
         y = origin[1] + np.outer(np.sin(angles), _RADII_M)
-        heights = self._heights(x.reshape(-1), y.reshape(-1)).reshape(x.shape)
+        heights = self._surface.height(x, y).astype(np.float64)
+        for wake in self._wakes:
+            heights += wake.height(x.reshape(-1), y.reshape(-1), self._time_s).reshape(x.shape)
         row = np.floor(shots.azimuths / (2 * np.pi) * _ROWS + 0.5).astype(np.int64) % _ROWS
         mast = np.full(_ROWS, origin[2])
         mast[row] = shots.origins[:, 2]
@@ -119,12 +113,6 @@ class MarineWater:
         share = np.clip(above / np.where(above > below, above - below, 1.0), 0.0, 1.0)
         radius = _RADII_M[first - 1] + share * (_RADII_M[first] - _RADII_M[first - 1])
         return hit, radius / flat[hit]
-
-    def _heights(self, x: Floats, y: Floats) -> Floats:
-        heights = self._surface.height(x, y).astype(np.float64)
-        for wake in self._wakes:
-            heights += wake.height(x, y, self._time_s)
-        return heights
 
 
 class SeaTerrain:
