@@ -2,25 +2,35 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import partial
 from typing import Any, Literal
 
+from seaclutter_cli import __version__
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.frame import Frame
 from seaclutter_cli.plots.figure import check_target
 from seaclutter_cli.plots.report import FIGURES, draw_figures
+from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.reporting.collector import Collector, Method
 from seaclutter_cli.reporting.page import render_page, report_data
-from seaclutter_cli.runs.evaluate import Comparison
+from seaclutter_cli.runs.evaluate import Comparison, Evaluated
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import Paths, inputs_of, is_file, may_appear, prepare_outputs, write_files
-from seaclutter_cli.runs.provenance import SurveyingCollector, provenance
-from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
+from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand
 from seaclutter_cli.runs.replay import filter_or_replay
+from seaclutter_cli.runs.topic_statistics import TopicStatistics
+from seaclutter_cli.sources import Recording
 from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.storage.scratch import copies_removed
-from seaclutter_cli.text import count, printable
+from seaclutter_cli.text import UNKNOWN, count, printable
+
+_DESCRIBED_FRAMES = 10
+_NANO = 1_000_000_000
+_FIRST_YEAR = 1990
+_MAX_LISTED = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +113,7 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
     files: dict[Location, bytes] = {}
     if may_appear([options.output, *options.figures], comparison.outcomes, observer):
-        origin = provenance(collected, recordings, comparison.outcomes, options.labels.paths, options.command)
+        origin = _provenance(collected, recordings, comparison.outcomes, options.labels.paths, options.command)
         files[options.output] = _page(comparison, collected, origin)
         if folder := options.figure_folder:
             figures = draw_figures(collected, options.figure_format)
@@ -112,11 +122,11 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
     return ReportResult(comparison, collected, {path: len(content) for path, content in files.items()})
 
 
-def _collector(variants: Sequence[Variant], options: ReportOptions) -> SurveyingCollector:
+def _collector(variants: Sequence[Variant], options: ReportOptions) -> "_OriginCollector":
     methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
     labelled = bool(options.labels.paths)
     params = variants[0].config.evaluation
-    return SurveyingCollector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
+    return _OriginCollector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
 
 
 def _missing(collected: Collector, picks: Sequence[int]) -> list[int]:
@@ -136,7 +146,7 @@ def _page(comparison: Comparison, collected: Collector, origin: Mapping[str, Any
 
 
 @dataclass(frozen=True)
-class ReportResult(Result):
+class ReportResult(RecordingsResult):
     """Content of a report, and its files.
 
     Parameters
@@ -156,14 +166,9 @@ class ReportResult(Result):
     sizes: Mapping[Location, int]
 
     @property
-    def failed(self) -> bool:
-        """Whether any recording could not be processed."""
-        return self.comparison.failed
-
-    @property
-    def damaged(self) -> bool:
-        """Whether parts of any recording were damaged and left out."""
-        return self.comparison.damaged
+    def outcomes(self) -> Sequence[Evaluated]:  # type: ignore[override]
+        """Outcome of each recording."""
+        return self.comparison.outcomes
 
     @property
     def frames(self) -> int:
@@ -189,3 +194,77 @@ class ReportResult(Result):
 
 def _size(size: int) -> str:
     return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(round(size / 1e3), 1)} kB"
+
+
+@dataclass
+class _Origin:
+    """The topic of a recording, its first and last frame time if it has frames, and the layout of the first ones."""
+
+    topic: str = ""
+    times_ns: tuple[int, int] | None = None
+    cloud: TopicStatistics = field(default_factory=TopicStatistics)
+
+    @property
+    def recorded(self) -> str:
+        """First and last frame time in UTC, if the recording has times of its own."""
+        times = [_utc(time_ns) for time_ns in self.times_ns or ()]
+        if not times or times[0].year < _FIRST_YEAR:
+            return UNKNOWN
+        first, last = (f"{time:%Y-%m-%d %H:%M:%S}" for time in times)
+        return f"{first} to {last.removeprefix(first[:11])} UTC"
+
+    def sensor(self, facts: Mapping[str, SensorFacts]) -> str:
+        """Return the sensor, which the packets name or the first frames resemble."""
+        return self.cloud.sensor(facts.get(self.topic)).described if self.cloud.frames else UNKNOWN
+
+
+def _utc(time_ns: int) -> datetime:
+    try:
+        return datetime.fromtimestamp(time_ns // _NANO, UTC)
+    except (OverflowError, ValueError, OSError):
+        return datetime.min.replace(tzinfo=UTC)
+
+
+class _OriginCollector(Collector):
+    """Collector that also stores where the recordings come from."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.origins: list[_Origin] = []
+
+    def begin(self, recording: str) -> None:
+        """Start a recording."""
+        super().begin(recording)
+        self.origins.append(_Origin())
+
+    def add(self, frame: Frame, *others: Any, **named: Any) -> None:
+        """Take the statistics of a frame."""
+        origin = self.origins[-1]
+        origin.topic = frame.topic
+        if origin.cloud.frames < _DESCRIBED_FRAMES:
+            origin.cloud.add(frame)
+        first_ns, _ = origin.times_ns or (frame.log_time_ns, 0)
+        origin.times_ns = first_ns, frame.log_time_ns
+        super().add(frame, *others, **named)
+
+
+def _provenance(
+    collected: _OriginCollector,
+    recordings: Sequence[Recording],
+    outcomes: Sequence[Outcome],
+    labels: Sequence[Location],
+    command: str | None,
+) -> dict[str, Any]:
+    """Return where a report comes from, as data of its page; the same for the same input and command line."""
+    rows = []
+    for origin, recording, outcome in zip(collected.origins, recordings, outcomes, strict=True):
+        first, *others = map(str, recording.paths)
+        path = f"{first} and {count(len(others), 'more file')}" if others else first
+        rows.append({"path": path, "recorded": origin.recorded, "sensor": origin.sensor(outcome.facts)})
+    return {
+        "version": __version__,
+        "command": command,
+        "labels": [str(path) for path in labels][:_MAX_LISTED],
+        "recordings": rows[:_MAX_LISTED],
+        "left_out": max(len(rows) - _MAX_LISTED, 0),
+    }

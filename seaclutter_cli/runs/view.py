@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.runs.evaluate import Comparison
+from seaclutter_cli.runs.evaluate import Comparison, Evaluated
 from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs
-from seaclutter_cli.runs.recordings import Logs, ReadOptions, Result, expand
+from seaclutter_cli.runs.recordings import Logs, ReadOptions, RecordingsResult, expand
 from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.storage.scratch import copies_removed
@@ -115,16 +115,8 @@ def _complete_file(target: Path, group: OutputGroup) -> Iterator[Callable[[Any],
 
 
 @dataclass(frozen=True)
-class ViewResult(Result):
-    """Result of showing recordings.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        Scores of each recording.
-    target : Path or None
-        File that was written; None for the viewer.
-    """
+class ViewResult(RecordingsResult):
+    """Scores of recordings that were shown, and the file that was written, if it is not the viewer that showed them."""
 
     is_summary = True
 
@@ -132,14 +124,9 @@ class ViewResult(Result):
     target: Path | None
 
     @property
-    def failed(self) -> bool:
-        """Whether any recording could not be processed."""
-        return self.comparison.failed
-
-    @property
-    def damaged(self) -> bool:
-        """Whether parts of any recording were damaged and left out."""
-        return self.comparison.damaged
+    def outcomes(self) -> Sequence[Evaluated]:  # type: ignore[override]
+        """Outcome of each recording."""
+        return self.comparison.outcomes
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as JSON-compatible data."""
