@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.buckets import fetch, on_paths, shown
 from seaclutter_cli.documents import MAX_DEPTH
 from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
@@ -24,8 +25,6 @@ from seaclutter_cli.filters.sea_surface import SeaSurfaceParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.parameters import descriptions, yaml_value
-from seaclutter_cli.storage.copies import copy_of
-from seaclutter_cli.storage.locations import Location, Url
 from seaclutter_cli.text import count, suggestion
 from seaclutter_cli.validation import (
     build,
@@ -42,6 +41,7 @@ from seaclutter_cli.validation import (
 DEFAULT_METHOD = "joint"
 _RING_KEYS = {"filter.start_m", "filter.end_m", "filter.ring_width_m"}
 _SECTIONS = ("filter", "evaluation", "sensor")
+_MAX_BYTES = 64 * 2**20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +152,7 @@ def _are_default(params: RingIntensityParams) -> bool:
     return params.initial_thresholds == type(params).initial_thresholds
 
 
-ConfigSource = Location | Mapping[str, Any] | Config
+ConfigSource = Path | Mapping[str, Any] | Config
 """A configuration file or the name of a built-in one, the content of a file, or a configuration."""
 
 
@@ -160,6 +160,7 @@ class UnnamedFile(type(Path())):  # type: ignore[misc]  # the class of paths of 
     """Configuration in the working folder, which no option names; filtered logs are still shown with their own."""
 
 
+@on_paths
 def load_config(
     source: ConfigSource | None = None,
     *,
@@ -171,7 +172,7 @@ def load_config(
 
     Parameters
     ----------
-    source : Path, Url, mapping or Config, optional
+    source : Path, mapping or Config, optional
         YAML file or the name of a built-in one, the content of a file, or a configuration. None selects the defaults.
     method : str or None
         Method from the command line. Keys of the file that this method does not have are ignored.
@@ -208,11 +209,9 @@ def _read(source: ConfigSource | None) -> tuple[str, Mapping[str, Any]]:
     """Return the origin of the settings, for messages, and the settings as the sections of a file."""
     if source is None:
         return "command line", {}
-    if isinstance(source, Url):
-        with copy_of(source) as path:
-            return str(source), read_yaml(path, _SECTIONS)
     if isinstance(source, Path):
-        return str(source), read_yaml(find_file(str(source), "", "file"), _SECTIONS)
+        fetch(source, at_most=_MAX_BYTES)
+        return shown(str(source)), read_yaml(find_file(str(source), "", "file"), _SECTIONS)
     return "configuration", source.as_dict() if isinstance(source, Config) else source
 
 
@@ -276,7 +275,7 @@ def _with_adapted_thresholds(
             f"filter.initial_thresholds: {changed} instead of {len(given.initial_thresholds)}; each has the threshold "
             f"of the nearest one before: {yaml_value(thresholds)}"
         ),
-        stacklevel=3,
+        stacklevel=4,
     )
     sensor = sections["sensor"] or (plain(DEFAULT_SENSOR) if _are_default(given) else {})
     return {**sections, "filter": {**sections["filter"], "initial_thresholds": thresholds}, "sensor": sensor}

@@ -6,9 +6,9 @@ its decompressed chunk.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
-from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count, printable
 
 Buffer = bytes | memoryview
@@ -111,7 +111,7 @@ class SensorFacts:
 class Damage:
     """An unusable part of the input: its position, the problem, and how much was left out."""
 
-    path: Location
+    path: Path
     offset: int | None
     problem: str
     lost_bytes: int = 0

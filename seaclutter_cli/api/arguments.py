@@ -14,7 +14,7 @@ from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.recordings import PathLike
-from seaclutter_cli.storage.locations import Location, location
+from seaclutter_cli.urls import place
 
 Settings = PathLike | Mapping[str, Any] | Config
 """A configuration file or the name of a built-in one, the content of a file, or a configuration."""
@@ -22,7 +22,7 @@ Settings = PathLike | Mapping[str, Any] | Config
 
 def config_source(config: Settings | None) -> ConfigSource | None:
     """Return a configuration, with a path or name as `Path`."""
-    return location(config) if isinstance(config, str | os.PathLike) else config
+    return place(config) if isinstance(config, str | os.PathLike) else config
 
 
 def config_options(method: str | None, config: Settings | None) -> ConfigOptions:
@@ -38,15 +38,15 @@ def label_sources(
     """Return the options for labels."""
     paths = [labels] if isinstance(labels, str | os.PathLike) else (labels or ())
     return LabelSources(
-        paths=tuple(location(path) for path in paths),
+        paths=tuple(place(path) for path in paths),
         clutter_ids=None if clutter_ids is None else tuple(clutter_ids),
         ignore_ids=None if ignore_ids is None else tuple(ignore_ids),
     )
 
 
-def path_or_none(path: PathLike | None) -> Location | None:
-    """Return a path as `Path`, a URL as `Url`; None if it is None."""
-    return None if path is None else location(path)
+def path_or_none(path: PathLike | None) -> Path | None:
+    """Return a path as `Path`; None if it is None."""
+    return None if path is None else place(path)
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,12 @@
 """Logs as iterators of frames."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from seaclutter_cli.buckets import local_copy, naming, shown
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
@@ -58,13 +60,15 @@ def open_log(
     ...     print(log.name, log.format, log.topics)
     sea MCAP ('/points',)
     """
-    recordings = expand(path)
-    if len(recordings) > 1:
-        names = ", ".join(str(recording.paths[0]) for recording in recordings)
-        raise UsageError(f"{path}: contains {len(recordings)} recordings; open one of {names}")
     file = Path(calibration) if calibration else None
     reading = ReadOptions(rate_hz=rate_hz, calibration=file, sensor=sensor, integrate_ms=integrate_ms)
-    return Log(reading.open(recordings[0]))
+    with ExitStack() as stack:
+        local = stack.enter_context(local_copy(path))
+        recordings = expand(local)
+        if len(recordings) > 1:
+            names = ", ".join(str(recording.paths[0]) for recording in recordings)
+            raise UsageError(f"{local}: contains {len(recordings)} recordings; open one of {names}")
+        return Log(reading.open(recordings[0]), stack.pop_all().close)
 
 
 class Log:
@@ -74,6 +78,8 @@ class Log:
     ----------
     source : Source
         The recording.
+    release : callable, optional
+        Called when it is closed.
 
     Examples
     --------
@@ -84,8 +90,8 @@ class Log:
     ((2012, 3), dtype('float64'), (2012,))
     """
 
-    def __init__(self, source: Source) -> None:
-        self._source = source
+    def __init__(self, source: Source, release: Callable[[], object] = lambda: None) -> None:
+        self._source, self._release = source, release
 
     def __enter__(self) -> Self:
         """Return the log."""
@@ -120,12 +126,12 @@ class Log:
     @property
     def warnings(self) -> Sequence[str]:
         """Warnings about the recording; grows while frames are read."""
-        return self._source.warnings
+        return shown(self._source.warnings)
 
     @property
     def damage(self) -> Sequence[Damage]:
         """Parts that could not be read; grows while frames are read."""
-        return self._source.damage
+        return shown(self._source.damage)
 
     def frames(
         self,
@@ -168,8 +174,11 @@ class Log:
         selection = Selection(
             topics=chosen, start_s=start_s, end_s=end_s, frames=limit, intensity_field=intensity_field
         )
-        return frames(self._source, selection)
+        with naming():
+            yield from frames(self._source, selection)
 
     def close(self) -> None:
         """Close the recording; frames already read remain valid."""
         self._source.close()
+        self._source.warnings[:], self._source.damage[:] = self.warnings, self.damage
+        self._release()

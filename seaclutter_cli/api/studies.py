@@ -22,7 +22,7 @@ from seaclutter_cli.runs.report import ReportOptions, ReportResult, report_on
 from seaclutter_cli.runs.sweep import Sweep
 from seaclutter_cli.runs.tune import TuneOptions, TuningResult
 from seaclutter_cli.runs.tune import tune as tune_logs
-from seaclutter_cli.storage.locations import location
+from seaclutter_cli.urls import place
 
 
 def info(
@@ -294,7 +294,7 @@ def report(  # noqa: PLR0913 - each an option of its own
     """
     names = (methods,) if isinstance(methods, str) else tuple(methods)
     options = ReportOptions(
-        output=location(output),
+        output=place(output),
         methods=MethodOptions(file=config_source(config), methods=names, comparisons=tuple(compare)),
         labels=label_sources(labels),
         reading=reading or ReadOptions(),

@@ -10,7 +10,7 @@ import click
 
 from seaclutter_cli.commands.console import DEBUG
 from seaclutter_cli.commands.places import Place, filter_config_option, output_option, path_option
-from seaclutter_cli.storage.scratch import VARIABLE
+from seaclutter_cli.parts import SCRATCH
 from seaclutter_cli.text import suggestion
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -57,13 +57,13 @@ def grouped(name: str, kind: str, options: Sequence[Option]) -> Option:
 def _use_scratch(context: click.Context, _: click.Parameter, value: str | None) -> None:
     """Set the folder for this process and those that it starts, until the command ends."""
     if value is not None:
-        before = os.environ.get(VARIABLE)
-        os.environ[VARIABLE] = value
-        context.call_on_close(lambda: os.environ.pop(VARIABLE) if before is None else _set(before))
+        before = os.environ.get(SCRATCH)
+        os.environ[SCRATCH] = value
+        context.call_on_close(lambda: os.environ.pop(SCRATCH) if before is None else _set(before))
 
 
 def _set(folder: str) -> None:
-    os.environ[VARIABLE] = folder
+    os.environ[SCRATCH] = folder
 
 
 scratch_option = click.option(

@@ -9,8 +9,8 @@ import click
 
 from seaclutter_cli.commands.console import NOTES
 from seaclutter_cli.errors import ConfigError, UsageError
-from seaclutter_cli.storage.locations import Url, location
 from seaclutter_cli.text import named_folder
+from seaclutter_cli.urls import is_url, place
 
 _WORKING_CONFIG = "seaclutter.yaml"
 
@@ -31,10 +31,10 @@ class Place(click.Path):
             raise UsageError(f"-: {option} takes a file, not a standard stream (./- is a file of this name)")
         if self._output and named_folder(value):
             raise UsageError(f"{value}: names a folder by the slash at its end; {option} takes a file")
-        place = location(value)
-        if isinstance(place, Url) and not self._remote:
-            raise UsageError(f"{place}: {option} takes a local path")
-        return place
+        found = place(value)
+        if is_url(found) and not self._remote:
+            raise UsageError(f"{found}: {option} takes a local path")
+        return found
 
 
 def path_option(

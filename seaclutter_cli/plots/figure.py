@@ -1,10 +1,10 @@
 """Rendering of figures to files without a display; the same content gives the same bytes."""
 
 import io
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.errors import MissingExtraError, UsageError
-from seaclutter_cli.storage.locations import Location
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +35,7 @@ COLUMN_INCHES = 3.5
 _DPI = 300
 
 
-def check_target(path: Location) -> None:
+def check_target(path: Path) -> None:
     """Check that a figure can be written to a file of this name; call it before the figure is computed.
 
     Raises

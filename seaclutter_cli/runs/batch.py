@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
+from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, shown
 from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.jobs.budget import default_jobs
 from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
@@ -17,8 +18,6 @@ from seaclutter_cli.runs.recordings import NOT_PROCESSED, Outcome, ReadOptions
 from seaclutter_cli.runs.relay import Relay
 from seaclutter_cli.runs.shared_places import shared_places
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count
 
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
@@ -86,7 +85,7 @@ class BatchOptions:
         yield InTurn() if min(jobs, recordings) <= 1 else Processes(jobs)
 
 
-def inputs_of_work(recording: Recording, reading: ReadOptions, labels: LabelFile | None) -> tuple[Location, ...]:
+def inputs_of_work(recording: Recording, reading: ReadOptions, labels: LabelFile | None) -> tuple[Path, ...]:
     """Return the files and folders that work on a recording reads."""
     return *recording.paths, *reading.beside(), *((labels.path,) if labels else ())
 
@@ -100,12 +99,12 @@ class Work(ABC, Generic[O]):
     """The recording."""
 
     @property
-    def reads(self) -> Sequence[Location]:
+    def reads(self) -> Sequence[Path]:
         """Files and folders that the work reads."""
         return self.recording.paths
 
     @property
-    def writes(self) -> Sequence[Location]:
+    def writes(self) -> Sequence[Path]:
         """Files that the work writes."""
         return ()
 
@@ -123,18 +122,33 @@ class _Task(Generic[O]):
     """Work with an observer whose messages travel with the outcome, or appear at once in this process."""
 
     work: Work[O]
+    name: str
     observer: Observer | None
 
     def __call__(self, report: Report) -> tuple[O, Relay]:
-        relay = Relay(report, self.work.recording.name, self.observer)
-        with copies_removed():
-            try:
-                outcome = self.work.run(relay)
-            except SelectionError as error:
-                outcome = self.work.without_result("")
-                outcome.error, outcome.skipped, outcome.reason = None, True, str(error)
+        relay = Relay(report, self.name, self.observer)
+        outcome = _outcome(self.work, relay)
         relay.report, relay.observer = _no_report, None
         return outcome, relay
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let another process have copies of its own."""
+        return _Task, (shown(self.work), self.name, None)
+
+
+@on_paths
+def _outcome(work: Work[O], observer: Observer) -> O:
+    """Do the work, and remove what it copied."""
+    for path in work.reads:
+        if mirror := mirror_of(path):
+            mirror.know(path)
+    with copies_removed():
+        try:
+            return work.run(observer)
+        except SelectionError as error:
+            outcome = work.without_result("")
+            outcome.error, outcome.skipped, outcome.reason = None, True, str(error)
+            return outcome
 
 
 def run_batch(
@@ -179,7 +193,7 @@ def run_batch(
                 outcome = work.without_result(f"{work.recording.paths[0]}: {result.reason}")
                 error = SeaclutterError(str(outcome.error))
             else:
-                outcome, relay = result
+                outcome, relay = local(result)
                 relay.repeat(observer)
                 error = relay.error
             if error and together:
@@ -197,8 +211,8 @@ def run_batch(
 
 
 def _tasks(works: Sequence[Work[O]], engine: Engine, observer: Observer) -> list[_Task[O]]:
-    shown = observer if isinstance(engine, InTurn) else None
-    return [_Task(work, shown) for work in works]
+    direct = observer if isinstance(engine, InTurn) else None
+    return [_Task(work, work.recording.name, direct) for work in works]
 
 
 @contextmanager
@@ -225,13 +239,11 @@ def _progress(works: Sequence[Work[O]], observer: Observer) -> Iterator[Callable
 
 def input_bytes(recording: Recording) -> int:
     """Return the size of the files of a recording in bytes; 0 for those that cannot be read."""
-    return recording.size or sum(size_of(path) for path in recording.paths)
+    return sum(size_of(path) for path in recording.paths)
 
 
-def size_of(path: Location) -> int:
-    """Return the size of a file, or of the files in a folder, in bytes; 0 if it cannot be read, or is elsewhere."""
-    if not isinstance(path, Path):
-        return 0
+def size_of(path: Path) -> int:
+    """Return the size of a file, or of the files in a folder, in bytes; 0 if it cannot be read."""
     try:
         if path.is_dir():
             return sum(child.stat().st_size for child in path.iterdir() if child.is_file())

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from time import perf_counter
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.calibration import FILTER_RATE, Calibration, ClutterSelector, Thresholds
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import LabelError, UsageError
@@ -40,8 +42,6 @@ from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, expand, opened
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
 from seaclutter_cli.selection import cloud_channels
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count
 from seaclutter_cli.water import Mounting, MountingSearch
 
@@ -72,9 +72,9 @@ class CalibrateOptions:
         Labels of targets and areas to leave out.
     reading : ReadOptions
         Part of each recording to read, and how.
-    output : Path, Url or None
+    output : Path or None
         File for the resulting configuration.
-    plot_file : Path, Url or None
+    plot_file : Path or None
         File for a plot of clutter and thresholds over range.
     force : bool
         Replace existing files.
@@ -90,8 +90,8 @@ class CalibrateOptions:
     trade_off: bool = False
     labels: LabelSources = field(default_factory=LabelSources)
     reading: ReadOptions = field(default_factory=ReadOptions)
-    output: Location | None = None
-    plot_file: Location | None = None
+    output: Path | None = None
+    plot_file: Path | None = None
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
@@ -102,7 +102,7 @@ class CalibrateOptions:
         return self.keep_end or "filter.end_m" in keys
 
 
-@copies_removed()
+@on_paths
 def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = SILENT) -> CalibrationResult:
     """Derive the threshold of each range ring and the far limit of clutter from recordings.
 

@@ -2,6 +2,7 @@
 
 import textwrap
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any, Self
 
 from seaclutter_cli.calibration import Calibration, ClutterSelector, RingCalibration, Thresholds, few_points
@@ -14,7 +15,6 @@ from seaclutter_cli.runs.calibrate_trade_off import TradeOff
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sensors.catalog import RecognisedSensor
-from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count, printable, share, table
 from seaclutter_cli.water import Mounting
 
@@ -140,7 +140,7 @@ class CalibrationResult(Result):
     found: Thresholds
     tally: ClutterTally
     labelled: bool
-    output: Location | None = None
+    output: Path | None = None
     mounting: Mounting | None = None
     trade_off: TradeOff | None = None
 

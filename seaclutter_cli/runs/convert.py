@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from time import perf_counter
 
+from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.jobs.together import in_threads
@@ -47,8 +48,6 @@ from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location, location
-from seaclutter_cli.storage.scratch import copies_removed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +75,7 @@ class ConvertOptions:
     batch: BatchOptions = field(default_factory=BatchOptions)
 
 
-@copies_removed()
+@on_paths
 def convert_logs(logs: Logs, output: PathLike, options: ConvertOptions, observer: Observer = SILENT) -> ConvertSummary:
     """Convert every recording to another format.
 
@@ -134,7 +133,7 @@ def plan_conversions(
             "-o": places_of(planned.targets, planned.form, options.written.split),
             "--manifest": options.batch.manifest,
         },
-        Root(location(output), OUTPUT_FORMATS[planned.form].marker),
+        Root(Path(output), OUTPUT_FORMATS[planned.form].marker),
     )
 
 
@@ -148,7 +147,7 @@ class ConvertWork(Work[ConvertOutcome]):
         Format, input and output files.
     recording : Recording
         The recording.
-    target : Path or Url
+    target : Path
         Its output.
     form : str
         Name of the format.
@@ -156,21 +155,21 @@ class ConvertWork(Work[ConvertOutcome]):
 
     options: ConvertOptions
     recording: Recording
-    target: Location
+    target: Path
     form: str
 
     @property
-    def output(self) -> Location:
+    def output(self) -> Path:
         """The output, or the first of its parts."""
         return first_part(self.target, self.form, self.options.written.split)
 
     @property
-    def reads(self) -> Sequence[Location]:
+    def reads(self) -> Sequence[Path]:
         """Files and folders that the work reads."""
         return inputs_of_work(self.recording, self.options.reading, None)
 
     @property
-    def writes(self) -> Sequence[Location]:
+    def writes(self) -> Sequence[Path]:
         """The output."""
         return (self.output,)
 
@@ -205,10 +204,11 @@ class ConvertWork(Work[ConvertOutcome]):
             recording=self.recording.name, output=self.output, form=self.form, bytes_in=size, error=reason
         )
 
-    def identity(self, source: Source | None = None) -> RunIdentity:
-        """Return what the output depends on; the source holds the copies of files in object storage."""
-        paths = getattr(source, "copies", ()) or self.recording.paths
-        return identity_of(paths, None, self.options.reading, self.options.written, None, convert_to=self.form)
+    def identity(self) -> RunIdentity:
+        """Return what the output depends on."""
+        return identity_of(
+            self.recording.paths, None, self.options.reading, self.options.written, None, convert_to=self.form
+        )
 
     def _stream(self, source: Source, outcome: ConvertOutcome, observer: Observer, group: OutputGroup) -> None:
         selection = replace(self.options.reading.selection, latched=self.options.written.latched)
@@ -245,7 +245,7 @@ class ConvertWork(Work[ConvertOutcome]):
         return [channel for channel in source.channels if find_codec(channel) and takes(channel.topic)]
 
     def _record(self, source: Source, outcome: ConvertOutcome) -> Metadata:
-        return Metadata(NAME, to_entries(self.identity(source), outcome.topics, source.damage))
+        return Metadata(NAME, to_entries(self.identity(), outcome.topics, source.damage))
 
 
 def _count(frame: Frame, tally: TopicTally) -> None:

@@ -4,8 +4,10 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
+from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.evaluation.label_check import LabelCheck
 from seaclutter_cli.evaluation.scores import Summary, score_frame
@@ -38,8 +40,6 @@ from seaclutter_cli.runs.score_tables import (
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
 from seaclutter_cli.selection import cloud_channels, filtered_by, first_frame, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count, printable
 
 
@@ -57,9 +57,9 @@ class EvaluateOptions:
         Clustering algorithm; None: that of the configuration.
     reading : ReadOptions
         Part of each recording to read, and how.
-    frames_file : Path, Url or None
+    frames_file : Path or None
         File for a table with a row for each frame and method (CSV).
-    summary_file : Path, Url or None
+    summary_file : Path or None
         File for all results (JSON).
     force : bool
         Replace existing files.
@@ -71,13 +71,13 @@ class EvaluateOptions:
     methods: MethodOptions = field(default_factory=MethodOptions)
     clustering: Literal["euclidean", "dbscan"] | None = None
     reading: ReadOptions = field(default_factory=ReadOptions)
-    frames_file: Location | None = None
-    summary_file: Location | None = None
+    frames_file: Path | None = None
+    summary_file: Path | None = None
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
 
-@copies_removed()
+@on_paths
 def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SILENT) -> "Comparison":
     """Filter recordings, cluster the points that are left, and count false alarms and missed targets against labels.
 
@@ -114,7 +114,7 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
             if table:
                 table.stream.writelines(frame_table([one.rows for one in outcomes if one.rows and not one.error]))
             if summary:
-                summary.stream.write(json.dumps(comparison.as_dict(), indent=2).encode() + b"\n")
+                summary.stream.write(json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n")
         if not may_appear(targets.values(), outcomes, observer):
             files.discard()
     if manifest:

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from time import perf_counter
 
+from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult
@@ -60,8 +61,6 @@ from seaclutter_cli.sinks.csv import CsvSink
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location, location
-from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import printable
 
 
@@ -83,7 +82,7 @@ class FilterOptions:
         Write boxes around the clusters of kept points to ``/seaclutter/scene``.
     labels : LabelSources
         Labels whose boxes are also written; only with ``with_scene``.
-    csv_file : Path, Url or None
+    csv_file : Path or None
         File for a table with a row for each frame.
     force : bool
         Replace existing files.
@@ -95,12 +94,12 @@ class FilterOptions:
     to: str | None = None
     with_scene: bool = False
     labels: LabelSources = field(default_factory=LabelSources)
-    csv_file: Location | None = None
+    csv_file: Path | None = None
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
 
-@copies_removed()
+@on_paths
 def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> FilterSummary:
     """Filter every recording into a log.
 
@@ -173,7 +172,7 @@ def plan_works(
         works,
         inputs_of(recordings, options.reading, options.config.file, [config]),
         {"-o": places, "--csv": options.csv_file, "--manifest": options.batch.manifest},
-        Root(location(output), OUTPUT_FORMATS[planned.form].marker),
+        Root(Path(output), OUTPUT_FORMATS[planned.form].marker),
     )
 
 
@@ -206,7 +205,7 @@ class FilterWork(Work[FilterOutcome]):
         Effective configuration.
     recording : Recording
         The recording.
-    target : Path or Url
+    target : Path
         Filtered log.
     labels : LabelFile or None
         Its labels.
@@ -217,22 +216,22 @@ class FilterWork(Work[FilterOutcome]):
     options: FilterOptions
     config: Config
     recording: Recording
-    target: Location
+    target: Path
     labels: LabelFile | None = None
     form: str = "mcap"
 
     @property
-    def output(self) -> Location:
+    def output(self) -> Path:
         """The filtered log, or the first of its parts."""
         return first_part(self.target, self.form, self.options.written.split)
 
     @property
-    def reads(self) -> Sequence[Location]:
+    def reads(self) -> Sequence[Path]:
         """Files and folders that the work reads."""
         return inputs_of_work(self.recording, self.options.reading, self.labels)
 
     @property
-    def writes(self) -> Sequence[Location]:
+    def writes(self) -> Sequence[Path]:
         """The filtered log."""
         return (self.output,)
 
@@ -310,7 +309,7 @@ class FilterWork(Work[FilterOutcome]):
         with (
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             OUTPUT_FORMATS[self.form].make_sink(
-                self.target, self._written(labels, partial(self._record, source, labels, outcome)), group
+                self.target, self._written(labels, partial(self._record, source, outcome)), group
             ) as sink,
         ):
 
@@ -324,15 +323,14 @@ class FilterWork(Work[FilterOutcome]):
         warn_of_losses(self.output, self.form, sink.lost, observer)
         fit.finish(outcome.topics)
 
-    def identity(self, source: Source | None = None, labels: Labels | None = None) -> RunIdentity:
-        """Return what the filtered file depends on; source and labels hold the copies of those in object storage."""
-        options, paths = self.options, getattr(source, "copies", ()) or self.recording.paths
-        used = self.labels and replace(self.labels, path=getattr(labels, "copy", self.labels.path))
+    def identity(self) -> RunIdentity:
+        """Return what the filtered file depends on."""
+        options, paths = self.options, self.recording.paths
         kind = {"with_scene": options.with_scene, **({} if self.form == "mcap" else {"to": self.form})}
-        return identity_of(paths, self.config, options.reading, options.written, used, **kind)
+        return identity_of(paths, self.config, options.reading, options.written, self.labels, **kind)
 
-    def _record(self, source: Source, labels: Labels | None, outcome: FilterOutcome) -> Metadata:
-        return Metadata(NAME, to_entries(self.identity(source, labels), outcome.topics, source.damage))
+    def _record(self, source: Source, outcome: FilterOutcome) -> Metadata:
+        return Metadata(NAME, to_entries(self.identity(), outcome.topics, source.damage))
 
     def _written(self, labels: Labels | None, record: Callable[[], Metadata]) -> McapOptions:
         written = replace(

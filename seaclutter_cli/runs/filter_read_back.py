@@ -3,6 +3,7 @@
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from seaclutter_cli.config import Config
 from seaclutter_cli.runs.batch import Work
@@ -11,7 +12,6 @@ from seaclutter_cli.runs.filter_table import own_table
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.resume_rows import rows_in
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class ReadBackWork(Work[FilterOutcome]):
         return self.work.recording
 
     @property
-    def writes(self) -> Sequence[Location]:
+    def writes(self) -> Sequence[Path]:
         """The output, which may have to be written again."""
         return self.work.writes
 

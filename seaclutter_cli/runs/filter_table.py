@@ -8,10 +8,9 @@ from tempfile import TemporaryDirectory
 from seaclutter_cli.config import Config
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.csv import CsvSink
-from seaclutter_cli.storage.locations import Location
 
 
-def frame_table(config: Config, path: Location, group: OutputGroup | None = None) -> CsvSink:
+def frame_table(config: Config, path: Path, group: OutputGroup | None = None) -> CsvSink:
     """Return the table for the frames of recordings."""
     rings = len(config.ring_edges[1:])
     return CsvSink(path, rings, scenes=config.has_scenes, water=config.has_water, group=group)

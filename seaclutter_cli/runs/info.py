@@ -5,9 +5,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from seaclutter_cli.buckets import mirror_of, on_paths
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec, main_clouds
 from seaclutter_cli.reading import read
@@ -27,17 +27,14 @@ from seaclutter_cli.runs.recordings import (
 )
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.scratch import copies_removed
+from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
 from seaclutter_cli.text import printable, share, table
-
-if TYPE_CHECKING:
-    from seaclutter_cli.sources.remote import RemoteExcerpt
 
 _NANO = 1_000_000_000
 _DEFAULT_THRESHOLD = 4
 
 
-@copies_removed()
+@on_paths
 def describe_logs(
     logs: Logs,
     reading: ReadOptions | None = None,
@@ -82,10 +79,10 @@ class _InfoWork(Work["Content"]):
         content = self.without_result(None)
         with storing_errors(content, observer):
             part = excerpt_of(self.recording) if self.reading.selection.is_whole else None
-            with opened(part or self.recording, self.reading, observer, content) as source:
+            with opened(self.recording, self.reading, observer, content) as source:
                 self._read(source, content, observer)
                 if part:
-                    content.note_summary(part.part.messages, (part.part.start_ns, part.part.end_ns))
+                    content.note_summary(part.messages, (part.start_ns, part.end_ns))
         return content
 
     def _read(self, source: Source, content: "Content", observer: Observer) -> None:
@@ -108,13 +105,11 @@ class _InfoWork(Work["Content"]):
         return Content(recording=self.recording.name, path=str(self.recording.paths[0]), error=reason)
 
 
-def excerpt_of(recording: Recording) -> "RemoteExcerpt | None":
-    """Return the first frames of a large recording in object storage; None for other recordings."""
-    if isinstance(recording.paths[0], Path):
-        return None
-    from seaclutter_cli.sources.remote import RemoteRecording  # asyncio takes time to import
-
-    return recording.excerpt() if isinstance(recording, RemoteRecording) else None
+def excerpt_of(recording: Recording) -> Excerpt | None:
+    """Let a large recording in object storage consist of its first frames; None if it is another one."""
+    first, *others = recording.paths
+    mirror = mirror_of(first)
+    return mirror.excerpt(first, excerpt) if mirror and not others else None
 
 
 @dataclass(kw_only=True)

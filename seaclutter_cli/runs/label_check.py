@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import load_config
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.label_check import Finding, LabelCheck
@@ -20,14 +21,13 @@ from seaclutter_cli.runs.labels import LabelSources
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
-from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import UNKNOWN, count, printable, table
 from seaclutter_cli.truth import Boxes, Truth
 
 _LINE_CHARACTERS = 80
 
 
-@copies_removed()
+@on_paths
 def check_label_files(
     logs: Logs,
     labels: LabelSources,

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from seaclutter_cli.buckets import fetch, mirror_of
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count
 
 if TYPE_CHECKING:
@@ -23,13 +23,13 @@ class LabelSources:
 
     Parameters
     ----------
-    paths : tuple of Path or Url
+    paths : tuple of Path
         One path for each recording, in the same order; or one folder with a file for each; or empty.
     clutter_ids, ignore_ids : tuple of int or None
         Class ids of clutter and class ids to ignore in point labels; None: the defaults.
     """
 
-    paths: tuple[Location, ...] = ()
+    paths: tuple[Path, ...] = ()
     clutter_ids: tuple[int, ...] | None = None
     ignore_ids: tuple[int, ...] | None = None
 
@@ -50,18 +50,11 @@ class LabelSources:
             clutter_ids=defaults.clutter_ids if self.clutter_ids is None else self.clutter_ids,
             ignore_ids=defaults.ignore_ids if self.ignore_ids is None else self.ignore_ids,
         )
-        found = zip(recordings, self._find(recordings), strict=True)
-        return [LabelFile(place, replace(chosen, by_sequence=one.is_frame_folder)) for one, place in found]
-
-    def _find(self, recordings: Sequence[Recording]) -> Sequence[Location]:
-        """Return the place of each recording's labels."""
-        if all(isinstance(place, Path) for place in self.paths):
-            return find_labels(recordings, [place for place in self.paths if isinstance(place, Path)])
-        from seaclutter_cli.runs.remote_labels import LabelFinder  # asyncio takes time to import
-
-        finder = LabelFinder(self.paths)
-        with finder.naming():
-            return finder.places(find_labels(recordings, finder.paths))
+        for path in self.paths:
+            if mirror := mirror_of(path):
+                mirror.know(path)
+        found = zip(recordings, find_labels(recordings, self.paths), strict=True)
+        return [LabelFile(path, replace(chosen, by_sequence=one.is_frame_folder)) for one, path in found]
 
 
 @dataclass(frozen=True)
@@ -70,26 +63,21 @@ class LabelFile:
 
     Parameters
     ----------
-    path : Path or Url
+    path : Path
         File or folder.
     options : LabelOptions
         How they are read.
     """
 
-    path: Location
+    path: Path
     options: "LabelOptions"
 
     def open(self) -> Labels:
         """Return the labels; raise `LabelError` if they cannot be read."""
         from seaclutter_cli.labels import open_labels
 
-        if isinstance(self.path, Path):
-            return open_labels(self.path, self.options)
-        from seaclutter_cli.runs.remote_labels import LabelFinder
-
-        finder = LabelFinder([self.path])
-        (labels,) = finder.open(finder.paths, lambda _, path: open_labels(path, self.options))
-        return labels
+        fetch(self.path)
+        return open_labels(self.path, self.options)
 
 
 def find_labels(recordings: Sequence[Recording], paths: Sequence[Path]) -> list[Path]:

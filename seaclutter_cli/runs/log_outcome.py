@@ -4,11 +4,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.runs.batch import size_of
 from seaclutter_cli.runs.recordings import Outcome
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.objects import find_object, list_objects
 
 
 @dataclass(kw_only=True)
@@ -17,7 +16,7 @@ class LogOutcome(Outcome):
 
     Parameters
     ----------
-    output : Path or Url
+    output : Path
         The log, or the first of its parts.
     topics : dict of str to TopicTally
         Sums over the frames of each cloud topic.
@@ -25,7 +24,7 @@ class LogOutcome(Outcome):
         Sizes of the recording and of the log.
     """
 
-    output: Location
+    output: Path
     topics: dict[str, TopicTally] = field(default_factory=dict)
     bytes_in: int = 0
     bytes_out: int = 0
@@ -53,7 +52,7 @@ class LogOutcome(Outcome):
 
 def output_size(outcome: LogOutcome) -> int:
     """Return the size of an output in bytes; 0 if there is none."""
-    if outcome.error or isinstance(outcome.output, Path):
-        return 0 if outcome.error else size_of(outcome.output)
-    found = find_object(outcome.output)
-    return found.size if found else sum(one.size for one in list_objects(outcome.output))
+    if outcome.error:
+        return 0
+    mirror = mirror_of(outcome.output)
+    return mirror.size(outcome.output) if mirror else size_of(outcome.output)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from seaclutter_cli.buckets import shown
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sources import Recording
 
@@ -39,7 +40,7 @@ def manifest_of(path: Path, recordings: Sequence[Recording], outcomes: Sequence[
     recordings, outcomes : sequence of Recording, sequence of Outcome
         Recordings and their outcomes.
     """
-    rows = [_row(*pair) for pair in zip(recordings, outcomes, strict=True)]
+    rows = shown([_row(*pair) for pair in zip(recordings, outcomes, strict=True)])
     text = json.dumps(rows, indent=2) + "\n" if path.suffix.lower() == ".json" else _csv(rows)
     return {path: text.encode(errors="surrogateescape")}
 

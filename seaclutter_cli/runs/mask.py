@@ -3,8 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.pipeline import map_frames
@@ -25,8 +27,6 @@ from seaclutter_cli.runs.recordings import (
 )
 from seaclutter_cli.runs.studies import frame_progress
 from seaclutter_cli.selection import cloud_channels
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.structure.search import MIN_FRAMES, FoundStructure, StructureSearch
 from seaclutter_cli.text import count
 
@@ -39,7 +39,7 @@ class MaskOptions:
 
     Parameters
     ----------
-    output, plot_file : Path, Url or None
+    output, plot_file : Path or None
         Files for the mask and its picture.
     reach_m : float
         Range up to which structure is searched.
@@ -49,19 +49,19 @@ class MaskOptions:
         Replace existing files.
     """
 
-    output: Location | None = None
-    plot_file: Location | None = None
+    output: Path | None = None
+    plot_file: Path | None = None
     reach_m: float = 20.0
     reading: ReadOptions = field(default_factory=ReadOptions)
     force: bool = False
 
     @property
-    def targets(self) -> Mapping[str, Location | None]:
+    def targets(self) -> Mapping[str, Path | None]:
         """Output files by option."""
         return {"-o": self.output, "--plot": self.plot_file}
 
 
-@copies_removed()
+@on_paths
 def find_mask(logs: Logs, options: MaskOptions, observer: Observer = SILENT) -> "MaskResult":
     """Find own ship's structure in recordings of one lidar, and write a mask of it.
 
@@ -96,7 +96,7 @@ def find_mask(logs: Logs, options: MaskOptions, observer: Observer = SILENT) -> 
     result = MaskResult(outcomes, search.found(), options.reach_m)
     for warning in result.warnings:
         observer.warn(warning)
-    files: dict[Location, bytes] = {}
+    files: dict[Path, bytes] = {}
     if may_appear(options.targets.values(), outcomes, observer):
         if result.found.mask.sectors and options.output:
             files[options.output] = result.found.mask.as_csv().encode()

@@ -6,10 +6,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import truediv
+from pathlib import Path
 
+from seaclutter_cli.buckets import look
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.runs.object_outputs import is_object_folder
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.outputs import is_file
 from seaclutter_cli.runs.recordings import PathLike
@@ -17,8 +18,6 @@ from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, format_of
 from seaclutter_cli.sinks.options import McapOptions, Split, parse_split, part_path, parts_after
 from seaclutter_cli.sources import SOURCES, Recording
 from seaclutter_cli.sources.frame_files import FRAME_READERS
-from seaclutter_cli.storage.locations import Location, Url, location
-from seaclutter_cli.storage.objects import exists
 from seaclutter_cli.text import count, named_folder
 
 __all__ = [
@@ -54,11 +53,10 @@ def is_folder(output: PathLike, outputs: int, marker: str = "") -> bool:
     """
     if outputs > 1 or named_folder(output):
         return True
-    place = location(output)
-    if marker and exists(place / marker):
+    place = Path(output)
+    look(place)
+    if marker and (place / marker).exists():
         return False
-    if isinstance(place, Url):
-        return is_object_folder(place)
     return os.path.isdir(place)  # noqa: PTH112 - false if the name is too long
 
 
@@ -70,12 +68,12 @@ class PlannedOutputs:
     ----------
     form : str
         Name of their format.
-    targets : list of Path or Url
+    targets : list of Path
         The output of each recording.
     """
 
     form: str
-    targets: list[Location]
+    targets: list[Path]
 
 
 def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | None = None) -> PlannedOutputs:
@@ -95,7 +93,7 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
     UsageError
         If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
     """
-    path, several = location(output), len(recordings) > 1 or named_folder(output)
+    path, several = Path(output), len(recordings) > 1 or named_folder(output)
     form = to or "mcap" if several else format_of(path, to)
     kind = OUTPUT_FORMATS[form]
     if not is_folder(output, len(recordings), kind.marker):
@@ -104,7 +102,7 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
     kind = OUTPUT_FORMATS[form]
     if is_file(path):
         raise UsageError(f"{path}: is a file, but {count(len(recordings), 'recording')} need a folder")
-    targets: dict[Location, Recording] = {}
+    targets: dict[Path, Recording] = {}
     for recording in recordings:
         name = recording.name + ("" if kind.is_folder else kind.suffix)
         target = reduce(truediv, recording.inside, path) / name
@@ -115,7 +113,7 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
     return PlannedOutputs(form, list(targets))
 
 
-def check_names(outputs: Iterable[Location], to: str | None) -> None:
+def check_names(outputs: Iterable[Path], to: str | None) -> None:
     """Raise `UsageError` if the name of an output is that of a format that can only be read, or tells no format."""
     kinds = [kind for kind in OUTPUT_FORMATS.values() if kind.suffix]
     known = [kind.suffix for kind in kinds if not (kind.is_folder and kind.has_topics)]
@@ -130,16 +128,16 @@ def check_names(outputs: Iterable[Location], to: str | None) -> None:
             )
 
 
-def first_part(target: Location, form: str, split: Split | None) -> Location:
+def first_part(target: Path, form: str, split: Split | None) -> Path:
     """Return the file or folder of an output, or of its first part."""
     return target if split is None or OUTPUT_FORMATS[form].is_folder else part_path(target, 0)
 
 
-def places_of(targets: Iterable[Location], form: str, split: Split | None) -> list[Location]:
+def places_of(targets: Iterable[Path], form: str, split: Split | None) -> list[Path]:
     """Return the files and folders that outputs occupy, with the parts of earlier runs."""
     if split is None or OUTPUT_FORMATS[form].is_folder:
         return list(targets)
-    places: list[Location] = []
+    places: list[Path] = []
     for target in targets:
         places += [part_path(target, 0), *parts_after(target, 0)]
     return places
@@ -153,7 +151,7 @@ def warn_of_patterns(source: Source, options: McapOptions, observer: Observer) -
                 observer.warn(f"{source.name}: {option} {pattern} matches no topic")
 
 
-def warn_of_losses(output: Location, form: str, lost: Sequence[str], observer: Observer) -> None:
+def warn_of_losses(output: Path, form: str, lost: Sequence[str], observer: Observer) -> None:
     """Warn of what an output cannot keep of its recording."""
     if lost:
         more = f" and {len(lost) - _MAX_LOSSES} more" if len(lost) > _MAX_LOSSES else ""

@@ -9,18 +9,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from seaclutter_cli.buckets import look, mirror_of
 from seaclutter_cli.errors import OutputError, UsageError
-from seaclutter_cli.runs.object_outputs import check_objects
+from seaclutter_cli.parts import remove_stale
+from seaclutter_cli.paths import Identities, Identity, RealPaths, files_in
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.recordings import Outcome, ReadOptions
-from seaclutter_cli.runs.same_file import Identities, Identity, files_in
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.formats import is_single_frame
 from seaclutter_cli.sources import Recording, metadata_beside
-from seaclutter_cli.storage.locations import Location, Url
-from seaclutter_cli.storage.objects import exists, list_folder
-from seaclutter_cli.storage.parts import remove_stale
-from seaclutter_cli.storage.real_paths import RealPaths
 from seaclutter_cli.text import count
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
@@ -28,7 +25,7 @@ if TYPE_CHECKING:  # imports all filters, which tiles do not need
 
 _making_parents = ContextVar("making_parents", default=False)
 
-Paths = Mapping[str, Location | Iterable[Location] | None]
+Paths = Mapping[str, Path | Iterable[Path] | None]
 """Places of files by the option that gives them."""
 
 
@@ -38,13 +35,13 @@ class Root:
 
     Parameters
     ----------
-    place : Path or Url
+    place : Path
         The folder or output.
     marker : str
         File by which outputs are recognised that are folders; empty if they are files.
     """
 
-    place: Location
+    place: Path
     marker: str = ""
 
 
@@ -53,7 +50,7 @@ def inputs_of(
     reading: ReadOptions | None = None,
     file: "ConfigSource | None" = None,
     configs: "Iterable[Config]" = (),
-) -> dict[str, list[Location]]:
+) -> dict[str, list[Path]]:
     """Return the files and folders that a run reads, by option, also those beside a log.
 
     Parameters
@@ -68,27 +65,26 @@ def inputs_of(
         Effective configurations, which may name a model and a mask.
     """
     logs = [path for recording in recordings for path in recording.paths]
-    local = [log for log in logs if isinstance(log, Path)]
     configs = list(configs)
     models, masks = ({getattr(config.filter, key, None) for config in configs} for key in ("scene_model", "mask"))
     return {
-        "LOGS": [*logs, *(beside for log in local for beside in metadata_beside(log))],
+        "LOGS": [*logs, *(beside for log in logs for beside in metadata_beside(log))],
         "--calibration": [reading.calibration] if reading and reading.calibration else [],
-        "-c": [file] if isinstance(file, Path | Url) else [],
+        "-c": [file] if isinstance(file, Path) else [],
         "filter.scene_model": [Path(model) for model in models if model],
         "filter.mask": [Path(mask) for mask in masks if mask],
     }
 
 
-def is_file(place: Location) -> bool:
+def is_file(place: Path) -> bool:
     """Return whether there is something of this name that is not a folder."""
-    return exists(place) if isinstance(place, Url) else place.exists() and not place.is_dir()
+    return place.exists() and not place.is_dir()
 
 
 def prepare_outputs(
     outputs: Paths,
     inputs: Paths,
-    labels: Sequence[Location] = (),
+    labels: Sequence[Path] = (),
     *,
     force: bool,
     observer: Observer = SILENT,
@@ -103,7 +99,7 @@ def prepare_outputs(
     log_file = getattr(observer, "log_file", None)
     check_outputs(outputs, inputs, labels, force=force, log_file=log_file, root=root)
     real = RealPaths()
-    folders = {real(path).parent: path for _, path in _local(_flat(outputs))}
+    folders = {real(path).parent: path for _, path in _flat(outputs)}
     for folder, path in folders.items():
         if _making_parents.get() or _is_below(folder, root.place if root else None):
             _make(folder, path)
@@ -123,7 +119,7 @@ def making_parents() -> Iterator[None]:
 def check_outputs(
     outputs: Paths,
     inputs: Paths,
-    labels: Sequence[Location] = (),
+    labels: Sequence[Path] = (),
     *,
     force: bool,
     log_file: Path | None = None,
@@ -138,7 +134,7 @@ def check_outputs(
     inputs : mapping of str to path, paths or None
         Files and folders that the run reads, by option: recordings, configurations, models. New files in such folders
         are refused, too. Paths that do not exist are names of built-in files.
-    labels : sequence of Path or Url, optional
+    labels : sequence of Path, optional
         Files of labels, and folders whose files are labels; new files in such folders are allowed.
     force : bool
         Whether existing files may be replaced.
@@ -154,13 +150,13 @@ def check_outputs(
         folder whose parent does not exist, or exists and may not be replaced.
     """
     markers = {"-o": root.marker} if root else {}
-    check_objects(list(_flat(outputs)), list(_flat(inputs)), labels, force=force, markers=markers)
+    list_objects(path for _, path in _flat(outputs))
     known = _Known()
-    targets = [_Target(path, option, known, markers.get(option, "")) for option, path in _local(_flat(outputs))]
+    targets = [_Target(path, option, known, markers.get(option, "")) for option, path in _flat(outputs)]
     log = [_Target(log_file, "--log-file", known)] if log_file else []
     _check_distinct([*targets, *log], known)
-    read = _Inputs(_local(_flat(inputs)), known)
-    labelled = _Inputs(_local(("--labels", path) for path in labels), known)
+    read = _Inputs(_flat(inputs), known)
+    labelled = _Inputs((("--labels", path) for path in labels), known)
     for target in [*targets, *log]:
         if option := read.option_of(target, new=True) or labelled.option_of(target, new=False):
             raise UsageError(
@@ -173,22 +169,17 @@ def check_outputs(
     _check_folders(targets, root.place if root else None)
 
 
-def existing(places: Iterable[Location]) -> set[Location]:
-    """Return the places at which there is something, with a single request for each folder of objects."""
-    given = list(places)
-    folders = {place.parent for place in given if isinstance(place, Url)}
-    objects = {url for folder in folders for found in list_folder(folder) for url in found}
-    return {place for place in given if (os.path.lexists(place) if isinstance(place, Path) else place in objects)}
+def list_objects(outputs: Iterable[Path]) -> None:
+    """Let what there is in the folders of outputs in object storage be there, with one request for each folder."""
+    for folder in {path.parent if mirror_of(path.parent) else path for path in outputs}:
+        if mirror := mirror_of(folder):
+            mirror.list_folder(folder)
 
 
-def _flat(paths: Paths) -> Iterator[tuple[str, Location]]:
+def _flat(paths: Paths) -> Iterator[tuple[str, Path]]:
     for option, given in paths.items():
         if given is not None:
-            yield from ((option, path) for path in ([given] if isinstance(given, Path | Url) else given))
-
-
-def _local(places: Iterable[tuple[str, Location]]) -> Iterator[tuple[str, Path]]:
-    yield from ((option, place) for option, place in places if isinstance(place, Path))
+            yield from ((option, path) for path in ([given] if isinstance(given, Path) else given))
 
 
 class _Known:
@@ -253,25 +244,29 @@ def _check_place(target: _Target, *, force: bool) -> None:
     if target.exists and target.file.is_dir():
         if not target.marker:
             raise UsageError(f"{path}: is a folder; {target.option} takes a file")
+        look(target.file)
         if not (target.file / target.marker).exists():
-            raise UsageError(f"{path}: is a folder of something else; choose another output for {target.option}")
+            problem = "of something else; choose"
+            if mirror_of(path):
+                problem = f"without {target.marker}, so it is incomplete or of something else; delete it, or choose"
+            raise UsageError(f"{path}: is a folder {problem} another output for {target.option}")
     elif target.exists and target.marker and not is_single_frame(target.path):
         raise UsageError(f"{path}: is a file, but the output is a folder")
     if target.exists and not force:
         raise UsageError(f"{path}: already exists; use --force to replace it")
 
 
-def _check_folders(targets: Iterable[_Target], root: Location | None) -> None:
+def _check_folders(targets: Iterable[_Target], root: Path | None) -> None:
     """Check that folders of outputs exist, or can be created; each is looked at only once."""
     first = {target.file.parent: target.path for target in reversed(list(targets))}
     for folder, path in reversed(first.items()):
-        above = Path(os.path.realpath(root)) if isinstance(root, Path) and _is_below(folder, root) else folder
-        if not (os.path.lexists(above) or os.path.lexists(above.parent) or _making_parents.get()):
+        above = Path(os.path.realpath(root)) if root and _is_below(folder, root) else folder
+        if not (mirror_of(path) or os.path.lexists(above) or os.path.lexists(above.parent) or _making_parents.get()):
             raise UsageError(f"{path}: there is no folder {path.parent.parent}; --parents creates it")
 
 
-def _is_below(folder: Path, root: Location | None) -> bool:
-    return isinstance(root, Path) and Path(os.path.realpath(root)) in folder.parents
+def _is_below(folder: Path, root: Path | None) -> bool:
+    return root is not None and Path(os.path.realpath(root)) in folder.parents
 
 
 def _make(folder: Path, output: Path) -> None:
@@ -287,7 +282,7 @@ def _tidy(folders: Iterable[Path], observer: Observer) -> None:
             observer.note(f"{folder}: removed {count(removed, 'incomplete file')} of runs that were killed")
 
 
-def may_appear(targets: Iterable[Location | None], outcomes: Sequence[Outcome], observer: Observer) -> bool:
+def may_appear(targets: Iterable[Path | None], outcomes: Sequence[Outcome], observer: Observer) -> bool:
     """Return whether output files about several recordings may appear, although some of these failed.
 
     They may not if all failed, or if one of the files would replace a file of an earlier run, which gives a warning.
@@ -295,15 +290,13 @@ def may_appear(targets: Iterable[Location | None], outcomes: Sequence[Outcome], 
     failed = [outcome.recording for outcome in outcomes if outcome.error]
     if not failed:
         return True
-    earlier = [str(target) for target in targets if target and exists(target)]
+    earlier = [str(target) for target in targets if target and target.exists()]
     if earlier and len(failed) < len(outcomes):
         observer.warn(f"{', '.join(earlier)}: not replaced, because of the error in {', '.join(failed)}")
     return not earlier and len(failed) < len(outcomes)
 
 
-def write_files(
-    files: Mapping[Path, bytes] | Mapping[Location, bytes], group: OutputGroup | None = None, *, replace: bool = True
-) -> None:
+def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None, *, replace: bool = True) -> None:
     """Write files, which appear together, the first one last; `OutputGroup` describes the parameters and errors."""
     with OutputGroup(group, replace=replace) as together:
         for path, data in reversed(list(files.items())):

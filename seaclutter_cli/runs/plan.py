@@ -1,11 +1,13 @@
 """What a run would do, without doing it."""
 
+import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from seaclutter_cli.buckets import mirror_of, on_paths
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
@@ -15,17 +17,15 @@ from seaclutter_cli.runs.filter import FilterOptions, plan_works
 from seaclutter_cli.runs.info import excerpt_of
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.output_plan import check_names
-from seaclutter_cli.runs.outputs import Root, check_outputs, existing
+from seaclutter_cli.runs.outputs import Root, check_outputs
 from seaclutter_cli.runs.plan_result import Planned, RunPlan
 from seaclutter_cli.runs.planned_works import PlannedWork, PlannedWorks, W
 from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions, expected_frames
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.scratch import copies_removed
 
 
-@copies_removed()
+@on_paths
 def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> RunPlan:
     """Return what a filter run would do with each recording, and an estimate of its duration and outputs.
 
@@ -51,21 +51,20 @@ def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: 
     return _plan(plan_works(logs, output, options, observer, ahead=False), observer, options.labels.paths)
 
 
-@copies_removed()
+@on_paths
 def plan_conversion(logs: Logs, output: PathLike, options: ConvertOptions, observer: Observer = SILENT) -> RunPlan:
     """Return what a conversion would do with each recording, with an estimate; see `plan_filter`."""
     return _plan(plan_conversions(logs, output, options, observer, ahead=False), observer)
 
 
-def _plan(plan: PlannedWorks[W], observer: Observer, labels: Sequence[Location] = ()) -> RunPlan:
+def _plan(plan: PlannedWorks[W], observer: Observer, labels: Sequence[Path] = ()) -> RunPlan:
     options = plan.works[0].options
     log_file = getattr(observer, "log_file", None)
     check_outputs(plan.outputs, plan.inputs, labels, force=True, log_file=log_file, root=plan.root)
     check_names((work.target for work in plan.works), options.to)
     others = {option: place for option, place in plan.outputs.items() if option != "-o"}
     check_outputs(others, {}, force=options.force or options.batch.resume)
-    taken = existing(work.output for work in plan.works)
-    works = [PlanWork(work, exists=work.output in taken) for work in plan.works]
+    works = [PlanWork(work, exists=os.path.lexists(work.output)) for work in plan.works]
     single = len(works) == 1
     planned = [works[0].run(observer)] if single else list(run_batch(works, options.batch.here(), observer))
     todo = [(one, work) for one, work in zip(planned, plan.works, strict=True) if one.status == "do"]
@@ -75,9 +74,9 @@ def _plan(plan: PlannedWorks[W], observer: Observer, labels: Sequence[Location] 
     return result
 
 
-def _free_bytes(target: Location) -> int | None:
+def _free_bytes(target: Path) -> int | None:
     """Return the free space for outputs on this machine."""
-    if not isinstance(target, Path):
+    if mirror_of(target):
         return None
     folder = next(above for above in target.absolute().parents if above.exists())
     return shutil.disk_usage(folder).free
@@ -141,11 +140,11 @@ class PlanWork(Work[Planned]):
 @contextmanager
 def _opened(recording: Recording, reading: ReadOptions) -> Iterator[Source | None]:
     """Open a recording, or the beginning of one in object storage; yield None if it would have to be copied."""
-    part = None if isinstance(recording.paths[0], Path) else excerpt_of(recording)
-    if part is None and not isinstance(recording.paths[0], Path):
+    part = excerpt_of(recording)
+    if part is None and mirror_of(recording.paths[0]):
         yield None
         return
-    with closing(reading.open(part or recording)) as source:
+    with closing(reading.open(recording)) as source:
         if part is not None:
-            source.counts.update(part.part.messages)
+            source.counts.update(part.messages)
         yield source

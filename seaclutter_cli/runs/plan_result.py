@@ -3,10 +3,10 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
-from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count, data_size, printable, table
 
 _STATUSES = ("do", "skip", "refuse")
@@ -18,7 +18,7 @@ class Planned(Outcome):
 
     Parameters
     ----------
-    input, output : Path or Url
+    input, output : Path
         First file of the recording, and its output.
     bytes_in : int
         Size of the recording; 0 if it is unknown.
@@ -28,8 +28,8 @@ class Planned(Outcome):
         Why it would be done again.
     """
 
-    input: Location
-    output: Location
+    input: Path
+    output: Path
     bytes_in: int
     frames: int | None = None
     reason: str = ""

@@ -9,7 +9,6 @@ from seaclutter_cli.records import Channel
 from seaclutter_cli.runs.log_outcome import LogOutcome
 from seaclutter_cli.runs.outputs import Paths, Root
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
 
 
 class PlannedWork(Protocol):
@@ -24,11 +23,11 @@ class PlannedWork(Protocol):
         """The recording."""
 
     @property
-    def target(self) -> Location:
+    def target(self) -> Path:
         """Its output."""
 
     @property
-    def output(self) -> Location:
+    def output(self) -> Path:
         """Its output, or the first of its parts."""
 
     @property

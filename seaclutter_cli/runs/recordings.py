@@ -11,15 +11,22 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, ClassVar
 
+from seaclutter_cli.buckets import fetch, mirror_of
 from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.records import Channel, Damage, SensorFacts
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.selection import Moment, Selection, is_part
-from seaclutter_cli.sensors.packets import DecoderOptions
-from seaclutter_cli.sources import Recording, Search, find_recordings
+from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
+from seaclutter_cli.sources import (
+    Recording,
+    Search,
+    find_recordings,
+    has_metadata_beside,
+    metadata_beside,
+    require_one,
+)
 from seaclutter_cli.sources.shared.integration import Integrated
-from seaclutter_cli.storage.locations import is_url
 from seaclutter_cli.text import count, duration, printable
 
 NOT_PROCESSED = "not processed"
@@ -97,6 +104,10 @@ class ReadOptions:
 
     def open(self, recording: Recording) -> Source:
         """Open a recording; raise `InputError` if it cannot be read."""
+        if mirror_of(recording.paths[0]):
+            fetch(*_files_of(recording))
+            if self.join is None:  # what is joined by its names
+                require_one(recording.paths)
         source = recording.open(rate_hz=self.rate_hz, decoding=DecoderOptions(self.calibration, self.sensor))
         return Integrated(source, round(self.integrate_ms * 1e6), self.topics) if self.integrate_ms else source
 
@@ -231,12 +242,27 @@ def expand(
     """
     search = Search(join=reading.join, recursive=reading.recursive) if reading else Search()
     paths = [logs] if isinstance(logs, str | os.PathLike) else logs
-    names = [os.fspath(name) for name in paths]
-    if not any(map(is_url, names)):
-        return find_recordings(names, search, observer.note)
-    from seaclutter_cli.sources.remote import find_anywhere  # asyncio takes time to import
+    recordings = find_recordings([_found(os.fspath(name)) for name in paths], search, observer.note)
+    mirrored = [recording for recording in recordings if mirror_of(recording.paths[0])]
+    if mirrored and (mirror := mirror_of(mirrored[0].paths[0])):
+        mirror.settle([_files_of(recording) for recording in mirrored] if ahead else ())
+    return recordings
 
-    return find_anywhere(names, search, observer.note, ahead=ahead)
+
+def _found(name: str) -> str:
+    """Let objects be there to which a name or pattern may refer; return it as `find_recordings` needs it."""
+    mirror = mirror_of(Path(name))
+    if mirror is None:
+        return name
+    return mirror.find(name, with_siblings=has_metadata_beside(name), also=tuple(CALIBRATION_SUFFIXES.values()))
+
+
+def _files_of(recording: Recording) -> list[Path]:
+    """Return the paths of a recording, and the files beside them that belong to it."""
+    for path in recording.paths:
+        if has_metadata_beside(path.name) and (mirror := mirror_of(path)):
+            mirror.look_beside(path)
+    return [*recording.paths, *(beside for path in recording.paths for beside in metadata_beside(path))]
 
 
 @contextmanager

@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 from seaclutter_cli import __version__
+from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.plots.figure import check_target
@@ -23,8 +25,6 @@ from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, Recording
 from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import UNKNOWN, count, printable
 
 _DESCRIBED_FRAMES = 10
@@ -39,7 +39,7 @@ class ReportOptions:
 
     Parameters
     ----------
-    output : Path or Url
+    output : Path
         The page (HTML).
     methods : MethodOptions
         Methods that filter the logs; by default, filtered logs are read back.
@@ -47,7 +47,7 @@ class ReportOptions:
         Labels of the recordings.
     reading : ReadOptions
         Part of each recording to read, and how.
-    figure_folder : Path, Url or None
+    figure_folder : Path or None
         Folder for all figures as separate files.
     figure_format : {"svg", "png"}
         Format of these files.
@@ -61,11 +61,11 @@ class ReportOptions:
         Command line, which the page shows.
     """
 
-    output: Location
+    output: Path
     methods: MethodOptions = field(default_factory=MethodOptions)
     labels: LabelSources = field(default_factory=LabelSources)
     reading: ReadOptions = field(default_factory=ReadOptions)
-    figure_folder: Location | None = None
+    figure_folder: Path | None = None
     figure_format: Literal["svg", "png"] = "svg"
     shown: int = 12
     picks: tuple[int, ...] = ()
@@ -73,13 +73,13 @@ class ReportOptions:
     command: str | None = None
 
     @property
-    def figures(self) -> list[Location]:
+    def figures(self) -> list[Path]:
         """Paths of all figures that may be written."""
         folder = self.figure_folder
         return [folder / f"{name}.{self.figure_format}" for name in FIGURES] if folder else []
 
 
-@copies_removed()
+@on_paths
 def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -> "ReportResult":
     """Write a page that shows the effect of a filter on recordings and, with labels, its quality.
 
@@ -111,7 +111,7 @@ def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -
     )
     if missing := _missing(collected, options.picks):
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
-    files: dict[Location, bytes] = {}
+    files: dict[Path, bytes] = {}
     if may_appear([options.output, *options.figures], comparison.outcomes, observer):
         origin = _provenance(collected, recordings, comparison.outcomes, options.labels.paths, options.command)
         files[options.output] = _page(comparison, collected, origin)
@@ -155,7 +155,7 @@ class ReportResult(RecordingsResult):
         Scores of each method and recording.
     collected : Collector
         Statistics of all frames, and points of the frames shown.
-    sizes : mapping of Path or Url to int
+    sizes : mapping of Path to int
         Written files, and their sizes in bytes.
     """
 
@@ -163,7 +163,7 @@ class ReportResult(RecordingsResult):
 
     comparison: Comparison
     collected: Collector
-    sizes: Mapping[Location, int]
+    sizes: Mapping[Path, int]
 
     @property
     def outcomes(self) -> Sequence[Evaluated]:  # type: ignore[override]
@@ -252,7 +252,7 @@ def _provenance(
     collected: _OriginCollector,
     recordings: Sequence[Recording],
     outcomes: Sequence[Outcome],
-    labels: Sequence[Location],
+    labels: Sequence[Path],
     command: str | None,
 ) -> dict[str, Any]:
     """Return where a report comes from, as data of its page; the same for the same input and command line."""
@@ -261,10 +261,12 @@ def _provenance(
         first, *others = map(str, recording.paths)
         path = f"{first} and {count(len(others), 'more file')}" if others else first
         rows.append({"path": path, "recorded": origin.recorded, "sensor": origin.sensor(outcome.facts)})
-    return {
-        "version": __version__,
-        "command": command,
-        "labels": [str(path) for path in labels][:_MAX_LISTED],
-        "recordings": rows[:_MAX_LISTED],
-        "left_out": max(len(rows) - _MAX_LISTED, 0),
-    }
+    return shown(
+        {
+            "version": __version__,
+            "command": command,
+            "labels": [str(path) for path in labels][:_MAX_LISTED],
+            "recordings": rows[:_MAX_LISTED],
+            "left_out": max(len(rows) - _MAX_LISTED, 0),
+        }
+    )

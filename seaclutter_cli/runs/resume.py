@@ -1,27 +1,26 @@
 """Going on where a run stopped: which recordings are already filtered."""
 
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
+from seaclutter_cli.buckets import copies_removed, mirror_of
 from seaclutter_cli.errors import InputError, OutputError, UsageError
 from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.records import Metadata
 from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.log_outcome import LogOutcome
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.outputs import existing
-from seaclutter_cli.runs.recordings import Outcome, ReadOptions, expand
+from seaclutter_cli.runs.recordings import Outcome, ReadOptions
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, digest_of, digest_of_paths, from_entries
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.objects import find_object, is_folder_of_objects, open_object
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config
@@ -38,14 +37,14 @@ _LATER = ("split", "include", "exclude")
 
 
 def identity_of(
-    paths: Sequence[Location],
+    paths: Sequence[Path],
     config: "Config | None",
     reading: ReadOptions,
     written: McapOptions,
     labels: LabelFile | None,
     **others: Any,
 ) -> RunIdentity:
-    """Return what the output of a recording depends on, given its files or their copies; ``others`` are options."""
+    """Return what the output of a recording depends on, given its files; ``others`` are options."""
     named = [getattr(config.filter, key, None) for key in ("scene_model", "mask")] if config else []
     files = [Path(name) for name in named if name and Path(name).is_file()]
     calibration = reading.calibration
@@ -76,7 +75,7 @@ class ResumableWork(Protocol[O_co]):
         ...
 
     @property
-    def output(self) -> Location:
+    def output(self) -> Path:
         """The output, or the first of its parts."""
         ...
 
@@ -90,14 +89,18 @@ def earlier_outcomes(works: Sequence[ResumableWork[O]], observer: Observer, verb
 
     Notes say that these are ``verb`` again.
     """
-    present = existing(work.output for work in works)
-    found = in_threads(lambda work: work.earlier() if work.output in present else (None, ""), works)
+    found = in_threads(_earlier, works)
     for work, (outcome, difference) in zip(works, found, strict=True):
         if difference:
             observer.note(f"{work.recording.name}: {verb} again; {difference}")
         if outcome is not None:
             observer.damage(outcome.damage)
     return [outcome for outcome, _ in found]
+
+
+def _earlier(work: ResumableWork[O]) -> tuple[O | None, str]:
+    with copies_removed():
+        return work.earlier() if os.path.lexists(work.output) else (None, "")
 
 
 @contextmanager
@@ -107,13 +110,13 @@ def same_output_accepted(work: ResumableWork[O]) -> Iterator[None]:
         yield
     except OutputError:
         with suppress(UsageError, OSError):  # not an output of a run, or none at all
-            if isinstance(work.output, Path) and work.earlier()[0] is not None:
+            if not mirror_of(work.output) and work.earlier()[0] is not None:
                 return
         raise
 
 
 def earlier_run(
-    blank: L, identity: Callable[[], RunIdentity], paths: Sequence[Location], *, force: bool
+    blank: L, identity: Callable[[], RunIdentity], paths: Sequence[Path], *, force: bool
 ) -> tuple[L | None, str]:
     """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs if there is one.
 
@@ -123,7 +126,7 @@ def earlier_run(
         Outcome without results; those of the earlier run are filled in.
     identity : callable
         Returns what the output depends on.
-    paths : sequence of Path or Url
+    paths : sequence of Path
         Files of the recording.
     force : bool
         Whether a file that is not the output of a run may be replaced.
@@ -150,7 +153,7 @@ def earlier_run(
     return (None, f"the earlier output is of {difference}") if difference else (blank, "")
 
 
-def record_in(output: Location) -> Mapping[str, str] | None:
+def record_in(output: Path) -> Mapping[str, str] | None:
     """Return the record of the run that wrote a file; None if there is no file.
 
     Raises
@@ -170,29 +173,13 @@ def record_in(output: Location) -> Mapping[str, str] | None:
     return found[-1].entries
 
 
-def _metadata_in(output: Location) -> Sequence[Metadata] | None:
+def _metadata_in(output: Path) -> Sequence[Metadata] | None:
     """Return the metadata records in an output; None if there is none. Of an MCAP file, only the end is read."""
-    if output.suffix.lower() != ".mcap" or (isinstance(output, Path) and output.is_dir()):
-        return _metadata_of_log(output)
-    with ExitStack() as stack:
-        stream: BinaryIO | None = None
-        if isinstance(output, Path):
-            stream = stack.enter_context(output.open("rb")) if output.exists() else None
-        elif stored := find_object(output):
-            stream = stack.enter_context(open_object(stored))
-        if stream is None:
-            return None
-        return [Metadata(record.name, record.metadata) for record in make_reader(stream).iter_metadata()]
-
-
-def _metadata_of_log(output: Location) -> Sequence[Metadata] | None:
-    if isinstance(output, Path):
-        if not output.exists():
-            return None
-        recording = Recording((output,))
-    elif find_object(output) or is_folder_of_objects(output):
-        recording = expand(str(output), ahead=False)[0]
-    else:
+    if not output.exists():
         return None
-    with closing(ReadOptions().open(recording)) as source:
-        return list(source.metadata)
+    if output.suffix.lower() != ".mcap" or output.is_dir():
+        with closing(ReadOptions().open(Recording((output,)))) as source:
+            return list(source.metadata)
+    mirror = mirror_of(output)
+    with mirror.open(output) if mirror else output.open("rb") as stream:
+        return [Metadata(record.name, record.metadata) for record in make_reader(stream).iter_metadata()]

@@ -9,18 +9,17 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Message
-from seaclutter_cli.runs.recordings import ReadOptions, expand
+from seaclutter_cli.runs.recordings import ReadOptions
 from seaclutter_cli.sinks.csv import CsvSink
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
 
 
-def rows_in(output: Location, recording: str, topics: Mapping[str, TopicTally], table: CsvSink) -> bytes | None:
+def rows_in(output: Path, recording: str, topics: Mapping[str, TopicTally], table: CsvSink) -> bytes | None:
     """Return the rows of a recording from the diagnostics in its output; None if these are not of all frames.
 
     Parameters
     ----------
-    output : Path or Url
+    output : Path
         Filtered log.
     recording : str
         Name of the recording.
@@ -30,9 +29,8 @@ def rows_in(output: Location, recording: str, topics: Mapping[str, TopicTally], 
         Empty table, which is filled.
     """
     found = Counter[str]()
-    log = Recording((output,)) if isinstance(output, Path) else expand(str(output), ahead=False)[0]
     try:
-        with closing(ReadOptions().open(log)) as source:
+        with closing(ReadOptions().open(Recording((output,)))) as source:
             for record in source.records():
                 if not isinstance(record, Message) or record.channel.topic != TOPIC:
                     continue

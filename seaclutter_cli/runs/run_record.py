@@ -3,22 +3,20 @@
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from seaclutter_cli import __version__
+from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import Rings
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage
-from seaclutter_cli.storage.locations import Location, Url
-from seaclutter_cli.storage.objects import find_object, list_objects, read_range
 
 NAME = "seaclutter.run"
 """Name of the metadata record in a filtered MCAP file."""
@@ -60,7 +58,7 @@ class RunIdentity:
         return next((text for part, text in _PARTS.items() if other.get(part) != own[part]), None)
 
 
-def digest_of_paths(paths: Iterable[Location]) -> str:
+def digest_of_paths(paths: Iterable[Path]) -> str:
     """Return a digest of files by their sizes, and first and last MiB; of folders, by their files and names.
 
     Of more than 64 files, names and sizes are enough. Objects have the digest that their copies would have.
@@ -72,46 +70,35 @@ def digest_of_paths(paths: Iterable[Location]) -> str:
     """
     digest = hashlib.sha256()
     try:
-        found = [file for place in paths for file in _files(place)]
-        for file in found:
-            digest.update(os.fsencode(f"{file.name}\0{file.size}\0"))  # the same in every locale
+        found = [file for path in paths for file in _files(path)]
+        for name, path in found:
+            mirror = mirror_of(path)
+            if mirror and len(found) <= _MAX_DIGESTS:
+                mirror.fetch_ends(path)
+            size = path.stat().st_size
+            digest.update(os.fsencode(f"{name}\0{size}\0"))  # the same in every locale
             if len(found) <= _MAX_DIGESTS:
-                ends = file.read(0, _MIB) + file.read(max(file.size - _MIB, 0), file.size)
-                digest.update(hashlib.sha256(ends).digest())
+                digest.update(hashlib.sha256(_ends(path, size)).digest())
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be read ({error.strerror})") from error
     return digest.hexdigest()
 
 
-@dataclass(frozen=True)
-class _File:
-    """A file or an object: its name within what was given, its size, and a function that reads from it."""
-
-    name: str
-    size: int
-    read: Callable[[int, int], bytes]
-
-
-def _files(place: Location) -> list[_File]:
-    if isinstance(place, Url):
-        found = find_object(place)
-        inside = [] if found else sorted(list_objects(place), key=lambda one: one.url.key.split("/"))
-        start = len(place.key) + 1 if place.key else 0
-        return [
-            _File(one.url.key[start:], one.size, partial(read_range, one)) for one in ([found] if found else inside)
-        ]
-    inner = sorted(place.rglob("*")) if place.is_dir() else [place]
+def _files(path: Path) -> list[tuple[str, Path]]:
+    """Return a file, or those in a folder, with their names in it."""
+    if mirror := mirror_of(path):
+        mirror.know(path)
+    inside = sorted(path.rglob("*")) if path.is_dir() else [path]
     return [
-        _File("" if path == place else path.relative_to(place).as_posix(), path.stat().st_size, partial(_read, path))
-        for path in inner
-        if path == place or path.is_file()
+        ("" if one == path else one.relative_to(path).as_posix(), one) for one in inside if one == path or one.is_file()
     ]
 
 
-def _read(path: Path, start: int, stop: int) -> bytes:
+def _ends(path: Path, size: int) -> bytes:
     with path.open("rb") as file:
-        file.seek(start)
-        return file.read(stop - start)
+        first = file.read(_MIB)
+        file.seek(max(size - _MIB, 0))
+        return first + file.read(_MIB)
 
 
 def digest_of(value: Any) -> str:
@@ -128,7 +115,7 @@ def to_entries(identity: RunIdentity, topics: Mapping[str, TopicTally], damage: 
     return {**asdict(identity), "outcome": json.dumps(outcome, sort_keys=True)}
 
 
-def from_entries(entries: Mapping[str, str], paths: Iterable[Location]) -> tuple[dict[str, TopicTally], list[Damage]]:
+def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dict[str, TopicTally], list[Damage]]:
     """Return the sums over the frames of each topic, and the damage, that a record contains.
 
     Parameters

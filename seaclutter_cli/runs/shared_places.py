@@ -7,10 +7,10 @@ from pathlib import Path
 from time import sleep
 from typing import Protocol
 
+from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.jobs.engine import Report
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.parts import part_path, release, remove_stale
+from seaclutter_cli.parts import part_path, release, remove_stale
 
 _MAX_FOLDERS = 100
 _ATTEMPTS, _PAUSE_S = 5, 1.0
@@ -20,12 +20,12 @@ class Places(Protocol):
     """Work with files."""
 
     @property
-    def reads(self) -> Sequence[Location]:
+    def reads(self) -> Sequence[Path]:
         """Files and folders that the work reads."""
         ...
 
     @property
-    def writes(self) -> Sequence[Location]:
+    def writes(self) -> Sequence[Path]:
         """Files that the work writes."""
         ...
 
@@ -43,9 +43,9 @@ def shared_places(works: Iterable[Places]) -> Iterator["SharedPlaces"]:
     written: dict[Path, None] = {}
     for work in works:
         for place in work.reads:
-            if isinstance(place, Path):
+            if not mirror_of(place):
                 read.setdefault(place.parent, place)
-        written.update((place.parent, None) for place in work.writes if isinstance(place, Path))
+        written.update((place.parent, None) for place in work.writes if not mirror_of(place))
     samples = [(path, _size(path)) for path in list(read.values())[:_MAX_FOLDERS]]
     with ExitStack() as stack:
         marks = [stack.enter_context(_marked(folder)) for folder in written]

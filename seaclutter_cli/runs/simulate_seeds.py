@@ -20,7 +20,6 @@ from seaclutter_cli.runs.simulate import (
 )
 from seaclutter_cli.simulation.airborne.scene import is_tile_scene
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import printable
 
 _RANGE = re.compile(r"\s*(\d{1,9})(?:\s*(?:\.\.|-)\s*(\d{1,9}))?\s*")
@@ -137,12 +136,12 @@ class _SimulateWork(Work[_Simulated]):
         return Recording((self.output,))
 
     @property
-    def reads(self) -> Sequence[Location]:
+    def reads(self) -> Sequence[Path]:
         """The scene, if it is a file."""
         return (Path(self.scene),) if Path(self.scene).is_file() else ()
 
     @property
-    def writes(self) -> Sequence[Location]:
+    def writes(self) -> Sequence[Path]:
         """The recording or tile."""
         return (self.output,)
 

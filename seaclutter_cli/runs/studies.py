@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 from seaclutter_cli.interfaces import Labels, Source
@@ -24,7 +25,6 @@ from seaclutter_cli.runs.recordings import (
 )
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.locations import Location
 
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 
@@ -38,7 +38,7 @@ class StudyWork(Work[O]):
     labels: LabelFile | None
 
     @property
-    def reads(self) -> Sequence[Location]:
+    def reads(self) -> Sequence[Path]:
         """Files and folders that the work reads."""
         return inputs_of_work(self.recording, self.reading, self.labels)
 

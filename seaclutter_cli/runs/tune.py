@@ -5,11 +5,13 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.evaluation.scores import FrameScore, Summary
@@ -27,8 +29,6 @@ from seaclutter_cli.runs.recordings import Logs, ReadOptions, RecordingsResult, 
 from seaclutter_cli.runs.score_tables import FRAME_ERRORS, FRAMES, score_cells, score_legend
 from seaclutter_cli.runs.studies import study_all
 from seaclutter_cli.runs.sweep import Combination, Sweep, grid
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count, printable, table
 from seaclutter_cli.truth import Truth
 
@@ -55,13 +55,13 @@ class TuneOptions:
         Share of the recordings, or of the frames of each, on which the best combination is only judged, not chosen.
     reading : ReadOptions
         Part of each recording to read, and how.
-    output : Path, Url or None
+    output : Path or None
         File for the configuration with the best values.
-    csv_file : Path, Url or None
+    csv_file : Path or None
         File for a table with a row for each combination.
-    curve_file : Path, Url or None
+    curve_file : Path or None
         File for a plot of the rates over the values of a single sweep.
-    thresholds_file : Path, Url or None
+    thresholds_file : Path or None
         File for a plot of a range ring's threshold over the frames, for each combination, and the ideal threshold.
     ring : int
         Number of the range ring in that plot, from 1.
@@ -76,16 +76,16 @@ class TuneOptions:
     methods: MethodOptions = field(default_factory=MethodOptions)
     hold_out: float = 0.25
     reading: ReadOptions = field(default_factory=ReadOptions)
-    output: Location | None = None
-    csv_file: Location | None = None
-    curve_file: Location | None = None
-    thresholds_file: Location | None = None
+    output: Path | None = None
+    csv_file: Path | None = None
+    curve_file: Path | None = None
+    thresholds_file: Path | None = None
     ring: int = 2
     force: bool = False
     batch: BatchOptions = field(default_factory=BatchOptions)
 
     @property
-    def targets(self) -> Mapping[str, Location | None]:
+    def targets(self) -> Mapping[str, Path | None]:
         """Output files by option; None for a file that is not requested."""
         return {
             "-o": self.output,
@@ -95,7 +95,7 @@ class TuneOptions:
         }
 
 
-@copies_removed()
+@on_paths
 def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> "TuningResult":
     """Evaluate every combination of methods and parameter values, and find the one with the fewest bad frames.
 
@@ -149,8 +149,8 @@ def _check_plots(options: TuneOptions, combinations: Sequence[Combination], reco
         raise UsageError("--plot-thresholds: needs a single recording")
 
 
-def _files(result: "TuningResult", history: "_ThresholdHistory | None", options: TuneOptions) -> dict[Location, bytes]:
-    files: dict[Location, bytes] = {}
+def _files(result: "TuningResult", history: "_ThresholdHistory | None", options: TuneOptions) -> dict[Path, bytes]:
+    files: dict[Path, bytes] = {}
     if options.output and result.best:
         files[options.output] = result.best_config().encode()
     if options.csv_file:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated
 from seaclutter_cli.runs.labels import LabelSources
@@ -15,7 +16,6 @@ from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import Logs, ReadOptions, RecordingsResult, expand
 from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import printable
 from seaclutter_cli.viewing import FrameStream, check_target, require_rerun, viewer
 
@@ -54,7 +54,7 @@ class ViewOptions:
     force: bool = False
 
 
-@copies_removed()
+@on_paths
 def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> "ViewResult":
     """Show recordings in the Rerun viewer, or write a file for it.
 

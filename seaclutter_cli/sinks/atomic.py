@@ -8,17 +8,11 @@ import weakref
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, BinaryIO, Self, cast
+from typing import Any, BinaryIO, Self, cast
 
+from seaclutter_cli.buckets import Pending, look, mirror_of
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.storage.locations import Location, Url
-from seaclutter_cli.storage.objects import delete_object
-from seaclutter_cli.storage.parts import part_path, release
-from seaclutter_cli.storage.scratch import ScratchFolder
-from seaclutter_cli.storage.uploads import send
-
-if TYPE_CHECKING:
-    from seaclutter_cli.storage.objects import PendingObject
+from seaclutter_cli.parts import part_path, release
 
 
 class PartFile(io.FileIO):
@@ -27,7 +21,7 @@ class PartFile(io.FileIO):
     failure: OutputError | None = None
     """Why it could not be written: some libraries raise another error instead."""
 
-    def __init__(self, part: Path, target: Location) -> None:
+    def __init__(self, part: Path, target: Path) -> None:
         super().__init__(part, "xb")
         self._target = target
 
@@ -40,14 +34,85 @@ class PartFile(io.FileIO):
             raise self.failure from error
 
 
-class AtomicFile(AbstractContextManager["AtomicFile"]):
-    """A file that is written in the folder of its target, then renamed on success or removed after an error.
-
-    A file for object storage is written in the scratch folder, then uploaded.
+class CompleteFile:
+    """A complete file that appears under its name with a group.
 
     Parameters
     ----------
-    path : Path or Url
+    part : Path
+        The file, in a folder of the same file system. It is removed with this object, or at exit.
+    path : Path
+        Target. If it is a symbolic link, the file it refers to is replaced.
+    """
+
+    def __init__(self, part: Path, path: Path) -> None:
+        self.part, self.path = part, path
+        self._target = Path(os.path.realpath(path))
+        self._opened: list[BinaryIO] = []  # to be closed before the removal
+        self._remover = weakref.finalize(self, _remove, part, self._opened)
+        self._pending: Pending | None = None
+
+    def prepare(self, *, replace: bool = True) -> None:
+        """Do all work before the file can appear: for object storage, upload it.
+
+        Raises
+        ------
+        OutputError
+            If the target can no longer be written, or exists and may not be replaced.
+        """
+        self.send()
+        if self._target.is_dir() or not os.access(self._target.parent, os.W_OK):
+            raise OutputError(f"{self.path}: can no longer be written; the incomplete file was removed")
+        if not replace and os.path.lexists(self._target):
+            raise OutputError(appeared(self.path))
+
+    def send(self, last: str = "") -> None:
+        """Upload what is for object storage; it does not appear yet."""
+        if mirror := mirror_of(self._target):
+            self._pending = mirror.send(self.part, self._target, last)
+
+    def publish(self, *, replace: bool = True) -> None:
+        """Rename the complete file to its target, or let the uploaded object appear.
+
+        Raises
+        ------
+        OutputError
+            If the target exists and may not be replaced.
+        """
+        if self._pending is not None:
+            self._pending.complete()
+            self._pending = None
+            self.discard()
+            return
+        try:
+            self._rename(replace=replace)
+        except FileExistsError as error:
+            raise OutputError(appeared(self.path)) from error
+        except OSError as error:
+            raise OutputError(explain(self.path, error)) from error
+        self._remover.detach()
+        release(self.part)
+
+    def _rename(self, *, replace: bool) -> None:
+        if replace:
+            self.part.replace(self._target)
+        else:
+            _rename_to_new(self.part, self._target)
+
+    def discard(self) -> None:
+        """Remove the incomplete file, and what was uploaded of it."""
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            pending.abort()
+        self._remover()
+
+
+class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
+    """A file that is written in the folder of its target, then renamed on success or removed after an error.
+
+    Parameters
+    ----------
+    path : Path
         Target; its folder is created if necessary. If it is a symbolic link, the file it refers to is replaced.
     group : OutputGroup, optional
         Files that appear together; this one is then renamed with them.
@@ -58,44 +123,27 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         If the file cannot be created or written, for example because the disk is full.
     """
 
-    def __init__(self, path: Location, group: "OutputGroup | None" = None) -> None:
-        self.path = path
+    def __init__(self, path: Path, group: "OutputGroup | None" = None) -> None:
+        super().__init__(part_path(Path(os.path.realpath(path))), path)
         self._group = group
-        self._pending: PendingObject | None = None
-        self._scratch = ScratchFolder() if isinstance(path, Url) else None
-        self._target = Path(os.path.realpath(path)) if isinstance(path, Path) else self._staged(path)
-        self.part = part_path(self._target)
-        """The incomplete file, for libraries that write to a path."""
         # An interrupt may come before the context is entered; then the file is removed with this object, or at exit.
-        opened: list[BinaryIO] = []
         self._latest: PartFile | None = None
-        self._remover = weakref.finalize(self, _remove, self.part, opened)
         try:
-            self._create(opened)
+            self._target.parent.mkdir(parents=mirror_of(path) is not None, exist_ok=True)
+            self._create()
+        except OSError as error:
+            self.discard()
+            raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
         except BaseException:
             self.discard()
             raise
 
-    def _create(self, opened: list[BinaryIO]) -> None:
-        """Create the incomplete file; ``opened`` receives what must be closed before its removal."""
-        self.stream = self._open()
-        opened.append(self.stream)
-
-    def _close(self) -> None:
-        self.stream.close()
-
-    def _staged(self, url: Url) -> Path:
-        assert self._scratch is not None  # noqa: S101 - made for every URL
-        return self._scratch.path / url.name
-
-    def _open(self) -> BinaryIO:
-        try:
-            if self._target.exists() and not self._target.is_file():
-                raise OutputError(f"{self.path}: not a regular file, cannot be replaced")
-            self._target.parent.mkdir(exist_ok=True)
-            return self._new(self.part)
-        except OSError as error:
-            raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
+    def _create(self) -> None:
+        """Create the incomplete file."""
+        if self._target.exists() and not self._target.is_file():
+            raise OutputError(f"{self.path}: not a regular file, cannot be replaced")
+        self.stream = self._new(self.part)
+        self._opened.append(self.stream)
 
     def _new(self, part: Path) -> BinaryIO:
         self._latest = PartFile(part, self.path)
@@ -117,9 +165,10 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
             _note_removal(error, self.path)
             return
         try:
-            self._close()
+            for stream in self._opened:
+                stream.close()
             if self._group is None:
-                self._send()
+                self.send()
                 self.publish()
             else:
                 self._group.add(self)
@@ -129,97 +178,79 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
                 raise OutputError(explain(self.path, failure)) from failure
             raise
 
+
+class AtomicFolder(AtomicFile):
+    """A folder that is written beside its target, then renamed on success or removed after an error.
+
+    An existing folder is moved aside before the new one appears, and removed after.
+
+    Parameters
+    ----------
+    path : Path
+        Target.
+    group : OutputGroup, optional
+        Outputs that appear together.
+    last : str, optional
+        Name of the file that appears last in object storage, and shows that the folder is complete.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be created, for example because there is a file of this name.
+    """
+
+    def __init__(self, path: Path, group: "OutputGroup | None" = None, *, last: str = "") -> None:
+        self._last = last
+        super().__init__(path, group)
+
+    def _create(self) -> None:
+        if self._target.exists() and not self._target.is_dir():
+            raise OutputError(f"{self.path}: not a folder, cannot be replaced")
+        self.part.mkdir()
+
+    def open(self, name: str) -> BinaryIO:
+        """Create a file in the folder; who opens it closes it."""
+        try:
+            return self._new(self.part / name)
+        except OSError as error:
+            raise OutputError(explain(self.path, error)) from error
+
+    def send(self, last: str = "") -> None:
+        """Upload what is for object storage; it does not appear yet."""
+        super().send(last or self._last)
+
     def prepare(self, *, replace: bool = True) -> None:
-        """Do all work before the file can appear.
+        """Do all work before the folder can appear: for object storage, upload it.
 
         Raises
         ------
         OutputError
             If the target can no longer be written, or exists and may not be replaced.
         """
-        self._send()
-        if self._target.is_dir() or not os.access(self._target.parent, os.W_OK):
-            raise OutputError(f"{self.path}: can no longer be written; the incomplete file was removed")
-        if not replace and os.path.lexists(self._target):
-            raise OutputError(appeared(self.path))
-
-    def _send(self) -> None:
-        if isinstance(self.path, Url):
-            self._pending = send(self.part, self.path)
-
-    def publish(self, *, replace: bool = True) -> None:
-        """Rename the complete file to its target, or let the uploaded object appear.
-
-        Raises
-        ------
-        OutputError
-            If the target exists and may not be replaced.
-        """
-        if self._pending is not None:
-            self._pending.complete()
-            self._pending = None
-            self.discard()
-            return
-        try:
-            if replace:
-                self.part.replace(self._target)
-            else:
-                _rename_to_new(self.part, self._target)
-        except FileExistsError as error:
-            raise OutputError(appeared(self.path)) from error
-        except OSError as error:
-            raise OutputError(explain(self.path, error)) from error
-        self._remover.detach()
-        release(self.part)
-
-    def discard(self) -> None:
-        """Remove the incomplete file, and what was uploaded of it."""
-        pending, self._pending = self._pending, None
-        if pending is not None:
-            pending.abort()
-        self._remover()
-        if self._scratch is not None:
-            self._scratch.remove()
-
-
-class CompleteFile(AtomicFile):
-    """A file that another process has completed, and that appears under its name with a group.
-
-    Parameters
-    ----------
-    part : Path
-        The file, in a folder of the same file system.
-    path : Path
-        Target.
-    """
-
-    def __init__(self, part: Path, path: Path) -> None:
-        self.path, self.part = path, part
-        self._target, self._group = Path(os.path.realpath(path)), None
-        self._pending = self._scratch = None
-        self._remover = weakref.finalize(self, _remove, part, [])
-
-
-class Leftover(AtomicFile):
-    """A file or object of an earlier run that the files of a group replace although it has another name."""
-
-    def __init__(self, path: Location) -> None:
-        self.path = path
-
-    def publish(self, *, replace: bool = True) -> None:
-        """Remove it, if files may be replaced."""
+        self.send()
+        if not os.access(self._target.parent, os.W_OK):
+            raise OutputError(f"{self.path}: can no longer be written; the incomplete folder was removed")
         if not replace:
+            look(self._target)
+            if os.path.lexists(self._target):
+                raise OutputError(appeared(self.path))
+
+    def _rename(self, *, replace: bool) -> None:
+        if not os.path.lexists(self._target):
+            self.part.rename(self._target)
             return
-        if isinstance(self.path, Url):
-            delete_object(self.path)
-        else:
-            self.path.unlink(missing_ok=True)
-
-    def prepare(self, *, replace: bool = True) -> None:
-        """Do nothing."""
-
-    def discard(self) -> None:
-        """Do nothing: the file stays."""
+        if not replace:
+            raise OutputError(appeared(self.path))
+        aside = part_path(self._target)
+        self._target.rename(aside)
+        try:
+            self.part.rename(self._target)
+        except BaseException:
+            aside.rename(self._target)
+            raise
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+            release(aside)
 
 
 class OutputGroup(AbstractContextManager["OutputGroup"]):
@@ -240,14 +271,20 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
     def __init__(self, group: "OutputGroup | None" = None, *, replace: bool = True) -> None:
         self._outer = group
         self._replace = replace
-        self._files: list[AtomicFile] = []
+        self._files: list[CompleteFile] = []
+        self._replaced: list[Path] = []
 
-    def add(self, file: AtomicFile) -> None:
+    def add(self, file: CompleteFile) -> None:
         """Add a complete file."""
         self._files.append(file)
 
+    def replaces(self, path: Path) -> None:
+        """Remove a file of an earlier run with another name before the files appear, if files may be replaced."""
+        self._replaced.append(path)
+
     def discard(self) -> None:
         """Remove the files added so far."""
+        self._replaced.clear()
         while self._files:
             self._files.pop().discard()
 
@@ -271,12 +308,23 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
         if self._outer is None:
             for file in self._files:
                 file.prepare(replace=self._replace)
+        for path in self._replaced:
+            if self._outer is not None:
+                self._outer.replaces(path)
+            elif self._replace:
+                _delete(path)
         while self._files:
             if self._outer is None:
                 self._files[0].publish(replace=self._replace)
             else:
                 self._outer.add(self._files[0])
             del self._files[0]
+
+
+def _delete(path: Path) -> None:
+    if mirror := mirror_of(path):
+        mirror.delete(path)
+    path.unlink(missing_ok=True)
 
 
 def _remove(part: Path, opened: list[BinaryIO]) -> None:
@@ -308,19 +356,19 @@ def _rename_to_new(part: Path, target: Path) -> None:
         part.unlink()
 
 
-def _note_removal(error: BaseException | None, path: Location) -> None:
+def _note_removal(error: BaseException | None, path: Path) -> None:
     if isinstance(error, KeyboardInterrupt):
         error.add_note(f"{path}: the incomplete file was removed")
 
 
-def appeared(path: Location) -> str:
+def appeared(path: Path) -> str:
     """Return the message about an output that appeared while it was written."""
     return f"{path}: appeared while this run was writing it; use --force to replace it; this run's file was removed"
 
 
-def explain(path: Location, error: OSError) -> str:
+def explain(path: Path, error: OSError) -> str:
     """Return the message about an output that cannot be written."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        where = "scratch folder" if isinstance(path, Url) else "disk"
+        where = "scratch folder" if mirror_of(path) else "disk"
         return f"{path}: the {where} is full; the incomplete file was removed"
     return f"{path}: writing failed ({error.strerror or error}); the incomplete file was removed"

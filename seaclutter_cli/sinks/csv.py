@@ -5,6 +5,7 @@ import io
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import astuple
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -15,7 +16,6 @@ from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, Wat
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.storage.locations import Location
 
 _REASONS = (Reason.INVALID, Reason.NEAR, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.FAR, Reason.EXCLUDED)
 _COLUMNS = (
@@ -45,7 +45,7 @@ class CsvSink(AbstractContextManager["CsvSink"]):
     """
 
     def __init__(
-        self, path: Location, rings: int, *, scenes: bool = False, water: bool = False, group: OutputGroup | None = None
+        self, path: Path, rings: int, *, scenes: bool = False, water: bool = False, group: OutputGroup | None = None
     ) -> None:
         self._file = AtomicFile(path, group)
         self._states, self._scenes, self._water = 2 * rings, scenes, water

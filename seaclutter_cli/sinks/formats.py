@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.messages.metadata import SIDECAR
 from seaclutter_cli.sinks.options import ROSBAG2_METADATA, McapOptions
-from seaclutter_cli.storage.locations import Location
 
 if TYPE_CHECKING:
     from seaclutter_cli.sinks.frames import FrameSink
@@ -101,7 +101,7 @@ def check_options(form: str, options: McapOptions, *, with_scene: bool = False) 
         raise UsageError(f"{', '.join(wrong)}: {kind.title} have no topics; write a log, or leave out the option")
 
 
-def format_of(output: Location, name: str | None) -> str:
+def format_of(output: Path, name: str | None) -> str:
     """Return the name of the format of an output: the one that was asked for, or that of its suffix, or MCAP.
 
     Raises
@@ -119,6 +119,6 @@ def format_of(output: Location, name: str | None) -> str:
     return chosen
 
 
-def is_single_frame(output: Location) -> bool:
+def is_single_frame(output: Path) -> bool:
     """Return whether the name of an output is that of a file with one frame."""
     return any(output.suffix.lower() == kind.suffix for kind in OUTPUT_FORMATS.values() if kind.is_frames)

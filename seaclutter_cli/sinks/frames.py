@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
+from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
@@ -21,11 +22,9 @@ from seaclutter_cli.messages.metadata import (
     to_text,
 )
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sinks.atomic_folder import AtomicFolder
+from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
 from seaclutter_cli.sinks.log import filtered_cloud, message_of
 from seaclutter_cli.sinks.options import McapOptions
-from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.text import count
 
 TIMES = "times.txt"
@@ -45,7 +44,7 @@ class FrameSink(AbstractContextManager["FrameSink"]):
 
     def __init__(
         self,
-        path: Location,
+        path: Path,
         options: McapOptions,
         group: OutputGroup | None = None,
         *,

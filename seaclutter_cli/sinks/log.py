@@ -33,7 +33,6 @@ from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
 from seaclutter_cli.sinks.mcap_writer import McapOutput
 from seaclutter_cli.sinks.options import McapOptions, Parts
-from seaclutter_cli.storage.locations import Location
 
 _NEW = -1
 _MAX_CHANNELS = 2**16
@@ -61,7 +60,7 @@ class LogSink(AbstractContextManager["LogSink"]):
 
     def __init__(
         self,
-        path: Location,
+        path: Path,
         options: McapOptions,
         group: OutputGroup | None = None,
         *,

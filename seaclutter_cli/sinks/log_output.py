@@ -3,14 +3,14 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import BinaryIO, Self
 
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata
-from seaclutter_cli.sinks.atomic import AtomicFile, Leftover, OutputGroup
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.options import part_path, parts_after
-from seaclutter_cli.storage.locations import Location
 
 
 class LogWriter(ABC):
@@ -60,7 +60,7 @@ class LogOutput(AbstractContextManager["LogOutput"], ABC):
     """
 
     @abstractmethod
-    def __init__(self, path: Location, group: OutputGroup | None = None, *, split: bool = False) -> None: ...
+    def __init__(self, path: Path, group: OutputGroup | None = None, *, split: bool = False) -> None: ...
 
     @abstractmethod
     def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
@@ -80,7 +80,7 @@ class LogOutput(AbstractContextManager["LogOutput"], ABC):
 class LogFiles(LogOutput):
     """A file, or one for each part: ``NAME_0.SUFFIX`` and so on. The first one appears last."""
 
-    def __init__(self, path: Location, group: OutputGroup | None = None, *, split: bool = False) -> None:
+    def __init__(self, path: Path, group: OutputGroup | None = None, *, split: bool = False) -> None:
         self._path, self._split = path, split
         self._group = OutputGroup(group) if split else group
         self._number = 0
@@ -108,7 +108,7 @@ class LogFiles(LogOutput):
         """Complete the files under their names, and delete further parts of an earlier run; remove all on an error."""
         if self._split and kind is None and self._group is not None:
             for leftover in parts_after(self._path, self._number):
-                self._group.add(Leftover(leftover))
+                self._group.replaces(leftover)
         with ExitStack() as stack:
             if self._split and self._group is not None:
                 stack.push(self._group.__exit__)

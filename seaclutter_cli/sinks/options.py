@@ -5,11 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from seaclutter_cli.buckets import look
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.messages.scene import SceneUpdate
 from seaclutter_cli.records import Metadata
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.objects import list_folder
 
 ROSBAG2_METADATA = "metadata.yaml"
 """File that describes a ROS 2 recording, in its folder."""
@@ -92,7 +91,7 @@ class Parts:
         return full
 
 
-def part_path(path: Location, number: int) -> Location:
+def part_path(path: Path, number: int) -> Path:
     """Return the name of a part of a log.
 
     Examples
@@ -104,11 +103,11 @@ def part_path(path: Location, number: int) -> Location:
     return path.parent / f"{path.name.removesuffix(path.suffix)}_{number}{path.suffix}"
 
 
-def parts_after(path: Location, number: int) -> list[Location]:
+def parts_after(path: Path, number: int) -> list[Path]:
     """Return the existing parts of a log whose numbers are greater than one, in order."""
     pattern = re.compile(re.escape(path.name.removesuffix(path.suffix)) + r"_([1-9]\d{0,8})" + re.escape(path.suffix))
-    beside = path.parent.glob("*") if isinstance(path, Path) else list_folder(path.parent)[0]
-    found = ((pattern.fullmatch(one.name), one) for one in beside)
+    look(path.parent)
+    found = ((pattern.fullmatch(one.name), one) for one in path.parent.glob("*"))
     numbers = {int(match[1]): one for match, one in found if match}
     return [numbers[one] for one in sorted(numbers) if one > number]
 

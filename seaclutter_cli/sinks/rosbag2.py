@@ -15,13 +15,11 @@ from seaclutter_cli.errors import OutputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.metadata import to_custom_data
 from seaclutter_cli.records import Buffer, Channel, Metadata
-from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sinks.atomic_folder import AtomicFolder
+from seaclutter_cli.sinks.atomic import AtomicFolder, OutputGroup
 from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
 from seaclutter_cli.sinks.mcap_writer import McapWriter, mcap_compression
 from seaclutter_cli.sinks.options import ROSBAG2_METADATA
 from seaclutter_cli.sinks.ros_writer import MessagesOnly, PassingWriter, TranslatingWriter
-from seaclutter_cli.storage.locations import Location
 
 _VERSION = 8
 """Version of the metadata: that of ROS 2 Iron, which older and newer releases read."""
@@ -45,7 +43,7 @@ class _Rosbag2Output(LogOutput):
     storage: str
     suffix: str
 
-    def __init__(self, path: Location, group: OutputGroup | None = None, *, split: bool = False) -> None:  # noqa: ARG002
+    def __init__(self, path: Path, group: OutputGroup | None = None, *, split: bool = False) -> None:  # noqa: ARG002
         self._folder = AtomicFolder(path, group, last=ROSBAG2_METADATA)
         self._contents = _Contents(self.storage)
 
@@ -105,7 +103,7 @@ class _ClosingWriter(McapWriter):
 class _Db3Writer(MessagesOnly):
     """Writer for a new sqlite3 file of a recording, with the schema that ROS 2 has had since Iron."""
 
-    def __init__(self, path: Path, target: Location) -> None:
+    def __init__(self, path: Path, target: Path) -> None:
         super().__init__()
         self._target = target
         self._types: set[str] = set()

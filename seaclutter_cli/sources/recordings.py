@@ -11,14 +11,13 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.paths import RealPaths
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
 from seaclutter_cli.sources.formats import LOG_SUFFIXES, SOURCES, format_names, open_file, open_source, wrap_packets
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.frame_files.sidecars import times_beside
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
 from seaclutter_cli.sources.shared.split import SplitSource, difference, joined, split_groups
-from seaclutter_cli.storage.locations import Location
-from seaclutter_cli.storage.real_paths import RealPaths
 from seaclutter_cli.text import count
 
 
@@ -29,44 +28,34 @@ class Recording:
     ``inside`` are the folders below the one that was searched, which contain it.
     """
 
-    paths: tuple[Location, ...]
+    paths: tuple[Path, ...]
     inside: tuple[str, ...] = field(default=(), kw_only=True)
 
     @property
-    def _files(self) -> list[Path]:
-        return [path for path in self.paths if isinstance(path, Path)]
-
-    @property
-    def key(self) -> Location:
+    def key(self) -> Path:
         """A value that only names of the same recording have in common."""
-        first = self.paths[0]
-        return first.resolve() if isinstance(first, Path) else first
+        return self.paths[0].resolve()
 
     @property
     def name(self) -> str:
         """Name of the recording."""
-        first = self._files[0]
+        first = self.paths[0]
         if len(self.paths) > 1 and first.stem.endswith("_0"):
             return first.stem.rpartition("_")[0]
         return first.resolve().name if first.is_dir() else first.stem
 
     @property
-    def size(self) -> int:
-        """Size in bytes if it is known without a look at the files, as in object storage; otherwise 0."""
-        return 0
-
-    @property
     def is_frame_folder(self) -> bool:
         """Whether the recording is a folder of frames, where a damaged file keeps its frame number."""
-        path = self._files[0]
+        path = self.paths[0]
         return len(self.paths) == 1 and path.is_dir() and not is_rosbag2_folder(path) and is_frame_folder(path)
 
     def open(self, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
         """Open the recording."""
         decoding = decoding or DecoderOptions()
         if len(self.paths) > 1:
-            return wrap_packets(SplitSource(self._files, partial(open_file, decoding=decoding)), decoding)
-        return open_source(self._files[0], rate_hz=rate_hz, decoding=decoding)
+            return wrap_packets(SplitSource(self.paths, partial(open_file, decoding=decoding)), decoding)
+        return open_source(self.paths[0], rate_hz=rate_hz, decoding=decoding)
 
 
 def require_one(files: Sequence[Path]) -> None:
@@ -114,7 +103,7 @@ def find_recordings(
     exist.
     """
     search = search or Search()
-    found: dict[Location, Recording] = {}
+    found: dict[Path, Recording] = {}
     real = RealPaths()
     for pattern in patterns:
         if pattern == "-":
@@ -131,8 +120,7 @@ def find_recordings(
         for path in paths:
             recordings += _expand(path, search, note) if path not in files else []
         for recording in recordings:
-            first = recording.paths[0]
-            found.setdefault(real(first) if isinstance(first, Path) else first, recording)
+            found.setdefault(real(recording.paths[0]), recording)
     return list(found.values())
 
 

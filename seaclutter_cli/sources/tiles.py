@@ -17,8 +17,8 @@ from seaclutter_cli.sources.crs import Crs, read_crs
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, with_records
 from seaclutter_cli.sources.frame_files.reading import reading
-from seaclutter_cli.storage.locations import is_url
 from seaclutter_cli.text import count
+from seaclutter_cli.urls import is_url
 
 if TYPE_CHECKING:
     from seaclutter_cli.cloud import Cloud

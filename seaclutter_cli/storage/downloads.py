@@ -1,9 +1,9 @@
-"""Copies of objects in the scratch folder, fetched by a thread while the program does something else."""
+"""Copies of objects, fetched by a thread while the program does something else."""
 
 import asyncio
 import threading
 import weakref
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from io import BufferedRandom
@@ -11,10 +11,7 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError, SeaclutterError
 from seaclutter_cli.storage.failures import explained
-from seaclutter_cli.storage.locations import Url
-from seaclutter_cli.storage.mirrors import Mirror
 from seaclutter_cli.storage.objects import StoredObject, range_options
-from seaclutter_cli.storage.scratch import remove_at_end
 from seaclutter_cli.storage.stores import store_of
 
 _RANGE = 32 * 2**20
@@ -25,47 +22,30 @@ _WAKE_SECONDS = 0.5
 
 
 class Download:
-    """Copies of objects below a URL, complete after `wait`.
+    """Copies of objects, complete after `wait`.
 
-    Every range is requested with the version of the object, so a copy never mixes two of them. Copies are removed with
-    this object, or when the program ends.
+    Every range is requested with the version of the object, so a copy never mixes two of them.
 
     Parameters
     ----------
-    base : Url
-        Folder of objects that the scratch folder stands for.
-    objects : sequence of StoredObject
-        Objects to copy.
-
-    Raises
-    ------
-    InputError
-        If they do not fit into the scratch folder.
+    files : list of (StoredObject, Path)
+        Objects and the files that become their copies.
     """
 
-    def __init__(self, base: Url, objects: Sequence[StoredObject]) -> None:
-        self.objects = tuple(objects)
-        self.mirror = Mirror(base)
-        try:
-            self.mirror.folder.require(sum(found.size for found in objects), objects[0].url)
-            self._work = _Work([(found, self.mirror.local(found.url)) for found in objects])
-        except SeaclutterError:
-            self.mirror.folder.remove()
-            raise
+    def __init__(self, files: list[tuple[StoredObject, Path]]) -> None:
+        self.files = files
+        self._work = _Work(files)
         thread = threading.Thread(target=self._work.run, daemon=True)
-        self.remove = weakref.finalize(self, _stop, self._work, thread, self.mirror.folder.remove)
-        """Stop the transfer and remove the copies."""
-        remove_at_end(self.remove)
+        self.stop = weakref.finalize(self, _stop, self._work, thread)
+        """Stop the transfer."""
         thread.start()
 
-    def wait(self) -> Mirror:
-        """Return the mirror when all copies are complete; raise the error that prevented it."""
+    def wait(self) -> None:
+        """Return when all copies are complete; raise the error that prevented it."""
         while not self._work.done.wait(_WAKE_SECONDS):  # lets Windows handle Ctrl-C
             pass
         if self._work.error:
-            self.remove()
             raise self._work.error
-        return self.mirror
 
 
 @dataclass
@@ -108,8 +88,7 @@ class _Work:
 
 def _create(found: StoredObject, path: Path) -> None:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
+        path.write_bytes(b"")
     except OSError as error:
         raise _lost(found, error) from error
 
@@ -149,63 +128,9 @@ def _lost(found: StoredObject, error: OSError) -> InputError:
     return InputError(f"{found.url}: the copy in the scratch folder failed ({error.strerror})")
 
 
-def _stop(work: _Work, thread: threading.Thread, remove: Callable[[], object]) -> None:
+def _stop(work: _Work, thread: threading.Thread) -> None:
     work.stopped = True
     if work.loop is not None and work.task is not None:
         with suppress(RuntimeError):  # the loop has ended
             work.loop.call_soon_threadsafe(work.task.cancel)
     thread.join(_STOP_SECONDS)
-    remove()
-
-
-class Prefetcher:
-    """Copies of recordings in the order of a run: while one is read, the next is fetched if there is space for both.
-
-    A pickled one forgets the order: a worker process fetches only what it reads.
-    """
-
-    def __init__(self) -> None:
-        self._order: list[tuple[Url, tuple[StoredObject, ...]]] = []
-        self._next: Download | None = None
-        self._last: Download | None = None
-
-    def __reduce__(self) -> tuple[type["Prefetcher"], tuple[()]]:
-        return Prefetcher, ()
-
-    def add(self, base: Url, objects: tuple[StoredObject, ...]) -> None:
-        """Add a recording that will be read after those added before."""
-        self._order.append((base, objects))
-
-    def take(self, base: Url, objects: tuple[StoredObject, ...]) -> Download:
-        """Return the complete copy of a recording, and begin to fetch the one after it.
-
-        Raises
-        ------
-        InputError
-            If it cannot be copied.
-        """
-        download: Download | None = None
-        for known in filter(None, (self._next, self._last)):
-            if download is None and known.objects == objects:
-                download = known
-            else:
-                known.remove()
-        self._next = self._last = None
-        download = download or Download(base, objects)
-        try:
-            download.wait()
-        except BaseException:
-            download.remove()
-            raise
-        order = [objects for _, objects in self._order]
-        at = order.index(objects) + 1 if objects in order else len(order)
-        if at < len(order):
-            with suppress(SeaclutterError):  # it says so when it is its turn
-                self._next = Download(*self._order[at])
-        return download
-
-    def give_back(self, download: Download) -> None:
-        """Keep a copy that is no longer read until another is taken: commands may read a recording twice."""
-        if self._last is not None:
-            self._last.remove()
-        self._last = download

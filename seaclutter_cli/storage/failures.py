@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from seaclutter_cli.errors import InputError, MissingExtraError, SeaclutterError
-from seaclutter_cli.storage.locations import Url
 from seaclutter_cli.storage.stores import NO_CREDENTIALS
+from seaclutter_cli.urls import Url
 
 _CODE = re.compile(r"<Code>(\w{1,60})</Code>")
 _STATUS = re.compile(r"status code: (\d{3}(?: [A-Z][A-Za-z ]{1,40})?)")

@@ -1,93 +1,386 @@
-"""Folders that mirror a part of a bucket, so that code for local files can work on objects."""
+"""Scratch folders in which objects have paths, so that code for local files can work on them."""
 
 import os
 import re
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+import shutil
+import tempfile
+import weakref
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from fnmatch import fnmatchcase
+from glob import escape
+from itertools import pairwise, takewhile
 from pathlib import Path
+from typing import BinaryIO, Protocol, TypeVar
 
-from seaclutter_cli.errors import InputError, SeaclutterError
-from seaclutter_cli.storage.locations import Url
-from seaclutter_cli.storage.objects import StoredObject, read_range
-from seaclutter_cli.storage.scratch import ScratchFolder
+from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError
+from seaclutter_cli.parts import SCRATCH, part_path, release, remove_stale
+from seaclutter_cli.storage.downloads import Download
+from seaclutter_cli.storage.objects import (
+    PendingFolder,
+    PendingObject,
+    StoredObject,
+    delete_object,
+    find_object,
+    list_folder,
+    list_objects,
+    open_object,
+    read_range,
+)
+from seaclutter_cli.storage.uploads import send, send_folder
+from seaclutter_cli.urls import SCHEMES, Url
 
-_FORBIDDEN = re.compile(r'[\0/\\:*?"<>|]' if os.name == "nt" else r"[\0/]")
+_MAGIC = re.compile(r"[*?\[]")
 _HEAD_BYTES = 4096
+_END_BYTES = 2**20
 _TOLD_BY_CONTENT = (".csv", ".yaml")
+_WORTH_AN_EXCERPT = 16 * 2**20
+
+
+class Excerpt(Protocol):
+    """The beginning of a log as a log."""
+
+    @property
+    def data(self) -> bytes:
+        """Content of the file."""
+        ...
+
+
+E = TypeVar("E", bound=Excerpt)
+
+_copies: "ContextVar[list[tuple[Mirror, Path]] | None]" = ContextVar("copies", default=None)
+
+
+@contextmanager
+def copies_removed() -> Iterator[None]:
+    """Remove the content of copies that are made within the context."""
+    copies: list[tuple[Mirror, Path]] = []
+    token = _copies.set(copies)
+    try:
+        yield
+    finally:
+        _copies.reset(token)
+        for mirror, path in copies:
+            mirror.remove(path)
 
 
 class Mirror:
-    """A scratch folder in which the objects below a URL have the paths that they have there.
+    """The objects of a run as files of a scratch folder: ``SCRATCH/SCHEME/BUCKET/KEY``.
 
-    Parameters
-    ----------
-    base : Url
-        Folder of objects that the scratch folder stands for.
+    Objects that were only found are files without content (of their size, where the system has files with holes), so
+    names, sizes and kinds are those of the objects. `fetch` copies them. The folder is only for this user, and removed
+    by `close`, with this object, or when the program ends; those that killed runs left behind are removed, too.
+
+    Raises
+    ------
+    OutputError
+        If the scratch folder cannot be used.
     """
 
-    def __init__(self, base: Url) -> None:
-        self.base = base
-        self.folder = ScratchFolder()
+    def __init__(self) -> None:
+        root = Path(os.environ.get(SCRATCH) or tempfile.gettempdir()).absolute()
+        try:
+            root.mkdir(exist_ok=True)
+            root = root.resolve()  # errors of libraries name files by their resolved paths
+            remove_stale(root)
+            self.path = part_path(root / "seaclutter")
+            self.path.mkdir(mode=0o700)
+        except OSError as error:
+            raise OutputError(f"{root}: the scratch folder cannot be used ({error.strerror})") from error
+        self._remove = weakref.finalize(self, _remove, self.path)
+        self._objects: dict[Path, StoredObject] = {}
+        self._known_below: set[Path] = set()
+        self._complete: set[Path] = set()
+        self._after: dict[tuple[Path, ...], Sequence[Path]] = {}
+        self._next: Download | None = None
+        schemes = "|".join(SCHEMES)
+        self._shown = re.compile(rf"{re.escape(str(self.path) + os.sep)}({schemes}){re.escape(os.sep)}")
 
-    @property
-    def path(self) -> Path:
-        """The scratch folder."""
-        return self.folder.path
+    def close(self) -> None:
+        """Stop what is being fetched, and remove all copies."""
+        if self._next is not None:
+            self._next.stop()
+        self._remove()
 
     def local(self, url: Url) -> Path:
         """Return the path that stands for a URL; raise `InputError` if no file of this system can have its name."""
-        parts = _below(url, self.base)
-        if any(
-            part in (".", "..") or os.sep in part or "\0" in part or (os.name == "nt" and ":" in part) for part in parts
-        ):
-            raise InputError(f"{url}: files of this system cannot have this name")
+        parts = [url.scheme, url.bucket, *filter(None, url.key.split("/"))]
+        for part in parts:
+            if part in (".", "..") or os.sep in part or "\0" in part or (os.name == "nt" and ":" in part):
+                raise InputError(f"{url}: files of this system cannot have this name")
         return self.path.joinpath(*parts)
 
     def url(self, path: Path) -> Url:
         """Return the URL that a path stands for."""
-        url = self.base
-        for part in path.relative_to(self.path).parts:
-            url /= part
-        return url
+        scheme, bucket, *parts = path.relative_to(self.path).parts
+        return Url(scheme, bucket, "/".join(parts))
+
+    def has(self, path: Path) -> bool:
+        """Return whether a path stands for a URL."""
+        return self.path in path.parents and path.parent != self.path
 
     def shown(self, text: str) -> str:
         """Return text with URLs in place of the paths that stand for them."""
-        base = str(self.base)
-        return text.replace(f"{self.path}{os.sep}", base if base.endswith("/") else f"{base}/")
+        return self._shown.sub(r"\1://", text)
 
-    @contextmanager
-    def naming(self) -> Iterator[None]:
-        """Let errors name URLs, not the paths that stand for them."""
+    def find(self, pattern: str, *, with_siblings: bool, also: Sequence[str]) -> str:
+        """List what the path or pattern of logs may refer to, and return it for `glob`.
+
+        Parameters
+        ----------
+        pattern : str
+            Path in this folder, or pattern below it.
+        with_siblings : bool
+            Whether what is beside a single object belongs to it.
+        also : sequence of str
+            Suffixes of objects that belong to those that a pattern matches.
+
+        Raises
+        ------
+        UsageError
+            If there is no such object or folder.
+        """
+        path = Path(pattern)
+        url = self.url(path)
+        if found := find_object(url):
+            self._add([found, *(list_objects(url.parent, deep=False) if with_siblings else ())], sized=False)
+            return str(path)
+        if objects := list(list_objects(url)):
+            self._add(objects, sized=False)
+            self._known_below.add(path)
+            return str(path)
+        if not _MAGIC.search(url.key):
+            raise UsageError(f"{url}: no such object or folder")
+        return self._find_all(url, also)
+
+    def _find_all(self, pattern: Url, also: Sequence[str]) -> str:
+        parts = pattern.key.split("/")
+        fixed = next(number for number, part in enumerate(parts) if _MAGIC.search(part))
+        base, wanted = Url(pattern.scheme, pattern.bucket, "/".join(parts[:fixed])), parts[fixed:]
+        objects = [one for one in list_objects(base) if _begins_as(one.url, base, wanted) or one.url.suffix in also]
+        if not objects:
+            raise UsageError(f"{pattern}: no file matches this pattern")
+        self._add(objects, sized=False)
+        return f"{escape(str(self.local(base)))}/{'/'.join(wanted)}"
+
+    def settle(self, recordings: Sequence[Sequence[Path]]) -> None:
+        """Give files that were found the sizes of their objects: while recordings are found, they must be empty.
+
+        Parameters
+        ----------
+        recordings : sequence of sequence of Path
+            Files of each recording; they are fetched while those of the one before are read, if there is space.
+        """
+        for path, found in self._objects.items():
+            if path not in self._complete:
+                _resize(path, found.size)
+        for paths, after in pairwise(recordings):
+            self._after[tuple(paths)] = after
+
+    def look(self, path: Path) -> None:
+        """Let a path be what there is: a file, or a folder with what is directly in it."""
+        if found := find_object(self.url(path)):
+            self._add([found])
+        else:
+            self.list_folder(path)
+
+    def list_folder(self, folder: Path) -> None:
+        """Let a folder contain what there is directly in it."""
+        url = self.url(folder)
+        objects, folders = list_folder(url)
+        if objects or folders or not url.key:
+            folder.mkdir(parents=True, exist_ok=True)
+        self._add(objects)
+        for inner in folders:
+            self.local(inner).mkdir(exist_ok=True)
+
+    def look_beside(self, path: Path) -> None:
+        """Let what is beside a file be there, too."""
+        if path not in self._objects:
+            self.list_folder(path.parent)
+
+    def size(self, path: Path) -> int:
+        """Return the bytes of the objects at a path; 0 if there are none."""
+        return sum(one.size for one in self.look_below(path))
+
+    def know(self, path: Path) -> None:
+        """Look below a path, unless that was done."""
+        if path not in self._objects and self._known_below.isdisjoint((path, *path.parents)):
+            self.look_below(path)
+
+    def look_below(self, path: Path) -> list[StoredObject]:
+        """Let a path be what there is: a file, or a folder with all that is below it; return the objects."""
+        url = self.url(path)
+        found = find_object(url)
+        objects = [found] if found else list(list_objects(url))
+        self._add(objects)
+        self._known_below.add(path)
+        return objects
+
+    def _add(self, objects: Iterable[StoredObject], *, sized: bool = True) -> None:
+        """Add files without content, or the first bytes of the first file of a folder whose name does not suffice."""
+        told: set[tuple[Path, str]] = set()
+        for found in objects:
+            path = self.local(found.url)
+            if self._objects.get(path) == found:
+                continue
+            kind, head = (path.parent, path.suffix.lower()), b""
+            if kind[1] in _TOLD_BY_CONTENT and kind not in told and not sized:
+                told.add(kind)
+                head = read_range(found, 0, _HEAD_BYTES)
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(head)
+            except (FileExistsError, NotADirectoryError, IsADirectoryError):
+                continue  # some tools mark folders by empty objects
+            except OSError as error:
+                raise InputError(f"{found.url}: the scratch folder cannot be used ({error.strerror})") from error
+            self._objects[path] = found
+            self._complete.discard(path)
+            if sized:
+                _resize(path, found.size)
+
+    def fetch(self, paths: Sequence[Path], at_most: int | None = None) -> None:
+        """Copy the objects at some paths that are not copied yet, and those of the next recording ahead.
+
+        Raises
+        ------
+        InputError
+            If there is no such object, one has more than ``at_most`` bytes, or they do not fit into the scratch folder.
+        """
+        files = self._missing(paths)
+        if at_most is not None:
+            for found, _ in files:
+                if found.size > at_most:
+                    raise InputError(f"{found.url}: {found.size:,} bytes are too many for this kind of file")
+        if files:
+            self._copy(files)
+        after = self._after.get(tuple(paths))
+        if after is not None:
+            self._fetch_ahead(after)
+
+    def _missing(self, paths: Iterable[Path]) -> list[tuple[StoredObject, Path]]:
+        found = {one: None for path in paths for one in self._files_at(path)}
+        return [(self._objects[one], one) for one in found if one not in self._complete]
+
+    def _files_at(self, path: Path) -> list[Path]:
+        if path in self._objects:
+            return [path]
+        self.know(path)
+        files = [one for one in (path, *sorted(path.rglob("*"))) if one in self._objects]
+        if not files:
+            raise InputError(f"{self.url(path)}: no such object")
+        return files
+
+    def _copy(self, files: list[tuple[StoredObject, Path]]) -> None:
+        download, self._next = self._next, None
+        if download is None or download.files != files:
+            self._next = download
+            self._require(files)
+            download = Download(files)
         try:
-            yield
-        except SeaclutterError as error:
-            error.args = tuple(self.shown(one) if isinstance(one, str) else one for one in error.args)
+            download.wait()
+        except BaseException:
+            download.stop()
+            self._reset(files)
             raise
+        for _, path in files:
+            self._note(path)
+
+    def _note(self, path: Path) -> None:
+        """Note that a copy is complete."""
+        self._complete.add(path)
+        copies = _copies.get()
+        if copies is not None:
+            copies.append((self, path))
+
+    def _fetch_ahead(self, paths: Sequence[Path]) -> None:
+        files = self._missing(paths)
+        if self._next is not None and self._next.files != files:
+            self._next.stop()
+            self._reset(self._next.files)
+            self._next = None
+        if files and self._next is None:
+            with suppress(SeaclutterError):  # it says so when it is its turn
+                self._require(files)
+                self._next = Download(files)
+
+    def _require(self, files: Sequence[tuple[StoredObject, Path]]) -> None:
+        """Raise `InputError` if there is no space for copies."""
+        size = sum(found.size for found, _ in files)
+        if self.free() < size:
+            raise InputError(
+                f"{files[0][0].url}: needs {_gigabytes(size)} in the scratch folder {self.path.parent}, which has "
+                f"{_gigabytes(self.free())} free; choose another with --scratch"
+            )
+
+    def free(self) -> int:
+        """Return the number of free bytes."""
+        return shutil.disk_usage(self.path).free
+
+    def fetch_ends(self, path: Path) -> None:
+        """Copy the first and the last MiB of a file that is not copied."""
+        for found, _ in self._missing([path]):
+            with path.open("r+b") as stream:
+                for start in sorted({0, max(found.size - _END_BYTES, 0)}):
+                    stream.seek(start)
+                    stream.write(read_range(found, start, start + _END_BYTES))
+
+    def excerpt(self, path: Path, make: "Callable[[Callable[[int, int], bytes], int], E | None]") -> E | None:
+        """Let a file be an excerpt of its large object, made from parts of it; return None if there is none."""
+        (first, *others) = self._files_at(path)
+        found = self._objects[first]
+        if others or first != path or found.size < _WORTH_AN_EXCERPT:
+            return None
+        part = make(lambda start, stop: read_range(found, start, stop), found.size)
+        if part is not None:
+            path.write_bytes(part.data)
+            self._note(path)
+        return part
+
+    def remove(self, path: Path) -> None:
+        """Remove the content of a copy."""
+        self._complete.discard(path)
+        self._reset([(self._objects[path], path)])
+
+    def _reset(self, files: Iterable[tuple[StoredObject, Path]]) -> None:
+        for found, path in files:
+            with suppress(OSError):
+                path.write_bytes(b"")
+                _resize(path, found.size)
+
+    def open(self, path: Path) -> BinaryIO:
+        """Return an object as a file of which only what is read is fetched."""
+        return open_object(self._objects[path])
+
+    def send(self, part: Path, path: Path, last: str) -> PendingObject | PendingFolder:
+        """Upload a complete file, or a folder of files; it does not appear yet."""
+        return send_folder(part, self.url(path), last) if part.is_dir() else send(part, self.url(path))
+
+    def delete(self, path: Path) -> None:
+        """Delete an object, if there is one."""
+        delete_object(self.url(path))
 
 
-def _below(url: Url, base: Url) -> list[str]:
-    return [part for part in url.key[len(base.key) :].split("/") if part]
+def _remove(path: Path) -> None:
+    shutil.rmtree(path, ignore_errors=True)
+    release(path)
 
 
-def skeleton(base: Url, objects: Iterable[StoredObject]) -> Mirror:
-    """Return a mirror of empty files, which shows what the objects are by their names.
+def _begins_as(url: Url, base: Url, wanted: Sequence[str]) -> bool:
+    """Return whether the first parts of a name below a folder match those of a pattern, as far as there are any."""
+    parts = url.key[len(base.key) :].removeprefix("/").split("/")
+    fixed = takewhile(lambda part: part != "**", wanted)
+    return all(fnmatchcase(part, one) for part, one in zip(parts, fixed, strict=False))
 
-    Files whose names do not suffice, tables and metadata, have the first bytes of the first such object in a folder.
-    """
-    mirror = Mirror(base)
-    known: set[tuple[Path, str]] = set()
-    for found in objects:
-        file = mirror.local(found.url)
-        kind = (file.parent, file.suffix.lower())
-        head = b""
-        if kind[1] in _TOLD_BY_CONTENT and kind not in known:
-            known.add(kind)
-            head = read_range(found, 0, _HEAD_BYTES)
-        try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(head)
-        except (FileExistsError, NotADirectoryError, IsADirectoryError):
-            continue  # some tools mark folders by empty objects
-        except OSError as error:
-            raise InputError(f"{found.url}: the scratch folder cannot be used ({error.strerror})") from error
-    return mirror
+
+def _resize(path: Path, size: int) -> None:
+    """Give a file its size without using space; on Windows, files with holes are not usual."""
+    if os.name == "posix":
+        with suppress(OSError):
+            os.truncate(path, size)
+
+
+def _gigabytes(size: int) -> str:
+    return f"{size / 1e9:.2f} GB"

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from seaclutter_cli.errors import InputError, OutputError
 from seaclutter_cli.storage.failures import explained
-from seaclutter_cli.storage.locations import Location, Url
 from seaclutter_cli.storage.stores import store_of
+from seaclutter_cli.urls import Url
 
 if TYPE_CHECKING:
     from obstore import GetOptions, ObjectMeta, WritableFile
@@ -75,7 +75,7 @@ def list_objects(folder: Url, *, deep: bool = True) -> Iterator[StoredObject]:
                 yield _stored(Url(folder.scheme, folder.bucket, meta["path"]), meta)
 
 
-def list_folder(folder: Url) -> tuple[set[Url], set[Url]]:
+def list_folder(folder: Url) -> tuple[list[StoredObject], list[Url]]:
     """Return the objects and the folders directly in a folder.
 
     Raises
@@ -85,23 +85,12 @@ def list_folder(folder: Url) -> tuple[set[Url], set[Url]]:
     """
     with explained(folder):
         found = store_of(folder).list_with_delimiter(folder.key or None)
-    names = ([meta["path"] for meta in found["objects"]], found["common_prefixes"])
-    objects, folders = ({Url(folder.scheme, folder.bucket, name) for name in some} for some in names)
-    return objects, folders
+    folders = [Url(folder.scheme, folder.bucket, name) for name in found["common_prefixes"]]
+    return [_stored(Url(folder.scheme, folder.bucket, meta["path"]), meta) for meta in found["objects"]], folders
 
 
 def _stored(url: Url, meta: "ObjectMeta") -> StoredObject:
     return StoredObject(url, meta["size"], meta["e_tag"])
-
-
-def exists(place: Location) -> bool:
-    """Return whether there is a file, a folder or an object."""
-    return find_object(place) is not None if isinstance(place, Url) else place.exists()
-
-
-def is_folder_of_objects(url: Url) -> bool:
-    """Return whether there are objects below a URL."""
-    return next(list_objects(url), None) is not None
 
 
 def delete_object(url: Url) -> None:
@@ -208,6 +197,34 @@ class PendingObject:
         error = InterruptedError()
         with suppress(Exception):
             self._writer.__exit__(type(error), error, None)
+
+
+class PendingFolder:
+    """Files of a folder that do not appear yet."""
+
+    def __init__(self, url: Url) -> None:
+        self._url = url
+        self.files: dict[Url, PendingObject] = {}
+
+    def complete(self) -> None:
+        """Let the files appear, and delete all others in the folder.
+
+        The last file is deleted first and appears last, so a folder that has it is never a mixture of two.
+        """
+        *others, last = self.files
+        earlier = {found.url for found in list_objects(self._url)} - set(others)
+        if last in earlier:
+            delete_object(last)
+        for url in others:
+            self.files.pop(url).complete()
+        for url in sorted(earlier - {last}):
+            delete_object(url)
+        self.files.pop(last).complete()
+
+    def abort(self) -> None:
+        """Discard the files that do not appear yet."""
+        while self.files:
+            self.files.popitem()[1].abort()
 
 
 def _writer(url: Url, part: int) -> "WritableFile":

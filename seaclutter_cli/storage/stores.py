@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.errors import MissingExtraError, UsageError
-from seaclutter_cli.storage.locations import Url
+from seaclutter_cli.urls import Url
 
 if TYPE_CHECKING:
     from obstore.store import AzureStore, GCSStore, RetryConfig, S3Store

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.storage.locations import Url
-from seaclutter_cli.storage.objects import PendingObject
+from seaclutter_cli.storage.objects import PendingFolder, PendingObject
+from seaclutter_cli.urls import Url
 
 _PIECE = 4 * 2**20
 
@@ -25,6 +25,18 @@ def send(file: Path, url: Url) -> PendingObject:
     except OSError as error:
         pending.abort()
         raise OutputError(f"{url}: the copy in the scratch folder cannot be read ({error.strerror})") from error
+    except BaseException:
+        pending.abort()
+        raise
+    return pending
+
+
+def send_folder(folder: Path, url: Url, last: str) -> PendingFolder:
+    """Send the files in a folder; ``last`` shows that the folder is complete. See `send` for errors."""
+    pending = PendingFolder(url)
+    try:
+        for file in sorted(folder.iterdir(), key=lambda file: (file.name == last, file.name)):
+            pending.files[url / file.name] = send(file, url / file.name)
     except BaseException:
         pending.abort()
         raise

@@ -8,7 +8,6 @@ import pytest
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.runs import shared_places as module
 from seaclutter_cli.runs.shared_places import shared_places
-from seaclutter_cli.storage.locations import Url
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ def places(tmp_path):
     log = tmp_path / "logs" / "a.mcap"
     log.parent.mkdir()
     log.write_bytes(b"log")
-    return Places((log, Url("s3", "trial", "b.mcap")), (tmp_path / "out" / "a.mcap",))
+    return Places((log,), (tmp_path / "out" / "a.mcap",))
 
 
 def check(places, change=lambda: None):

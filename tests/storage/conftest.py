@@ -5,8 +5,9 @@ import os
 
 import pytest
 
+from seaclutter_cli import buckets
 from seaclutter_cli.storage import stores
-from seaclutter_cli.storage.locations import Url
+from seaclutter_cli.urls import Url
 from tests.storage.proxy import Proxy
 from tests.storage.server import KEYS, Server, program
 
@@ -61,6 +62,13 @@ def scratch(tmp_path, monkeypatch):
     monkeypatch.setenv("SEACLUTTER_SCRATCH", str(folder))
     yield folder
     assert not list(folder.iterdir())
+
+
+@pytest.fixture
+def local(scratch):
+    """Return the function that gives a URL its path in the scratch folder."""
+    with buckets._objects() as mirror:
+        yield mirror.local
 
 
 @pytest.fixture

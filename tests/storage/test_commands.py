@@ -2,22 +2,20 @@
 
 import json
 import os
-import pickle
 import shlex
 import signal
 import subprocess
 import sys
 import time
-from contextlib import closing
 
 import pytest
 from click.testing import CliRunner
 
 import seaclutter
+from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.sources import find_recordings
-from seaclutter_cli.sources.remote import find_anywhere
+from seaclutter_cli.runs.recordings import _files_of, expand
 from tests.paths import ROOT
 from tests.storage.buckets import get, names, put
 from tests.storage.proxy import Action
@@ -118,12 +116,12 @@ def test_names_and_errors_show_urls(logs):
         ("filter {0}/*.bag -o out.mcap", "/*.bag: no file matches this pattern"),
         ("filter {0}/none/*.bag -o out.mcap", "/none/*.bag: no file matches this pattern"),
         ("filter {0}/sea.mcap -c {0}/none.yaml -o out.mcap", "/none.yaml: no such object"),
-        ("evaluate {0}/sea.mcap --labels {0}/none.csv", "/none.csv: no such object or folder of labels"),
+        ("evaluate {0}/sea.mcap --labels {0}/none.csv", "/none.csv: no such file or folder of labels"),
         ("filter {0}/sea.mcap -o {0}/sea.mcap --force", "is part of the input, LOGS"),
         ("filter {0}/sea.mcap -c {0}/config.yaml -o {0}/config.yaml --force", "is part of the input, -c"),
         ("evaluate {0}/sea.mcap --labels {0} -o {0}/sea.labels.csv --force", "is part of the input, --labels"),
         ("filter {0}/sea.mcap -o {0}/f --csv {0}/f", "/f: is given for two outputs, -o and --csv"),
-        ("filter {0}/sea.mcap -o {0}/f/a.mcap --csv {0}/f", "is in a folder that is given for a file, --csv"),
+        ("filter {0}/sea.mcap -o {0}/f/a.mcap --csv {0}/f", "/f: is given for a file, --csv, and a folder, -o"),
         ("filter {0}/sea.mcap -o s3://not-there/f.mcap", "there is no bucket not-there"),
         ("filter s3://not-there/sea.mcap -o f.mcap", "there is no bucket not-there"),
         ("filter {0}/sea.mcap -o out.mcap --csv {0}/table/", "names a folder by the slash at its end"),
@@ -203,32 +201,30 @@ def test_folders_and_globs_are_those_of_files(bucket, scratch, tree, pattern):
     for name in TREE:
         put(bucket / "logs" / name, b"x")
 
-    def found(find, root):
+    @on_paths
+    def names_of(logs):
+        return [(one.name, str(shown(one.paths[0]))) for one in expand(logs)]
+
+    def found(root):
         try:
-            return [(one.name, str(one.paths[0]).removeprefix(str(root))) for one in find([f"{root}/{pattern}"])]
+            return [(name, path.removeprefix(str(root))) for name, path in names_of(f"{root}/{pattern}")]
         except UsageError as error:
             return str(error).replace(str(root), "")
 
-    assert found(find_anywhere, bucket / "logs") == found(find_recordings, tree)
+    assert found(bucket / "logs") == found(tree)
 
 
 def test_metadata_beside_a_capture_is_copied_too(logs, tmp_path):
     put(logs / "trial.pcap", b"nothing")
     put(logs / "trial.json", b"{}")
     put(logs / "other.json", b"{}")
+
+    @on_paths
+    def files_of(logs):
+        return next({path.name for path in _files_of(one)} for one in expand(logs) if one.name == "trial")
+
     for pattern in ("trial.pcap", "*.pcap", ""):
-        recording = next(one for one in find_anywhere([f"{logs}/{pattern}"]) if one.name == "trial")
-        assert {one.url.name for one in recording.objects} == {"trial.pcap", "trial.json"}
-
-
-def test_a_recording_can_be_sent_to_another_process(logs):
-    (recording,) = find_anywhere([f"{logs}/sea.mcap"])
-    sent = pickle.loads(pickle.dumps(recording))
-    assert sent == recording
-    with closing(sent.open()) as source:
-        assert source.name == "sea"
-        assert sum(source.counts.values()) == 60
-    sent.prefetcher._last.remove()
+        assert files_of(f"{logs}/{pattern}") == {"trial.pcap", "trial.json"}
 
 
 def test_the_library(logs, scratch, tmp_path):

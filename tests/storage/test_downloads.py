@@ -1,18 +1,17 @@
 """Copies in the scratch folder: complete, of one version, one ahead, and removed."""
 
-import pickle
+import os
 import random
 import shutil
 import threading
+from pathlib import Path
 
 import pytest
 
-from seaclutter_cli.errors import InputError, LabelError, OutputError
+from seaclutter_cli.errors import InputError, OutputError
 from seaclutter_cli.storage import downloads
-from seaclutter_cli.storage.downloads import Download, Prefetcher
-from seaclutter_cli.storage.mirrors import Mirror, skeleton
-from seaclutter_cli.storage.objects import StoredObject, find_object, list_objects
-from seaclutter_cli.storage.scratch import ScratchFolder
+from seaclutter_cli.storage.mirrors import Mirror, copies_removed
+from seaclutter_cli.storage.objects import StoredObject
 from tests.storage.buckets import put
 from tests.storage.proxy import Action
 
@@ -26,42 +25,39 @@ def small_ranges(monkeypatch):
     monkeypatch.setattr(downloads, "_PIECE", 2**18)
 
 
-def copied(*urls):
-    """Return a copy of objects in a bucket."""
-    objects = [find_object(url) for url in urls]
-    return Download(objects[0].url.parent, objects)
+@pytest.fixture
+def mirror(scratch):
+    """Return a folder in which objects have paths."""
+    made = Mirror()
+    yield made
+    made.close()
 
 
 def is_range(request):
     return "range" in {name.lower() for name in request.headers}
 
 
-def test_copies_are_complete(bucket, scratch, small_ranges):
+def test_copies_are_complete(bucket, scratch, mirror, small_ranges):
     urls = [put(bucket / "day/log.mcap", DATA), put(bucket / "day/sub/empty", b""), put(bucket / "day/a b.txt", b"ab")]
-    download = copied(*urls)
-    mirror = download.wait()
-    assert (mirror.path / "log.mcap").read_bytes() == DATA
-    assert (mirror.path / "sub" / "empty").read_bytes() == b""
-    assert (mirror.path / "a b.txt").read_bytes() == b"ab"
+    mirror.fetch([mirror.local(bucket / "day")])
+    assert [mirror.local(url).read_bytes() for url in urls] == [DATA, b"", b"ab"]
     assert mirror.path.parent == scratch
     assert mirror.path.stat().st_mode & 0o77 == 0
-    download.remove()
+    mirror.close()
     assert not mirror.path.exists()
 
 
 @pytest.mark.parametrize("action", [Action(status=503), Action(reset_after=0), Action(reset_after=100_000)])
-def test_servers_may_fail_in_between(bucket, proxy, scratch, small_ranges, action):
-    url = put(bucket / "log.mcap", DATA)
-    found = find_object(url)
+def test_servers_may_fail_in_between(bucket, proxy, mirror, small_ranges, action):
+    path = mirror.local(put(bucket / "log.mcap", DATA))
     proxy.fail(4, action, is_range)
-    download = Download(bucket, [found])
-    assert (download.wait().path / "log.mcap").read_bytes() == DATA
-    download.remove()
+    mirror.fetch([path])
+    assert path.read_bytes() == DATA
 
 
-def test_an_object_that_changes_is_an_error(bucket, proxy, scratch, small_ranges):
-    url = put(bucket / "log.mcap", DATA)
-    found, asked = find_object(url), []
+def test_an_object_that_changes_is_an_error(bucket, proxy, mirror, small_ranges):
+    url, asked = put(bucket / "log.mcap", DATA), []
+    mirror.know(mirror.local(url))
 
     def change(request):
         asked.append(request)
@@ -70,103 +66,108 @@ def test_an_object_that_changes_is_an_error(bucket, proxy, scratch, small_ranges
             put(url, DATA[::-1])
 
     proxy.rule = change
-    download = Download(bucket, [found])
     with pytest.raises(InputError, match=r"^s3://.*/log.mcap: the object changed while it was read$"):
-        download.wait()
+        mirror.fetch([mirror.local(url)])
 
 
-def test_an_object_that_vanishes_is_an_error(bucket, scratch):
-    found = StoredObject(bucket / "log.mcap", 100, None)
+def test_an_object_that_vanishes_is_an_error(bucket, mirror):
+    path = mirror.local(bucket / "log.mcap")
+    mirror._add([StoredObject(bucket / "log.mcap", 100, None)])
     with pytest.raises(InputError, match=r"log.mcap: no such object$"):
-        Download(bucket, [found]).wait()
+        mirror.fetch([path])
 
 
-def test_space_is_checked(bucket, scratch, monkeypatch):
-    found = find_object(put(bucket / "log.mcap", b"x" * 1000))
+def test_space_is_checked(bucket, mirror, monkeypatch):
+    path = mirror.local(put(bucket / "log.mcap", b"x" * 1000))
     monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(10_000, 9_001, 999))
     with pytest.raises(InputError) as raised:
-        Download(bucket, [found])
+        mirror.fetch([path])
     assert "log.mcap: needs 0.00 GB in the scratch folder" in str(raised.value)
     assert "choose another with --scratch" in str(raised.value)
 
 
-def test_a_stopped_copy_ends_at_once(bucket, proxy, scratch, small_ranges):
-    found = find_object(put(bucket / "log.mcap", DATA))
+@pytest.fixture
+def recordings(bucket, mirror):
+    """Return the paths of three recordings, which are read one after another."""
+    paths = [mirror.local(put(bucket / f"{name}.mcap", name.encode() * 600)) for name in "abc"]
+    mirror.settle([[path] for path in paths])
+    return paths
+
+
+def test_a_stopped_copy_ends_at_once(proxy, scratch, mirror, recordings):
     waiting, go_on = threading.Event(), threading.Event()
 
-    def hold(_):
-        waiting.set()
-        go_on.wait(20)
+    def hold(request):
+        if is_range(request) and "b.mcap" in request.path:
+            waiting.set()
+            go_on.wait(20)
 
     proxy.rule = hold
-    download = Download(bucket, [found])
+    mirror.fetch(recordings[:1])
     waiting.wait(20)
-    download.remove()
+    mirror.close()
     assert not list(scratch.iterdir())
     go_on.set()
 
 
-def test_the_next_recording_is_fetched_meanwhile(bucket, proxy, scratch):
-    found = [find_object(put(bucket / f"{name}.mcap", name.encode())) for name in "abc"]
-    prefetcher = Prefetcher()
-    for one in found:
-        prefetcher.add(bucket, (one,))
-    first = prefetcher.take(bucket, (found[0],))
-    prefetcher._next.wait()
+def test_the_next_recording_is_fetched_meanwhile(proxy, mirror, recordings):
+    mirror.fetch(recordings[:1])
+    mirror._next.wait()
     proxy.reset()
-    second = prefetcher.take(bucket, (found[1],))
-    prefetcher._next.wait()
+    mirror.fetch(recordings[1:2])
+    mirror._next.wait()
     assert sum(is_range(request) for request in proxy.requests) == 1  # only that of c
-    assert [(one.mirror.path / f"{n}.mcap").read_text() for one, n in ((first, "a"), (second, "b"))] == ["a", "b"]
-    again = prefetcher.take(bucket, (found[0],))
-    assert pickle.loads(pickle.dumps(prefetcher))._order == []
-    for one in (first, second, again, prefetcher._next):
-        one.remove()
+    assert [path.read_text()[0] for path in recordings] == ["a", "b", "c"]
 
 
-def test_nothing_is_fetched_ahead_without_space(bucket, scratch, monkeypatch):
-    found = [find_object(put(bucket / f"{name}.mcap", b"x" * 600)) for name in "ab"]
-    prefetcher = Prefetcher()
-    for one in found:
-        prefetcher.add(bucket, (one,))
-    monkeypatch.setattr(ScratchFolder, "free", lambda self: 1000 - 600 * (len(list(scratch.iterdir())) - 1))
-    first = prefetcher.take(bucket, (found[0],))
-    assert prefetcher._next is None
-    first.remove()
-    prefetcher.take(bucket, (found[1],)).remove()
+def test_nothing_is_fetched_ahead_without_space(mirror, recordings, monkeypatch):
+    monkeypatch.setattr(Mirror, "free", lambda self: 1000 - 600 * len(self._complete))
+    mirror.fetch(recordings[:1])
+    assert mirror._next is None
+    mirror.remove(recordings[0])
+    mirror.fetch(recordings[1:2])
 
 
-def test_folders_of_killed_runs_are_removed(scratch, monkeypatch):
-    folder = ScratchFolder()
-    name = folder.path.name.replace(f"-{__import__('os').getpid()}-", "-99999999-")
-    folder.path.rename(scratch / name)
+def test_copies_are_removed_when_they_are_read(mirror, recordings):
+    mirror.fetch(recordings[:1])
+    with copies_removed():
+        mirror.fetch(recordings)
+        assert recordings[2].read_bytes() == b"c" * 600
+    assert [path.read_bytes()[:1] for path in recordings] == [b"a", bytes(1), bytes(1)]
+    assert [path.stat().st_size for path in recordings] == [600] * 3
+
+
+def test_folders_of_killed_runs_are_removed(scratch):
+    mirror = Mirror()
+    name = mirror.path.name.replace(f"-{os.getpid()}-", "-99999999-")
+    mirror.path.rename(scratch / name)
     (scratch / name / "log.mcap").write_bytes(b"x")
-    ScratchFolder().remove()
+    Mirror().close()
     assert not list(scratch.iterdir())
 
 
 def test_a_scratch_folder_that_cannot_be_made(tmp_path, monkeypatch):
     monkeypatch.setenv("SEACLUTTER_SCRATCH", str(tmp_path / "none" / "none"))
     with pytest.raises(OutputError, match="the scratch folder cannot be used"):
-        ScratchFolder()
+        Mirror()
 
 
-def test_a_mirror_shows_urls_for_paths(bucket, scratch):
-    mirror = Mirror(bucket / "day")
+def test_a_mirror_shows_urls_for_paths(bucket, mirror):
     url = bucket / "day" / "sub/log.mcap"
     assert mirror.url(mirror.local(url)) == url
     assert mirror.shown(f"{mirror.local(url)}: byte 5") == f"{url}: byte 5"
-    with pytest.raises(LabelError, match=f"^{url}: wrong$"), mirror.naming():
-        raise LabelError(f"{mirror.local(url)}: wrong")
     with pytest.raises(InputError, match="cannot have this name"):
         mirror.local(bucket / "day/\0")
-    mirror.folder.remove()
 
 
-def test_a_skeleton_has_the_names_and_no_content(bucket, scratch):
+def test_what_was_found_has_names_and_sizes_and_no_content(bucket, mirror):
     for name, data in (("day/a.mcap", DATA), ("day/f/1.csv", b"x,y,z\n"), ("day/f/2.csv", b"x,y,z\n")):
         put(bucket / name, data)
-    mirror = skeleton(bucket, list_objects(bucket))
-    sizes = {str(path.relative_to(mirror.path)): path.stat().st_size for path in mirror.path.rglob("*.*")}
-    assert sizes == {"day/a.mcap": 0, "day/f/1.csv": 6, "day/f/2.csv": 0}
-    mirror.folder.remove()
+
+    def sizes():
+        return [path.stat().st_size for path in sorted(Path(found).rglob("*.*"))]
+
+    found = mirror.find(str(mirror.local(bucket)), with_siblings=False, also=())
+    assert sizes() == [0, 6, 0]  # the content of a table says what it is
+    mirror.settle(())
+    assert sizes() == [len(DATA), 6, 6]

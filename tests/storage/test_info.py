@@ -6,8 +6,8 @@ import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
-from seaclutter_cli.sources import remote
 from seaclutter_cli.sources.mcap import excerpt as excerpts
+from seaclutter_cli.storage import mirrors
 from tests.logs import PERIOD_NS, START_NS, Entry, Layout, Topic, cloud_messages, cloud_topic, log_bytes
 from tests.storage.buckets import put
 
@@ -29,7 +29,7 @@ def log():
 
 @pytest.fixture(autouse=True)
 def _large(monkeypatch):
-    monkeypatch.setattr(remote, "_WORTH_AN_EXCERPT", 2**20)
+    monkeypatch.setattr(mirrors, "_WORTH_AN_EXCERPT", 2**20)
 
 
 def info(place, *options):

@@ -8,15 +8,13 @@ import pytest
 from seaclutter_cli.errors import InputError, MissingExtraError, SeaclutterError, UsageError
 from seaclutter_cli.storage import stores
 from seaclutter_cli.storage.failures import cause
-from seaclutter_cli.storage.locations import Url
 from seaclutter_cli.storage.objects import (
-    exists,
     find_object,
-    is_folder_of_objects,
     list_folder,
     list_objects,
     read_range,
 )
+from seaclutter_cli.urls import Url
 from tests.storage.buckets import put
 from tests.storage.proxy import Action
 from tests.storage.server import KEYS
@@ -33,9 +31,6 @@ def test_an_object_is_found_by_its_name(bucket, name):
     assert read_range(found, 5, 100) == b"nt"
     assert read_range(found, 7, 100) == b""
     assert [one.url for one in list_objects(bucket)] == [url]
-    assert exists(url)
-    assert is_folder_of_objects(url.parent)
-    assert not is_folder_of_objects(url)
 
 
 def test_a_missing_object_is_none(bucket):
@@ -158,7 +153,7 @@ def test_other_services_need_settings_too(monkeypatch):
         find_object(Url("az", "container", "log.mcap"))
 
 
-@pytest.mark.parametrize("ask", [find_object, list_folder, exists, is_folder_of_objects])
+@pytest.mark.parametrize("ask", [find_object, list_folder])
 def test_the_error_names_the_extra(monkeypatch, ask):
     stores.open_store.cache_clear()
     for module in ("obstore", "obstore.store", "obstore.exceptions"):

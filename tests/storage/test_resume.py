@@ -6,6 +6,7 @@ import shlex
 import pytest
 from click.testing import CliRunner
 
+from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.commands import cli
 from seaclutter_cli.runs.run_record import digest_of_paths
 from tests.logs import cloud_log
@@ -27,6 +28,9 @@ def run(line):
     result = CliRunner().invoke(cli, shlex.split(line))
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
     return result
+
+
+digest_there = on_paths(digest_of_paths)
 
 
 def contents(folder):
@@ -77,10 +81,10 @@ def test_folders_have_the_digest_of_their_copies(logs, bucket, tmp_path):
         put(bucket / "f" / name, data)
         (tmp_path / "f" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "f" / name).write_bytes(data)
-    assert digest_of_paths([bucket / "f"]) == digest_of_paths([tmp_path / "f"])
-    assert digest_of_paths([bucket / "f/z.pcd"]) == digest_of_paths([tmp_path / "f/z.pcd"])
+    assert digest_there([bucket / "f"]) == digest_of_paths([tmp_path / "f"])
+    assert digest_there([bucket / "f/z.pcd"]) == digest_of_paths([tmp_path / "f/z.pcd"])
     put(bucket / "f/z.pcd", bytes(2_999_999) + b"1")
-    assert digest_of_paths([bucket / "f/z.pcd"]) != digest_of_paths([tmp_path / "f/z.pcd"])
+    assert digest_there([bucket / "f/z.pcd"]) != digest_of_paths([tmp_path / "f/z.pcd"])
 
 
 def test_a_plan_copies_and_writes_nothing(logs, bucket):

@@ -19,6 +19,7 @@ from seaclutter_cli.airborne.objects import FoundObject, as_csv, as_geojson
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.separation import WATER
 from seaclutter_cli.errors import OutputError, UsageError
+from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.batch import BatchOptions, run_batch
@@ -49,7 +50,6 @@ from seaclutter_cli.runs.recordings import Logs, PathLike, Result, storing_error
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
 from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
-from seaclutter_cli.storage.parts import part_path, release
 from seaclutter_cli.text import count, printable, table
 
 _Classified = tuple["TileObjects", bytes, list[NDArray[np.float64]]]

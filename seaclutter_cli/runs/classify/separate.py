@@ -48,7 +48,6 @@ from seaclutter_cli.runs.run_record import RunIdentity, digest_of, digest_of_pat
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources.extents import Margin, open_tile_or_window
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles
-from seaclutter_cli.storage.locations import Location
 from seaclutter_cli.validation import plain
 
 _HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
@@ -220,17 +219,17 @@ class _SeparateWork(TileWork[SeparateOutcome]):
     pixel_m: float | None = None
 
     @property
-    def output(self) -> Location:
+    def output(self) -> Path:
         """The separated tile."""
         return self.target
 
     @property
-    def reads(self) -> Sequence[Location]:
+    def reads(self) -> Sequence[Path]:
         """The tile and its neighbours."""
         return self.path, *(self.margin.neighbors if self.margin else ())
 
     @property
-    def writes(self) -> Sequence[Location]:
+    def writes(self) -> Sequence[Path]:
         """The separated tile."""
         return (self.target,)
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -23,13 +24,12 @@ from seaclutter_cli.scenes.tracker import SceneDecision, SceneTracker
 from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.storage.scratch import copies_removed
 from seaclutter_cli.text import count, share, table
 
 _MISCLASSIFIED = ("recording", "scene", "wrong", "frames")
 
 
-@copies_removed()
+@on_paths
 def predict_scenes(
     logs: Logs,
     options: ClassifierOptions | None = None,

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import Frame
@@ -17,9 +16,6 @@ from seaclutter_cli.sources import Recording, find_recordings
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
 from seaclutter_cli.text import share, table
-
-if TYPE_CHECKING:
-    from seaclutter_cli.storage.locations import Location
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +82,7 @@ class LabelledLogs:
         named += [(folder.name, str(folder)) for parent in self.folders for folder in _class_folders(parent)]
         if not named:
             raise UsageError("no logs: give a folder that contains a folder for each class, or --scene CLASS=LOGS")
-        found: dict[Location, LabelledLog] = {}
+        found: dict[Path, LabelledLog] = {}
         for scene, pattern in named:
             for recording in find_recordings([pattern]):
                 first = found.setdefault(recording.key, LabelledLog(recording, scene))

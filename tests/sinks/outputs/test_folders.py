@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sinks.atomic_folder import AtomicFolder
-from seaclutter_cli.storage.parts import remove_stale
+from seaclutter_cli.parts import remove_stale
+from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
 
 
 def write(target, *names, group=None, error=None):

@@ -1,11 +1,11 @@
-"""Locations: local paths, and URLs of objects in S3, Google Cloud Storage and Azure."""
+"""URLs of objects in S3, Google Cloud Storage and Azure."""
 
 import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Self
+from typing import Self, cast
 
 from seaclutter_cli.errors import UsageError
 
@@ -71,24 +71,31 @@ class Url:
         return type(self)(self.scheme, self.bucket, self.key.rpartition("/")[0])
 
 
-Location = Path | Url
-"""Place of a file."""
-
-
-def location(text: str | os.PathLike[str] | Url) -> Location:
-    """Return a location from text or a path; slashes at the end have no meaning here.
+def place(text: str | os.PathLike[str]) -> Path:
+    """Return a path; a valid URL stays one until a run makes it the path of a copy.
 
     Raises
     ------
     UsageError
-        If a URL has an unknown scheme, no bucket, a key that no file can have, or contains credentials, which are not
+        As `parse_url`.
+    """
+    return cast("Path", parse_url(text)) if is_url(text) else Path(text)
+
+
+def parse_url(text: str | os.PathLike[str] | Url) -> Url:
+    """Return a URL from text; slashes at the end have no meaning here.
+
+    Raises
+    ------
+    UsageError
+        If it has an unknown scheme, no bucket, a key that no file can have, or contains credentials, which are not
         repeated in the message.
 
     Examples
     --------
-    >>> location("s3://trial/day1/")
+    >>> parse_url("s3://trial/day1/")
     Url(scheme='s3', bucket='trial', key='day1')
-    >>> location("s3://key:secret@trial/log.mcap")
+    >>> parse_url("s3://key:secret@trial/log.mcap")
     Traceback (most recent call last):
     seaclutter_cli.errors.UsageError: s3://…@trial/log.mcap: a URL must not contain credentials; ...
     """
@@ -97,7 +104,7 @@ def location(text: str | os.PathLike[str] | Url) -> Location:
     given = os.fspath(text)
     found = _URL.fullmatch(_COLLAPSED.sub(r"\1://", given.replace("\\", "/")) if _COLLAPSED.match(given) else given)
     if found is None:
-        return Path(given)
+        raise UsageError(f"{given}: not a URL")
     scheme, rest = found["scheme"].lower(), found["rest"]
     shown = without_secrets(given)
     if shown != given:
@@ -137,5 +144,5 @@ def without_secrets(text: str) -> str:
 
 
 def is_url(text: str | os.PathLike[str] | Url) -> bool:
-    """Return whether a location is a URL, of whatever scheme."""
+    """Return whether a text or path is a URL, of whatever scheme."""
     return isinstance(text, Url) or bool(_URL.fullmatch(os.fspath(text)) or _COLLAPSED.match(os.fspath(text)))

@@ -7,6 +7,9 @@ import shutil
 from contextlib import suppress
 from pathlib import Path
 
+SCRATCH = "SEACLUTTER_SCRATCH"
+"""Environment variable for the scratch folder. It belongs to the machine, so workers elsewhere have their own."""
+
 _MAX_NAME_BYTES = 255
 _MAX_HOST = 40
 _INITIAL_PID_NAMESPACE = 0xEFFFFFFC

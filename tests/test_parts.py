@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
+from seaclutter_cli.parts import part_path, release, remove_stale
 from seaclutter_cli.sinks.atomic import AtomicFile
-from seaclutter_cli.storage.parts import part_path, release, remove_stale
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="processes are looked up by signal 0")
 

@@ -1,4 +1,4 @@
-"""Locations: what is a URL, and that secrets in one are never shown."""
+"""What is a URL, and that secrets in one are never shown."""
 
 import pickle
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.storage.locations import Url, is_url, location, without_secrets
+from seaclutter_cli.urls import Url, is_url, parse_url, place, without_secrets
 
 
 @pytest.mark.parametrize(
@@ -22,15 +22,15 @@ from seaclutter_cli.storage.locations import Url, is_url, location, without_secr
     ],
 )
 def test_urls(text, url):
-    assert location(text) == url
+    assert parse_url(text) == place(text) == url
     assert is_url(text)
-    assert location(url) is url
+    assert parse_url(url) is url
     assert pickle.loads(pickle.dumps(url)) == url
 
 
 @pytest.mark.parametrize("text", ["log.mcap", "/a/b", "C:\\logs", "C:/logs", "a:b", "s3", "s3:", "", "s3:log"])
 def test_everything_else_is_a_path(text):
-    assert location(text) == Path(text)
+    assert place(text) == Path(text)
     assert not is_url(text)
 
 
@@ -39,7 +39,7 @@ def test_everything_else_is_a_path(text):
 )
 def test_urls_that_name_nothing_are_refused(text):
     with pytest.raises(UsageError):
-        location(text)
+        place(text)
 
 
 @pytest.mark.parametrize(
@@ -57,14 +57,14 @@ def test_urls_that_name_nothing_are_refused(text):
 )
 def test_secrets_are_refused_and_not_repeated(text):
     with pytest.raises(UsageError) as raised:
-        location(text)
+        place(text)
     assert "SECRET" not in str(raised.value)
     assert "credentials" in str(raised.value)
     assert "SECRET" not in without_secrets(text)
 
 
 def test_parts():
-    url = location("s3://trial/day/log.labels.csv")
+    url = parse_url("s3://trial/day/log.labels.csv")
     assert (url.name, url.stem, url.suffix, str(url.parent)) == (
         "log.labels.csv",
         "log.labels",
