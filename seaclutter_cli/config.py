@@ -18,10 +18,7 @@ from seaclutter_cli.documents import MAX_DEPTH
 from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.filters.adaptive_radius import PresetParams
-from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.joint import RingIntensityParams
-from seaclutter_cli.filters.sea_surface import SeaSurfaceParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.parameters import descriptions, yaml_value
@@ -116,17 +113,17 @@ class Config:
     @property
     def has_scenes(self) -> bool:
         """Whether the method has presets for classes of scene."""
-        return isinstance(self.filter, PresetParams)
+        return FILTERS[self.method].has_scenes
 
     @property
     def has_water(self) -> bool:
         """Whether the method estimates the water."""
-        return isinstance(self.filter, ConfirmedParams)
+        return FILTERS[self.method].has_water
 
     @property
     def needs_height(self) -> bool:
         """Whether the method depends on the heights of points."""
-        return isinstance(self.filter, ConfirmedParams | SeaSurfaceParams)
+        return FILTERS[self.method].needs_height
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return the configuration as the sections of a file."""

@@ -120,6 +120,12 @@ class Filter(Protocol):
 
     Params: ClassVar[type[Any]]
     """Dataclass of the method's configuration keys; the constructor takes an instance."""
+    has_scenes: ClassVar[bool]
+    """Whether the method has presets for classes of scene, which its results name."""
+    has_water: ClassVar[bool]
+    """Whether the method estimates the water."""
+    needs_height: ClassVar[bool]
+    """Whether the method depends on the heights of points."""
 
     def observe(self, frame: Frame) -> None:
         """Receive a frame of the first pass; called only if `needs_first_pass` is true."""

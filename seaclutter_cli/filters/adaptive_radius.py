@@ -125,6 +125,7 @@ class AdaptiveRadius(WholeFrameFilter[AdaptiveRadiusParams]):
     """
 
     Params: ClassVar[type[AdaptiveRadiusParams]] = AdaptiveRadiusParams
+    has_scenes = True
 
     def __init__(self, params: AdaptiveRadiusParams, scenes: "SceneTracker | None" = None) -> None:
         super().__init__(params)

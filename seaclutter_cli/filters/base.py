@@ -18,6 +18,9 @@ ROUNDING = 1e-9
 class BaseFilter(ABC):
     """Base of filters without state, first pass or look-ahead; subclasses add ``Params`` and ``step``."""
 
+    has_scenes: ClassVar[bool] = False
+    has_water: ClassVar[bool] = False
+    needs_height: ClassVar[bool] = False
     needs_first_pass = False
     look_ahead_s = 0.0
 

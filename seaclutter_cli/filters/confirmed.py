@@ -87,6 +87,8 @@ class Confirmed(BaseFilter):
     """
 
     Params: ClassVar[type[ConfirmedParams]] = ConfirmedParams
+    has_water = True
+    needs_height = True
 
     def __init__(self, params: ConfirmedParams) -> None:
         self._params, self._zones = params, Zones(params)

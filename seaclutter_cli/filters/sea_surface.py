@@ -45,6 +45,7 @@ class SeaSurface(WholeFrameFilter[SeaSurfaceParams]):
     """
 
     Params: ClassVar[type[SeaSurfaceParams]] = SeaSurfaceParams
+    needs_height = True
 
     def removed(self, frame: Frame) -> NDArray[np.intp]:
         """Return the indices of the sea surface points."""

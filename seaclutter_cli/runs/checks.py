@@ -2,17 +2,19 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from seaclutter_cli.config import Config, SensorParams
-from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.threshold_check import ThresholdCheck
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sensors.catalog import SENSORS, RecognisedSensor
-from seaclutter_cli.water import Mounting, MountingSearch
+
+if TYPE_CHECKING:
+    from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+    from seaclutter_cli.water import Mounting
 
 _FARTHEST_M = 10_000.0  # no lidar on a vessel measures farther
 _SENSOR_FRAMES = 20
@@ -161,7 +163,9 @@ class _PlaneCheck:
 class _MountingCheck:
     """Check whether the water is where the mounting of the configuration says."""
 
-    def __init__(self, params: ConfirmedParams) -> None:
+    def __init__(self, params: "ConfirmedParams") -> None:
+        from seaclutter_cli.water import MountingSearch  # most methods need no water
+
         self._zones = Zones(params)
         self._given = params.mounting
         self._search = MountingSearch(self._given)
@@ -185,7 +189,7 @@ class _MountingCheck:
         return None if found is None else _other_mounting(found, self._given)
 
 
-def _other_mounting(found: Mounting, given: Mounting) -> str:
+def _other_mounting(found: "Mounting", given: "Mounting") -> str:
     """Return a warning about a mounting that is not the given one."""
     tilt_deg = found.tilt_deg(given)
     seems = "upside down: the water is above it" if tilt_deg > 90 else f"tilted: the water slopes by {tilt_deg:.0f}°"
